@@ -41,13 +41,13 @@ def read(
     if column is None:
         return None, 0
     end, none = numbers
-    given = column[kept]
-    said = ~(np.isnan(given) | np.isin(given, (NONE, *none)))
+    values = column[kept]
+    known = ~(np.isnan(values) | np.isin(values, (NONE, *none)))
     # Some drivers send all columns in single precision, which rounds `NONE` to 2^32.
-    said &= given != float(NONE + 1)
-    usable = said & (given >= 0) & (given < end) & (given == np.floor(given))
-    identity = np.where(usable, np.where(usable, given, 0.0).astype(np.int64), UNKNOWN)
-    return identity, int(np.count_nonzero(said & ~usable))
+    known &= values != float(NONE + 1)
+    usable = known & (values >= 0) & (values < end) & (values == np.floor(values))
+    identity = np.where(usable, np.where(usable, values, 0.0).astype(np.int64), UNKNOWN)
+    return identity, int(np.count_nonzero(known & ~usable))
 
 
 def encode(identity: IntArray | None, count: int) -> npt.NDArray[np.uint32]:

@@ -106,13 +106,13 @@ def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
     if azimuth is None:
         return {}
     unit = "deg" if np.nanmax(np.abs(azimuth), initial=0.0) > 1.01 * FULL_TURN else "rad"
-    told: dict[str, Any] = {"azimuth_unit": unit}
+    settings: dict[str, Any] = {"azimuth_unit": unit}
     if (
         ahead is None
         or left is None
         or not (np.nan_to_num(ahead).any() or np.nan_to_num(left).any())
     ):
-        return told
+        return settings
     true = np.arctan2(left, ahead)
     fits = {}
     for units, radians in (("rad", azimuth), ("deg", np.radians(azimuth))):
@@ -120,8 +120,8 @@ def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
             fits[units, convention] = float(np.nanmean(np.cos(counted - true)))
     (units, convention), fit = max(fits.items(), key=lambda entry: entry[1])
     if fit > 0.99:
-        told = {"azimuth_unit": units, "azimuth_convention": convention}
-    return told
+        settings = {"azimuth_unit": units, "azimuth_convention": convention}
+    return settings
 
 
 def _times(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any] | None:

@@ -197,14 +197,14 @@ def _repeats(columns: Columns) -> BoolArray:
     1.4 degrees (uniform, 20,000 turns). The detection probability falls by that share, which costs
     less than the copies do.
     """
-    said = (getattr(columns, each.name) for each in fields(columns))
-    every = [column.astype(np.float64) for column in said if column is not None]
+    every_column = (getattr(columns, each.name) for each in fields(columns))
+    present = [column.astype(np.float64) for column in every_column if column is not None]
     repeats = np.ones(len(columns.distance), dtype=bool)
     # Unique ranges, the common case, exclude repetitions at the lowest cost.
     if len(np.unique(columns.distance)) == len(repeats):
         return ~repeats
     # Comparing bits makes unknown amplitudes (NaN) equal.
-    rows = np.column_stack(every).view(np.int64)
+    rows = np.column_stack(present).view(np.int64)
     repeats[np.unique(rows, axis=0, return_index=True)[1]] = False
     return repeats
 

@@ -108,8 +108,8 @@ def _particulars(
 
 def azimuth(angle: FloatArray, radar: RadarInput) -> FloatArray:
     """Convert azimuths, radians from the sensor's x axis, to the radar's convention."""
-    turned = np.mod(np.pi / 2.0 - angle, FULL_TURN) if radar.compass else angle
-    return np.degrees(turned) if radar.azimuth_in_degrees else turned
+    converted = np.mod(np.pi / 2.0 - angle, FULL_TURN) if radar.compass else angle
+    return np.degrees(converted) if radar.azimuth_in_degrees else converted
 
 
 def level(detections: Detections, radar: RadarInput) -> FloatArray:

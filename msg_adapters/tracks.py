@@ -145,11 +145,11 @@ def _pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     yaw_variance = float(to_pose[5] @ covariance @ to_pose[5])
     if not 0.0 < yaw_variance <= LARGEST_YAW_VARIANCE:  # the direction is undetermined
         to_pose[5] = 0.0
-    moved: FloatArray = to_pose @ covariance @ to_pose.T
+    propagated: FloatArray = to_pose @ covariance @ to_pose.T
     if not to_pose[5].any():
-        moved[5, 5] = LARGEST_YAW_VARIANCE
-    moved[[2, 3, 4], [2, 3, 4]] = UNKNOWN_VARIANCE
-    return moved
+        propagated[5, 5] = LARGEST_YAW_VARIANCE
+    propagated[[2, 3, 4], [2, 3, 4]] = UNKNOWN_VARIANCE
+    return propagated
 
 
 def _twist_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -159,6 +159,6 @@ def _twist_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     to_twist[0, [VX, VY]] = math.cos(yaw), math.sin(yaw)
     to_twist[1, [VX, VY]] = -math.sin(yaw), math.cos(yaw)
     to_twist[5, OMEGA] = 1.0
-    turned: FloatArray = to_twist @ covariance @ to_twist.T
-    turned[[2, 3, 4], [2, 3, 4]] = UNKNOWN_VARIANCE
-    return turned
+    propagated: FloatArray = to_twist @ covariance @ to_twist.T
+    propagated[[2, 3, 4], [2, 3, 4]] = UNKNOWN_VARIANCE
+    return propagated

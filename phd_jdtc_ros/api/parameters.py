@@ -160,7 +160,7 @@ class Parameters:
                 if not (positions and what == "azimuth_std_deg")
             ]
         return [
-            f"{name}: not given, must be given or found by fit"
+            f"{name}: is missing, must be given or estimated by fit"
             for name in names
             if name not in values
         ]

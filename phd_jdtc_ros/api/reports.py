@@ -174,8 +174,8 @@ class _Reader:
         radar = self._radar
         if radar.site is not None:
             raise ValueError(
-                f"x, y: given, must be {radar.range_field} and {radar.azimuth_field} of a radar "
-                f"with geodetic, {radar.name}"
+                f"x, y: given, must be {radar.range_field} and {radar.azimuth_field} for "
+                f"{radar.name}, because it has geodetic"
             )
         x, y = (
             numbers(columns, name) - zero

@@ -70,15 +70,15 @@ def evaluate(
     astray = sorted(estimates.keys() - {*stamps})
     if astray:
         raise ValueError(
-            f"tracks: {len(astray)} of {len(estimates)} times, such as {astray[0] / 1e9}, are none "
-            "to compare at; give times: those of all scans, or np.unique of those of the tracks"
+            f"tracks: {len(astray)} of {len(estimates)} times, such as {astray[0] / 1e9}, are not "
+            "times of the comparison; give times: those of all scans, or np.unique of the tracks'"
         )
     run = RunScores(len(names), cutoff, order)
     none = _points({name: column[:0] for name, column in found.items()}, names)
     for stamp_ns in stamps:
         targets = known.at(stamp_ns)
         if targets is None:
-            raise ValueError(f"truth: not known at {stamp_ns / 1e9} s, must span all times")
+            raise ValueError(f"truth: unknown at {stamp_ns / 1e9} s, must span all times")
         run.add(PairedScan.of(stamp_ns, targets, estimates.get(stamp_ns, none), cutoff))
     return {**run.figures()[ALL], "scans": run.scans}
 

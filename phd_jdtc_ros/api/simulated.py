@@ -75,7 +75,7 @@ def simulate(
     radars = polar_radars(config.model.radars)
     run = paper_scenario(radars) if document is None else scenario_file.resolve(document, radars)
     if run.platform is not None:
-        raise ConfigError(["platform: given, must be none: tables have no poses"])
+        raise ConfigError(["platform: given, must be absent, because tables have no poses"])
     check_sites(config.inputs)
     names = [kind.name for kind in config.model.modes.classes]
     if run.turning:

@@ -52,7 +52,7 @@ def columns_of(table: Table) -> Columns:
     columns = {str(name): np.atleast_1d(np.asarray(table[name])) for name in names}
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
-        raise ValueError(f"columns must be of one length, have {short(str(lengths))}")
+        raise ValueError(f"columns must have equal lengths, have {short(str(lengths))}")
     return columns
 
 
@@ -104,7 +104,9 @@ def require_column(columns: Columns, name: str) -> Column:
         If the column is missing.
     """
     if name not in columns:
-        raise ValueError(f"{name}: no such column, there are {short(', '.join(columns)) or 'none'}")
+        raise ValueError(
+            f"{name}: the column is missing, the columns are {short(', '.join(columns)) or 'none'}"
+        )
     return columns[name]
 
 

@@ -141,11 +141,11 @@ class Assembler:
 
     def finish(self) -> list[SectorReport]:
         """Return all pending reports at the end of a recording or when the radar is silent."""
-        held = [self._close() for _ in range(len(self._ends_ns))]
+        sectors = [self._close() for _ in range(len(self._ends_ns))]
         for _, own_ns, plot in self._pending:  # the ends of their sectors are missing
             self._slicer.keep(plot, own_ns)
         self._pending.clear()
-        return held + self._record_slices(self._slicer.finish())
+        return sectors + self._record_slices(self._slicer.finish())
 
     def _record_slices(self, found: list[SectorReport]) -> list[SectorReport]:
         self.by_time += len(found)
@@ -234,9 +234,9 @@ class Assembler:
         number = self._passed - len(self._ends_ns) + 1
         # The pending plots are sorted, so that the cost is not the product of sectors and plots.
         count = bisect_right(self._pending, number, key=_number_of)
-        taken = self._pending[:count]
+        plots = self._pending[:count]
         del self._pending[:count]
-        self.counts["late_plots"] += sum(entry[0] < number for entry in taken)
+        self.counts["late_plots"] += sum(entry[0] < number for entry in plots)
         time_ns = self._ends_ns.popleft()
         # Stamps increase strictly, unless time has gone back.
         if 0 <= self._stamp_ns - time_ns < 2 * 10**9:
@@ -246,8 +246,8 @@ class Assembler:
         return SectorReport(
             time_ns,
             (number - 1) % self.sectors,
-            [own_ns for _, own_ns, _ in taken],
-            [plot for _, _, plot in taken],
+            [own_ns for _, own_ns, _ in plots],
+            [plot for _, _, plot in plots],
         )
 
 

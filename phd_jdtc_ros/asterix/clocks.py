@@ -93,7 +93,7 @@ class StreamClock:
         time_of_day: int,
         period: int,
         received_ns: int | None,
-        judged: bool,
+        check_clock: bool,
         counts: Counter[str],
     ) -> int | None:
         """Return the time of a message, nanoseconds since the epoch; None if it fits no stamp.
@@ -102,7 +102,7 @@ class StreamClock:
         ----------
         time_of_day : int
             1/128 s modulo `period`; `NONE` if unknown.
-        judged : bool
+        check_clock : bool
             Whether the message is evidence of the radar's clock error.
         counts : Counter
             Gains ``no_time`` for a message with no time or an impossible one, which gets the time
@@ -114,7 +114,7 @@ class StreamClock:
             known = self._last_ns.get(radar, self._latest_ns)
             return received_ns if received_ns is not None else known or self.midnight_ns
         time_ns = self._nearest(radar, time_of_day, period, received_ns)
-        if received_ns is not None and judged:
+        if received_ns is not None and check_clock:
             self._judge(radar, received_ns - time_ns, counts)
         shift_ns = 0 if received_ns is None else self.shift_ns.get(radar, 0)
         if not possible(time_ns + shift_ns):
@@ -123,7 +123,7 @@ class StreamClock:
         self._last_ns[radar] = self._latest_ns = time_ns
         return time_ns + shift_ns
 
-    def believes(self, time_ns: int, received_ns: int | None) -> bool:
+    def is_plausible(self, time_ns: int, received_ns: int | None) -> bool:
         """Return whether a message's time is plausible, given its time of receipt."""
         return received_ns is None or abs(received_ns - time_ns) <= self.max_offset_s * 1e9
 

@@ -249,28 +249,28 @@ class PlotStream:
         self, state: RadarState, message: Message, received_ns: int | None
     ) -> list[SectorReport]:
         if isinstance(message, Plot):
-            period, judged = message.period, not state.services
+            period, check_clock = message.period, not state.services
         else:
-            period, judged = DAY, True
+            period, check_clock = DAY, True
         time_ns = self.clock.time_ns(
-            message.radar, message.time_of_day, period, received_ns, judged, state.counts
+            message.radar, message.time_of_day, period, received_ns, check_clock, state.counts
         )
         if time_ns is None:
             return []
         state.time_ns = time_ns
-        believed = self.clock.believes(time_ns, received_ns)
-        state.counts["time_off"] += not believed
+        plausible = self.clock.is_plausible(time_ns, received_ns)
+        state.counts["time_off"] += not plausible
         if isinstance(message, Plot):
             state.plots += 1
             state.seen.add(message)
             self.call_signs.take(message.address, message.call_sign)
-            if believed:
+            if plausible:
                 return state.assembler.add_plot(message, time_ns)
             state.assembler.keep_plot(message, time_ns)
             return []
         state.services += 1
         state.site = state.site or message.site
-        if not believed:
+        if not plausible:
             return []
         return state.assembler.add_service(message, time_ns)
 

@@ -179,12 +179,12 @@ def _amplitudes(data: bytes, at: int) -> tuple[float, float]:
     """
     if at < 0:
         return math.nan, math.nan
-    chosen = data[at]
+    selected = data[at]
     primary = secondary = math.nan
-    if chosen & 0x20:
-        secondary = float(_signed(data[at + 1 + (chosen >> 6).bit_count()]))
-    if chosen & 0x08:
-        primary = float(_signed(data[at + 1 + (chosen >> 4).bit_count()]))
+    if selected & 0x20:
+        secondary = float(_signed(data[at + 1 + (selected >> 6).bit_count()]))
+    if selected & 0x08:
+        primary = float(_signed(data[at + 1 + (selected >> 4).bit_count()]))
     return primary, secondary
 
 

@@ -59,8 +59,8 @@ def kind_of(data: bytes | mmap.mmap) -> str:
     if len(data) >= BLOCK_HEADER and data[0] in CATEGORIES and _block_end(data, 0) > 0:
         return RAW
     raise RecordingError(
-        "is no recording of ASTERIX: it begins neither with a data block, nor with an envelope of "
-        "the final format, nor as a capture (pcap, pcapng)"
+        "is not a recording of ASTERIX: it must begin with a data block, with an envelope of the "
+        "final format, or as a capture (pcap, pcapng)"
     )
 
 

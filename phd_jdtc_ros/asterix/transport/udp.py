@@ -208,8 +208,8 @@ class Receiver:
             if (level, kind) == (socket.SOL_SOCKET, SO_RXQ_OVFL):
                 (self._lost_by_kernel[where],) = _COUNT.unpack(value[: _COUNT.size])
         self.received += 1
-        held = self._bytes_in - self._bytes_out + len(data)
-        if held > MAX_BYTES or len(self._waiting) >= MAX_WAITING:
+        size = self._bytes_in - self._bytes_out + len(data)
+        if size > MAX_BYTES or len(self._waiting) >= MAX_WAITING:
             self._overflow += 1
             return
         self._bytes_in += len(data)

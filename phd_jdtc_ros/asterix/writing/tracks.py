@@ -178,8 +178,8 @@ def _ages(track: TrackReport) -> bytes:
         if math.isfinite(age)
     }
     if not own:
-        supposed = 0x10 if track.address != NONE else 0x20 if track.code != NONE else 0x40
-        own = {supposed: track.since_s}
+        assumed = 0x10 if track.address != NONE else 0x20 if track.code != NONE else 0x40
+        own = {assumed: track.since_s}
     ages = (unsigned(age, AGE_UNIT, 1) for age in (track.age_s, *own.values()))
     return bytes([0x80 | sum(own)]) + b"".join(ages)
 
