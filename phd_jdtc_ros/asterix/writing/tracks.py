@@ -72,7 +72,7 @@ class TrackReport:
         Whether the track is confirmed, has no recent plot, is reported for the first or the last
         time.
     age_s, since_s : float
-        Times since the track was first reported, and since it was last detected.
+        Times since the track was first reported, and since it last was not coasting.
     sensor_ages_s : tuple of three floats
         Times since the last detection by a primary radar, a secondary radar and Mode S; NaN for
         never. All are NaN if the detecting sensors are unknown.
