@@ -112,7 +112,7 @@ class Output:
     encode : callable of (the trigger's value, View)
         Returns the messages, or their bytes.
     switch : str
-        Name in the parameter ``outputs``; empty if the output cannot be switched off.
+        Name by which a user enables the output; empty if it is always on.
     usual : bool
         Whether the output is on by default.
     latched : bool
