@@ -113,7 +113,7 @@ class _Site:
     def __init__(self, reports: Sequence[Report], rotation_s: float) -> None:
         self.radar, self.display = _free(), _free()
         self._out = udp.sender(self.radar, "")
-        self._in = udp.opened(self.display, "")
+        self._in = udp.receiving_socket(self.display, "")
         self._rotation_s = rotation_s
         self._sector_s = rotation_s / traffic.SECTORS
         # Times of the scene to times of now, so that no day is guessed.

@@ -1,7 +1,7 @@
 """CDR serialisation without rclpy, for messages with thousands of points.
 
-rclpy needs about three microseconds for each point of a message, and the markers of 200 estimates
-have 14,000. A publisher also accepts a serialised message, into which numpy writes all points.
+rclpy needs about three microseconds per point, and the markers of 200 estimates have 14,000. A
+publisher also accepts a serialised message, whose points numpy writes in one operation.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from phd_jdtc_ros.core.arrays import FloatArray
 
 from .stamps import NS_PER_S
 
-# Plain CDR, little-endian; alignment is counted from the first byte after these.
+# Header of plain little-endian CDR. Alignment is counted from the byte after it.
 ENCAPSULATION = b"\x00\x01\x00\x00"
 
 
 @dataclass
 class Writer:
-    """Writes members one after the other, each aligned to its own size, padded with zeros.
+    """Writes members in order, each aligned to its own size with padding of zeros.
 
     Parameters
     ----------
     data : bytearray
-        What has been written, without the encapsulation.
+        Bytes written so far, without the encapsulation header.
     """
 
     data: bytearray = field(default_factory=bytearray)
@@ -36,7 +36,7 @@ class Writer:
 
     def doubles(self, values: FloatArray) -> None:
         """Append all numbers of an array, row by row."""
-        # An empty sequence has no padding behind its length either.
+        # An empty sequence has no padding after its length.
         if values.size:
             self.put("d")
             self.data += values.astype("<f8").tobytes()

@@ -1,4 +1,4 @@
-"""Conversion of figures to DiagnosticArray messages: scores, cardinality, health."""
+"""Encodes figures as DiagnosticArray messages: scores, cardinality, health."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from . import stamps
 if TYPE_CHECKING:
     from phd_jdtc_ros.core.engine import Step
 
-    # The module imports scipy's optimiser, which a tracker does not need.
+    # Imported for types only: the module imports scipy's optimiser, which a tracker does not need.
     from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
 
@@ -25,7 +25,7 @@ def status(
     message: str = "",
     hardware_id: str = "",
 ) -> DiagnosticStatus:
-    """Return a status; floats are written with all digits, so that reading is exact."""
+    """Return a status; floats are written with all digits, so that reading them is exact."""
     return DiagnosticStatus(
         level=level,
         name=name,
@@ -46,7 +46,7 @@ def array(stamp_ns: int, statuses: Sequence[DiagnosticStatus]) -> DiagnosticArra
 def step_to_msg(
     stamp_ns: int, step: Step, step_ms: float, class_names: Sequence[str]
 ) -> DiagnosticArray:
-    """Return the figures of a step of the tracker; `step_ms` is its CPU time."""
+    """Return the figures of a tracker step; `step_ms` is its CPU time, ms."""
     values = {
         "total": float(step.class_mass.sum()),
         **dict(zip(class_names, step.class_mass.tolist(), strict=True)),
@@ -63,7 +63,7 @@ def values_of(message: DiagnosticStatus) -> dict[str, str]:
 
 
 def score_to_msg(score: ScanScore, cutoff: float, order: float) -> DiagnosticArray:
-    """Return a scan's scores: statuses ``filtered/all``, ``filtered/class_0`` and so on."""
+    """Encode a scan's scores: statuses ``filtered/all``, ``filtered/class_0`` and so on."""
     parameters = {"cutoff": cutoff, "order": order}
     return array(
         score.stamp_ns,

@@ -1,8 +1,7 @@
 """Estimates as markers, sized to be legible on a map.
 
-The ellipses and the velocities of a class are one marker each, a list of lines, and the labels are
-a marker per target. The message is written as bytes, because the lines have thousands of points
-(see `cdr`).
+The ellipses and the velocities of a class are one LINE_LIST marker each, and each target has a
+label. The message is written as bytes, because the lists have thousands of points (see `cdr`).
 """
 
 from __future__ import annotations
@@ -20,14 +19,15 @@ from .ellipse import outline
 from .palette import class_rgb
 
 ELLIPSE_SIGMA = 3.0
-# Chosen for a map that shows 30 km on a thousand pixels: lines are between one and two pixels wide,
-# letters are 13 pixels high, and the arrow of 60 m/s is 60 pixels long, longer than its ellipse.
+# Sizes for a map that shows 30 km on a thousand pixels: lines are one to two pixels wide, letters
+# are 13 pixels high, and the arrow of 60 m/s is 60 pixels long, longer than its ellipse.
 VELOCITY_SECONDS = 30.0
 LABEL_HEIGHT = 400.0
 LINE_WIDTH = 40.0
-# How far an arrow's head reaches back from its tip and to both sides, metres.
+# Extent of an arrow's head behind its tip and to each side, metres.
 HEAD_LENGTH, HEAD_WIDTH = 4.0 * LINE_WIDTH, 2.0 * LINE_WIDTH
-# Dark: viewers put a light box behind dark letters, and a black one behind those of light classes.
+# Labels are dark, because viewers put a light box behind dark letters and a dark box behind light
+# ones.
 LABEL_COLOUR = (0.11, 0.13, 0.15)
 ELLIPSE_POINTS = 33
 _NO_POINTS = np.zeros((0, 3))
@@ -64,8 +64,9 @@ def to_cdr(
 
     It contains a DELETEALL marker, then the ellipses, the velocities and the labels of each class
     that has estimates, in the namespaces ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label``
-    with the class's name. All are at the estimate's height, and in the map's plane where that is
-    unknown. `datum`, the height of the map's zero, metres, is what labels have flight levels from.
+    with the class's name. They are at the estimate's height, or in the map's plane if it is
+    unknown. `datum` is the height of the map's zero, metres, to which flight levels in labels
+    refer.
     """
     class_id = estimates.class_id
     present = np.unique(class_id).tolist()
@@ -100,7 +101,7 @@ def to_cdr(
 
 
 def label_text(track_id: int, class_name: str, share: float, more: str = "") -> str:
-    """Return a target's label: its track, its class, the class's probability and more of it."""
+    """Return a target's label: track number, class, probability of the class, and `more`."""
     words = f"{track_id} {class_name} {share:.0%}" if track_id else f"{class_name} {share:.0%}"
     return f"{words} {more}" if more else words
 
@@ -117,7 +118,7 @@ def _labels(estimates: Estimates, class_names: tuple[str, ...], datum: float) ->
 
 
 def _ellipses(position: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return the ends of the ellipses' segments, shape (T, ELLIPSE_POINTS - 1, 2, 3)."""
+    """Return the end points of the ellipses' segments, shape (T, ELLIPSE_POINTS - 1, 2, 3)."""
     around = outline(covariance, ELLIPSE_SIGMA, ELLIPSE_POINTS).transpose(0, 2, 1)
     corners = np.repeat(position[:, None], ELLIPSE_POINTS, axis=1)
     corners[..., :2] += around
@@ -125,11 +126,11 @@ def _ellipses(position: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _arrows(position: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return the ends of the arrows' shafts and of both sides of their heads, shape (T, 6, 3)."""
+    """Return the end points of the arrows' shafts and head lines, shape (T, 6, 3)."""
     tip = position + VELOCITY_SECONDS * velocity
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     ahead = velocity[:, :2] / np.maximum(speed, np.finfo(float).tiny)[:, None]
-    # A head is no longer than its shaft.
+    # A head is never longer than its shaft.
     back = np.minimum(HEAD_LENGTH, VELOCITY_SECONDS * speed)[:, None] * ahead
     aside = HEAD_WIDTH / HEAD_LENGTH * np.column_stack([-back[:, 1], back[:, 0]])
     sides = np.repeat(tip[:, None], 2, axis=1)
@@ -155,9 +156,9 @@ def _put(
     writer.header(*at)
     writer.string(namespace)
     writer.put("i", number, kind, action)
-    writer.put("d", *position, *(0.0, 0.0, 0.0, 1.0), *scale)  # an orientation is between them
+    writer.put("d", *position, *(0.0, 0.0, 0.0, 1.0), *scale)  # the orientation is the identity
     writer.put("f", *((*colour, 1.0) if colour else (0.0, 0.0, 0.0, 0.0)))
-    writer.put("I", 0, 0, 0, len(points))  # before the points: lifetime, and frame_locked padded
+    writer.put("I", 0, 0, 0, len(points))  # lifetime, padded frame_locked, number of points
     writer.doubles(points)
     writer.data += _NO_TEXTURE
     writer.string(text)

@@ -1,7 +1,7 @@
-"""The table of what the tracker publishes: topics, types, when, and how messages are made.
+"""The table of the tracker's outputs: topic, type, trigger and encoder.
 
-Publishers, recordings, the list on the tracker's page and the SROS2 policies follow from it: a new
-output is a module that makes its message, and a row here.
+Publishers, recordings, the list on the tracker's page and the SROS2 policies derive from it. A new
+output is a module with its encoder, and a row here.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from . import (
 )
 from .trails import Trails
 
-# What a message is made of, beside the estimates of a source: a `Scan`, and a `Done` step.
+# Triggers besides the estimates of a source: a `Scan`, and a `Done` step.
 SCAN, STEP = "scan", "step"
-# The picture of clutter is published so often, seconds by the scans' stamps.
+# Shortest time between two clutter maps, seconds, by the stamps of scans.
 CLUTTER_PERIOD_S = 10.0
 
 
@@ -50,9 +50,9 @@ class Done(NamedTuple):
     Parameters
     ----------
     stamp_ns : int
-        Of its scan.
+        Stamp of its scan.
     step_ms : float
-        Its CPU time, milliseconds.
+        CPU time of the step, milliseconds.
     """
 
     stamp_ns: int
@@ -63,16 +63,16 @@ class Done(NamedTuple):
 
 @dataclass
 class View:
-    """What messages need besides what has happened.
+    """Context of a tracker's messages.
 
     Parameters
     ----------
     frame : str
-        Of the world.
+        The world frame.
     radars : sequence of Sensor
         In the configured order.
     plane : Plane or None
-        Where the world frame is on the earth.
+        Placement of the world frame on the earth.
     run : uuid.UUID
         Identifies the tracker's run.
     """
@@ -85,7 +85,7 @@ class View:
     run: uuid.UUID = field(default_factory=uuid.uuid4)
 
     def begin_run(self) -> None:
-        """Begin a new run, which uses the same track numbers for other tracks."""
+        """Begin a new run, in which track numbers start anew."""
         self.trails.clear()
         self.run = uuid.uuid4()
 
@@ -101,29 +101,29 @@ def _always(_: View) -> bool:
 
 @dataclass(frozen=True)
 class Output:
-    """A topic of the tracker.
+    """An output topic of the tracker.
 
     Parameters
     ----------
     topic : str
-        Below ``~/``, which is the tracker's name.
+        Topic below ``~/``, which stands for the tracker's name.
     when : str
-        `FILTERED` or `SMOOTHED`, once for each set of estimates; `SCAN` or `STEP`.
-    encode : callable of (what `when` says, View)
+        `FILTERED` or `SMOOTHED`, for each set of estimates, or `SCAN` or `STEP`.
+    encode : callable of (the trigger's value, View)
         Returns the messages, or their bytes.
     switch : str
-        The output's name among those that a user chooses; empty if it is always there.
+        Name by which a user enables the output; empty if it is always on.
     usual : bool
-        Whether every tracker has it unless told not to.
+        Whether the output is on by default.
     latched : bool
-        Whether late subscribers get the last message.
+        Whether late subscribers receive the last message.
     needs : callable of View
-        Returns whether this tracker can have it.
+        Returns whether the output applies to this tracker.
     period_s : float
-        Shortest time between two messages, by the scans' stamps.
+        Shortest time between two messages, by the stamps of scans.
     clear : callable of View or None
-        Returns the message that removes what is shown, of an output that may be switched off while
-        the tracker runs.
+        Returns the message that clears the display, for an output that may be switched off at run
+        time.
     """
 
     topic: str
@@ -139,7 +139,7 @@ class Output:
 
 
 def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
-    """Return all outputs of a tracker, without the figures of an engine if that is None."""
+    """Return all outputs of a tracker; without `engine` the engine's own figures are left out."""
     return (
         *(
             Output(
@@ -195,16 +195,16 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
     )
 
 
-def published(
+def default_topics(
     classes: int,
     tracker: str = names.TRACKER,
     scores: str = names.OSPA,
     evaluator: str = names.EVALUATOR,
     engine: str | None = "particles",
 ) -> dict[str, str]:
-    """Return every topic that tracker and evaluator publish unless told not to, with its type.
+    """Return the topics that tracker and evaluator publish by default, with their types.
 
-    Without the figures of an engine if that is None, see `optional`.
+    Without `engine` the engine's own figures are left out, see `optional`.
     """
     numbers = (names.plot(quantity, evaluator) for quantity in quantities.of_evaluator(classes))
     return {
@@ -216,9 +216,9 @@ def published(
 
 
 def optional(tracker: str = names.TRACKER) -> dict[str, str]:
-    """Return every topic that only some trackers publish, with its type.
+    """Return the topics that are not common to all trackers, with their types.
 
-    The figures are of one engine; the others are published if the tracker is asked to.
+    These are the figures of a single engine, and the outputs that are off by default.
     """
     figures = (name for figures in quantities.FIGURES.values() for name in figures)
     return {
@@ -270,8 +270,8 @@ def _geojson(found: Estimates, view: View) -> list[Any]:
 
 
 def _tracks(found: Estimates, view: View) -> list[Any]:
-    return [radar_tracks.to_msg(found, view.frame, view.run, radar_tracks.installed())]
+    return [radar_tracks.to_msg(found, view.frame, view.run, radar_tracks.message_types())]
 
 
 def _vision(found: Estimates, view: View) -> list[Any]:
-    return [vision.to_msg(found, view.frame, view.class_names, vision.installed())]
+    return [vision.to_msg(found, view.frame, view.class_names, vision.message_types())]

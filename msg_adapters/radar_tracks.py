@@ -1,4 +1,4 @@
-"""Estimates to ``radar_msgs/RadarTracks``.
+"""Estimates as ``radar_msgs/RadarTracks``.
 
 radar_msgs is not part of every ROS installation, so its classes are passed in.
 """
@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.types import Estimates
 
 from . import interfaces, stamps, vertical
 
-# The message's definition reserves the numbers from here on for a user's own classifications.
+# First number that the message's definition reserves for a user's own classifications.
 FIRST_OWN_CLASSIFICATION = 32000
 
 
@@ -36,7 +36,7 @@ class Types(NamedTuple):
     track: Any
 
 
-def installed() -> Types:
+def message_types() -> Types:
     """Return the message classes.
 
     Raises
@@ -51,7 +51,7 @@ def installed() -> Types:
 
 
 def to_msg(estimates: Estimates, frame: str, run: uuid.UUID, types: Types) -> Any:
-    """Return the tracks of one set of estimates, empty or not.
+    """Encode one set of estimates, empty or not.
 
     Class k has the classification 32000 + k. Quantities that are not estimated are zero:
     acceleration, size, unknown heights, and their covariances.
@@ -59,8 +59,8 @@ def to_msg(estimates: Estimates, frame: str, run: uuid.UUID, types: Types) -> An
     Parameters
     ----------
     run : uuid.UUID
-        Identifies the tracker's run. A target keeps its identifier within a run, and no two runs
-        share one. An unlabelled target gets a new identifier in every message.
+        Identifies the tracker's run. A target keeps its identifier within a run, and different runs
+        have different identifiers. An unlabelled target gets a new identifier in every message.
     """
     message = types.tracks(header=stamps.header(estimates.stamp_ns, frame))
     up = vertical.of(estimates)

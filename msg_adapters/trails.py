@@ -7,14 +7,14 @@ from collections import deque
 from phd_jdtc_ros.core.types import Estimates
 
 from . import geodetic
-from .tracks import Waypoint, labelled
+from .tracks import Waypoint, rows_by_track
 
-# A path is continued if its track is estimated again after at most this many scans.
+# A trail is continued if its track is estimated again within this number of scans.
 UNSEEN_SCANS = 10
 
 
 class Trails:
-    """The latest positions of every track with an estimate in the last `UNSEEN_SCANS` scans.
+    """The latest positions of each track that was estimated in the last `UNSEEN_SCANS` scans.
 
     Parameters
     ----------
@@ -29,19 +29,19 @@ class Trails:
         self._unseen: dict[int, int] = {}
 
     def of(self, found: Estimates) -> dict[int, deque[Waypoint]]:
-        """Return the trails of a scan's tracks up to it, by ascending number.
+        """Return the trails of a scan's tracks up to the scan, by ascending number.
 
-        The estimates are added, once: several outputs may ask for the trails of one scan.
+        Estimates are added only once, because several outputs may request the trails of one scan.
         """
         if found is not self._latest:
             self._latest = found
             self._add(found)
-        return {track: self._trails[track] for track, _ in labelled(found)}
+        return {track: self._trails[track] for track, _ in rows_by_track(found)}
 
     def _add(self, found: Estimates) -> None:
         self._unseen = {track: scans + 1 for track, scans in self._unseen.items()}
         heights = geodetic.heights(found).tolist()
-        for track, row in labelled(found):
+        for track, row in rows_by_track(found):
             trail = self._trails.setdefault(track, deque(maxlen=self._length))
             trail.append(Waypoint(found.stamp_ns, found.state[row], heights[row]))
             self._unseen[track] = 0

@@ -1,4 +1,4 @@
-"""Estimates to ``vision_msgs/Detection3DArray``.
+"""Estimates as ``vision_msgs/Detection3DArray``.
 
 vision_msgs is not part of every ROS installation, so its classes are passed in.
 """
@@ -36,7 +36,7 @@ class Types(NamedTuple):
     hypothesis: Any
 
 
-def installed() -> Types:
+def message_types() -> Types:
     """Return the message classes.
 
     Raises
@@ -52,16 +52,17 @@ def installed() -> Types:
 
 
 def to_msg(estimates: Estimates, frame: str, class_names: Sequence[str], types: Types) -> Any:
-    """Return the detections of one set of estimates, empty or not.
+    """Encode one set of estimates, empty or not.
 
     Every target has one hypothesis per class, the most probable first, with the class's probability
-    as its score. Its `id` is the track id, empty if it has none. The pose faces along the velocity;
-    only the position's terms of its covariance are set. Boxes have no size: targets are points.
+    as its score. Its `id` is the track id, empty if it has none. The pose faces along the velocity,
+    and only the position's terms of its covariance are set. Boxes have no size, because targets are
+    points.
 
     Parameters
     ----------
     class_names : sequence of str
-        By class id.
+        Names by class id.
     """
     message = types.detections(header=stamps.header(estimates.stamp_ns, frame))
     message.detections = [

@@ -1,4 +1,4 @@
-"""The bridge's parameters, of the node and of the offline tool, and what they describe."""
+"""The ASTERIX bridge's parameters, for the node and the offline tool, and their settings."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from phd_jdtc_ros.earth import SystemPlane
 
 from .tracks import TrackOutput
 
-# Each is a socket and has a buffer.
+# Upper bound of input addresses, each of which needs a socket and a buffer.
 MOST_INPUTS = 64
-# Longest time for which estimates are predicted, seconds: some turns of a radar. Without newer ones
-# the tracks then end.
+# Longest prediction of estimates, seconds: some turns of a radar. Tracks without newer estimates end
+# after it.
 MAX_PREDICTION_S = 10.0
 
 
 @dataclass(frozen=True)
 class OfAnyRadar:
-    """What each radar may have of its own; the same without a radar's name is for all."""
+    """Parameters that apply to all radars and can be overridden under a radar's name."""
 
     sectors: int = parameter(
         32,
@@ -177,7 +177,7 @@ TABLE = (*OF_FILES, *table(OfNode))
 
 @dataclass(frozen=True)
 class Amplitudes:
-    """How a radar's amplitudes are read; see `OF_ANY_RADAR`."""
+    """The conversion of a radar's amplitudes; see `OF_ANY_RADAR`."""
 
     choice: str
     noise_dbm: float
@@ -185,16 +185,16 @@ class Amplitudes:
 
 @dataclass(frozen=True)
 class Bridge:
-    """What comes in, as parameters describe it.
+    """The bridge's input as its parameters describe it.
 
     Parameters
     ----------
     values : dict of name to value
         All parameters.
     radars : dict of number to RadarSettings
-        By SAC and SIC.
+        Configured radars by SAC and SIC.
     others : RadarSettings
-        Of radars without a name.
+        Settings of all other radars.
     """
 
     values: dict[str, Any]
@@ -203,18 +203,18 @@ class Bridge:
     others: RadarSettings
 
     def amplitudes(self, radar: str) -> Amplitudes:
-        """Return how the amplitudes of a radar are read."""
+        """Return the conversion of a radar's amplitudes."""
         own = f"{radar}." if f"{radar}.source" in self.table else ""
         get = self.values
         return Amplitudes(get[f"{own}amplitude"], -get[f"{own}amplitude_offset_db"])
 
     def stream(self, clock: StreamClock) -> PlotStream:
-        """Return what takes the radars' datagrams."""
+        """Return the stream that processes the radars' datagrams."""
         return PlotStream(self.radars, self.others, clock, PlotTurns)
 
 
 def output_of(bridge: Bridge, monosensor: bool, call_signs: CallSigns) -> TrackOutput:
-    """Return what makes ASTERIX of estimates; `call_signs` may grow with the radars' plots."""
+    """Return the encoder of estimates; `call_signs` may grow with the radars' plots."""
     get = bridge.values
     origin = get["world_origin"]
     sac, sic, service = map(int, get["output_source"])
@@ -230,7 +230,7 @@ def output_of(bridge: Bridge, monosensor: bool, call_signs: CallSigns) -> TrackO
 
 
 def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> Bridge:
-    """Check parameters; those of a radar that are not given are those of all.
+    """Check parameters; a radar's missing parameters default to the common ones.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> 
     Raises
     ------
     ConfigError
-        With every fault.
+        With all faults.
     """
     every = with_members(top, "radars", RADAR, given)
     values, faults = check(every.values(), given, replaced.BRIDGE, replaced.BRIDGE_RADAR)
@@ -269,7 +269,7 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
 
 
 def _address_faults(values: Mapping[str, Any]) -> list[str]:
-    """Return what is wrong with the addresses of a node."""
+    """Return the faults of a node's addresses."""
     faults = []
     output = values.get("output", "")
     for name, given in (

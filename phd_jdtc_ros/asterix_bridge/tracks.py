@@ -1,4 +1,4 @@
-"""The tracker's estimates as ASTERIX, predicted to the time of output."""
+"""Encodes the tracker's estimates as ASTERIX, predicted to the time of output."""
 
 from __future__ import annotations
 
@@ -26,37 +26,37 @@ from phd_jdtc_ros.core.types import (
     Estimates,
 )
 
-# Turns and climbs below these are none, rad/s and m/s (300 ft/min); and a turn is one only if it
-# is so many deviations.
+# Smaller turn rates (rad/s) and climb rates (m/s, 300 ft/min) count as straight and level. A turn
+# must also exceed TURN_DEVIATIONS standard deviations.
 LEAST_TURN, LEAST_CLIMB, TURN_DEVIATIONS = math.radians(0.5), 1.5, 2.0
-# Tracks that are sent at once: each is a message of its own.
+# Upper bound of the tracks sent at once, each of which is a message.
 MOST_TRACKS = 10_000
-# Numbers of tracks in ASTERIX.
+# Number of track numbers in ASTERIX.
 TRACK_NUMBERS = 2**16
-# The motion of targets to the time of output; covariances are predicted to first order.
+# Motion model for the prediction to the time of output; covariances are predicted to first order.
 _TURN = CoordinatedTurn(0.0, 0.0)
 
 
 @dataclass
 class _Life:
-    """When a track was first reported, and last seen."""
+    """The times at which a track was first reported and last detected."""
 
     first_ns: int
     seen_ns: int
 
 
 class TrackOutput:
-    """Takes clouds of estimates, returns data blocks.
+    """Converts clouds of estimates to data blocks.
 
     Parameters
     ----------
     plane : Plane or None
-        Without one there are no latitudes and longitudes, and heights are those above the world's
+        Without a plane there are no latitudes and longitudes, and heights are above the world's
         zero.
     max_prediction_s : float
-        Estimates that are older are not predicted any more, and their tracks end.
+        Tracks end when their latest estimates are older than this.
     call_signs : CallSigns
-        Those of the tracks' addresses.
+        Call signs by the tracks' addresses.
     """
 
     def __init__(
@@ -69,7 +69,8 @@ class TrackOutput:
         self.source = source
         self._call_signs = call_signs
         self._plane = plane
-        # Estimates have heights above the map's zero, which need not be that of flight levels.
+        # Estimates have heights above the map's zero, which may differ from the zero of flight
+        # levels.
         self._datum = 0.0 if plane is None else plane.origin[2]
         self._max_prediction_s = max_prediction_s
         self._found: Estimates | None = None
@@ -80,12 +81,12 @@ class TrackOutput:
         self.tracks = 0
 
     def take(self, cloud: PointCloud2) -> None:
-        """Take the estimates of a cloud in the place of those before.
+        """Replace the current estimates by those of a cloud.
 
         Raises
         ------
         RejectedMessageError
-            If it is no such cloud.
+            If it is not a cloud of estimates.
         """
         if cloud.width * cloud.height > MOST_TRACKS:
             raise RejectedMessageError(
@@ -94,7 +95,7 @@ class TrackOutput:
             )
         found = estimates.from_msg(cloud)
         stamp_ns, numbers = found.stamp_ns, found.track_id.tolist()
-        if stamp_ns < self.stamp_ns:  # of a new run, which uses the same numbers for other tracks
+        if stamp_ns < self.stamp_ns:  # a new run reuses the track numbers for other tracks
             ended = {n: track for n, track in self._reported.items() if n not in numbers}
             self._lives, self._reported = {}, ended
         self.stamp_ns, self._found = stamp_ns, found
@@ -107,7 +108,7 @@ class TrackOutput:
         self._lives = lives
 
     def datagrams(self, time_ns: int) -> list[bytes]:
-        """Return the data blocks of all tracks at a time, and that of the tracker's own state."""
+        """Return the data blocks of all tracks at a time, and of the tracker's own state."""
         tracks = self.reports(time_ns)
         self.tracks += len(tracks)
         found = tracks_out.track_blocks(tracks, time_ns, self.source)
@@ -116,11 +117,11 @@ class TrackOutput:
         return found
 
     def reports(self, time_ns: int) -> list[TrackReport]:
-        """Return the tracks at a time; one that there is no more, a last time."""
+        """Return the tracks at a time; an ended track is reported a last time."""
         found = {}
         ahead_s = (time_ns - self.stamp_ns) * 1e-9
         if self._found is not None and abs(ahead_s) <= self._max_prediction_s:
-            found = self._predicted(self._found, time_ns, ahead_s)
+            found = self._predict(self._found, time_ns, ahead_s)
         ended = [
             replace(track, first=False, last=True)
             for number, track in self._reported.items()
@@ -129,7 +130,7 @@ class TrackOutput:
         self._reported = found
         return [*found.values(), *ended]
 
-    def _predicted(
+    def _predict(
         self, estimated: Estimates, time_ns: int, ahead_s: float
     ) -> dict[int, TrackReport]:
         state = _TURN.mean(estimated.state, ahead_s)
@@ -184,14 +185,14 @@ def _deviations(covariance: FloatArray) -> FloatArray:
 
 
 def _nothing(count: int) -> Attributes:
-    """Return the attributes of targets of which no height and no identity is known."""
+    """Return attributes without heights and identities."""
     unknown = np.full(count, UNKNOWN)
     none = np.full((count, 2), math.nan)
     return Attributes(none, np.full((count, 2, 2), math.nan), unknown, unknown, None)
 
 
 def _ages(seen_ns: IntArray | None, count: int, time_ns: int) -> list[list[float]]:
-    """Return for how long no sensor of each kind has seen the targets, seconds; NaN for never."""
+    """Return the times since the last detections by each kind of sensor, s; NaN for never."""
     if seen_ns is None:
         return [[math.nan] * len(SENSORS)] * count
     ages = np.maximum(time_ns - seen_ns, 0) * 1e-9

@@ -86,7 +86,7 @@ class Tally:
     def about_targets(self) -> Iterator[str]:
         """Yield that no target was ever reported, if some are overdue."""
         if self._overdue and not self._targets_seen:
-            yield doubts.nothing_reported(self._overdue)
+            yield doubts.no_targets(self._overdue)
 
     def warnings(self, fits: Sequence[Fit]) -> Iterator[str]:
         """Yield all warnings of a run; `fits` are the innovations of the radars."""

@@ -298,9 +298,9 @@ def test_what_must_be_known_is_named_together():
         Tracker({"radar": {"range_std": 5.0}}).track(DETECTIONS)
 
     assert raised.value.faults == (
-        "interval_s: not given, must be given or found by fit",
-        "radar.azimuth_std_deg: not given, must be given or found by fit",
-        "radar.max_range: not given, must be given or found by fit",
+        "interval_s: is missing, must be given or estimated by fit",
+        "radar.azimuth_std_deg: is missing, must be given or estimated by fit",
+        "radar.max_range: is missing, must be given or estimated by fit",
     )
 
 
@@ -324,8 +324,11 @@ def test_wrong_parameters_are_told_at_once(parameters, said):
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        ({"time": [1.0], "range": [2.0]}, "azimuth: no such column, there are time, range"),
-        ({"range": [1.0], "azimuth": [2.0]}, "time: no such column"),
+        (
+            {"time": [1.0], "range": [2.0]},
+            "azimuth: the column is missing, the columns are time, range",
+        ),
+        ({"range": [1.0], "azimuth": [2.0]}, "time: the column is missing"),
         (
             {"time": [1.0], "range": [1.0], "azimuth": [0.0], "radar": ["left"]},
             "radar: 'left' in row 1, must be one of radar",

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from msg_adapters import detections as adapter
-from msg_adapters.identities import ADDRESSES, CODES, NONE, read, sent
+from msg_adapters.identities import ADDRESSES, CODES, NONE, encode, read
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
@@ -83,7 +83,7 @@ def test_detections_that_were_left_out_have_no_identity():
 
 
 def test_a_column_of_unknown_ones_is_sent_where_there_are_none():
-    assert_array_equal(sent(None, 2), [NONE, NONE])
+    assert_array_equal(encode(None, 2), [NONE, NONE])
 
 
 def test_rows_are_taken_with_all_that_they_have():

@@ -48,7 +48,7 @@ def message(request):
 
 def test_the_messages_here_are_of_every_type_that_is_spoken():
     spoken = {interfaces.type_name(type(make())) for make in MESSAGES.values()}
-    assert spoken == set(TYPES) == set(outputs.published(2).values())
+    assert spoken == set(TYPES) == set(outputs.default_topics(2).values())
 
 
 @pytest.mark.parametrize("name", TYPES)

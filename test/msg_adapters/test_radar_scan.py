@@ -74,7 +74,7 @@ def test_from_msg_rejects_another_frame_a_stamp_without_sense_and_too_many(monke
 
 
 def test_from_msg_reads_the_installed_messages():
-    scan_class = READERS["radar_scan"].installed()
+    scan_class = READERS["radar_scan"].message_class()
     if scan_class is None:
         pytest.skip("radar_msgs is not installed")
     empty = scan_class(header=stamps.header(STAMP_NS, FRAME))

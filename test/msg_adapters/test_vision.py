@@ -65,5 +65,5 @@ def test_to_msg_of_nothing_has_no_detections():
 
 def test_to_msg_fits_the_installed_messages():
     pytest.importorskip("vision_msgs")
-    types = vision.installed()
+    types = vision.message_types()
     assert len(vision.to_msg(estimates(), "map", CLASSES, types).detections) == 3

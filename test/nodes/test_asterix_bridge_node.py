@@ -88,7 +88,7 @@ class Site:
         self._sockets = []
         self.clouds = peer.collect(PointCloud2, TOPIC, 1000)
         self.health = peer.collect(DiagnosticArray, "/diagnostics", 100)
-        self._tracks = udp.opened(self.display, "")
+        self._tracks = udp.receiving_socket(self.display, "")
 
     def start(self, *arguments, named=NAMED):
         """Start the bridge and wait until it receives."""
@@ -375,7 +375,7 @@ def test_bridge_stops_and_starts_again_on_request(unicast):
 
     # From here on the address is free, and taken again.
     assert change(Transition.TRANSITION_DEACTIVATE)
-    other = udp.opened(udp.Address(LOOPBACK, unicast.port), "")
+    other = udp.receiving_socket(udp.Address(LOOPBACK, unicast.port), "")
     assert not change(Transition.TRANSITION_ACTIVATE)
     other.close()
     assert change(Transition.TRANSITION_ACTIVATE)

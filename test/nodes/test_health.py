@@ -139,7 +139,9 @@ def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
     health.fit = Fit("north", 99, 1.5, 900.0, np.array([40.0, 1.5]), larger=True)
     found = status(health)
     assert found.level == WARN
-    assert found.message.startswith("innovations are 30 times larger than the noise says (ranges")
+    assert found.message.startswith(
+        "innovations are 30 times larger than the noise predicts (ranges"
+    )
     values = diagnostics.values_of(found)
     assert (values["range_innovation"], values["azimuth_innovation"]) == ("40.0", "1.5")
     health.fit = Fit("north", 99, 0.04, 0.09, np.array([0.3, 0.3]), smaller=True)

@@ -234,7 +234,7 @@ def test_noise_that_is_set_much_too_large_is_told(processes, peer):
 
     def told():
         statuses = [s for message in group.health for s in message.status]
-        return any(" times smaller than the noise says" in s.message for s in statuses)
+        return any(" times smaller than the noise predicts" in s.message for s in statuses)
 
     for index in range(len(SCANS)):
         group.track(index)

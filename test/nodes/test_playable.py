@@ -36,7 +36,7 @@ def test_choose_leaves_out_what_live_nodes_publish_unless_it_is_wanted(tmp_path,
 
 
 def test_choose_leaves_out_a_recorded_tracker_in_another_namespace(tmp_path):
-    recorded = [*outputs.published(2, "/site/t2"), RADAR]
+    recorded = [*outputs.default_topics(2, "/site/t2"), RADAR]
     found = choose(tmp_path, dict.fromkeys(recorded, names.CLOUD))
 
     assert (set(found.classes), found.detections) == ({RADAR}, (RADAR,))

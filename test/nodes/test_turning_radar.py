@@ -131,7 +131,7 @@ def test_a_late_sector_is_worked_in_live_as_offline(tracker, peer):
     answered(peer, output, found, sent[:53])
     output.publish(late)
     answered(peer, output, found, sent[53:])
-    assert peer.spin_until(lambda: "came after their scans were closed" in log.read_text())
+    assert peer.spin_until(lambda: "arrived after their scans were closed" in log.read_text())
     assert peer.spin_until(lambda: len(found) >= len(expected))
     assert_true(assert_alike(found, expected))
 

@@ -351,7 +351,7 @@ def test_track_bag_warns_of_a_missing_amplitude_once_a_radar(short_bag, track, f
     status, _ = track(short_bag, "-p", "radar_2.fields.amplitude:=snr")
     assert status == 0
     *_, said = faults()
-    assert said == f"{RADARS[1]}: no field 'snr'; its amplitudes say nothing of the class"
+    assert said == f"{RADARS[1]}: no field 'snr'; classification does not use its amplitudes"
 
 
 def test_track_bag_warns_of_azimuths_in_degrees_with_the_likely_cause(

@@ -1,1 +1,1 @@
-"""What carries ASTERIX: files, captures and sockets to datagrams, and back."""
+"""Transport of ASTERIX: converts files, captures and sockets to datagrams, and back."""

@@ -1,4 +1,4 @@
-"""A datagram of a recording or of the network, and what is wrong with a recording."""
+"""A datagram of a recording or of the network, and the error of an unreadable recording."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import NamedTuple
 
 
 class Datagram(NamedTuple):
-    """What was received at once.
+    """One received datagram.
 
     Parameters
     ----------
     data : bytes
         Data blocks.
     received_ns : int or None
-        Since the epoch, if the recording says it.
+        Time of receipt since the epoch; None if unknown.
     source : str or None
-        ``SENDER to RECEIVER:PORT``, or ``board NUMBER line NUMBER``, if the recording says it.
+        ``SENDER to RECEIVER:PORT`` or ``board NUMBER line NUMBER``; None if unknown.
     """
 
     data: bytes
@@ -24,10 +24,10 @@ class Datagram(NamedTuple):
 
 
 def port_of(datagram: Datagram) -> int | None:
-    """Return the UDP port that a datagram was sent to; None if the recording does not say it."""
+    """Return the destination UDP port of a datagram, None if unknown."""
     _, colon, port = (datagram.source or "").rpartition(":")
     return int(port) if colon else None
 
 
 class RecordingError(ValueError):
-    """A file that is no recording of ASTERIX."""
+    """The file is not a recording of ASTERIX."""

@@ -1,7 +1,7 @@
-"""Recordings of ASTERIX to datagrams.
+"""Reads datagrams from recordings of ASTERIX.
 
-Four kinds, recognised by their first bytes: data blocks one after the other; the same in the
-envelopes of the IOSS "final" format; and the network captures of `pcap`.
+The first bytes identify the format: plain consecutive data blocks, data blocks in envelopes of the
+IOSS "final" format, or a network capture (`pcap`).
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ from pathlib import Path
 from ..clocks import NS_PER_DAY
 from .datagram import Datagram, RecordingError
 
-# The header of an envelope: its length with header and footer (2 bytes), numbers of board and
-# line, the day of the recording, and the time in 10 ms since midnight (3 bytes). The footer is
-# four times A5. So say Luciad's documentation of the format and the example of asterix_decoder;
-# the numbers of board, line and day are often 0 and are not used.
+# The header of an envelope has its length with header and footer (2 bytes), the numbers of board
+# and line, the day of the recording, and the time in 10 ms since midnight (3 bytes). The footer is
+# four times A5. Sources: Luciad's documentation of the format, and the example of asterix_decoder.
+# The numbers of board, line and day are often 0 and are ignored.
 FINAL_HEADER, FINAL_FOOTER = 8, b"\xa5\xa5\xa5\xa5"
 RAW, FINAL, CAPTURE = "data blocks", "final", "capture"
-# Categories that recordings have; where the next block begins after damage is found by them.
+# Categories that occur in recordings; they identify the next block after damaged data.
 CATEGORIES = frozenset((1, 2, 8, 10, 11, 19, 20, 21, 23, 34, 48, 62, 63, 65, 247))
 BLOCK_HEADER = 3
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[bytes | mmap.mmap]:
-    """Give the bytes of a file; they are read from the disk when they are needed.
+def open_recording(path: Path) -> Iterator[bytes | mmap.mmap]:
+    """Open a file as bytes that are read from the disk on demand.
 
     Raises
     ------
     OSError
-        If it cannot be read.
+        If the file cannot be read.
     """
     with path.open("rb") as stream:
         if not path.stat().st_size:
@@ -44,7 +44,7 @@ def opened(path: Path) -> Iterator[bytes | mmap.mmap]:
 
 
 def kind_of(data: bytes | mmap.mmap) -> str:
-    """Return the kind of a recording.
+    """Return the format of a recording.
 
     Raises
     ------
@@ -59,8 +59,8 @@ def kind_of(data: bytes | mmap.mmap) -> str:
     if len(data) >= BLOCK_HEADER and data[0] in CATEGORIES and _block_end(data, 0) > 0:
         return RAW
     raise RecordingError(
-        "is no recording of ASTERIX: it begins neither with a data block, nor with an envelope of "
-        "the final format, nor as a capture (pcap, pcapng)"
+        "is not a recording of ASTERIX: it must begin with a data block, with an envelope of the "
+        "final format, or as a capture (pcap, pcapng)"
     )
 
 
@@ -72,11 +72,11 @@ def datagrams(
     Parameters
     ----------
     midnight_ns : int or None
-        Begin of the day of the first one. Captures have their own dates; if this is given, they
-        are moved by whole days. Others are of 1970 without it.
+        Beginning of the day of the first datagram. Captures have dates; this moves them by whole
+        days. Other formats are dated 1970 without it.
     counts : Counter
-        Gains what was skipped: ``bytes_skipped`` and ``resynchronised`` where data are damaged,
-        ``recording_cut`` if the end is missing, and what `pcap.packets` says.
+        Gains the skipped data: ``bytes_skipped`` and ``resynchronised`` for damaged data,
+        ``recording_cut`` if the end is missing, and the reasons of `pcap.packets`.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def datagrams(
 
 
 def _on_day(found: Iterator[Datagram], midnight_ns: int | None) -> Iterator[Datagram]:
-    """Yield datagrams moved by whole days so that the first is of the given day."""
+    """Yield datagrams moved by whole days, so that the first is on the given day."""
     shift_ns: int | None = None
     for each in found:
         if midnight_ns is None or each.received_ns is None:
@@ -106,7 +106,7 @@ def _on_day(found: Iterator[Datagram], midnight_ns: int | None) -> Iterator[Data
 
 
 def _block_end(data: bytes | mmap.mmap, at: int) -> int:
-    """Return where the block at `at` ends, -1 if it cannot be one."""
+    """Return the end of the block at `at`, -1 if there is no plausible block."""
     if len(data) - at < BLOCK_HEADER:
         return -1
     length = data[at + 1] << 8 | data[at + 2]
@@ -114,7 +114,7 @@ def _block_end(data: bytes | mmap.mmap, at: int) -> int:
 
 
 def _raw(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[Datagram]:
-    """Yield data blocks; behind damage, from where two plausible ones follow each other."""
+    """Yield data blocks; after damaged data, continue with two consecutive plausible blocks."""
     at = 0
     while at < len(data):
         end = _block_end(data, at)
@@ -131,7 +131,7 @@ def _raw(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[Datagram]:
 
 
 def _plausible(data: bytes | mmap.mmap, at: int) -> bool:
-    """Return whether a block, and then another or the end, may be here."""
+    """Return whether a plausible block is here, followed by another one or the end."""
     if data[at] not in CATEGORIES:
         return False
     end = _block_end(data, at)
@@ -151,12 +151,12 @@ def _envelope(data: bytes | mmap.mmap, at: int) -> int:
 
 
 def _final(data: bytes | mmap.mmap, midnight_ns: int, counts: Counter[str]) -> Iterator[Datagram]:
-    """Yield the contents of envelopes; the day is the next when the time falls by half a day."""
+    """Yield the contents of envelopes; the day advances when the time falls by half a day."""
     at, last_ns = 0, 0
     while at < len(data):
         length = _envelope(data, at)
         if not length:
-            # Footers are the only marks there are.
+            # Footers are the only marks for resynchronisation.
             found = data.find(FINAL_FOOTER, at)
             end = len(data) if found < 0 else found + len(FINAL_FOOTER)
             counts["bytes_skipped"] += end - at

@@ -1,8 +1,8 @@
-"""Network captures to datagrams: the UDP payloads of pcap and pcapng files.
+"""Reads the UDP payloads of pcap and pcapng captures.
 
-A parser of its own: of the libraries that are still kept, scapy brings a packet language of 20 MB
-and takes 0.1 ms for a packet, and none reads both formats without dissecting what is not needed
-here. What is needed is the blocks of two file formats, four link layers, IPv4 and UDP.
+This parser is our own because of the maintained libraries, scapy needs 20 MB and 0.1 ms per packet,
+and none reads both formats without dissecting unneeded layers. It reads the blocks of two file
+formats, four link layers, IPv4 and UDP.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ class Packet(NamedTuple):
     Parameters
     ----------
     data : bytes
-        From its link layer on.
+        Bytes from the link layer on.
     time_ns : int or None
-        Since the epoch.
+        Time of capture since the epoch; None if unknown.
     link : int
-        Kind of the link layer.
+        Number of the link layer.
     """
 
     data: bytes
@@ -51,7 +51,7 @@ class Packet(NamedTuple):
 
 
 def is_capture(begin: bytes) -> bool:
-    """Return whether a file that begins with these four bytes is a capture."""
+    """Return whether these first four bytes of a file identify a capture."""
     return begin in _MAGICS or begin == _PCAPNG
 
 
@@ -61,8 +61,8 @@ def packets(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[Datagram]
     Parameters
     ----------
     counts : Counter
-        Gains ``not_udp``, ``fragment``, ``packet_cut`` (longer than was captured), ``link`` (an
-        unknown link layer), and ``recording_cut`` if the file is damaged from somewhere on.
+        Gains ``not_udp``, ``fragment``, ``packet_cut`` (captured incompletely), ``link`` (unknown
+        link layer), and ``recording_cut`` if the rest of the file is damaged.
     """
     found = _classic(data, counts) if data[:4] in _MAGICS else _next_generation(data, counts)
     for packet in found:
@@ -87,7 +87,7 @@ def _classic(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[Packet]:
         if at + length > len(data):
             counts["recording_cut"] += 1
             return
-        # The upper bits say how long checksums are.
+        # The upper bits give the length of checksums.
         yield Packet(data[at : at + length], seconds * 10**9 + fraction * unit_ns, link & 0xFFFF)
         at += length
 
@@ -124,13 +124,13 @@ def _next_generation(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[
 
 
 def _units_per_s(options: bytes, order: str) -> int:
-    """Return the resolution of an interface's times; a microsecond if it does not say."""
+    """Return the units per second of an interface's times; microseconds by default."""
     at = 0
     while at + 4 <= len(options):
         code, length = struct.unpack(order + "HH", options[at : at + 4])
         if code == _RESOLUTION and length >= 1 and at + 4 < len(options):
             power = options[at + 4]
-            # Beyond these it would be finer than any clock.
+            # Finer resolutions are implausible.
             base, most = (2, 64) if power & 0x80 else (10, 18)
             return int(base ** min(power & 0x7F, most))
         if not code:
@@ -140,7 +140,7 @@ def _units_per_s(options: bytes, order: str) -> int:
 
 
 def _datagram(packet: Packet, counts: Counter[str]) -> Datagram | None:
-    """Return the UDP payload of a packet, None if it has none."""
+    """Return the UDP payload of a packet, None if there is none."""
     at = _ip_begin(packet)
     if at is None:
         counts["link"] += 1
@@ -166,7 +166,7 @@ def _datagram(packet: Packet, counts: Counter[str]) -> Datagram | None:
 
 
 def _ip_begin(packet: Packet) -> int | None:
-    """Return where the IP header begins, -1 if there is none, None for an unknown link layer."""
+    """Return the beginning of the IP header, -1 if absent, None for an unknown link layer."""
     data, link = packet.data, packet.link
     if link in (_RAW, _RAW4):
         return 0
@@ -184,5 +184,5 @@ def _ip_begin(packet: Packet) -> int | None:
 
 
 def _kind(data: bytes, at: int) -> int:
-    """Return what the protocol of the next layer is, 0 if that is cut off."""
+    """Return the protocol number of the next layer, 0 if it is cut off."""
     return int.from_bytes(data[at : at + 2], "big")

@@ -1,4 +1,4 @@
-"""Datagrams to a capture: a pcap file of UDP over IPv4 on Ethernet, with microseconds."""
+"""Writes datagrams to a pcap capture: UDP over IPv4 on Ethernet, with microseconds."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _DESTINATION, _SOURCE = b"\x01\x00\x5e\x01\x01\x01", b"\x02\x00\x00\x00\x00\x01"
 
 
 class Line(NamedTuple):
-    """Who sends datagrams to whom.
+    """The addresses of sender and receiver.
 
     Parameters
     ----------
     sender, receiver : tuple of four ints
         IPv4 addresses.
     port : int
-        Of the receiver, and of the sender.
+        UDP port of both.
     """
 
     sender: tuple[int, int, int, int] = (10, 0, 0, 1)
@@ -28,19 +28,19 @@ class Line(NamedTuple):
 
 
 def header() -> bytes:
-    """Return the beginning of a capture."""
+    """Return the header of a capture."""
     return _HEADER.pack(_MAGIC, 2, 4, 0, 0, _LONGEST, _ETHERNET)
 
 
 def packet(time_ns: int, payload: bytes, line: Line) -> bytes:
-    """Return a captured datagram.
+    """Return a datagram as a captured packet.
 
     Parameters
     ----------
     time_ns : int
-        When it was received, since the epoch.
+        Time of receipt since the epoch.
     """
-    # A checksum of 0 says that there is none.
+    # A checksum of 0 means that it is absent.
     udp = _UDP.pack(line.port, line.port, _UDP.size + len(payload), 0) + payload
     fixed = 0x45, 0, _IP.size + len(udp), 0, 0x4000, 1, 17
     addresses = bytes(line.sender), bytes(line.receiver)
@@ -51,7 +51,7 @@ def packet(time_ns: int, payload: bytes, line: Line) -> bytes:
 
 
 def _checksum(head: bytes) -> int:
-    """Return the checksum of an IPv4 header (RFC 791) whose own field is 0."""
+    """Return the checksum of an IPv4 header (RFC 791) with a zero checksum field."""
     total: int = sum(struct.unpack(f">{len(head) // 2}H", head))
     while total >> 16:
         total = (total & 0xFFFF) + (total >> 16)

@@ -1,4 +1,4 @@
-"""UDP in and out: addresses, multicast groups, and a thread that receives."""
+"""Sends and receives UDP: addresses, multicast groups, and a receiving thread."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from typing import NamedTuple
 from .datagram import Datagram
 
 LARGEST = 65_535
-# Datagrams that wait to be read: by the kernel, bytes; and by the node, bytes and datagrams. It is
-# what ten radars send in five seconds, and the worst that can be sent takes some two to be read.
+# Upper bounds of unread datagrams: in the kernel, bytes, and in the node, bytes and number. They
+# hold what ten radars send in five seconds; the most expensive content takes about two seconds to
+# read.
 KERNEL_BYTES, MAX_BYTES, MAX_WAITING = 2**22, 2**19, 10_000
-# How long a thread that is to end may wait for another datagram, seconds.
+# Longest time for which a closed thread still waits for a datagram, seconds.
 POLL_S = 0.1
-# Linux tells with each datagram how many were lost before it; Python does not name the option.
+# This option makes Linux report the number of lost datagrams; Python does not define it.
 SO_RXQ_OVFL = 40
 _COUNT = struct.Struct("I")
 
@@ -33,7 +34,7 @@ class Address(NamedTuple):
 
     @property
     def multicast(self) -> bool:
-        """Whether it is that of a group."""
+        """Whether it is the address of a multicast group."""
         return ipaddress.IPv4Address(self.host).is_multicast
 
     def __str__(self) -> str:
@@ -41,12 +42,12 @@ class Address(NamedTuple):
 
 
 def address(text: str) -> Address:
-    """Return the address that ``HOST:PORT`` names.
+    """Parse an address ``HOST:PORT``.
 
     Raises
     ------
     ValueError
-        If it is none.
+        If the text is not such an address.
     """
     host, _, port = text.rpartition(":")
     try:
@@ -61,15 +62,15 @@ def address(text: str) -> Address:
     return Address(host, number)
 
 
-def opened(where: Address, interface: str) -> socket.socket:
-    """Return a socket that receives what is sent to an address.
+def receiving_socket(where: Address, interface: str) -> socket.socket:
+    """Return a socket that receives datagrams for an address.
 
     Parameters
     ----------
     where : Address
-        Of this machine, or of a group, which is joined.
+        A local address, or a multicast group to join.
     interface : str
-        Address of the network interface on which a group is joined; empty for the system's choice.
+        Address of the network interface that joins a group; empty for the system's choice.
 
     Raises
     ------
@@ -79,7 +80,7 @@ def opened(where: Address, interface: str) -> socket.socket:
     try:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, KERNEL_BYTES)
         if where.multicast:
-            # Several may listen to one group, but only one to an address of its own.
+            # A group may have several listeners, a local address only one.
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         sock.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
         sock.bind(where)
@@ -94,7 +95,7 @@ def opened(where: Address, interface: str) -> socket.socket:
 
 
 def sender(where: Address, interface: str) -> socket.socket:
-    """Return a socket that sends to an address; to a group one network further at most.
+    """Return a socket that sends to an address; to a group with a hop limit of one.
 
     Raises
     ------
@@ -116,31 +117,31 @@ def sender(where: Address, interface: str) -> socket.socket:
 
 
 class Receiver:
-    """Receives datagrams in a thread, until it is closed.
+    """Receives datagrams in a thread until it is closed.
 
     Parameters
     ----------
     arrived : callable
-        Called in the thread when datagrams wait to be taken.
+        Called in the thread when datagrams are available.
 
     Attributes
     ----------
     received : int
-        Datagrams.
+        Number of received datagrams.
     lost : int
-        Datagrams that the kernel or this queue had no room for.
+        Number of datagrams dropped by the kernel or by this queue.
 
     Raises
     ------
     OSError
-        If an address cannot be received from; its ``filename`` is the address.
+        If an address cannot be opened; ``filename`` of the error is the address.
     """
 
     def __init__(
         self, inputs: Sequence[Address], interface: str, arrived: Callable[[], object]
     ) -> None:
         self._waiting: deque[Datagram] = deque()
-        # Each counter is written by one thread alone.
+        # Each counter is written by a single thread.
         self._bytes_in = self._bytes_out = 0
         self._arrived = arrived
         self._selector = selectors.DefaultSelector()
@@ -158,23 +159,23 @@ class Receiver:
 
     def _open(self, where: Address, interface: str) -> None:
         try:
-            sock = opened(where, interface)
+            sock = receiving_socket(where, interface)
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(where)) from error
         self._selector.register(sock, selectors.EVENT_READ, (sock, str(where)))
 
     @property
     def lost(self) -> int:
-        """Datagrams that there was no room for."""
+        """Number of dropped datagrams."""
         return self._overflow + sum(self._lost_by_kernel.values())
 
     @property
     def waiting(self) -> int:
-        """Number of the datagrams that wait."""
+        """Number of datagrams in the queue."""
         return len(self._waiting)
 
     def take(self) -> Datagram | None:
-        """Return the oldest datagram that waits, None if none does."""
+        """Remove and return the oldest datagram, None if the queue is empty."""
         if not self._waiting:
             return None
         found = self._waiting.popleft()
@@ -198,17 +199,17 @@ class Receiver:
                 self._read(*key.data)
 
     def _read(self, sock: socket.socket, where: str) -> None:
-        """Read one datagram; others follow at the next look."""
+        """Read one datagram; the loop polls again for further ones."""
         try:
             data, extra, _, source = sock.recvmsg(LARGEST, socket.CMSG_SPACE(_COUNT.size))
-        except OSError:  # what an earlier datagram met, or one that was gone when looked at
+        except OSError:  # an error of an earlier datagram, or the datagram is gone
             return
         for level, kind, value in extra:
             if (level, kind) == (socket.SOL_SOCKET, SO_RXQ_OVFL):
                 (self._lost_by_kernel[where],) = _COUNT.unpack(value[: _COUNT.size])
         self.received += 1
-        held = self._bytes_in - self._bytes_out + len(data)
-        if held > MAX_BYTES or len(self._waiting) >= MAX_WAITING:
+        size = self._bytes_in - self._bytes_out + len(data)
+        if size > MAX_BYTES or len(self._waiting) >= MAX_WAITING:
             self._overflow += 1
             return
         self._bytes_in += len(data)

@@ -1,1 +1,1 @@
-"""Tracks and plots to the bytes of ASTERIX."""
+"""Encodes tracks and plots as ASTERIX."""

@@ -1,4 +1,4 @@
-"""Items to records and data blocks."""
+"""Encodes items as records and data blocks."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from ..clocks import NS_PER_TICK
 from ..messages import DAY
 from ..specification import Fixed, layouts
 
-# Of a datagram that passes every network in one piece.
+# Largest datagram, bytes, that passes common networks unfragmented.
 MAX_BLOCK = 1400
 
 
 def record(category: int, items: Mapping[str, bytes], kind: str = "") -> bytes:
-    """Return a record: the selection of its items (FSPEC), and these in the category's order.
+    """Return a record: the selection of its items (FSPEC), then the items in the category's order.
 
     Raises
     ------
     ValueError
-        If an item of fixed length has another one.
+        If an item of fixed length has a different length.
     """
     layout = layouts(category)[kind]
     places = sorted(layout.place[name] for name in items)
@@ -37,7 +37,7 @@ def record(category: int, items: Mapping[str, bytes], kind: str = "") -> bytes:
 
 
 def blocks(category: int, records: Iterable[bytes], most: int = MAX_BLOCK) -> list[bytes]:
-    """Return data blocks of at most so many bytes, with the records in order."""
+    """Return data blocks of at most `most` bytes with the records in order."""
     found: list[bytes] = []
     body = b""
     for each in records:
@@ -53,18 +53,18 @@ def _block(category: int, body: bytes) -> bytes:
 
 
 def unsigned(value: float, unit: float, size: int) -> bytes:
-    """Return a number in whole units, at most as large as its bytes allow."""
+    """Encode a number in whole units, limited to the range of its bytes."""
     most: int = 256**size - 1
-    # Bounded first: what is beyond all bounds, or infinite by now, has no whole number.
+    # The limit is applied first, because infinity cannot be rounded.
     return round(min(max(value / unit, 0), most)).to_bytes(size, "big")
 
 
 def signed(value: float, unit: float, size: int) -> bytes:
-    """Return a number with its sign in whole units, at most as large as its bytes allow."""
+    """Encode a signed number in whole units, limited to the range of its bytes."""
     half: int = 256**size // 2
     return round(min(max(value / unit, -half), half - 1)).to_bytes(size, "big", signed=True)
 
 
 def time_of_day(time_ns: int) -> bytes:
-    """Return a time since the epoch as time of day in three bytes."""
+    """Encode a time since the epoch as a time of day in three bytes."""
     return (round(time_ns / NS_PER_TICK) % DAY).to_bytes(3, "big")

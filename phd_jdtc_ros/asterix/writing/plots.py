@@ -1,4 +1,4 @@
-"""Plots and the turns of antennas as CAT048 and CAT034."""
+"""Encodes plots as CAT048 and the antenna's motion as CAT034."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from .encoding import blocks, record, signed, time_of_day, unsigned
 
 FULL_TURN = 2.0 * math.pi
 RANGE_UNIT = NAUTICAL_MILE / 256.0
-# The largest range that I048/040 can say, metres.
+# Upper bound of the range in I048/040, metres.
 FARTHEST = (2**16 - 1) * RANGE_UNIT
 
 
 def plot_record(plot: Plot, time_ns: int) -> bytes:
-    """Return a plot as a record of CAT048; a kind that is not known is that of a primary plot.
+    """Encode a plot as a record of CAT048; an unknown kind is sent as a primary plot.
 
-    Ranges beyond `FARTHEST` become that.
+    Ranges are limited to `FARTHEST`.
     """
     azimuth = round(plot.azimuth % FULL_TURN / AZIMUTH_UNIT) % 2**16
     items = {
@@ -51,21 +51,21 @@ def plot_record(plot: Plot, time_ns: int) -> bytes:
 
 
 def plot_blocks(plots: list[tuple[int, Plot]]) -> list[bytes]:
-    """Return data blocks of plots, each with its time in nanoseconds since the epoch."""
+    """Encode plots as data blocks, each plot with its time in nanoseconds since the epoch."""
     return blocks(48, [plot_record(plot, time_ns) for time_ns, plot in plots])
 
 
 def service_block(radar: int, time_ns: int, azimuth: float, rotation_s: float) -> bytes:
-    """Return a data block that says that the antenna passes an azimuth.
+    """Encode a service message: the antenna passes an azimuth.
 
     Parameters
     ----------
     radar : int
         SAC in the upper, SIC in the lower eight bits.
     azimuth : float
-        Radians clockwise from north; at north it is a north mark.
+        Radians clockwise from north; azimuth 0 is sent as a north mark.
     rotation_s : float
-        Time of a turn; 0 if it is not known.
+        Time of a turn, seconds; 0 if unknown.
     """
     number = round(azimuth % FULL_TURN / SECTOR_UNIT) % 2**8
     items = {

@@ -1,4 +1,4 @@
-"""Tracks as CAT062, and the state of the tracker as CAT065."""
+"""Encodes tracks as CAT062 and the state of the tracker as CAT065."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ FOOT = 0.3048
 GEODETIC_UNIT = 180.0 / 2**25
 PLACE_UNIT, SPEED_UNIT, AGE_UNIT = 0.5, 0.25, 0.25
 GEOMETRIC_UNIT, CLIMB_UNIT = 6.25 * FOOT, 6.25 * FOOT / 60.0
-# What a message of CAT065 is.
+# Types of CAT065 messages.
 STATUS, END_OF_BATCH = 1, 2
-# Courses and climbs of I062/200.
+# Transversal accelerations (courses) and vertical rates of I062/200.
 STRAIGHT, RIGHT, LEFT, UNKNOWN = range(4)
 LEVEL, CLIMBING, DESCENDING = range(3)
 
 
 @dataclass(frozen=True)
 class Source:
-    """Who sends.
+    """Identification of the sending tracker.
 
     Parameters
     ----------
     sac, sic : int
-        Of the tracker.
+        System area and identification code of the tracker.
     service : int
         Number of the service.
     monosensor : bool
-        Whether there is one radar only.
+        Whether there is only one radar.
     geometric : bool
-        Whether heights are over the ellipsoid and not those of the standard atmosphere.
+        Whether heights are above the ellipsoid; otherwise they refer to the standard atmosphere.
     """
 
     sac: int
@@ -69,18 +69,19 @@ class TrackReport:
     vertical : int
         `LEVEL`, `CLIMBING`, `DESCENDING` or `UNKNOWN`.
     confirmed, coasting, first, last : bool
-        Whether it is confirmed, has no recent plot, is reported for the first or the last time.
+        Whether the track is confirmed, has no recent plot, is reported for the first or the last
+        time.
     age_s, since_s : float
-        Since the track was first reported, and since it was last not coasting.
+        Times since the track was first reported, and since it last was not coasting.
     sensor_ages_s : tuple of three floats
-        Since a primary radar, a secondary one and Mode S last saw it; NaN for never. Where all are
-        NaN it is not known what saw it.
+        Times since the last detection by a primary radar, a secondary radar and Mode S; NaN for
+        never. All are NaN if the detecting sensors are unknown.
     position_std, velocity_std : tuple of two floats
-        Along x and y.
+        Standard deviations along x and y.
     covariance : float
-        Of x and y, square metres.
+        Covariance of x and y, square metres.
     height_std, climb_std : float
-        NaN if unknown.
+        Standard deviations, m and m/s; NaN if unknown.
     """
 
     number: int
@@ -109,10 +110,10 @@ class TrackReport:
 
 
 def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
-    """Return a track as a record of CAT062.
+    """Encode a track as a record of CAT062.
 
-    Times of more than 63.75 s since the last plot, and what else is larger than its item allows,
-    are the largest value.
+    Values beyond the range of their item, such as more than 63.75 s since the last plot, are
+    limited to it.
     """
     items = {
         "010": source.number,
@@ -123,7 +124,7 @@ def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
         "040": track.number.to_bytes(2, "big"),
         "080": _status(track, source),
         "290": _ages(track),
-        # The last two bits of accelerations are those of "not known" (3).
+        # The last two bits are the longitudinal acceleration, which is undetermined (3).
         "200": bytes([track.course << 6 | UNKNOWN << 4 | track.vertical << 2]),
         "500": _accuracies(track, source),
     }
@@ -132,7 +133,7 @@ def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
     if track.code != NONE:
         items["060"] = track.code.to_bytes(2, "big")
     if track.call_sign != NONE:
-        # Of the aircraft itself, as its transponder says it.
+        # The call sign comes from the aircraft's transponder.
         items["245"] = b"\x00" + track.call_sign.to_bytes(6, "big")
     if track.address != NONE:
         items["380"] = _aircraft(track)
@@ -144,7 +145,7 @@ def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
 
 
 def _aircraft(track: TrackReport) -> bytes:
-    """Return I062/380: the address and the call sign."""
+    """Encode I062/380: the address and the call sign."""
     address = track.address.to_bytes(3, "big")
     if track.call_sign == NONE:
         return b"\x80" + address
@@ -152,10 +153,10 @@ def _aircraft(track: TrackReport) -> bytes:
 
 
 def _status(track: TrackReport, source: Source) -> bytes:
-    """Return I062/080, up to the octet that says whether a track coasts."""
+    """Encode I062/080 up to the octet with the coasting flag."""
     first = 0x80 * source.monosensor | 0x02 * (not track.confirmed)
     if source.geometric and math.isfinite(track.height):
-        first |= 0x20 | 2 << 2  # the geometric height is the more reliable, and from plots
+        first |= 0x20 | 2 << 2  # the geometric height is more reliable; the source is plots
     second = 0x40 * track.last | 0x20 * track.first
     fourth = 0x80 * track.coasting
     if not (second or fourth):
@@ -166,10 +167,10 @@ def _status(track: TrackReport, source: Source) -> bytes:
 
 
 def _ages(track: TrackReport) -> bytes:
-    """Return I062/290: the age of the track, and the times since sensors last saw it.
+    """Encode I062/290: the age of the track, and the times since its last detections by sensor.
 
-    Where it is not known what saw it, there is one time: that of Mode S for a track with an
-    address, or else of SSR for one with a code, or else of PSR.
+    If the detecting sensors are unknown, there is one time: Mode S for a track with an address,
+    else SSR for a track with a code, else PSR.
     """
     own = {
         bit: age
@@ -177,8 +178,8 @@ def _ages(track: TrackReport) -> bytes:
         if math.isfinite(age)
     }
     if not own:
-        supposed = 0x10 if track.address != NONE else 0x20 if track.code != NONE else 0x40
-        own = {supposed: track.since_s}
+        assumed = 0x10 if track.address != NONE else 0x20 if track.code != NONE else 0x40
+        own = {assumed: track.since_s}
     ages = (unsigned(age, AGE_UNIT, 1) for age in (track.age_s, *own.values()))
     return bytes([0x80 | sum(own)]) + b"".join(ages)
 
@@ -187,13 +188,13 @@ def _heights(height: float, source: Source) -> dict[str, bytes]:
     if source.geometric:
         return {"130": signed(height, GEOMETRIC_UNIT, 2)}
     level = signed(height, QUARTER_LEVEL, 2)
-    # The same with a bit for a correction by the pressure of the day, and so one bit less.
+    # This item has the same unit, and a bit for the QNH correction, which leaves one bit less.
     quarters = round(min(max(height / QUARTER_LEVEL, -(2**14)), 2**14 - 1))
     return {"136": level, "135": (quarters & 0x7FFF).to_bytes(2, "big")}
 
 
 def _accuracies(track: TrackReport, source: Source) -> bytes:
-    """Return I062/500: deviations of position, height, velocity and climb."""
+    """Encode I062/500: standard deviations of position, height, velocity and climb."""
     size = math.copysign(math.sqrt(abs(track.covariance)), track.covariance)
     parts = {
         0x80: b"".join(unsigned(std, PLACE_UNIT, 2) for std in track.position_std),
@@ -212,17 +213,17 @@ def _accuracies(track: TrackReport, source: Source) -> bytes:
 
 
 def track_blocks(tracks: list[TrackReport], time_ns: int, source: Source) -> list[bytes]:
-    """Return data blocks of tracks."""
+    """Encode tracks as data blocks."""
     return blocks(62, [track_record(track, time_ns, source) for track in tracks])
 
 
 def status_block(time_ns: int, source: Source, batch: int, overloaded: bool = False) -> bytes:
-    """Return a data block of CAT065: the state of the tracker, and that a batch ends.
+    """Encode the state of the tracker and the end of a batch as a data block of CAT065.
 
     Parameters
     ----------
     batch : int
-        Counted on; modulo 256 in the message.
+        Running number, sent modulo 256.
     """
     who = {
         "010": source.number,

@@ -33,7 +33,7 @@ from msg_adapters import (
     stamps,
     truth,
 )
-from msg_adapters.errors import RejectedMessageError, quoted
+from msg_adapters.errors import RejectedMessageError, quote
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration import replaced
 from phd_jdtc_ros.configuration.parameters import engine_of
@@ -135,7 +135,7 @@ class Evaluator(RunnableNode):
         topics = {
             **dict(map(_recorded, self._values["record_topics"])),
             self._truth_topic: names.CLOUD,
-            **outputs.published(
+            **outputs.default_topics(
                 self._classes,
                 tracker,
                 self._scores.topic_name,
@@ -221,7 +221,7 @@ class Evaluator(RunnableNode):
         world = self._values["world_frame"]
         if frame != world:
             raise RejectedMessageError(
-                "frame", f"frame_id is {quoted(frame)}, must be world_frame, {world!r}"
+                "frame", f"frame_id is {quote(frame)}, must be world_frame, {world!r}"
             )
 
     def _check_classes(self, found: Truth | Estimates) -> None:

@@ -13,7 +13,7 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import estimates, names
-from msg_adapters.errors import RejectedMessageError, quoted
+from msg_adapters.errors import RejectedMessageError, quote
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
 from phd_jdtc_ros.handover import checks, settings
 from phd_jdtc_ros.handover.picture import Joint, JointPicture
@@ -137,7 +137,7 @@ class HandOver(RunnableNode):
         frame, allowed = cloud.header.frame_id, self._frame or cloud.header.frame_id
         if frame != allowed:
             raise RejectedMessageError(
-                "frame", f"frame is {quoted(frame)}, must be {allowed!r} as in the first estimates"
+                "frame", f"frame is {quote(frame)}, must be {allowed!r} as in the first estimates"
             )
         classes = found.class_probability.shape[1]
         if self._classes is None:

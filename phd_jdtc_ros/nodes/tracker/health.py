@@ -333,7 +333,7 @@ class StepHealth:
             return DiagnosticStatus.WARN, f"at its limit, busy for {busy:.0%} of the time: {advice}"
         if self.overdue and not self._targets_seen:
             # Once there were targets, it may well be that there are none now.
-            return DiagnosticStatus.WARN, doubts.nothing_reported(self.overdue)
+            return DiagnosticStatus.WARN, doubts.no_targets(self.overdue)
         return DiagnosticStatus.OK, "in time"
 
     def status(self, node: str, limit: float, lost: int, busy: float) -> DiagnosticStatus:

@@ -282,7 +282,7 @@ def _pose_name(config: TrackerConfig, carried: Sequence[int]) -> str:
 
 
 def _message_class(radar: RadarInput, reader: Reader) -> Any:
-    message_class = reader.installed()
+    message_class = reader.message_class()
     if message_class is None:
         package = reader.type_name.split("/")[0]
         raise ConfigError(

@@ -269,7 +269,7 @@ class LiveTracker:
         self._pace.stepped(stamp_ns, now_s, step_ms, step.targets, step.figures)
         if event.overdue:
             self._pace.overdue = event.overdue
-            self._node.get_logger().warning(doubts.nothing_reported(event.overdue))
+            self._node.get_logger().warning(doubts.no_targets(event.overdue))
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
         self._outputs.publish(STEP, stamp_ns, Done(stamp_ns, step, step_ms, self._pipeline.engine))

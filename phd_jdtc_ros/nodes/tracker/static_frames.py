@@ -22,7 +22,7 @@ class StaticFrames:
 
     def _publish(self, settings: Settings) -> Any:
         """Return the publisher; None if the type of the transforms is not installed."""
-        kind = frames.installed()
+        kind = frames.message_class()
         if kind is None:
             self._node.get_logger().info(
                 "tf2_msgs is not installed: the radars' frames are not published on "

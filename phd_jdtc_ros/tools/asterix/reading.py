@@ -145,7 +145,7 @@ def convert(
     clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
     done = Converted(bridge.stream(clock))
     try:
-        with framing.opened(path) as data:
+        with framing.open_recording(path) as data:
             if not len(data):
                 raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
             framing.kind_of(data)

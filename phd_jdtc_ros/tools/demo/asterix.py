@@ -88,7 +88,7 @@ class TrackFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self._socket = udp.opened(Address(LOOPBACK, 0), "")
+        self._socket = udp.receiving_socket(Address(LOOPBACK, 0), "")
         self.address = Address(*self._socket.getsockname())
         self.outputs = 0
         self._file = path.open("wb")
@@ -143,7 +143,7 @@ def _free_port() -> int:
 def _loops(group: Address) -> bool:
     """Return whether what is sent to a group of the loopback interface arrives."""
     try:
-        with udp.opened(group, LOOPBACK) as heard, udp.sender(group, LOOPBACK) as sender:
+        with udp.receiving_socket(group, LOOPBACK) as heard, udp.sender(group, LOOPBACK) as sender:
             sender.send(b"?")
             return bool(select.select([heard], [], [], LOOK_S)[0])
     except OSError:

@@ -116,7 +116,7 @@ def test_capture_of_linux_cooked_and_raw_packets(blocks):
 
 @pytest.mark.parametrize("data", [b"", b"\x30", b"hello, world", bytes(100), b"\x30\x00\x02"])
 def test_other_files_are_refused(data):
-    with pytest.raises(RecordingError, match="is no recording of ASTERIX"):
+    with pytest.raises(RecordingError, match="is not a recording of ASTERIX"):
         read(data)
 
 

@@ -219,7 +219,7 @@ def test_empty_recording_fails(bridge):
 def test_what_is_no_recording_is_refused(bridge):
     status, out, said = bridge(b"not a recording")
     assert status == 2
-    assert "recording.ast: is no recording of ASTERIX" in said.err
+    assert "recording.ast: is not a recording of ASTERIX" in said.err
     assert not out.exists()
 
 
