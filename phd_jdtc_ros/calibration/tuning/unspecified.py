@@ -1,4 +1,4 @@
-"""A tracker for a recording that nothing else is known of: one class, born at detections."""
+"""Tracker parameters for a recording without a configuration: one class, born at detections."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ from collections.abc import Mapping
 from typing import Any
 
 from .findings import Findings
-from .proposal import ALARMS, rounded
+from .proposal import ALARMS, round_to_std
 
-# Share of the range's deviation by which a target leaves its course in a look at least.
+# Least displacement by acceleration in a look, as a share of the range's standard deviation.
 LEAST_OFF_COURSE = 0.1
-# How much stronger manoeuvres are at least, as densities.
+# Least ratio of the manoeuvres' density to that of constant velocity.
 LEAST_RATIO = 20.0
-# The band is wider than what the tracks have by so much on either side, dB.
+# The SNR band is wider than the tracks' levels by this much on either side, dB.
 BESIDE_DB = 5.0
-# Of the velocity of newborn targets, relative to the tracks' own.
+# Standard deviation of a newborn target's velocity relative to that of the tracks.
 SPEED_MARGIN = 1.5
 
 
 def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict[str, Any]:
-    """Return the parameters that are no radar's.
+    """Return the tracker's parameters outside the radars' sections.
 
     Parameters
     ----------
     found : mapping of radar to Findings
         At least one.
     timed : mapping of radar to bool
-        Whether its detections have times of their own.
+        Whether each detection of the radar has its own time.
     """
     first = min(found.values(), key=lambda each: each.timing.look_s)
     look_s = first.timing.look_s
@@ -42,13 +42,13 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
     hard = max(first.noise.densities[1], LEAST_RATIO * calm)
     given: dict[str, Any] = {
         "engine": "gaussian",
-        "interval_s": rounded(look_s, 1e-3 * look_s),
-        "lag_s": rounded(5.0 * look_s, 0.1 * look_s),
+        "interval_s": round_to_std(look_s, 1e-3 * look_s),
+        "lag_s": round_to_std(5.0 * look_s, 0.1 * look_s),
         "classes": ["target"],
         "motions": ["cv", "ct"],
         "births": [],
         "detection_births.rates": [0.2],
-        "detection_births.velocity_std": rounded(SPEED_MARGIN * first.speed_std, 0.1),
+        "detection_births.velocity_std": round_to_std(SPEED_MARGIN * first.speed_std, 0.1),
         "detection_births.turn_rate_std": 0.02,
         "detection_births.least_probability": 0.005,
         "spawn.rate": 0.0,
@@ -58,20 +58,20 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
         "target.mode_transition": [0.95, 0.05, 0.1, 0.9],
         "target.survival_probability": 0.99,
         "cv.model": "constant_velocity",
-        "cv.noise_density": rounded(calm, calm),
+        "cv.noise_density": round_to_std(calm, calm),
         "ct.model": "coordinated_turn",
-        "ct.noise_density": rounded(hard, hard),
+        "ct.noise_density": round_to_std(hard, hard),
         "ct.turn_noise_density": 1e-4,
     }
     if turning:
         given["estimates_period_s"] = given["interval_s"]
     if len(found) > 1 and whole:
-        given["reorder_s"] = rounded(max(whole), 1e-3 * max(whole))
+        given["reorder_s"] = round_to_std(max(whole), 1e-3 * max(whole))
     return given | _amplitudes(found)
 
 
 def _amplitudes(found: Mapping[str, Findings]) -> dict[str, Any]:
-    """Return the band of the targets' SNRs, if all radars' amplitudes are above a threshold."""
+    """Return the band of the targets' SNRs if every radar's amplitudes exceed a threshold."""
     known = [each.levels for each in found.values() if each.levels is not None]
     usable = [
         levels
