@@ -39,7 +39,7 @@ from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.simulation.looks import looks, slant
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
-from phd_jdtc_ros.simulation.turning_antenna import Report, answered_plots, plot_times
+from phd_jdtc_ros.simulation.turning_antenna import Report, plot_times, plots_with_replies
 from phd_jdtc_ros.study.peers.plot_kalman import follow
 from phd_jdtc_ros.study.runs import TAXIING
 from phd_jdtc_ros.study.turning import turn_ends
@@ -150,7 +150,7 @@ class Hour:
     @cached_property
     def plots(self) -> tuple[FloatArray, Detections]:
         """The times of all plots, seconds after scan 0, and the measurements."""
-        plots, found = answered_plots(self.scenario, 0, self.layout, self.seed)
+        plots, found = plots_with_replies(self.scenario, 0, self.layout, self.seed)
         return plot_times(self.scenario, 0, plots), found
 
     @cached_property
@@ -177,7 +177,7 @@ class Hour:
         """Return the targets at a time after scan 0, and their positions in the tracks' plane."""
         truth = truth_after(self.scenario, time_s)
         height = np.zeros(len(truth.track_id)) if truth.height is None else truth.height[:, 0]
-        plane = self.scenario.measured(0, truth.state, np.full(len(height), time_s))
+        plane = self.scenario.measure(0, truth.state, np.full(len(height), time_s))
         distance, azimuth = slant(self.layout, plane, height).T
         # The height of a target without a transponder is unknown to every tracker.
         told = [self.scenario.answers(number) for number in truth.track_id.tolist()]
