@@ -40,7 +40,7 @@ LIDAR: Mapping[str, Any] = {
     "lidar.azimuth_std_deg": 2.0,
     "lidar.min_range": 5.0,
     "lidar.max_range": 150.0,
-    # A vessel beyond about 80 m reflects too little in any sea state.
+    # A vessel beyond about 80 m reflects too little, whatever the water does.
     "lidar.detection_probability_over_range": [0.0, 0.7, 50.0, 0.6, 100.0, 0.2, 150.0, 0.05],
     "lidar.clutter_rate": 2.0,
     "lidar.clutter_max_range": 150.0,

@@ -135,11 +135,11 @@ def scores_of(
     found: dict[tuple[str, str], Sequence[PointSet]] = {}
     for name in ENGINES:
         config = resolve({**parameters, "engine": name})
-        found |= _of_sources(name, run_engine(new_engine(config), scans), truth)
+        found |= _of_sources(name, tracked(new_engine(config), scans), truth)
     if with_lidar is not None:
         config = resolve(with_lidar)
         both = scans_of(recording, config.values["radars"])
-        found |= _of_sources(WITH_LIDAR, run_engine(new_engine(config), both), truth)
+        found |= _of_sources(WITH_LIDAR, tracked(new_engine(config), both), truth)
     lag, model, interval_s = peer_problem(parameters)
     scenario = Scenario(scans[0].stamp_ns, interval_s, len(scans), (), polar_radars(model.radars))
     run = SimulatedRun(scenario, 0, tuple(truth), tuple(scans), ())
@@ -168,7 +168,7 @@ def peer_problem(parameters: Mapping[str, Any]) -> tuple[int, TrackerModel, floa
     return config.lag.scans, model, model.modes.interval_s
 
 
-def run_engine(engine: Engine, scans: Sequence[Scan]) -> dict[str, list[Estimates]]:
+def tracked(engine: Engine, scans: Sequence[Scan]) -> dict[str, list[Estimates]]:
     """Return the estimates of scans by source."""
     filtered: list[Estimates] = []
     smoothed: list[Estimates] = []

@@ -73,7 +73,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
     clouds = f"{found.looks:.0f} {'turns' if when.rotation_s else 'clouds'}"
     entries = []
     if when.rotation_s:
-        turns = round_to_std(when.rotation_s, when.rotation_std_s)
+        turns = rounded(when.rotation_s, when.rotation_std_s)
         entries.append(Row("rotation_s", turns, when.rotation_std_s, clouds, now("rotation_s")))
         if not when.timed or now("sectors"):
             entries.append(Row("sectors", when.sectors, math.nan, clouds, now("sectors")))
@@ -88,7 +88,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
         ("range_std", "azimuth_std_deg"), (noise.range_std, azimuth_deg), noise.log_std, strict=True
     ):
         std = value * float(log_std)
-        entries.append(Row(name, round_to_std(value, std), std, tracks, now(name)))
+        entries.append(Row(name, rounded(value, std), std, tracks, now(name)))
     by_band = found.levels is not None and values.get("amplitude", "none") != "none"
     entries.append(_detection(found, now, by_band))
     farthest = _up(found.field.max_range)
@@ -103,7 +103,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
     entries.append(
         Row(
             "clutter_rate",
-            round_to_std(rate.value, rate.std),
+            rounded(rate.value, rate.std),
             rate.std,
             free,
             given,
@@ -111,7 +111,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
         )
     )
     reach = farthest if limit is None or far else limit
-    clutter_range = min(round_to_std(found.field.clutter_range, 0.01 * farthest), reach)
+    clutter_range = min(rounded(found.field.clutter_range, 0.01 * farthest), reach)
     entries.append(
         Row("clutter_max_range", clutter_range, math.nan, free, now("clutter_max_range"))
     )
@@ -126,13 +126,13 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
 def interval_s(found: Mapping[str, Findings]) -> float:
     """Return the nominal interval: the shortest time between two looks of a radar, seconds."""
     shortest = min(each.timing.look_s for each in found.values())
-    return round_to_std(shortest, 1e-3 * shortest)
+    return rounded(shortest, 1e-3 * shortest)
 
 
 def _detection(found: Findings, now: Any, by_band: bool) -> Row:
     """Return the detection probability; SNR bands or a configured table that agrees are kept."""
     rate = found.detection
-    value = min(round_to_std(rate.value, 0.01), MOST_PROBABILITY)
+    value = min(rounded(rate.value, 0.01), MOST_PROBABILITY)
     source = f"{rate.count} chances"
     table = now("detection_probability_over_range") or []
     given = now("detection_probability")
@@ -158,7 +158,7 @@ def _amplitudes(found: Findings, now: Any) -> list[Row]:
     entries = [
         Row(
             "false_alarm_probability",
-            round_to_std(alarm, 0.1 * alarm) if alarm > 0.0 else 0.0,
+            rounded(alarm, 0.1 * alarm) if alarm > 0.0 else 0.0,
             math.nan,
             f"{levels.clutter + levels.targets} amplitudes",
             now("false_alarm_probability"),
@@ -183,12 +183,12 @@ def _amplitudes(found: Findings, now: Any) -> list[Row]:
 
 def _motion(found: Findings) -> list[Row]:
     """Return the targets' speeds and accelerations, which the motion models must cover."""
-    calm, hard = (round_to_std(density, 0.1 * density) for density in found.noise.densities)
+    calm, hard = (rounded(density, 0.1 * density) for density in found.noise.densities)
     source = f"{found.noise.plots} plots, {found.tracks} tracks"
     return [
         Row(
             "speeds, m/s",
-            round_to_std(found.speed_std * math.sqrt(2.0), 0.1),
+            rounded(found.speed_std * math.sqrt(2.0), 0.1),
             math.nan,
             source,
             None,
@@ -207,7 +207,7 @@ def _fov(arc: tuple[float, float], now: Any) -> list[float]:
     return [begin, round(begin + width, 1)]
 
 
-def round_to_std(value: float, std: float) -> float:
+def rounded(value: float, std: float) -> float:
     """Return a value rounded to a twentieth of its standard deviation, and to five digits."""
     if not (math.isfinite(value) and value):
         return 0.0

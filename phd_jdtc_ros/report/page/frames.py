@@ -44,8 +44,8 @@ class Frames:
         within: IntArray = np.minimum(found, max(len(self) - 1, 0)).astype(np.int64)
         return within
 
-    def initial(self, record: Record) -> int:
-        """Return the last of the frames with the most targets: true ones if known, or estimates."""
+    def first_shown(self, record: Record) -> int:
+        """Return the last of the frames with the most targets, counting true ones if known."""
         counted = record.truth or max((record.of_source(s) for s in SOURCES), key=len)
         most = np.zeros(len(self), dtype=np.int64)
         np.maximum.at(

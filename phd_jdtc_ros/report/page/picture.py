@@ -66,7 +66,7 @@ def picture_of(record: Record) -> Picture | None:
     height = known_heights(record)
     aircraft = _aircraft(record, height)
     header: dict[str, Any] = {
-        "first": frames.initial(record),
+        "first": frames.first_shown(record),
         "corner": corner.tolist(),
         "extent": (far - corner).tolist(),
         "quantum": float(quantum),

@@ -286,7 +286,7 @@ def _start_label(axes: Axes, track: Track, number: str, life: str) -> Annotation
 
 
 def _make_room(axes: Axes, labels: Sequence[Annotation]) -> None:
-    """Widen a map until its labels, whose size does not scale, are inside."""
+    """Widen a map until its labels are inside, which have the same size in any scale."""
     figure = axes.figure
     for label in labels:
         label.set_in_layout(False)

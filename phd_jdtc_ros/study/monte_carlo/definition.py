@@ -23,7 +23,7 @@ REDUCTION = "reduction"
 FIGURES = (*METRICS, REDUCTION)
 # Wildcard for the name of a class in a parameter's name.
 EVERY_CLASS = "*"
-# Parameters that the study sets and a document may not.
+# Parameters that the study sets itself.
 OWN = ("lag", "lag_s", "seed", "death_term", "extraction")
 
 

@@ -24,7 +24,7 @@ def raised_threshold(run: SimulatedRun, threshold: float) -> SimulatedRun:
     Raises
     ------
     ValueError
-        If the threshold is lower than a radar's.
+        If it is lower.
     """
     lowest = max(radar.threshold for radar in run.scenario.radars)
     if threshold < lowest:
