@@ -30,7 +30,7 @@ Goal: TypeAlias = "dict[str, Any]"
 
 
 class StudyError(Exception):
-    """A study cannot be completed; the message says why."""
+    """A study cannot be completed; the message has the reason."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Study:
     has_parameters : bool
         Whether the command takes parameters of the tracker.
     joins_summary : bool
-        Whether its goals are added to those of the Monte Carlo study.
+        Whether its goals are added to the Monte Carlo study's.
     add_arguments : callable
         Adds the study's own arguments.
     """

@@ -57,7 +57,7 @@ def _of_bag(given: str, seconds: float) -> list[list[str]]:
     recorded = bag_parameters.read(source)
     if recorded is None or names.TRUTH not in bag.types:
         lacking = names.TRUTH if recorded else bag_parameters.path_of(source).name
-        raise BagError(f"{source}: has no {lacking}, which the truth is in")
+        raise BagError(f"{source}: {lacking} is missing, a simulated bag is needed")
     config = tracker_params.config(recorded)
     plots = recorded_plots.read(bag, config, seconds)
     found = recorded_plots.findings_of(source, plots)

@@ -133,7 +133,7 @@ def smooth(filtered: Sequence[Filtered]) -> Gaussian:
     smoothed = filtered[-1].updated
     for step in filtered[:0:-1]:
         if step.back is None:
-            raise ValueError("filtered: a scan after the first leads back to none")
+            raise ValueError("filtered: a scan after the first has no backward step")
         smoothed = Gaussian(*step.back.earlier(smoothed.mean, smoothed.covariance))
     return smoothed
 

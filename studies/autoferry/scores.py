@@ -43,7 +43,7 @@ from ..runner import Goal, goal
 from .recording import Recording
 
 CUTOFF, ORDER = 50.0, 2.0
-# Goals: ratio of the mean GOSPA over all scenarios to that of the better peer.
+# Goals: ratio of the mean GOSPA over all scenarios to the better peer's.
 GOALS = {FILTERED: 0.85, SMOOTHED: 0.7}
 PEERS = ("GNN", "JPDA")
 WITH_LIDAR = "with lidar"

@@ -24,7 +24,7 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     if arguments.directory is not None:
         recordings = bags.select_recordings(arguments)
     elif arguments.scenario:
-        raise BagError("directory: must be that of the dataset's CSV")
+        raise BagError("directory: must be the directory of the dataset's CSV files")
     else:
         recordings = [bags.of_bag(resources.bag(bags.SHIPPED))]
     found = []

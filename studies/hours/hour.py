@@ -334,6 +334,6 @@ class _Sums:
 
 
 def _without(own: PointSet, position: FloatArray, unscored: BoolArray) -> PointSet:
-    """Return the tracks without those of unscored targets."""
+    """Return the tracks of scored targets and the false tracks."""
     target, track = assign(position, own.position, TAXIING.near)
     return own.only(np.delete(np.arange(len(own)), track[unscored[target]]))

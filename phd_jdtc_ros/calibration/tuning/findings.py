@@ -33,7 +33,7 @@ WILDER = 20.0
 
 
 class TuningError(ValueError):
-    """A recording with too few data for an estimate; the message names what is missing."""
+    """A recording with too few data for an estimate; the message names the missing data."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def findings(plots: Plots) -> Findings:
     _require_some(plots)
     when = timing(plots)
     if when.cloud_interval_s <= 0.0:
-        raise TuningError("all clouds have one stamp, must have stamps that rise")
+        raise TuningError("all clouds have the same stamp, must have rising stamps")
     guess, tracks = first_guess(plots, when)
     _require_tracks(plots, when, tracks)
     guess, tracks, noise = _iterate(plots, when, guess, tracks)

@@ -10,7 +10,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 
-# At its own position a radar measures no azimuth; divisions by the range are bounded at this one.
+# Lower bound of the range in divisions: the azimuth is undefined at the radar's own position.
 LEAST_RANGE = 1.0
 
 

@@ -17,7 +17,7 @@ from .tracks import Tracks
 LOWEST_DB, CELL_DB, PRIOR = -40.0, 3.0, 1.0
 # Bound of an amplitude's absolute log likelihood ratio.
 MOST = 4.0
-# With fewer plots of targets or of clutter, amplitudes are not used.
+# Fewest plots of targets, and of clutter, for which amplitudes are used.
 LEAST = 30
 
 

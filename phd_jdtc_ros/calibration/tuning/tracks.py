@@ -29,9 +29,10 @@ LOG_NEW = -np.log(50.0)
 LEAST_HITS, LEAST_SCORE = 5, 8.0
 # Prior probability of a manoeuvre at a plot.
 MANOEUVRES = 0.1
-# From this many plots on, a track's plots do not start other tracks.
+# Number of plots from which on a track's plots do not start other tracks.
 SETTLED = 3
-# A track ends after so many misses that they are less probable than `IMPROBABLE`, within bounds.
+# A track ends when its misses are less probable than `IMPROBABLE`, within these bounds on their
+# number.
 IMPROBABLE, LEAST_MISSES, MOST_MISSES = 0.005, 3, 6
 # Tentative tracks end with more than this many consecutive misses.
 TENTATIVE_MISSES = 1

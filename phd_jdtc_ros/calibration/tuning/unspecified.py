@@ -11,11 +11,11 @@ from .proposal import ALARMS, rounded
 
 # Least displacement by acceleration in a look, as a share of the range's standard deviation.
 LEAST_OFF_COURSE = 0.1
-# Least ratio of the manoeuvres' density to that of constant velocity.
+# Least ratio of the manoeuvres' density to the density at constant velocity.
 LEAST_RATIO = 20.0
 # The SNR band is wider than the tracks' levels by this much on either side, dB.
 BESIDE_DB = 5.0
-# Standard deviation of a newborn target's velocity relative to that of the tracks.
+# Ratio of the standard deviation of a newborn target's velocity to the tracks'.
 SPEED_MARGIN = 1.5
 
 

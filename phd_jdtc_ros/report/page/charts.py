@@ -27,7 +27,7 @@ def of_record(record: Record, evaluation: Evaluation) -> list[Chart]:
 def missing(record: Record, evaluation: Evaluation) -> list[str]:
     """Return a sentence for each kind of data missing from the bag, with the consequence."""
     absent = [source for source in SOURCES if not record.of_source(source)]
-    notes = [] if record.damage is None else [f"Only what is intact is shown. {record.damage}."]
+    notes = [] if record.damage is None else [f"Only the intact part is shown. {record.damage}."]
     if len(absent) == len(SOURCES):
         notes.append(
             "There are no estimates in this bag, so only detections are shown. Run track_bag on "

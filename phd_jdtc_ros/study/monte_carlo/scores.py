@@ -70,7 +70,7 @@ def score(
     """
     lags = tuple(lag for lag in variant.lags if lag in tracks)
     if not lags:
-        raise ValueError(f"lags: {variant.lags} wanted, the tracker has {sorted(tracks)}")
+        raise ValueError(f"lags: {variant.lags} requested, the tracker has {sorted(tracks)}")
     scans = len(run.truth)
     estimated = 0 if variant.kind in PEERS else classes  # peers do not estimate classes
     sets = set_names(estimated)

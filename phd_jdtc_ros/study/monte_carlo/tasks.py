@@ -183,7 +183,7 @@ def perform(task: Task) -> Outcome:
     """Run a task; the outcome records an exception."""
     try:
         if code_of(task.kind) != task.code:
-            raise RuntimeError("the worker has other code than the study; start the study again")
+            raise RuntimeError("the worker's code differs from the study's; start the study again")
         if task.scenario.turning:
             run = turning_run(task.scenario, task.seed, task.ignored)
         else:

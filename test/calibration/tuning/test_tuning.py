@@ -297,7 +297,7 @@ def test_recordings_that_say_too_little_say_what_is_missing():
     with pytest.raises(TuningError, match=r"0 targets with 0 detections are distinct from clutter"):
         findings(only)
     frozen = plots_of([(10**9, report) for report in [Detections(np.ones((5, 2)), None)] * 20])
-    with pytest.raises(TuningError, match="all clouds have one stamp"):
+    with pytest.raises(TuningError, match="all clouds have the same stamp"):
         findings(frozen)
 
 
