@@ -1,6 +1,6 @@
 """Studies of single questions, each on one runner: ``python -m studies NAME``.
 
-Not part of the installed package, whose `monte_carlo` is the study of reference::
+They are not part of the installed package, whose `monte_carlo` is the reference study::
 
     command     NAME -> a study; `all` and `rest` are what ``make study`` runs
       |
@@ -9,9 +9,9 @@ Not part of the installed package, whose `monte_carlo` is the study of reference
     madap           the figures of a published benchmark of multi-radar trackers
     registration    known errors of radars, found in plots
     handover        two trackers that divide an area, against one
-    hours           simulated recordings of an hour, tracked with nothing set
-    autoferry       recordings of a public dataset, and other trackers on them
-    tuning_truth    what `tune` proposes, beside what was simulated
+    hours           simulated recordings of an hour, tracked without a configuration
+    autoferry       recordings of a public dataset, with this package and other trackers
+    tuning_truth    proposals of `tune` beside the simulated values
 
-A study gives the figures of a seed, and makes goals and tables of figures.
+A study computes the figures of a seed, and derives goals and tables from figures.
 """

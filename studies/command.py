@@ -23,7 +23,7 @@ from phd_jdtc_ros.tools import monte_carlo
 from . import runner
 from .autoferry import bags
 
-# Module and name of each study. One is imported when it is run: some need Stone Soup.
+# Module and name of each study. Studies are imported on demand, because some need Stone Soup.
 STUDIES = {
     "madap": "madap.STUDY",
     "registration": "registration.STUDY",
@@ -33,7 +33,7 @@ STUDIES = {
     "autoferry": "autoferry.study.STUDY",
     "tuning_truth": "tuning_truth.STUDY",
 }
-# What runs beside the Monte Carlo study, one after the other, in a process of its own.
+# Studies that run one after the other in a second process, in parallel to the Monte Carlo study.
 REST = ("madap", "registration", "handover", "hours")
 RUNS = 50
 

@@ -1,7 +1,7 @@
-"""What is lost at the seam of two neighbouring trackers, against one tracker for the whole area.
+"""Accuracy at the border of two neighbouring trackers, against one tracker for the whole area.
 
-All trackers get the same plots of two radars. The area is parted by a line from south to north, and
-aircraft cross it in both directions, straight or turning, or fly along it.
+All trackers get the same plots of two radars. A line from south to north divides the area; aircraft
+cross it in both directions, straight or turning, or fly along it.
 """
 
 from __future__ import annotations
@@ -32,25 +32,26 @@ from phd_jdtc_ros.study.turning import estimates_of
 
 from .runner import Figures, Study, table
 
-# Its parameters: two radars that turn, and their tracker.
+# Supplies the parameters of two turning radars and of their tracker.
 SCENARIO = Path("config/scenarios/two_terminal_radars.yaml")
-# Where the area is parted, metres east, and how far it reaches.
+# Position of the dividing line, metres east, and extent of the area, metres.
 SEAM, FAR = 12.5e3, 150e3
-# The overlap on each side, metres: what is proposed, and one in which an aircraft is for two turns.
+# Overlap on each side of the line, metres: the proposed one, and one crossed in two turns.
 MARGIN, NARROW = 10e3, 2e3
-# A target changes over this far beyond the seam, in margins.
+# A target is handed over this far beyond the line, as a share of the overlap.
 HYSTERESIS = 0.2
-# Scored within this distance of the seam, metres.
+# Only targets and estimates within this distance of the line are scored, metres.
 NEAR = 10e3
-# Of GOSPA and OSPA, metres, and their order; an estimate farther from a target is not its.
+# Cut-off, metres, and order of GOSPA and OSPA; the cut-off is also the gate of the assignment.
 CUTOFF, ORDER = 1000.0, 2.0
-# Tracks are being started, seconds.
+# Estimates are scored from this time on, when tracks are established, seconds.
 SETTLING_S = 40.0
 DURATION_S, INTERVAL_S, START_NS = 180.0, 4.0, 1000 * 10**9
 CROSSING, ALONG = 24, 4
-# Of the aircraft: m/s, rad from the way across, north and south of the field's middle in metres.
+# Aircraft: speeds in m/s, largest angle to the normal of the line in rad, and largest distance of
+# the crossing from the middle of the line in metres.
 SPEED, SLANT, SPREAD = (140.0, 250.0), 0.7, 60e3
-# Every third one turns at the seam: rad/s and s.
+# Every third aircraft turns at the line: turn rate in rad/s and duration in s.
 TURN_RATE, TURN_S = np.radians(1.5), 40.0
 
 ONE, CORE, JOINT = "one tracker", "two, by core region", "two, handed over"
@@ -59,17 +60,17 @@ JOINT_NARROW = f"two, overlap of {NARROW / 1e3:g} km"
 
 @dataclass(frozen=True)
 class Scores:
-    """What is near the seam.
+    """The scores near the dividing line.
 
     Parameters
     ----------
     gospa, ospa : float
-        Means over the stamps, metres.
+        Mean distances over the stamps, metres.
     switches : int
-        Identity switches of the targets that are near the seam.
+        Identity switches of targets near the line.
     missing, duplicated : float
-        For each target that comes near the seam: stamps at which it has no estimate there, and
-        estimates there of no target, or of one that has another.
+        Per target that comes near the line: the number of stamps without an estimate of it, and
+        the number of false or duplicate estimates.
     """
 
     gospa: float
@@ -80,7 +81,7 @@ class Scores:
 
 
 def regions(margin: float) -> tuple[Region, Region]:
-    """Return the regions of both trackers, west and east."""
+    """Return the western and the eastern tracker's region."""
     return (
         Region(SEAM - FAR, -FAR, SEAM, FAR, margin),
         Region(SEAM, -FAR, SEAM + FAR, FAR, margin),
@@ -88,7 +89,7 @@ def regions(margin: float) -> tuple[Region, Region]:
 
 
 def scene(config: TrackerConfig, seed: int) -> Scenario:
-    """Return the traffic, seen by the radars of a configuration; it is drawn with the seed."""
+    """Return a scenario of random traffic with the radars of a configuration."""
     rng = np.random.default_rng([seed, 0])
     flights = [_crossing(number, rng) for number in range(CROSSING)]
     flights += [_along(number, rng) for number in range(ALONG)]
@@ -102,7 +103,7 @@ def scene(config: TrackerConfig, seed: int) -> Scenario:
 
 
 def _crossing(number: int, rng: np.random.Generator) -> Flight:
-    """Return an aircraft that crosses the seam during the run."""
+    """Return an aircraft that crosses the line during the run."""
     speed, slant = rng.uniform(*SPEED), rng.uniform(-SLANT, SLANT)
     east = 1.0 if number % 2 else -1.0
     velocity = speed * np.array([east * np.cos(slant), np.sin(slant)])
@@ -111,14 +112,14 @@ def _crossing(number: int, rng: np.random.Generator) -> Flight:
     legs: tuple[Leg, ...] = (Leg(DURATION_S),)
     if number % 3 == 0:
         before_s = at_s - 0.5 * TURN_S
-        # So that it still crosses: back towards the way straight across.
+        # The turn is towards the normal of the line, so that the aircraft still crosses it.
         rate = -np.sign(slant) * east * TURN_RATE
         legs = (Leg(before_s), Leg(TURN_S, float(rate)), Leg(DURATION_S - before_s - TURN_S))
     return _flight(start, velocity, legs)
 
 
 def _along(number: int, rng: np.random.Generator) -> Flight:
-    """Return an aircraft that flies along the seam, within a kilometre of it."""
+    """Return an aircraft that flies along the line, within a kilometre of it."""
     speed = rng.uniform(*SPEED)
     velocity = speed * np.array([0.0, 1.0 if number % 2 else -1.0])
     middle = np.array([SEAM + rng.uniform(-1e3, 1e3), rng.uniform(-2e4, 2e4)])
@@ -131,14 +132,14 @@ def _flight(start: Any, velocity: Any, legs: tuple[Leg, ...]) -> Flight:
 
 
 def run(parameters: Mapping[str, Any], seed: int) -> tuple[dict[str, Scores], dict[str, float]]:
-    """Return the scores of a seeded run by way of tracking, and the trackers' CPU seconds.
+    """Return the scores of a seeded run by arrangement of trackers, and their CPU seconds.
 
     Parameters
     ----------
     parameters : mapping
-        Of a tracker of two radars, whose detections have no amplitudes.
+        Parameters of a tracker of two radars, whose detections have no amplitudes.
     seed : int
-        Of the traffic and the plots.
+        Seed of the traffic and the plots.
     """
     # Only filtered estimates are scored.
     given = {**parameters, "seed": seed, "lag": 0}
@@ -159,7 +160,7 @@ def run(parameters: Mapping[str, Any], seed: int) -> tuple[dict[str, Scores], di
             ways[CORE] = [_by_core(pair) for pair in pairs]
         name = JOINT if margin == MARGIN else JOINT_NARROW
         ways[name] = [joint.add(dict(enumerate(pair))) for pair in pairs]
-    return {name: scored(scenario, own) for name, own in ways.items()}, spent
+    return {name: score(scenario, own) for name, own in ways.items()}, spent
 
 
 def _of_region(given: Mapping[str, Any], region: Region) -> TrackerConfig:
@@ -176,8 +177,8 @@ def _by_core(found: Sequence[Estimates]) -> Estimates:
     return Estimates.concatenate(own, found[0].lag)[0]
 
 
-def scored(scenario: Scenario, found: Sequence[Estimates]) -> Scores:
-    """Return the scores near the seam, from the end of the settling on."""
+def score(scenario: Scenario, found: Sequence[Estimates]) -> Scores:
+    """Return the scores near the line, from `SETTLING_S` on."""
     settled_ns = scenario.start_ns + round(SETTLING_S * 1e9)
     ways = [each for each in found if each.stamp_ns >= settled_ns]
     switches, counter = 0, IdentitySwitches(CUTOFF)
@@ -191,7 +192,7 @@ def scored(scenario: Scenario, found: Sequence[Estimates]) -> Scores:
         distances.append(
             (gospa(true, seen, CUTOFF, ORDER).distance, ospa(true, seen, CUTOFF, ORDER).distance)
         )
-        # Beyond the strip too: there an estimate may be that of a target in it.
+        # Estimates beyond the scored strip take part, because they may belong to a target in it.
         targets, used = assign(truth.position, estimates.position, CUTOFF)
         missing += int(near.sum() - near[targets].sum())
         duplicated += int(own.sum() - own[used].sum())
@@ -209,7 +210,7 @@ def _near(position: Any) -> Any:
 
 
 def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
-    """Return the scores by way of tracking, and the CPU time of each tracker."""
+    """Return the scores by arrangement of trackers, and the CPU time of each tracker."""
     parameters = from_arguments.scenario_parameters(yaml_files.load(resources.find(SCENARIO)))
     parameters |= {"engine": "gaussian", "accuracy": "fast"}
     parameters |= from_arguments.from_arguments(arguments.params_file, arguments.assignments)
@@ -243,7 +244,7 @@ STUDY = Study(
     purpose="What is lost where two trackers divide an area, against one tracker for all of it.",
     measure=_measure,
     tables=_tables,
-    # Not the seeds with which the parts of the hand-over were set.
+    # The parameters of the hand-over were chosen on other seeds.
     seed=11,
     runs=2,
     has_parameters=True,

@@ -35,9 +35,9 @@ from .runner import Figures, Goal, Study, goal, table
 SCENARIO = Path("config/scenarios/madap.yaml")
 PEER = "plot Kalman"
 
-# A track further from its flight than this is not its, NM.
+# Gate of the assignment of tracks to flights, NM.
 CUTOFF_NM = 5.0
-# Tracks are being started, seconds.
+# Tracks are scored from this time on, when they are established, seconds.
 SETTLING_S = 60.0
 
 
@@ -49,13 +49,13 @@ class Errors(NamedTuple):
     position : array of shape (N,)
         Distance between track and flight, NM.
     speed : array of shape (N,)
-        Estimated less true ground speed, kt.
+        Estimated minus true ground speed, kt.
     heading : array of shape (N,)
-        Estimated less true heading, clockwise, degrees.
+        Estimated minus true heading, clockwise, degrees.
     turning : bool array of shape (N,)
         Whether the flight is in a turn.
     expected : int
-        Number of updates if no flight were ever without a track.
+        Number of updates if every flight always had a track.
     """
 
     position: FloatArray
@@ -154,9 +154,8 @@ def errors_of(truth: Sequence[Truth], found: Sequence[PointSet]) -> Errors:
 
     Notes
     -----
-    Assumptions: a flight's track is the one that is nearest to it, by assignment, and within
-    `CUTOFF_NM`; the first `SETTLING_S` are left out; a flight is in a turn where its true turn rate
-    is not zero, and nowhere else.
+    Assumptions: tracks are assigned to flights by distance, within `CUTOFF_NM`; the first
+    `SETTLING_S` are left out; a flight is in a turn exactly where its true turn rate is not zero.
     """
     rows: list[FloatArray] = [np.zeros((0, 4))]
     expected = 0
@@ -184,9 +183,9 @@ def figures_of(errors: Errors) -> dict[str, float | None]:
 
     Notes
     -----
-    Assumptions: mean and deviation of the position error are those of the distance; those of speed
-    and heading are of signed errors, over straights and turns. The published mean heading error is
-    negative: it is that of a track that lags in turns to the right.
+    Assumptions: the position error is the distance, the errors of speed and heading are signed; all
+    means and standard deviations are over straight legs and turns together. The published mean
+    heading error is negative, as of a track that lags in turns to the right.
     """
     with np.errstate(invalid="ignore"):
         return {
@@ -196,7 +195,7 @@ def figures_of(errors: Errors) -> dict[str, float | None]:
 
 
 def goals_of(found: Mapping[str, Mapping[str, float | None]]) -> list[Goal]:
-    """Return the goals of trackers' figures, by tracker and figure."""
+    """Return the goals, by tracker and figure."""
     return [
         goal(
             f"{figure.name}, {tracker}",
@@ -253,7 +252,7 @@ STUDY = Study(
     measure=_measure,
     tables=_tables,
     goals=lambda found: goals_of({source: found["figures"][source] for source in SOURCES}),
-    # Tracks are not scored before the second minute.
+    # Tracks are scored from the second minute on.
     least_minutes=2.0,
     has_parameters=True,
 )

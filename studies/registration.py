@@ -1,8 +1,8 @@
-"""The study of registration: what is found of known errors, and what the tracker gains by it.
+"""The study of registration: accuracy of the estimated biases, and their effect on the tracker.
 
-The tracker is run on radars without errors, on those with errors, and on these with what was found
-removed; the noise is the same in all three. Its error is that of the estimates nearest to the
-targets, by assignment, within `CUTOFF`, at the end of each turn of the first radar.
+The tracker is run on unbiased radars, on biased ones, and on biased ones with the estimated biases
+removed; the noise is the same in all three. Its error is the distance of targets to their estimates
+by assignment, within `CUTOFF`, at the end of each turn of the first radar.
 """
 
 from __future__ import annotations
@@ -38,26 +38,26 @@ from phd_jdtc_ros.study import turning
 from .runner import Figures, Goal, Study, StudyError, goal, table
 
 SCENARIO = Path("config/scenarios/three_biased_radars.yaml")
-# The tracker needs much more time than the registration: it runs on the first seconds only.
+# The tracker runs on the first seconds only, because it takes much longer than the registration.
 TRACKED_S = 150.0
-# An estimate farther from its target than this is not its, metres.
+# Gate of the assignment of estimates to targets, metres.
 CUTOFF = 1000.0
-# Tracks are being started, seconds.
+# Estimates are scored from this time on, when tracks are established, seconds.
 SETTLING_S = 60.0
-# What is printed and judged of each kind of error: name, unit, scale, and the goal.
+# The biases in the table: name, unit, scale and goal.
 ERRORS = (
     ("range bias", "m", 1.0, 8.0),
     ("range gain", "m/km", 1e3, None),
     ("azimuth, clockwise", "deg", -float(np.degrees(1.0)), 0.02),
     ("time offset", "s", 1.0, 0.05),
 )
-# Of the root mean square error to that with radars without errors.
+# Goal: ratio of the root mean square error after registration to that with unbiased radars.
 MOST_RATIO = 1.05
 UNBIASED, BIASED, CORRECTED = RUNS = "no errors", "with errors", "registered"
 
 
 class Row(NamedTuple):
-    """An error of a radar: true, found, and its deviation; None where it is not observable."""
+    """A bias of a radar: true value, estimate, standard deviation; None if not observable."""
 
     radar: str
     error: str
@@ -68,12 +68,12 @@ class Row(NamedTuple):
 
 
 def registration_of(scenario: Scenario, config: TrackerConfig, seed: int) -> Registration:
-    """Return what the plots of a seeded run say of the radars' errors.
+    """Return the registration of the radars from the plots of a seeded run.
 
     Raises
     ------
     RegistrationError
-        If they say nothing.
+        If no bias is observable.
     """
     reports = simulate_reports(scenario, config.inputs, seed)
     sensors = []
@@ -84,7 +84,7 @@ def registration_of(scenario: Scenario, config: TrackerConfig, seed: int) -> Reg
 
 
 def rows_of(scenario: Scenario, found: Registration) -> list[Row]:
-    """Return every error of every radar, true and found."""
+    """Return every bias of every radar, true and estimated."""
     rows = []
     for index, each in enumerate(found.radars):
         true = scenario.bias(index)
@@ -131,7 +131,7 @@ def _rms(scenario: Scenario, config: TrackerConfig, seed: int) -> dict[str, floa
 
 
 def goals_of(rows: Sequence[Row], errors: Mapping[str, Mapping[str, float]]) -> list[Goal]:
-    """Return the goals: the largest error of any radar, and what the tracker gains."""
+    """Return the goals: the largest error of a bias, and the tracker's error after registration."""
     goals = []
     for name, unit, _, bound in ERRORS:
         if bound is not None:
@@ -146,21 +146,22 @@ def goals_of(rows: Sequence[Row], errors: Mapping[str, Mapping[str, float]]) -> 
 def run(
     document: Mapping[str, Any], seed: int, seconds: float | None, tracked_s: float = TRACKED_S
 ) -> Figures:
-    """Return the errors of every radar and those of the tracker.
+    """Return the biases of every radar and the errors of the tracker.
 
     Parameters
     ----------
     document : mapping
         Content of a scenario file.
     seed : int
-        Of the plots and of the tracker.
+        Seed of the plots and of the tracker.
     seconds, tracked_s : float
-        First part of the scenario that is used, None for all of it, and that the tracker runs on.
+        Length of the part of the scenario for the registration, None for all of it, and of the part
+        for the tracker.
 
     Raises
     ------
     StudyError
-        If the errors are not observable in the plots.
+        If the biases are not observable in the plots.
     """
     parameters = from_arguments.scenario_parameters(document)
     config = resolve(parameters)
@@ -184,7 +185,7 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
 
 
 def tables(found: Figures) -> list[Table | str]:
-    """Return the tables of the radars' errors and of the tracker's."""
+    """Return the tables of the radars' biases and of the tracker's errors."""
     errors = []
     for row in (Row(**each) for each in found["errors"]):
         cells = ("reference", "") if row.std is None else (f"{row.found:.4f}", f"{row.std:.2g}")

@@ -1,4 +1,4 @@
-"""The runner of a study: seeds, goals, tables and files are the same in all studies."""
+"""The runner of all studies: seeds, goals, tables and files."""
 
 from __future__ import annotations
 
@@ -19,47 +19,47 @@ from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.tools import command
 
 OUT = Path("out/study")
-# The summary of the Monte Carlo study, which the goals of other studies join.
+# Name of the Monte Carlo study's summary, to which the goals of other studies are added.
 SUMMARY = "summary.json"
-# Least width of what is printed, so that no cell is cut.
+# Least width of the printed tables, so that no cell is cut.
 WIDTH = 116
 
-# What JSON can hold.
+# Values that JSON can represent.
 Figures: TypeAlias = "dict[str, Any]"
 Goal: TypeAlias = "dict[str, Any]"
 
 
 class StudyError(Exception):
-    """A study cannot be completed; the message says why."""
+    """A study cannot be completed; the message has the reason."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """One question and how it is answered.
+    """One question with its measurement, tables and goals.
 
     Parameters
     ----------
     name : str
     purpose : str
-        A sentence for its help.
+        One sentence for the command's help.
     measure : callable
-        Returns the figures of a seed.
+        Computes the figures of a seed.
     tables : callable
         Returns tables and lines that show figures.
     goals : callable
-        Returns the goals of the figures of one seed.
+        Returns the goals, given the figures of one seed.
     complete : callable
-        Whether the figures are all there; the exit status is a failure otherwise.
+        Returns whether all figures are available; the exit status is a failure otherwise.
     seed, runs : int
-        Default of the first seed, and of the number of seeds; no runs where nothing is drawn.
+        Default first seed and number of seeds; 0 runs if the study is not random.
     least_minutes : float or None
-        Shortest part of the scenario that has figures; None if it has no parts.
+        Shortest part of the scenario that has figures; None if it cannot be shortened.
     has_parameters : bool
-        Whether parameters of the tracker can be given.
+        Whether the command takes parameters of the tracker.
     joins_summary : bool
-        Whether its goals join those of the Monte Carlo study.
+        Whether its goals are added to the Monte Carlo study's.
     add_arguments : callable
-        Adds arguments of its own.
+        Adds the study's own arguments.
     """
 
     name: str
@@ -77,7 +77,7 @@ class Study:
 
 
 def goal(name: str, value: float | None, bound: float, at_most: bool = True) -> Goal:
-    """Return a goal as it is in a summary; one without a value is neither reached nor missed."""
+    """Return a goal in the form of a summary; without a value it is neither reached nor missed."""
     reached = None if value is None else bool(value <= bound if at_most else value >= bound)
     known = None if value is None else float(value)
     return {"name": name, "value": known, "goal": bound, "at_most": at_most, "reached": reached}
@@ -124,7 +124,7 @@ def _work(study: Study, arguments: argparse.Namespace) -> int:
         console.print(f"{study.name}: {error}", style="red", markup=False)
         return FAILED
     figures = mean(found)
-    goals = _judged([study.goals(each) for each in found])
+    goals = _mean_goals([study.goals(each) for each in found])
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / f"{study.name}.json"
     _write(path, {**({"seeds": list(seeds)} if study.runs else {}), **figures, "goals": goals})
@@ -137,7 +137,7 @@ def _work(study: Study, arguments: argparse.Namespace) -> int:
 
 
 def mean(found: Sequence[Any]) -> Any:
-    """Return the means of figures over seeds; what is no number is that of the first seed."""
+    """Return the means of figures over seeds; entries other than numbers are the first seed's."""
     first = found[0]
     if len(found) == 1:
         return first
@@ -150,8 +150,8 @@ def mean(found: Sequence[Any]) -> Any:
     return float(np.mean(found)) if isinstance(first, (int, float)) else first
 
 
-def _judged(found: Sequence[list[Goal]]) -> list[Goal]:
-    """Return the goals of the seeds' mean values, of those goals that all seeds have."""
+def _mean_goals(found: Sequence[list[Goal]]) -> list[Goal]:
+    """Return the goals that all seeds have, with the mean of their values."""
     if len(found) == 1:
         return found[0]
     by_name = [{each["name"]: each for each in goals} for goals in found]
@@ -161,7 +161,7 @@ def _judged(found: Sequence[list[Goal]]) -> list[Goal]:
 
 
 def join(out: Path, goals: Sequence[Goal]) -> None:
-    """Write goals among those of the summary in a directory, instead of those of their names."""
+    """Write goals into the summary in a directory, replacing goals of the same names."""
     path = out / SUMMARY
     summary: Figures = {"cases": {}, "goals": []}
     if path.exists():
@@ -176,7 +176,7 @@ def _write(path: Path, summary: Figures) -> None:
 
 
 def table(title: str, *headings: str, rows: Sequence[Sequence[str]]) -> Table:
-    """Return a table whose first column is on the left."""
+    """Return a table with its first column aligned left and the others right."""
     found = Table(title=title, title_justify="left")
     for index, heading in enumerate(headings):
         found.add_column(heading, justify="right" if index else "left", no_wrap=not index)

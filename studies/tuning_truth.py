@@ -1,4 +1,4 @@
-"""Proposals of `tune` beside what was simulated: the parameters beside a bag, and its truth."""
+"""Proposals of `tune` beside the simulated values: the parameters beside a bag, and its truth."""
 
 from __future__ import annotations
 
@@ -36,28 +36,28 @@ COLUMNS = (
     "detected",
     "clutter",
 )
-# A plot within so many deviations of a target is its.
+# Gate of the association of plots with targets, in standard deviations.
 GATE = 4.0
-# A turning radar passes a target once a turn: no second plot within this part of it counts.
+# The beam passes a target once a turn: no second plot within this share of a turn counts.
 AGAIN = 0.5
-# Stamps of the truth and of clouds that are the same, seconds.
+# Stamps of truth and clouds closer than this are the same, seconds.
 SAME_STAMP_S = 1e-3
 
 
 def _of_bag(given: str, seconds: float) -> list[list[str]]:
-    """Return the cells of a bag's radars.
+    """Return the table rows of a bag's radars.
 
     Raises
     ------
     BagError
-        If it has no truth, or no parameters beside it.
+        If the bag has no truth, or no parameters beside it.
     """
     source = resources.bag(given)
     bag = BagReader(source)
     recorded = bag_parameters.read(source)
     if recorded is None or names.TRUTH not in bag.types:
         lacking = names.TRUTH if recorded else bag_parameters.path_of(source).name
-        raise BagError(f"{source}: has no {lacking}, which the truth is in")
+        raise BagError(f"{source}: {lacking} is missing, a simulated bag is needed")
     config = tracker_params.config(recorded)
     plots = recorded_plots.read(bag, config, seconds)
     found = recorded_plots.findings_of(source, plots)
@@ -80,7 +80,7 @@ def _of_bag(given: str, seconds: float) -> list[list[str]]:
 
 
 def _cells(found: Findings, radar: RadarModel, share: float, interval: str) -> tuple[str, ...]:
-    """Return the cells of a radar: what was found, and what was simulated."""
+    """Return the cells of a radar's row: estimated and simulated values."""
     noise, turn_s = found.noise, found.timing.rotation_s
     return (
         f"{turn_s:.4g} / {radar.rotation_s:g}" if turn_s or radar.rotation_s else "none",
@@ -98,16 +98,16 @@ def share_detected(truth: Sequence[Truth], plots: Plots, radar: RadarModel) -> f
     Parameters
     ----------
     truth : sequence of Truth
-        In the order of time.
+        Ordered by time.
     plots : Plots
-        Of a radar that stands.
+        Plots of a stationary radar.
     radar : RadarModel
-        Where it is and its noise, as they were simulated.
+        The simulated position and noise.
 
     Returns
     -------
     float
-        NaN without targets.
+        The share; NaN without targets.
     """
     hits, chances = 0, 0.0
     for number in np.unique(np.concatenate([targets.track_id for targets in truth])):
@@ -118,7 +118,7 @@ def share_detected(truth: Sequence[Truth], plots: Plots, radar: RadarModel) -> f
         stamp_s = np.array([(each.stamp_ns - plots.zero_ns) * 1e-9 for each, _ in there])
         state = np.array([each.state[row] for each, row in there])
         inside = radar.visibility.sees(radar.measure(state)) > 0.0
-        time_s = _detected(stamp_s, state, plots, radar)
+        time_s = _detection_times(stamp_s, state, plots, radar)
         if radar.rotation_s:
             again = np.diff(time_s) < AGAIN * radar.rotation_s
             hits += len(time_s) - int(np.count_nonzero(again))
@@ -131,7 +131,7 @@ def share_detected(truth: Sequence[Truth], plots: Plots, radar: RadarModel) -> f
     return hits / chances if chances else float("nan")
 
 
-def _detected(
+def _detection_times(
     stamp_s: FloatArray, state: FloatArray, plots: Plots, radar: RadarModel
 ) -> FloatArray:
     """Return the times of the plots near a target, ascending, seconds.
@@ -140,9 +140,7 @@ def _detected(
     ----------
     stamp_s : array of shape (K,)
     state : array of shape (K, D)
-        Of the target at these times.
-    plots : Plots
-    radar : RadarModel
+        States of the target at these times.
     """
     during = (plots.time_s >= stamp_s[0]) & (plots.time_s <= stamp_s[-1])
     time_s = plots.time_s[during]

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from msg_adapters.selection import Report
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
-from phd_jdtc_ros.calibration.tuning.plots import bounded, plots_of
+from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import Detections, Estimates
@@ -138,7 +138,7 @@ class Tracker:
             try:
                 if index not in reports:
                     raise TuningError("no detections")
-                plots = bounded(plots_of(reports[index]))
+                plots = limit_plots(plots_of(reports[index]))
                 found[name], timed[name] = findings(plots), plots.timed
             except TuningError as error:
                 faults.append(f"{name}: {error}")

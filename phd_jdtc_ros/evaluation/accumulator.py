@@ -1,7 +1,7 @@
-"""What a metric is: an accumulator, which gives values of every scan, and figures made of them.
+"""The base of metrics: an accumulator computes values of every scan and figures from their totals.
 
-A new metric is a name and a value of an `Accumulator`, and a row of its `metrics`. One that needs
-what was before, such as tracks, keeps that in `update`.
+A new metric is a name and a value of an `Accumulator`, and a row of its `metrics`. A metric that
+depends on earlier scans, such as those of tracks, keeps its state in `update`.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from .comparison import Comparison, LabelledPoints, PairedScan
 from .totals import Totals, ratio
 
-# The figure of every run of the totals, NaN where it has no meaning.
+# A function that returns the figure of every run of the totals, NaN where undefined.
 Figure: TypeAlias = "Callable[[Totals], FloatArray]"
-# In the order of an accumulator's `names`; None for a scan or a set without such a value.
+# Values of a scan and set, ordered as an accumulator's `names`; None for a missing value.
 Values: TypeAlias = "tuple[float | None, ...]"
 
 
 class Group(NamedTuple):
-    """Metrics that stand in one table.
+    """The metrics of one table.
 
     Parameters
     ----------
     title : str
     of_sets : bool
-        Whether they are of every class too, and not of all targets only.
+        Whether the metrics exist for every class too, and not for all targets only.
     """
 
     title: str
@@ -40,7 +40,7 @@ class Group(NamedTuple):
 OSPA, GOSPA, SURVEILLANCE = Group("OSPA"), Group("GOSPA"), Group("surveillance figures")
 NEES = Group("NEES / 2 of positions, by age in scans")
 OUTSIDE = Group("positions outside 3 sigma, by age in scans")
-# These need labels of all targets and estimates.
+# Metrics that need labels of all targets and estimates.
 TRACKS = Group("tracks", of_sets=False)
 WHOLE, CLASSES = Group("all targets", of_sets=False), Group("classes", of_sets=False)
 
@@ -52,9 +52,9 @@ class Metric:
     Parameters
     ----------
     key : str
-        Its key in `metrics.json` and in a study's summary.
+        Key in `metrics.json` and in a study's summary.
     heading : str
-        Heading of its column.
+        Heading of the column.
     unit, form : str
         Unit, empty if there is none, and Python format specification.
     of_run : callable of Totals
@@ -62,7 +62,7 @@ class Metric:
         One or two sentences.
     group : Group
     headline : bool
-        Whether that of all smoothed estimates stands at the top of `metrics.json` too.
+        Whether the figure of all smoothed estimates is repeated at the top of `metrics.json`.
     """
 
     key: str
@@ -81,27 +81,27 @@ class Metric:
 
 
 def mean(name: str) -> Figure:
-    """Return the figure that is the mean of a value over the scans that have it."""
+    """Return a figure: the mean of a value over the scans that have it."""
     return lambda run: run.mean(name)
 
 
 def share(part: str, whole: str) -> Figure:
-    """Return the figure that is the ratio of two values' sums over the run."""
+    """Return a figure: the ratio of two values' sums over the run."""
     return lambda run: ratio(run.sum(part), run.sum(whole))
 
 
 def root_mean(squares: str, number: str) -> Figure:
-    """Return the figure that is a root mean square, from the squares' sum and number per scan."""
+    """Return a figure: a root mean square, from the squares' sum and number per scan."""
     return lambda run: np.sqrt(share(squares, number)(run))
 
 
 def if_any(name: str, figure: Figure) -> Figure:
-    """Return a figure that has no meaning in runs in which the sum of a value is zero."""
+    """Return a figure that is undefined in runs in which the sum of a value is zero."""
     return lambda run: np.where(run.sum(name) > 0, figure(run), np.nan)
 
 
 class Accumulator:
-    """Values of every scan of a run, in order, and the metrics that are figures of them.
+    """Computes values of every scan of a run, in order, and defines the metrics derived from them.
 
     Parameters
     ----------
@@ -111,9 +111,9 @@ class Accumulator:
     Attributes
     ----------
     names : tuple of str
-        Of its values.
+        Names of the values.
     published, plotted : tuple of str
-        Those that the evaluator publishes per scan and set, and as single numbers.
+        Names that the evaluator publishes per scan and set, and as single numbers.
     metrics : tuple of Metric
     """
 
@@ -126,15 +126,15 @@ class Accumulator:
         self.cutoff, self.order = cutoff, order
 
     def update(self, scan: PairedScan) -> None:
-        """Take the next scan, whose values are asked for after it."""
+        """Add the next scan, before its values are computed."""
 
     def values(self, part: Comparison) -> Values:
-        """Return the values of a set at the newest scan."""
+        """Return the values of a set in the newest scan."""
         raise NotImplementedError
 
 
 class LabelAccumulator(Accumulator):
-    """Values of scans whose targets and estimates all have labels; of all targets only."""
+    """Values of scans whose targets and estimates all have labels; for all targets only."""
 
     def __init__(self, cutoff: float, order: float) -> None:
         super().__init__(cutoff, order)
@@ -142,11 +142,11 @@ class LabelAccumulator(Accumulator):
         self._values: Values = ()
 
     def update(self, scan: PairedScan) -> None:
-        """Take the next scan; what was before is forgotten without labels, and if time goes back.
+        """Add the next scan; missing labels and a jump back in time reset the state.
 
         A scan without labels has no values.
         """
-        truth, estimate = scan.truth.labelled(), scan.estimate.labelled()
+        truth, estimate = scan.truth.with_labels(), scan.estimate.with_labels()
         back = self._newest_ns is not None and scan.stamp_ns < self._newest_ns
         if truth is None or estimate is None:
             self.clear()
@@ -158,11 +158,11 @@ class LabelAccumulator(Accumulator):
         self._values = self.add(truth, estimate, scan)
 
     def clear(self) -> None:
-        """Forget what was before."""
+        """Reset the state."""
         raise NotImplementedError
 
     def add(self, truth: LabelledPoints, estimate: LabelledPoints, scan: PairedScan) -> Values:
-        """Take the next scan; return its values."""
+        """Add the next scan; return its values."""
         raise NotImplementedError
 
     def values(self, part: Comparison) -> Values:

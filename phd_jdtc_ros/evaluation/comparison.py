@@ -1,4 +1,4 @@
-"""The estimates of one scan beside its targets, in total and per class."""
+"""Estimates and targets of one scan, for all classes and per class."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class LabelledPoints(NamedTuple):
     Parameters
     ----------
     label : int array of shape (T,)
-        Label of each position's track; 0 for none.
+        Track label of each position; 0 for none.
     position : array of shape (T, 2)
         Metres.
     """
@@ -54,13 +54,13 @@ class PointSet:
     track_id : int array of shape (T,) or None
         0 for an unlabelled point; None if all are unlabelled.
     velocity : array of shape (T, 2) or None
-        Metres per second; None if it is not known.
+        Metres per second; None if unknown.
     covariance : array of shape (T, 2, 2) or None
-        Of the positions, square metres; None if it is not known, as of the truth.
+        Covariance of the positions, square metres; None if unknown, as for the truth.
     height : array of shape (T,) or None
-        Metres; NaN, and None for all, if it is not known.
+        Metres; NaN where unknown, None if all are unknown.
     coasting : bool array of shape (T,) or None
-        Which tracks had no detection in their last scan or turn; None if that is not known.
+        Whether each track had no detection in its last scan or turn; None if unknown.
     """
 
     position: FloatArray
@@ -102,7 +102,7 @@ class PointSet:
             self, **{n: column[index] for n, column in known.items() if column is not None}
         )
 
-    def labelled(self) -> LabelledPoints | None:
+    def with_labels(self) -> LabelledPoints | None:
         """Return the points with their labels; None unless all labels are non-zero and distinct."""
         label = np.zeros(len(self), dtype=np.int64) if self.track_id is None else self.track_id
         if not label.all() or len(np.unique(label)) < len(label):
@@ -119,7 +119,7 @@ class PairedScan:
     stamp_ns : int
     truth, estimate : PointSet
     pairs : tuple of two int arrays of shape (P,)
-        As of `metrics.assign`.
+        Result of `metrics.assign`.
     """
 
     stamp_ns: int
@@ -137,18 +137,17 @@ class PairedScan:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One set of targets and estimates of a scan, which the metrics' values are of.
+    """One set of targets and estimates of a scan, from which metrics compute their values.
 
     Parameters
     ----------
     truth, estimate : PointSet
     pairs : tuple of two int arrays of shape (P,)
-        Indices in the scan of the set's targets that are paired by position alone, and of their
-        estimates.
+        Indices in the scan of the set's paired targets, by position alone, and of their estimates.
     paired_truth, paired_estimate : PointSet
-        These; the estimates may be of any class.
+        The paired points; the estimates may be of any class.
     classes : int
-        Number of classes that are compared.
+        Number of compared classes.
     class_id : int or None
         Class of the set; None for all targets.
     last : bool
@@ -166,7 +165,7 @@ class Comparison:
 
     @staticmethod
     def of(scan: PairedScan, classes: int) -> dict[str, Comparison]:
-        """Return the comparison of all targets of a scan and of each class, by name of the set."""
+        """Return the comparisons of a scan, for all targets and for each class, by set name."""
         target, estimate = scan.pairs
         everything = Comparison(
             scan.truth,
@@ -180,7 +179,7 @@ class Comparison:
 
     @property
     def whole(self) -> bool:
-        """Whether it is of all targets."""
+        """Whether the set contains all targets."""
         return self.class_id is None
 
     def of_class(self, class_id: int) -> Comparison:

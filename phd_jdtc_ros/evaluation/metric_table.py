@@ -1,4 +1,4 @@
-"""The table of metrics, as their accumulators have them.
+"""The table of metrics, collected from their accumulators.
 
 `metrics.json`, the tables, the report's page, the evaluator's diagnostics, the Monte Carlo study
 and the page of definitions read this table.
@@ -13,19 +13,19 @@ METRICS = tuple(metric for each in ACCUMULATORS for metric in each.metrics)
 # Names of all values of a scan.
 VALUES = tuple(name for each in ACCUMULATORS for name in each.names)
 BY_KEY = {metric.key: metric for metric in METRICS}
-# By group, each a table.
+# Metrics by group; each group is a table.
 GROUPS: dict[Group, tuple[Metric, ...]] = {
     group: tuple(metric for metric in METRICS if metric.group == group)
     for group in dict.fromkeys(metric.group for metric in METRICS)
 }
-# Figures of every set in `metrics.json`, and those of all targets only.
+# Metrics of every set in `metrics.json`, and metrics of all targets only.
 OF_SETS = tuple(m for group, metrics in GROUPS.items() if group.of_sets for m in metrics)
 OF_ALL = tuple(m for group, metrics in GROUPS.items() if not group.of_sets for m in metrics)
-# Names of values that the evaluator publishes per scan and set, and as single numbers for plots.
+# Names of the values that the evaluator publishes per scan and set, and as single numbers.
 PUBLISHED = tuple(name for each in ACCUMULATORS for name in each.published)
 PLOTTED = tuple(name for each in ACCUMULATORS for name in each.plotted)
 
-# Definitions of other terms that are shown with the figures.
+# Definitions of further terms that appear with the figures.
 TERMS = (
     (
         "Set",

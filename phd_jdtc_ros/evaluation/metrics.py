@@ -13,8 +13,8 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 class Ospa:
     """An OSPA distance and its two parts, in metres.
 
-    For order p the parts obey ``distance^p = localization^p + cardinality^p``; only for p = 1 do
-    they add.
+    For order p the parts obey ``distance^p = localization^p + cardinality^p``; they add up for
+    p = 1 only.
     """
 
     distance: float
@@ -24,7 +24,7 @@ class Ospa:
 
 def distances(truth: FloatArray, estimate: FloatArray) -> FloatArray:
     """Return the distance of each of T positions from each of E, shape (T, E)."""
-    # Here as in `_assignment`, because a tracker reads names of metrics and starts without it.
+    # Imported here, as in `_assignment`, to shorten the start of a tracker, which reads only names.
     from scipy.spatial.distance import cdist
 
     found: FloatArray = cdist(truth, estimate)
@@ -54,7 +54,7 @@ def ospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -
     Returns
     -------
     Ospa
-        Zero for two empty sets; c, all of it cardinality, if one of them is empty.
+        Zero for two empty sets; c, all of it cardinality, if only one set is empty.
 
     References
     ----------
@@ -70,9 +70,9 @@ def ospa_of_distances(distance: FloatArray, cutoff: float, order: float) -> Ospa
     Parameters
     ----------
     distance : array of shape (T, E)
-        Distance of each member of one set to each of the other, metres.
+        Distance of each member of one set to each member of the other, metres.
     cutoff, order : float
-        As of `ospa`.
+        See `ospa`.
     """
     fewest, most = sorted(distance.shape)
     if most == 0:
@@ -118,7 +118,7 @@ class Gospa:
     ----------
     distance : float
     localization : float
-        Part of the assigned pairs; not divided by their number.
+        Part of the assigned pairs, not divided by their number.
     missed, false : int
         Targets without an estimate and estimates without a target.
     """
@@ -132,8 +132,8 @@ class Gospa:
 def gospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -> Gospa:
     """Return the generalised optimal sub-pattern assignment distance of two sets of positions.
 
-    Unlike OSPA it is not divided by the number of targets, and a missed target next to a false
-    one costs as much as the two far apart.
+    Unlike OSPA it is not divided by the number of targets, and a missed target and a false one cost
+    the same near each other and far apart.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from .comparison import ALL, Comparison, PairedScan, set_names
 from .metric_table import BY_KEY, OF_ALL, OF_SETS
 from .totals import Totals
 
-# Values of a scan, by set and name; None where there is no such value.
+# Values of a scan by set and name; None for a missing value.
 ScanValues: TypeAlias = "dict[str, dict[str, float | None]]"
 
 
@@ -43,7 +43,7 @@ class ScanComparer:
     ----------
     classes : int
     accumulators : sequence of Accumulator
-        New ones, which keep what they need of earlier scans.
+        New accumulators, which keep the state they need from earlier scans.
     """
 
     def __init__(self, classes: int, accumulators: Sequence[Accumulator]) -> None:
@@ -58,7 +58,7 @@ class ScanComparer:
         self._newest = Comparison.of(scan, self._classes)
         return self._values(last=False)
 
-    def ended(self) -> ScanValues:
+    def final_values(self) -> ScanValues:
         """Return the values of the newest scan as if the run ended with it."""
         return self._values(last=True)
 
@@ -89,7 +89,7 @@ class RunScores:
         self.scans = 0
         self._sets = set_names(classes)
         self._comparer = ScanComparer(classes, [each(cutoff, order) for each in ACCUMULATORS])
-        # The newest scan is kept apart, because all open gaps end with it if the run does.
+        # The newest scan is kept apart: if the run ends with it, all open gaps end.
         names = self._comparer.names
         self._before = Totals.of(names, np.zeros((len(self._sets), 0, len(names))))
         self._values: ScanValues = {}
@@ -110,8 +110,8 @@ class RunScores:
         Returns
         -------
         dict
-            By set, the figures of `OF_SETS`; for all targets also those of `OF_ALL` and
-            ``confusion``, the `confusion_matrix` of the run. None where a figure has no meaning.
+            The figures of `OF_SETS` by set; for all targets also the figures of `OF_ALL` and
+            ``confusion``, the `confusion_matrix` of the run. None for an undefined figure.
         """
         totals = self._totals()
         of_sets = {metric.key: _by_set(metric, totals) for metric in OF_SETS}
@@ -128,15 +128,15 @@ class RunScores:
         return consistency.figures(self._totals())
 
     def headlines(self) -> dict[str, float | None]:
-        """Return the figures of all targets that stand at the top of `metrics.json`."""
+        """Return the figures of all targets at the top level of `metrics.json`."""
         figures = self.figures()[ALL]
         return {key: figures[key] for key, metric in BY_KEY.items() if metric.headline}
 
     def _totals(self) -> Totals:
-        return self._totals_with(self._comparer.ended())
+        return self._totals_with(self._comparer.final_values())
 
     def _totals_with(self, newest: ScanValues) -> Totals:
-        """Return the totals, by set, of the earlier scans and of the newest if there is one."""
+        """Return the totals by set of the earlier scans and of the newest, if any."""
         if not newest:
             return self._before
         rows = [[list(newest[key].values())] for key in self._sets]
@@ -144,5 +144,5 @@ class RunScores:
 
 
 def _by_set(metric: Metric, totals: Totals) -> list[float | None]:
-    """Return a metric of every set, None where it has no meaning."""
+    """Return a metric of every set, None where undefined."""
     return [None if np.isnan(value) else float(value) for value in metric.of_run(totals)]

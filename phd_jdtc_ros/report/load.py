@@ -32,13 +32,13 @@ from .record import Plot, RadarSite, Record
 
 
 def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> Record:
-    """Return the record of the run in a bag; of a damaged bag, of what is intact.
+    """Return the record of the run in a bag, or of the intact part of a damaged bag.
 
     Parameters
     ----------
     path : Path
     config : TrackerConfig
-        Has the topics and positions of the radars.
+        Provides the topics and positions of the radars.
     tracker : str
         Name of the node whose estimates are read.
 
@@ -49,7 +49,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
 
     Notes
     -----
-    What is wrong with a damaged bag is the record's `damage`.
+    The fault of a damaged bag is in the record's `damage`.
     """
     bag = BagReader(path)
     sources = {names.estimates(source, tracker): source for source in (FILTERED, SMOOTHED)}
@@ -106,7 +106,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
 
 
 class _Intact:
-    """Reads the intact messages of a bag and remembers what is wrong with it.
+    """Reads the intact messages of a bag and keeps its damage.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class _Intact:
         self.damage: BagError | None = None
 
     def messages(self, topics: list[str]) -> Iterator[BagMessage]:
-        """Yield the intact messages of those topics that the bag has."""
+        """Yield the intact messages of the given topics that are in the bag."""
         present = [topic for topic in topics if topic in self._bag.types]
         if not present:
             return
@@ -131,7 +131,7 @@ class _Intact:
 
 
 def _posed_reports(intact: _Intact, config: TrackerConfig) -> Iterator[PosedReport]:
-    """Yield the reports of all radars, those that move with their poses, in order of log time.
+    """Yield the reports of all radars, of moving ones with poses, ordered by log time.
 
     Messages that the tracker rejects and counts are left out.
     """
@@ -155,7 +155,7 @@ def _posed_reports(intact: _Intact, config: TrackerConfig) -> Iterator[PosedRepo
 
 
 def _plots(report: PosedReport, model: RadarModel) -> Iterator[Plot]:
-    """Yield the detections of a report in the world frame; none if the pose is not known."""
+    """Yield the detections of a report in the world frame; none if the pose is unknown."""
     found = report.detections
     if found is None:
         return

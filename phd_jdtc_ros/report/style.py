@@ -1,6 +1,6 @@
 """The style of all pictures: sizes, lines and markers of classes, and axes.
 
-Colour-blind readers can tell the palette's colours apart; lines and markers differ in grey too.
+The palette suits colour-blind readers; lines and markers also differ in greyscale.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ DPI = 150
 
 LINES: tuple[Line, ...] = ("-", "--", "-.", ":")
 MARKERS = ("o", "^", "s", "D", "v", "P")
-# Of detections without amplitudes, on light and on dark pages.
+# Colour of detections without amplitudes, on light and on dark pages.
 DETECTION = "#807dba"
-# Of learned clutter: red, green and blue.
+# Colour of learned clutter: red, green and blue.
 CLUTTER = "176,118,42"
 INK, GREY, FAINT = "#222222", "#9A9A9A", "#E4E4E4"
 
 
 def purples(weak: float, strong: float, steps: int) -> FloatArray:
-    """Return shades for amplitudes, in a hue that no class has; shape (steps, 4).
+    """Return shades for amplitudes, in a hue that differs from all classes; shape (steps, 4).
 
     Parameters
     ----------
     weak, strong : float
-        Of low and of high amplitudes, from 0 (white) to 1.
+        Darkness of low and of high amplitudes, from 0 (white) to 1.
     steps : int
     """
     shades: FloatArray = colormaps["Purples"](np.linspace(weak, strong, steps))

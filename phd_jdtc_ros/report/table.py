@@ -38,9 +38,9 @@ def metrics(
     ----------
     evaluation : Evaluation
     step_ms : array of shape (scans,)
-        CPU time of each step, milliseconds; empty if it was not measured.
+        CPU time of each step, milliseconds; empty if not measured.
     engine : str or None
-        The tracker's engine; None if it is not known.
+        The tracker's engine; None if unknown.
     """
     summary = evaluation.summary()
     if engine is not None:
@@ -53,8 +53,8 @@ def metrics(
     return summary
 
 
-def unscored(summary: Mapping[str, Any]) -> str:
-    """Return a sentence about the targets that are not scored; empty if all are."""
+def unscored_note(summary: Mapping[str, Any]) -> str:
+    """Return a sentence about the unscored targets; empty if there are none."""
     number, speed = summary.get("slow_targets"), summary.get("least_speed")
     if not number:
         return ""
@@ -67,12 +67,12 @@ def unscored(summary: Mapping[str, Any]) -> str:
 def score_tables(summary: dict[str, Any]) -> Group:
     """Return the figures of filter and smoother, for all targets and for each class, as tables.
 
-    A single class is shown once, and figures of covariances only where there are any.
+    A single class is shown once, and figures of covariances only if estimates have any.
 
     Parameters
     ----------
     summary : dict
-        As of `metrics`.
+        Result of `metrics`.
 
     Returns
     -------
@@ -83,8 +83,8 @@ def score_tables(summary: dict[str, Any]) -> Group:
     distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
     gaps = f"long gaps: over {summary['long_gap_s']:g} s between estimates\n{_of_tracks(summary)}"
     title = f"means over {_scans(summary)} scans (OSPA: {distance})"
-    tables = [_reduced(GROUPS[OSPA], summary, title)]
-    # These are shown without any value too.
+    tables = [_table_with_reduction(GROUPS[OSPA], summary, title)]
+    # These tables are shown even without any value.
     titles = {
         GOSPA: f"means over the scans (GOSPA: {distance})",
         SURVEILLANCE: SURVEILLANCE.title,
@@ -100,12 +100,12 @@ def score_tables(summary: dict[str, Any]) -> Group:
         tables.append(_confusion(matrix, sets))
     if compared := summary.get("compared"):
         tables.append(_engines(summary, compared))
-    words = filter(None, [unscored(summary)])
+    words = filter(None, [unscored_note(summary)])
     return Group(*[part for table in tables for part in ("", table)][1:], *words)
 
 
 def _engines(summary: dict[str, Any], compared: dict[str, Any]) -> Table:
-    """Return a table of both engines: of the one that ran live, and of the other offline."""
+    """Return a table of both engines: the live one, and the other one offline."""
     table = Table(title="both engines on these detections: OSPA of all targets")
     table.add_column("engine")
     for heading in ("filter", "smoother", "reduction", "right\nclass", "CPU per\nscan"):
@@ -116,9 +116,10 @@ def _engines(summary: dict[str, Any], compared: dict[str, Any]) -> Table:
 
 
 def engine_rows(summary: dict[str, Any], compared: dict[str, Any]) -> list[list[str]]:
-    """Return the cells of a table of both engines, a row for each.
+    """Return the rows of a table of both engines.
 
-    Engine, OSPA of filter and smoother, reduction, class accuracy, median CPU time per scan.
+    Columns: engine, OSPA of filter and smoother, reduction, class accuracy, median CPU time per
+    scan.
     """
     rows = []
     for found, how in ((summary, "live"), (compared, "offline")):
@@ -139,12 +140,12 @@ def engine_rows(summary: dict[str, Any], compared: dict[str, Any]) -> list[list[
 
 
 def _scans(summary: dict[str, Any]) -> str:
-    """Return the number of scans, and of how many if that is known and some were not scored."""
+    """Return the number of scored scans, with the total if it is known and larger."""
     scored, known = summary["scans"], summary["truth_scans"]
     return str(scored) if known in (None, scored) else f"{scored} of {known}"
 
 
-def _reduced(columns: Columns, summary: dict[str, Any], title: str) -> Table:
+def _table_with_reduction(columns: Columns, summary: dict[str, Any], title: str) -> Table:
     """Return a table of both sources and of the reduction by smoothing."""
     table, sets = _table(columns, title, _headline(summary)), Sets.of_summary(summary)
     for key in sets.keys:
@@ -177,7 +178,7 @@ def _any_known(columns: Columns, summary: dict[str, Any]) -> bool:
 
 
 def _bands(summary: dict[str, Any]) -> str:
-    """Return the bands of the NEES of all targets and ages, a line for each source."""
+    """Return the NEES bands of all targets and ages, one line per source."""
     lines = []
     for source, name in ((FILTERED, "filter"), (SMOOTHED, "smoother")):
         found = summary["consistency"][source]
@@ -188,7 +189,7 @@ def _bands(summary: dict[str, Any]) -> str:
 
 
 def _of_tracks(summary: dict[str, Any]) -> str:
-    """Return the figures of all targets only, a line each; those of tracks need track ids."""
+    """Return the figures that exist for all targets only, one line each."""
     sources = [summary[source]["all"] for source in (FILTERED, SMOOTHED)]
     known = [
         metric

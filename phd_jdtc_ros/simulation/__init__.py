@@ -1,4 +1,4 @@
-"""Scenarios with known truth, and what radars report of them.
+"""Scenarios with known truth, and radars' simulated reports of them.
 
 ::
 

@@ -15,6 +15,6 @@
       |  draw, tabulate                      figures
     pictures, tables
 
-`monte_carlo` reads a study's definition, plans its tasks and runs them. Studies of single questions
-are in the repository's folder `studies`, which uses these modules.
+`monte_carlo` reads a study's definition, plans its tasks and runs them. The repository's folder
+`studies` has studies of single questions, which use these modules.
 """

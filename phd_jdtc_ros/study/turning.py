@@ -1,7 +1,7 @@
-"""Runs of radars whose antennas turn, and this package's tracker on them, through its pipeline.
+"""Runs of turning radars, and this package's tracker on them through its pipeline.
 
-All trackers are scored at the end of each turn of the first radar that turns, with their estimates
-predicted to it. Slow targets are not scored: aircraft that taxi, ships at anchor.
+All trackers are scored at the end of each turn of the first turning radar, with their estimates
+predicted to this time. Slow targets, such as taxiing aircraft and ships at anchor, are not scored.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
 
 from .runs import TAXIING, Ignored, SimulatedRun, Tracked
 
-# Estimates older than this, in turns, are not predicted to a stamp.
+# Largest age of estimates that are predicted to a stamp, in turns.
 OLDEST_TURNS = 1.5
 
 
 def turn_ends(scenario: Scenario) -> list[float]:
-    """Return when the turns of the first radar that turns end, seconds after scan 0."""
+    """Return the ends of the first turning radar's turns, seconds after scan 0."""
     index = next(k for k, radar in enumerate(scenario.radars) if radar.rotation_s > 0.0)
     rotation_s, antenna = scenario.radars[index].rotation_s, scenario.antennas[index]
     last = antenna.turns_at(np.array(scenario.duration_s), rotation_s)
@@ -50,13 +50,13 @@ def turn_ends(scenario: Scenario) -> list[float]:
 
 
 def turning_run(scenario: Scenario, seed: int, ignored: Ignored = TAXIING) -> SimulatedRun:
-    """Return a run with the truth that is scored at the end of each turn; it has no scans."""
+    """Return a run without scans whose truth is at the end of each turn."""
     every = (truth_after(scenario, end) for end in turn_ends(scenario))
-    truth = tuple(_scored(known, ignored) for known in every)
+    truth = tuple(_without_slow(known, ignored) for known in every)
     return SimulatedRun(scenario, seed, truth, (), (), ignored)
 
 
-def _scored(truth: Truth, ignored: Ignored) -> Truth:
+def _without_slow(truth: Truth, ignored: Ignored) -> Truth:
     rows = np.flatnonzero(np.hypot(*truth.velocity.T) >= ignored.below)
     return replace(
         truth,
@@ -67,8 +67,8 @@ def _scored(truth: Truth, ignored: Ignored) -> Truth:
     )
 
 
-def of_scored(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointSet]:
-    """Return a tracker's estimates at the stamps of the truth without those of slow targets.
+def without_ignored(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointSet]:
+    """Return a tracker's estimates at the stamps of the truth without estimates of ignored targets.
 
     Targets and estimates are paired by position; false estimates stay.
     """
@@ -87,15 +87,16 @@ def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int])
     Parameters
     ----------
     run : SimulatedRun
-        Of `turning_run`; its seed is also that of the filter.
+        Result of `turning_run`; its seed is also the filter's.
     parameters : mapping
-        Of the tracker. How the radars report is theirs too; the plots do not depend on it.
+        Parameters of the tracker, with the reporting of the radars, which does not change the
+        plots.
     lags : sequence of int
-        Turns; 0 is the filter, which is also that of the longest lag.
+        Lags in turns; 0 is the filter, taken from the run of the longest lag.
 
     Notes
     -----
-    The tracker runs once for each lag above 0. The CPU time is that of the last run.
+    The tracker runs once for each lag above 0. The CPU time is the last run's.
     """
     tracks: dict[int, list[PointSet]] = {}
     scenario, rotation_s, spent_s = run.scenario, _rotation_s(run.scenario), 0.0
@@ -106,7 +107,7 @@ def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int])
             if of_lag in lags:
                 stamps = [truth.stamp_ns for truth in run.truth]
                 points = at_stamps(found[source], stamps, OLDEST_TURNS * rotation_s)
-                tracks[of_lag] = of_scored(run, points)
+                tracks[of_lag] = without_ignored(run, points)
     return Tracked(tracks, 1e3 * spent_s / max(len(run.truth), 1))
 
 
@@ -157,7 +158,7 @@ def at_stamps(
     found : sequence of Estimates
     stamps_ns : sequence of int
     oldest_s : float
-        Where the newest are older, seconds, there are none.
+        Largest age of the newest estimates, seconds; older ones are left out.
     """
     ordered = sorted(found, key=lambda estimates: estimates.stamp_ns)
     known_ns = [estimates.stamp_ns for estimates in ordered]
@@ -180,7 +181,7 @@ def at_stamps(
 
 
 def _heights_after(found: Estimates, seconds: float) -> FloatArray | None:
-    """Return heights some time later, metres; None where no radar reports any."""
+    """Return predicted heights, metres; None if no radar reports heights."""
     if found.attributes is None:
         return None
     height: FloatArray = found.attributes.height @ np.array([1.0, seconds])

@@ -16,7 +16,7 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
-from phd_jdtc_ros.calibration.tuning.plots import MOST_PLOTS, Plots, bounded, plots_of
+from phd_jdtc_ros.calibration.tuning.plots import MOST_PLOTS, Plots, limit_plots, plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.intake.posed_reports import PosedReports
 from phd_jdtc_ros.core.types import Detections
@@ -102,7 +102,7 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST
     release(everything=True)
     return Recorded(
         {
-            radar.name: bounded(plots_of(own), most) if own else None
+            radar.name: limit_plots(plots_of(own), most) if own else None
             for radar, own in zip(inputs, reports, strict=True)
         },
         {radar.name: count for radar, count in zip(inputs, dropped, strict=True)},

@@ -29,7 +29,7 @@ PROFILE = Path("config/autoferry.yaml")
 SHIPPED = resources.PROFILE_BAGS["autoferry"]
 OWN_SHIP = "own_ship"
 DEPTH = 50
-# What a tracker that uses the lidar too has in addition.
+# Additional parameters of a tracker that also uses the lidar.
 LIDAR: Mapping[str, Any] = {
     "sensors": list(SENSORS),
     "lag": "5 s",
@@ -56,7 +56,7 @@ def write_bag(directory: Path, recording: Recording, config: TrackerConfig) -> N
     """Write a scenario into a new bag, with the parameters beside it that a tracker needs.
 
     The bag has the detections of the configured sensors, the ferry's position at every scan of
-    either, and the truth at every scan of the radar. Equal arguments give equal bytes.
+    either, and the truth at every scan of the radar. The bytes depend on the arguments only.
     """
     with BagWriter(directory) as bag:
         for radar in config.inputs:
@@ -91,7 +91,7 @@ def _messages(recording: Recording, config: TrackerConfig) -> Iterator[tuple[int
 
 
 def of_bag(path: Path) -> Recording:
-    """Return the radar's part of a bag that `write_bag` has written, named as it names it."""
+    """Return the radar's data in a bag written by `write_bag`."""
     config, bag = resolve(parameters(lidar=False)), BagReader(path)
     (radar,), (odometry,) = config.inputs, config.carried
     types = {radar.topic: names.CLOUD, names.TRUTH: names.CLOUD}
@@ -127,7 +127,7 @@ def add_dataset_arguments(parser: ArgumentParser, **directory: Any) -> None:
     )
 
 
-def selected(arguments: argparse.Namespace) -> list[Recording]:
+def select_recordings(arguments: argparse.Namespace) -> list[Recording]:
     """Return the recordings of a directory that the arguments select."""
     directory: Path = arguments.directory
     try:
@@ -148,7 +148,7 @@ def main(argv: Sequence[str]) -> int:
     def work() -> int:
         lidar: bool = arguments.lidar
         config = resolve(parameters(lidar))
-        for recording in selected(arguments):
+        for recording in select_recordings(arguments):
             name = f"autoferry_{recording.scenario}{'_lidar' if lidar else ''}"
             directory = arguments.out / name
             write_bag(directory, recording, config)

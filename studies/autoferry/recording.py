@@ -1,8 +1,7 @@
 """Recordings of the Autoferry dataset: a radar and a lidar on a ferry, and two vessels' positions.
 
-Their detections are given as north and east of the ferry, and not turned with it. Here they are
-polar about the ferry again, in the map's directions (x east, y north), so that the platform's yaw
-is 0.
+The files give detections as north and east of the ferry. They are converted to polar coordinates
+about the ferry, with axes along the map's (x east, y north), so that the platform's yaw is 0.
 
 References
 ----------
@@ -26,7 +25,7 @@ from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import Detections, Pose, Truth
 
 SENSORS = ("radar", "lidar")
-# Truth is interpolated between positions at most this far apart, seconds.
+# Truth is interpolated only between positions at most this far apart, seconds.
 LONGEST_GAP_S = 5.0
 _DETECTIONS, _TRUTH = "scenario{}_detections.csv", "scenario{}_truth.csv"
 _COLUMNS = {
@@ -36,7 +35,7 @@ _COLUMNS = {
 
 
 class RecordingError(ValueError):
-    """A file that is not of the dataset; the message names it and what is wrong."""
+    """A file that does not match the dataset's format; the message names file and fault."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class Look:
         One of `SENSORS`.
     stamp_ns : int
     own : Pose
-        Of the ferry, with yaw 0.
+        Pose of the ferry, with yaw 0.
     relative : array of shape (M, 2)
         Detections east and north of the ferry, metres.
     """
@@ -61,7 +60,7 @@ class Look:
 
     @property
     def detections(self) -> Detections:
-        """What the sensor sees, polar, without its pose."""
+        """The polar detections, without the sensor's pose."""
         east, north = self.relative.T
         measurement = np.stack([np.hypot(east, north), np.arctan2(north, east)], axis=1)
         return Detections(measurement, None)
@@ -77,7 +76,7 @@ class Recording:
     looks : tuple of Look
         By ascending stamp.
     targets : dict of int to array of shape (N, 3)
-        Time (s), east and north of each target (m), by ascending time.
+        Time (s), east and north (m) of each target, by ascending time.
     """
 
     scenario: int
@@ -89,9 +88,9 @@ class Recording:
         return tuple(look for look in self.looks if look.sensor == sensor)
 
     def truth(self, stamp_ns: int) -> Truth:
-        """Return the targets at a stamp, interpolated; those not known near it are left out.
+        """Return the targets at a stamp, interpolated; targets unknown near it are left out.
 
-        Before its first position and after its last one a target is extrapolated for a second.
+        A target is extrapolated up to a second before its first and after its last position.
         """
         time_s, rows, numbers = stamp_ns * 1e-9, [], []
         for number, track in self.targets.items():
@@ -114,7 +113,7 @@ def scenarios_in(directory: Path) -> list[int]:
     Raises
     ------
     RecordingError
-        If there is none.
+        If the directory has no scenario.
     """
     names = [path.name for path in directory.glob(_DETECTIONS.format("*"))]
     found = [re.fullmatch(r"scenario(\d+)_detections\.csv", name) for name in names]
@@ -130,7 +129,7 @@ def read(directory: Path, scenario: int) -> Recording:
     Raises
     ------
     RecordingError
-        If a file is missing, or a row is not as the dataset's.
+        If a file is missing, or a row does not match the dataset's format.
     """
     looks = tuple(_looks(directory / _DETECTIONS.format(scenario)))
     looks = tuple(sorted(looks, key=lambda look: look.stamp_ns))
@@ -198,7 +197,7 @@ def _targets(path: Path) -> dict[int, FloatArray]:
         time_s, target, north, east = (
             _number(path, line, row, name) for name in ("time", "target", "north", "east")
         )
-        # Scans may be nearer to each other than the positions are, and name one of these twice.
+        # Close scans may name the same position twice.
         found.setdefault(int(target), {})[time_s] = east, north
     few = [target for target, rows in found.items() if len(rows) < 2]
     if few or not found:

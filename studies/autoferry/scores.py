@@ -1,18 +1,18 @@
 """Scores of this package's tracker and of its peers on the Autoferry dataset.
 
-All get the radar's detections, each from where the ferry was; in one variant the tracker gets the
-lidar's too. At every scan of the radar their
-estimates are compared with the two vessels whose positions are known. Other boats and quays are
-detected too; whoever tracks them has false estimates.
+All trackers get the radar's detections with the ferry's pose; in one variant this package's tracker
+also gets the lidar's. At every scan of the radar the estimates are compared with the two vessels
+whose positions are known. Tracks of other boats and of quays, which are detected too, count as
+false estimates.
 
 Notes
 -----
 The tracker's profile and the peers' settings were chosen by the mean GOSPA of scenarios 3 and 5.
-The others were not looked at for it. Tried for the peers: gates of 2.5 to 3.5 deviations, 4 to 12
-detections to confirm a track, deletion after 2 to 5 missed looks and of tentative tracks after 1 or
-2, noise densities of 0.03 to 0.3 m^2/s^3, and deviations of 5 m and 1, 1.5 and 2.5 degrees or 9 m
-and 2.5 degrees. They are best with narrow gates, which lose most of what is no vessel before it is
-confirmed.
+The other scenarios were not used for the choice. Tried for the peers: gates of 2.5 to 3.5 standard
+deviations, 4 to 12 detections to confirm a track, deletion of confirmed tracks after 2 to 5 missed
+looks and of tentative ones after 1 or 2, noise densities of 0.03 to 0.3 m^2/s^3, and measurement
+standard deviations of 5 m and 1, 1.5 and 2.5 degrees or 9 m and 2.5 degrees. Narrow gates are best:
+they lose most tracks of other objects before these are confirmed.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ from ..runner import Goal, goal
 from .recording import Recording
 
 CUTOFF, ORDER = 50.0, 2.0
-# Of the mean over all scenarios, to that of the better peer.
+# Goals: ratio of the mean GOSPA over all scenarios to the better peer's.
 GOALS = {FILTERED: 0.85, SMOOTHED: 0.7}
 PEERS = ("GNN", "JPDA")
 WITH_LIDAR = "with lidar"
 PEER_SETTINGS = TrackSettings(gate=2.5, points=8, tentative_looks=1, looks=3, birth_gate=None)
-# Their motion, m^2/s^3, and the radar as they are told of it.
+# Model of the peers: spectral density of the acceleration, m^2/s^3, and the radar's noise.
 PEER_NOISE_DENSITY = 0.1
 PEER_RADAR = {
     "radar.range_std": 5.0,
@@ -70,11 +70,11 @@ class Score:
     source : str
         ``filtered`` or ``smoothed``.
     gospa : float
-        Metres.
+        GOSPA, metres.
     missed, false : float
         Targets without an estimate and estimates without a target, per scan.
     position_rms : float
-        Of the pairs closer than the cutoff, metres; NaN without any.
+        Root mean square error of the pairs closer than the cutoff, metres; NaN without any.
     identity_switches : int or None
         None if estimates have no labels.
     """
@@ -89,7 +89,7 @@ class Score:
     identity_switches: int | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """Return the values, with None for those that are not known."""
+        """Return the values, None for unknown ones."""
         return {
             name: None if isinstance(value, float) and math.isnan(value) else value
             for name, value in asdict(self).items()
@@ -103,7 +103,7 @@ class Score:
 
 
 def scans_of(recording: Recording, sensors: Sequence[str] = ("radar",)) -> list[Scan]:
-    """Return the scans of some sensors, each with the pose that it was measured from."""
+    """Return the scans of some sensors, each with the sensor's pose."""
     scans = []
     looks = (look for look in recording.looks if look.sensor in sensors)
     for stamp_ns, of_stamp in itertools.groupby(looks, lambda look: look.stamp_ns):
@@ -121,9 +121,9 @@ def scores_of(
     ----------
     recording : Recording
     parameters : mapping
-        Of the tracker, with the radar alone.
+        Parameters of the tracker with the radar alone.
     with_lidar : mapping or None
-        Of the tracker with both sensors; None to leave that out.
+        Parameters of the tracker with both sensors; None to leave this variant out.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def scores_of(
 def peer_problem(parameters: Mapping[str, Any]) -> tuple[int, TrackerModel, float]:
     """Return the lag in scans, the model of the peers, and the interval in seconds.
 
-    The peers have one motion, and noise, clutter and detection probability of their own choice.
+    The peers have one motion model, and noise, clutter rate and detection probability of their own.
     """
     config = resolve(parameters)
     of_motions = tuple(f"{name}." for name in config.values["motions"])
@@ -183,7 +183,7 @@ def tracked(engine: Engine, scans: Sequence[Scan]) -> dict[str, list[Estimates]]
 def _of_sources(
     tracker: str, found: Mapping[str, Sequence[Estimates]], truth: Sequence[Truth]
 ) -> dict[tuple[str, str], Sequence[PointSet]]:
-    """Return a tracker's estimates at the stamps of the truth by tracker and source."""
+    """Return a tracker's estimates at the stamps of the truth, by tracker and source."""
     return {
         (tracker, source): [PointSet.of(by_stamp[targets.stamp_ns]) for targets in truth]
         for source, estimates in found.items()
@@ -241,7 +241,7 @@ def means(scores: Sequence[Score]) -> dict[tuple[str, str], dict[str, float]]:
 
 
 def goals_of(scores: Sequence[Score]) -> list[Goal]:
-    """Return the ratios of each engine's GOSPA to the better peer's, of the same source."""
+    """Return the goals: ratio of each engine's GOSPA to the better peer's, by source."""
     of_tracker = means(scores)
     goals = []
     for engine in ENGINES:

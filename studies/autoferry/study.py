@@ -1,4 +1,4 @@
-"""Our figures on the Autoferry dataset beside those of other trackers."""
+"""Scores of this package and of other trackers on the Autoferry dataset."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def _add_arguments(parser: ArgumentParser) -> None:
 
 def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     if arguments.directory is not None:
-        recordings = bags.selected(arguments)
+        recordings = bags.select_recordings(arguments)
     elif arguments.scenario:
-        raise BagError("directory: must be that of the dataset's CSV")
+        raise BagError("directory: must be the directory of the dataset's CSV files")
     else:
         recordings = [bags.of_bag(resources.bag(bags.SHIPPED))]
     found = []
@@ -42,10 +42,10 @@ def _scores(found: Figures) -> list[Score]:
 
 
 def _tables(found: Figures) -> list[Table | str]:
-    """Return the figures of all trackers, a row for each and its source."""
+    """Return the table of figures, one row per tracker and source."""
     all_scores = _scores(found)
     title = "Autoferry: mean GOSPA in metres (c = 50 m, p = 2) by scenario"
-    # Narrow enough for a terminal of 80 columns.
+    # The table fits a terminal of 80 columns.
     shown = Table(title=title, box=SIMPLE_HEAD, padding=0)
     shown.add_column("tracker", no_wrap=True)
     numbers = dict.fromkeys(each.scenario for each in all_scores)

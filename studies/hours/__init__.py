@@ -1,1 +1,1 @@
-"""Simulated hours of radars as they are recorded, tracked the way a user does, with nothing set."""
+"""Simulated hour-long recordings, tracked with the user's commands and no configuration."""

@@ -1,4 +1,4 @@
-"""The goals of the study of hours: what tracks must be worth to a user who has set nothing."""
+"""The goals of the study of hours: quality of the tracks without a configuration."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES
 
 from ..runner import Goal, goal
 
-# Ways to track a recording: nothing set; without codes and addresses; with what `tune` proposes.
+# Ways to track a recording: without a configuration, without codes and addresses, and with the
+# parameters that `tune` proposes.
 AS_IS, NO_IDENTITIES, TUNED = WAYS = "nothing set", "no identities", "tuned"
-# Least percentages of targets found, largest RMS errors and false tracks to the plot Kalman
-# tracker's, and largest number of switches with addresses to it.
+# Goals: least percentage of targets found, and largest ratios of RMS error, of false tracks and,
+# with addresses, of identity switches to the plot Kalman tracker's.
 FOUND = {FILTERED: 99.0, SMOOTHED: 99.8}
 RMS, FALSE, SWITCHES_WITH_ADDRESSES = {FILTERED: 0.8, SMOOTHED: 0.4}, 0.6, 0.1
 # Hours whose targets have addresses.
@@ -20,7 +21,7 @@ WITH_ADDRESSES = ("approach_hour",)
 
 
 def goals_of(hour: str, ways: Mapping[str, Mapping[str, Any]]) -> list[Goal]:
-    """Return the goals of an hour; without tracks it is the exit status alone.
+    """Return the goals of an hour; the exit status alone if there are no tracks.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ def goals_of(hour: str, ways: Mapping[str, Mapping[str, Any]]) -> list[Goal]:
     false = plain[FILTERED]["false_a_turn"]
     switches, without = plain[FILTERED]["switches"], bare[FILTERED]["switches"]
     goals += [
-        # A bound rather than a ratio, because that tracker may have none.
+        # An absolute bound, because the reference may have no false tracks.
         goal(f"{hour}: false tracks a turn", false, FALSE * peer["false_a_turn"]),
         goal(f"{hour}: identity switches without identities", without, float(peer["switches"])),
         goal(f"{hour}: identity switches with identities", switches, float(without)),

@@ -1,24 +1,23 @@
-"""Scores of what a user makes of a simulated hour of a radar that turns: tracks of its recording.
+"""Scores of the tracks of a simulated hour-long recording of a turning radar.
 
-Whoever tracks the recording chooses the plane and the clock of the tracks. So that only the tracks
-are judged:
+The user's commands choose the plane and the clock of the tracks, so that the truth is converted
+before it is compared:
 
 ::
 
     truth in the scenario's plane
-      |  what the radar measures of it without noise: slant range, azimuth from true north, height
-      |  as the tracker reads plots with that range, azimuth and, of what answers, height
+      |  noise-free measurement: slant range, azimuth from true north, height
+      |  the tracker's conversion of plots with this range, azimuth and, if replied, height
     truth in the tracks' plane
 
-and the times of the tracks are those of the radar: what the recording was shifted by is taken off.
-The plot Kalman tracker gets the same plots, read in the same way, with their own times.
+The time shift of the recording is subtracted from the tracks' stamps. The plot Kalman tracker gets
+the same plots, converted in the same way, with their own times.
 
-Tracks are scored once a turn, at their own stamp nearest to the end of the radar's turn; a turn
-without tracks within half of it has none. A target is scored if it is not slow, as in `turning`,
-while it is in sight, and from its `LEAST_LOOKS`-th pass since it came into sight: a track needs
-that many plots. It is in sight between two passes of the beam at most `IN_SIGHT_TURNS` apart, in
-both of which it could be detected. Tracks of targets that are not scored are left out; what is near
-nothing is false.
+Tracks are scored once a turn, at their stamp nearest to the end of the radar's turn; a turn without
+a stamp within half a turn of it has no tracks. A target is in sight between two passes of the beam
+at most `IN_SIGHT_TURNS` apart in both of which it could be detected. It is scored while in sight,
+unless it is slow as in `turning`, from its `LEAST_LOOKS`-th pass in sight on, since a track needs
+that many plots. Tracks of unscored targets are left out; tracks near no target are false.
 """
 
 from __future__ import annotations
@@ -40,38 +39,39 @@ from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.simulation.looks import looks, slant
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
-from phd_jdtc_ros.simulation.turning_antenna import Report, answered_plots, plot_times
+from phd_jdtc_ros.simulation.turning_antenna import Report, plot_times, plots_with_replies
 from phd_jdtc_ros.study.peers.plot_kalman import follow
 from phd_jdtc_ros.study.runs import TAXIING
 from phd_jdtc_ros.study.turning import turn_ends
 
-# An estimate within this distance of its target has found it, metres.
+# A target counts as found if it has an estimate within this distance, metres.
 FOUND_M = 500.0
 IN_SIGHT_TURNS, LEAST_LOOKS = 1.5, 3
-# So many times of a recording tell what they are later by than those of the simulation; seconds.
+# Number of plot times from which the shift of a recording is estimated, and its resolution,
+# seconds.
 SHIFT_TIMES, SHIFT_STEP_S = 400, 1.0 / 128.0
 
 
 class Scores(NamedTuple):
-    """What a tracker made of an hour.
+    """The scores of a tracker on an hour.
 
     Parameters
     ----------
     instants : int
-        Targets that were scored, once a turn each.
+        Number of scored targets, summed over the turns.
     found : float
-        Share of them with an estimate within `FOUND_M`.
+        Share of the instants with an estimate within `FOUND_M`.
     found_from_first : float
-        The same if targets are scored from the first pass since they came into sight.
+        The same if targets are scored from their first pass in sight on.
     rms : float
-        Distance of these estimates, root mean square, metres; `FOUND_M` if there are none.
+        Root mean square error of these estimates, metres; `FOUND_M` if there are none.
     false_a_turn : float
-        Estimates near no target.
+        Mean number of estimates near no target.
     switches : int
-        See `IdentitySwitches`; of targets in sight.
+        Identity switches of targets in sight, see `IdentitySwitches`.
     renumbered, returned : int
-        Targets that had another number after a gap than before it, and all that had one before it
-        and after it.
+        Number of targets with another track number after a gap in sight than before it, and of all
+        targets tracked both before and after a gap.
     """
 
     instants: int
@@ -86,13 +86,13 @@ class Scores(NamedTuple):
 
 @dataclass(frozen=True)
 class Reader:
-    """How a tracker reads a radar's plots.
+    """A tracker's conversion of a radar's plots to its plane.
 
     Parameters
     ----------
     layout : RadarInput
     radar : RadarModel
-        Where it is in the tracks' plane.
+        The radar in the tracks' plane.
     read : callable of (distance, azimuth, elevation, height, layout)
         `msg_adapters.ground_ranges.read`.
     """
@@ -104,12 +104,13 @@ class Reader:
     def ground(
         self, distance: FloatArray, azimuth: FloatArray, height: FloatArray
     ) -> tuple[FloatArray, BoolArray]:
-        """Return ranges and azimuths over ground, (M, 2), and which of them are possible, (M,).
+        """Return ranges and azimuths over ground, (M, 2), and whether each is possible, (M,).
 
         Parameters
         ----------
         distance, azimuth, height : arrays of shape (M,)
-            Slant ranges, metres; radians counter-clockwise from true east; metres, NaN if unknown.
+            Slant ranges, metres; azimuths, radians counter-clockwise from true east; heights,
+            metres, NaN if unknown.
         """
         known = height if self.layout.height_field else None
         own = azimuth - self.radar.yaw if self.layout.site is None else azimuth
@@ -119,13 +120,13 @@ class Reader:
 
 @dataclass(frozen=True)
 class Hour:
-    """A seeded run of a scenario with one radar, which turns and has a site.
+    """A seeded run of a scenario with one turning radar that has a site on the earth.
 
     Parameters
     ----------
     scenario : Scenario
     layout : RadarInput
-        Where it stands.
+        Site and message layout of the radar.
     seed : int
     """
 
@@ -140,45 +141,45 @@ class Hour:
 
     @cached_property
     def ends_s(self) -> FloatArray:
-        """When each turn ends, seconds after scan 0; the first in which tracks may be is the third.
+        """The ends of the turns that are scored, seconds after scan 0.
 
-        Before it nothing can have had `LEAST_LOOKS`.
+        The third turn is the first, since no target has `LEAST_LOOKS` passes before it.
         """
         return np.array(turn_ends(self.scenario)[LEAST_LOOKS - 1 :])
 
     @cached_property
     def plots(self) -> tuple[FloatArray, Detections]:
-        """The times of all plots, seconds after scan 0, and what was measured."""
-        plots, found = answered_plots(self.scenario, 0, self.layout, self.seed)
+        """The times of all plots, seconds after scan 0, and the measurements."""
+        plots, found = plots_with_replies(self.scenario, 0, self.layout, self.seed)
         return plot_times(self.scenario, 0, plots), found
 
     @cached_property
     def in_sight(self) -> dict[int, FloatArray]:
-        """When the beam passes each target in sight, seconds after scan 0, by its number."""
+        """The times at which the beam passes a target, seconds after scan 0, by its number."""
         own = looks(self.scenario, 0, self.layout)
         seen = self.scenario.radars[0].visibility.sees(own.exact) > 0.0
         numbers = np.unique(own.source[seen]).tolist()
         return {number: own.time_s[seen & (own.source == number)] for number in numbers}
 
     def passes(self, number: int, time_s: float) -> int:
-        """Return how often the beam has passed a target since it came into sight; 0 out of it."""
+        """Return the number of passes over a target since it came into sight; 0 out of sight."""
         known = self.in_sight.get(number, np.zeros(0))
         count = int(np.searchsorted(known, time_s, side="right"))
         apart = np.diff(known[: count + 1])
         longest_s = IN_SIGHT_TURNS * self.rotation_s
         if count in (0, len(known)) or apart[-1] > longest_s:
             return 0
-        # It came into sight after the last time that it was out of it.
+        # The target came into sight after its last gap.
         came = np.flatnonzero(apart > longest_s)
         return count - (int(came[-1]) + 1 if len(came) else 0)
 
     def truth(self, time_s: float, reader: Reader) -> tuple[Truth, FloatArray]:
-        """Return the targets at a time after scan 0, and where they are in a tracks' plane."""
+        """Return the targets at a time after scan 0, and their positions in the tracks' plane."""
         truth = truth_after(self.scenario, time_s)
         height = np.zeros(len(truth.track_id)) if truth.height is None else truth.height[:, 0]
-        plane = self.scenario.measured(0, truth.state, np.full(len(height), time_s))
+        plane = self.scenario.measure(0, truth.state, np.full(len(height), time_s))
         distance, azimuth = slant(self.layout, plane, height).T
-        # Of targets that answer nothing no tracker knows the height.
+        # The height of a target without a transponder is unknown to every tracker.
         told = [self.scenario.answers(number) for number in truth.track_id.tolist()]
         known = np.where(told, height + self.layout.datum, np.nan)
         ground, _ = reader.ground(distance, azimuth, known)
@@ -186,18 +187,18 @@ class Hour:
 
 
 def shift_s(own_s: FloatArray, recorded_s: FloatArray) -> float:
-    """Return what the times of a recording are later by than those of the simulation, seconds.
+    """Return the time shift of a recording against the simulation, seconds.
 
     Parameters
     ----------
     own_s, recorded_s : arrays of shape (M,) and (K,)
-        Times of plots; some may be missing.
+        Times of plots in the simulation and in the recording; some may be missing in either.
     """
     some = recorded_s[np.linspace(0, len(recorded_s) - 1, SHIFT_TIMES).astype(np.int64)]
     differences = (some[:, None] - own_s).ravel()
     least = float(differences.min())
     step = np.round((differences - least) / SHIFT_STEP_S).astype(np.int64)
-    # Of all pairs those that belong together agree, but for the steps of the radar's clock.
+    # Differences of corresponding times agree up to the resolution of the radar's clock.
     counts = np.convolve(np.bincount(step), np.ones(3), mode="same")
     return float(np.median(differences[np.abs(step - np.argmax(counts)) <= 1]))
 
@@ -205,15 +206,15 @@ def shift_s(own_s: FloatArray, recorded_s: FloatArray) -> float:
 def tracks(
     hour: Hour, found: Sequence[Estimates], later_s: float
 ) -> tuple[FloatArray, list[PointSet]]:
-    """Return when tracks are scored, seconds after scan 0, and the tracks then, one per turn.
+    """Return the scored times, seconds after scan 0, and the tracks at each, one set per turn.
 
     Parameters
     ----------
     hour : Hour
     found : sequence of Estimates
-        Of one source.
+        Estimates of one source.
     later_s : float
-        What their stamps are later by than the simulation's times since the epoch, seconds.
+        Time shift of the stamps against the simulation's times since the epoch, seconds.
     """
     ordered = sorted(found, key=lambda estimates: estimates.stamp_ns)
     zero_ns = hour.scenario.start_ns + round(later_s * 1e9)
@@ -230,7 +231,7 @@ def tracks(
 
 
 def plot_kalman(hour: Hour, reader: Reader, times_s: FloatArray) -> list[PointSet]:
-    """Return what the plot Kalman tracker makes of the same plots, at times after scan 0.
+    """Return the plot Kalman tracker's tracks from the same plots, at times after scan 0.
 
     It knows the radar's true noise.
     """
@@ -255,9 +256,9 @@ def scores(hour: Hour, reader: Reader, times_s: FloatArray, found: Sequence[Poin
     ----------
     hour : Hour
     reader : Reader
-        Of the tracks' plane.
+        Conversion to the tracks' plane.
     times_s : array of shape (K,)
-        After scan 0, ascending.
+        Seconds after scan 0, ascending.
     found : sequence of K PointSet
     """
     sums = _Sums()
@@ -270,19 +271,19 @@ def scores(hour: Hour, reader: Reader, times_s: FloatArray, found: Sequence[Poin
 
 
 class _Sums:
-    """Adds up what `scores` returns, turn by turn."""
+    """Accumulates the figures of `scores`, turn by turn."""
 
     def __init__(self) -> None:
         self._switches = IdentitySwitches(FOUND_M)
         self._square, self._paired, self._instants = 0.0, 0, 0
         self._early, self._early_paired, self._false, self._switched = 0, 0, 0, 0
-        # The last number of each target, and of those that are out of sight since.
+        # The last track number of each target in sight, and of each target since out of sight.
         self._number: dict[int, int] = {}
         self._gone: dict[int, int] = {}
         self._renumbered, self._returned = 0, 0
 
     def add(self, label: IntArray, position: FloatArray, passes: IntArray, own: PointSet) -> None:
-        """Add a turn: T targets, how often the beam has passed each, and the tracks."""
+        """Add a turn: T targets, the number of passes over each, and the tracks."""
         settled = passes >= LEAST_LOOKS
         rest = _without(own, position, ~settled)
         row, column = assign(position[settled], rest.position, FOUND_M)
@@ -306,7 +307,7 @@ class _Sums:
         )
 
     def _follow(self, label: IntArray, passes: IntArray, number: dict[int, int]) -> None:
-        """Compare the numbers of targets before and after they were out of sight."""
+        """Compare targets' track numbers before and after a gap in sight."""
         for target in label[passes == 0].tolist():
             if target in self._number:
                 self._gone[target] = self._number.pop(target)
@@ -318,7 +319,7 @@ class _Sums:
         self._number.update(number)
 
     def scores(self, turns: int) -> Scores:
-        """Return what was added up."""
+        """Return the scores of all turns."""
         mean = self._square / self._paired if self._paired else FOUND_M**2
         return Scores(
             self._instants,
@@ -333,6 +334,6 @@ class _Sums:
 
 
 def _without(own: PointSet, position: FloatArray, unscored: BoolArray) -> PointSet:
-    """Return the tracks but those of targets that are not scored."""
+    """Return the tracks of scored targets and the false tracks."""
     target, track = assign(position, own.position, TAXIING.near)
     return own.only(np.delete(np.arange(len(own)), track[unscored[target]]))

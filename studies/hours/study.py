@@ -1,7 +1,8 @@
-"""The hours on the way of a user.
+"""The study of hours: recordings of an hour, tracked by the commands that a user would run.
 
-Each hour is written as ASTERIX, read by `asterix_bridge` and tracked by `track_bag`: as it is,
-without codes and addresses, and with what `tune` proposes. Beside it is a plot Kalman tracker.
+Each hour is written as ASTERIX, read by `asterix_bridge` and tracked by `track_bag`: unchanged,
+without codes and addresses, and with the parameters that `tune` proposes. A plot Kalman tracker
+gives the reference.
 """
 
 from __future__ import annotations
@@ -38,23 +39,23 @@ from . import hour as hours
 from .goals import AS_IS, NO_IDENTITIES, TUNED, goals_of
 from .hour import Hour, Reader, Scores
 
-# The scenarios, and what their recordings are: a capture has times of receipt.
+# File names of the scenarios' recordings; a network capture has times of receipt.
 RECORDINGS = {"approach_hour": "recording.ast", "en_route_hour": "recording.pcap"}
-# Nothing is scored before.
+# Shortest part of an hour that can be scored, minutes.
 LEAST_MINUTES = 2.0
 PEER = "plot_kalman"
 
 
 class Run(NamedTuple):
-    """What a command did.
+    """The outcome of a command.
 
     Parameters
     ----------
     status : int
-        Its exit status.
+        Exit status.
     cpu_s : float
     text : str
-        What it printed.
+        Its output.
     """
 
     status: int
@@ -65,7 +66,7 @@ class Run(NamedTuple):
 def hour_of(name: str, minutes: float | None, seed: int) -> tuple[Hour, TrackerConfig, Any]:
     """Return a scenario's hour, the configuration of its radar, and its document.
 
-    Of a part of an hour the targets are those of the whole one.
+    The targets of a part of an hour are the same as of the whole.
     """
     document = dict(yaml_files.load(resources.find(Path(f"config/scenarios/{name}.yaml"))))
     config = tracker_params.config(from_arguments.scenario_parameters(document))
@@ -76,7 +77,7 @@ def hour_of(name: str, minutes: float | None, seed: int) -> tuple[Hour, TrackerC
 
 
 def record(hour: Hour, config: TrackerConfig, document: Mapping[str, Any], path: Path) -> None:
-    """Write what the radar of an hour sends."""
+    """Write the recording of an hour's radar."""
     faults: list[str] = []
     sent = sending.of_radars(document, hour.scenario.radars, faults)
     if faults:
@@ -85,7 +86,7 @@ def record(hour: Hour, config: TrackerConfig, document: Mapping[str, Any], path:
 
 
 def path_of_user(recording: Path, work: Path) -> dict[str, tuple[Path, list[Run]]]:
-    """Return the directory of the estimates and the commands of each way to track a recording."""
+    """Return, for each way to track a recording, the directory of estimates and its commands."""
     bag = work / "in"
     read = run("asterix_bridge", recording, "--out", bag)
     ways: dict[str, tuple[Path, list[Run]]] = {}
@@ -116,22 +117,22 @@ def run(name: str, *arguments: object) -> Run:
             stderr=subprocess.STDOUT,
         )
         _, status, spent = os.wait4(process.pid, 0)
-        # It has been waited for.
+        # `os.wait4` has reaped the process, so that `Popen` needs its return code.
         process.returncode = os.waitstatus_to_exitcode(status)
         out.seek(0)
         text = out.read().decode("utf-8", "replace")
     return Run(process.returncode, spent.ru_utime + spent.ru_stime, text)
 
 
-def scored(hour: Hour, tracked: Path) -> tuple[dict[str, Scores], Scores]:
+def score_bag(hour: Hour, tracked: Path) -> tuple[dict[str, Scores], Scores]:
     """Return the scores of the estimates in a bag by source, and the plot Kalman tracker's.
 
-    That one is scored at the stamps of the filtered estimates.
+    The plot Kalman tracker is scored at the stamps of the filtered estimates.
 
     Raises
     ------
     BagError
-        If it is not what `track_bag` writes of one radar.
+        If the bag is not an output of `track_bag` with one radar.
     """
     config = tracker_params.config(bag_parameters.read(tracked) or {})
     if len(config.inputs) != 1:
@@ -139,7 +140,7 @@ def scored(hour: Hour, tracked: Path) -> tuple[dict[str, Scores], Scores]:
     reader = Reader(config.inputs[0], polar_radars(config.model.radars)[0], ground_ranges.read)
     bag = BagReader(tracked)
     own_s, _ = hour.plots
-    recorded_s = _recorded(bag, config)
+    recorded_s = _detection_times(bag, config)
     if not len(recorded_s):
         raise BagError(f"{tracked}: no detections")
     zero_s = hour.scenario.start_ns * 1e-9
@@ -154,7 +155,7 @@ def scored(hour: Hour, tracked: Path) -> tuple[dict[str, Scores], Scores]:
     return by_source, hours.scores(hour, reader, times_s, peer)
 
 
-def _recorded(bag: BagReader, config: TrackerConfig) -> FloatArray:
+def _detection_times(bag: BagReader, config: TrackerConfig) -> FloatArray:
     """Return the times of the detections in a bag, seconds since the epoch."""
     (radar,) = config.inputs
     times = [np.zeros(0)]
@@ -175,8 +176,8 @@ def _estimates(bag: BagReader, source: str) -> list[Estimates]:
     ]
 
 
-def measured(name: str, minutes: float | None, seed: int, work: Path) -> Figures:
-    """Return what each way to track an hour makes of it; all files are written into `work`."""
+def measure_hour(name: str, minutes: float | None, seed: int, work: Path) -> Figures:
+    """Return the figures of each way to track an hour; files are written into `work`."""
     hour, config, document = hour_of(name, minutes, seed)
     work.mkdir(parents=True, exist_ok=True)
     recording = work / RECORDINGS[name]
@@ -187,7 +188,7 @@ def measured(name: str, minutes: float | None, seed: int, work: Path) -> Figures
         found[way] = {
             "status": max(each.status for each in runs),
             "cpu_s": runs[-1].cpu_s,
-            **_figures(*(scored(hour, tracked) if tracked.is_dir() else ({}, None))),
+            **_figures(*(score_bag(hour, tracked) if tracked.is_dir() else ({}, None))),
         }
     return found
 
@@ -214,7 +215,7 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
         place = keep or Path(temporary)
         return {
             "hours": {
-                name: measured(name, arguments.minutes, seed, place / name)
+                name: measure_hour(name, arguments.minutes, seed, place / name)
                 for name in arguments.hour or RECORDINGS
             }
         }
@@ -237,7 +238,7 @@ def _tables(found: Figures) -> list[Table | str]:
 
 
 def _scores_table(title: str, rows: Mapping[str, Mapping[str, float] | None]) -> Table:
-    """Return the scores of several tracks of an hour."""
+    """Return the table of scores of an hour, one row per tracker."""
     cells = [
         (name, "none", *[""] * 5)
         if row is None
@@ -280,7 +281,7 @@ def _add_bag_arguments(parser: ArgumentParser) -> None:
 
 def _measure_bag(arguments: argparse.Namespace, seed: int) -> Figures:
     hour, _, _ = hour_of(arguments.hour, arguments.minutes, seed)
-    return {"hour": arguments.hour, **_figures(*scored(hour, arguments.bag))}
+    return {"hour": arguments.hour, **_figures(*score_bag(hour, arguments.bag))}
 
 
 OF_BAG = Study(

@@ -21,7 +21,7 @@ def compared(*scans, classes=2):
     comparer = ScanComparer(classes, [each(1000.0, 2.0) for each in ACCUMULATORS])
     for second, (truth, estimate) in enumerate(scans):
         comparer.compare(PairedScan.of(second * 10**10, truth, estimate, 1000.0))
-    return comparer.ended()
+    return comparer.final_values()
 
 
 @pytest.fixture

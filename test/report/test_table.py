@@ -7,7 +7,7 @@ from rich.console import Console
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.metric_table import OF_ALL, OF_SETS
-from phd_jdtc_ros.report.table import metrics, score_tables, unscored
+from phd_jdtc_ros.report.table import metrics, score_tables, unscored_note
 
 
 def points(rows, classes):
@@ -92,10 +92,10 @@ def test_metrics_hold_what_the_file_promises(evaluation):
 
 
 def test_targets_that_are_not_scored_are_told():
-    told = unscored({"least_speed": 2.5, "slow_targets": 3.0})
+    told = unscored_note({"least_speed": 2.5, "slow_targets": 3.0})
 
     assert told.startswith("Targets slower than 2.5 m/s are not scored, 3.0 on average")
-    assert unscored({"least_speed": 2.5, "slow_targets": 0.0}) == ""
+    assert unscored_note({"least_speed": 2.5, "slow_targets": 0.0}) == ""
 
 
 def test_metrics_say_the_engine_if_it_is_known(evaluation):

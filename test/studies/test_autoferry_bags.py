@@ -69,7 +69,7 @@ def test_autoferry_writes_equal_bytes(dataset, tmp_path):
     ("arguments", "expected"),
     [
         (["autoferry_bags", "nowhere", "--out", "bags"], "no scenarioNUMBER_detections.csv in it"),
-        (["autoferry", "--scenario", "4"], "directory: must be that of the dataset's CSV"),
+        (["autoferry", "--scenario", "4"], "directory: must be the directory of the dataset's CSV"),
         (["autoferry", "DATASET", "--scenario", "4"], "scenario4_detections.csv: cannot be"),
     ],
 )

@@ -19,7 +19,7 @@ from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
 from phd_jdtc_ros.study.peers.plot_kalman import Settings, follow, plot_kalman
-from phd_jdtc_ros.study.turning import of_scored, track, turn_ends, turning_run
+from phd_jdtc_ros.study.turning import track, turn_ends, turning_run, without_ignored
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
 PARAMETERS = {
@@ -89,7 +89,7 @@ def test_estimates_of_slow_targets_are_left_out_and_false_ones_stay():
         PointSet(np.concatenate([place, false]), np.zeros(3, dtype=int), np.array([7, 8, 9]))
         for place in exact
     ]
-    assert [left.track_id.tolist() for left in of_scored(run, points)] == [[8, 9], [8, 9]]
+    assert [left.track_id.tolist() for left in without_ignored(run, points)] == [[8, 9], [8, 9]]
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -93,7 +93,7 @@ def filtered(
     radars : int
     """
     length, targets = sequences.radar.shape
-    expected, jacobian = kinematics.linearised(course.position, sequences.pose)
+    expected, jacobian = kinematics.linearise(course.position, sequences.pose)
     error = kinematics.innovation(sequences.measurement, expected)
     block = _block(expected, jacobian, course.velocity) * UNITS
     variance = (sequences.noise_std / weight[..., None]) ** 2
@@ -109,7 +109,7 @@ def filtered(
     time_s = sequences.time_s
     for k in range(length):
         dt = time_s[k] - time_s[k - 1] if k else np.zeros(targets)
-        mean, covariance = kinematics.predicted(mean, covariance, dt, np.full(targets, density))
+        mean, covariance = kinematics.predict(mean, covariance, dt, np.full(targets, density))
         response = response.copy()
         response[:, :2] += dt[:, None, None] * response[:, 2:]
         seen = np.zeros((targets, 2, columns))
@@ -153,7 +153,7 @@ def smoothed(sequences: Sequences, found: Pass, errors: FloatArray, density: flo
     noise = np.full(targets, density)
     for k in range(length - 2, -1, -1):
         dt = sequences.time_s[k + 1] - sequences.time_s[k]
-        ahead, grown = kinematics.predicted(mean[k], found.covariance[k], dt, noise)
+        ahead, grown = kinematics.predict(mean[k], found.covariance[k], dt, noise)
         cross = found.covariance[k].copy()
         cross[:, :, :2] += dt[:, None, None] * found.covariance[k][:, :, 2:]
         off = np.linalg.solve(grown, (course[k + 1] - ahead)[..., None])

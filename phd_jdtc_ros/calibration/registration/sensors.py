@@ -14,7 +14,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from ..tuning.plots import Plots
 from ..tuning.rotation import Timing
 from ..tuning.start import guess_of
-from ..tuning.tracks import Tracks, linked
+from ..tuning.tracks import Tracks, link_plots
 
 # Candidate speeds of targets, metres per second, and number of scans on which they are tried.
 SPEEDS, LOOKS = (5.0, 40.0, 200.0), 12.0
@@ -140,7 +140,7 @@ def _tracks(plots: Plots, timing: Timing, radar: RadarModel) -> Tracks:
 
     def tried(some: Plots, speed: float) -> Tracks:
         guess = guess_of(some, timing, radar.range_std, radar.azimuth_std, speed)
-        return linked(some, timing, guess, np.zeros(len(some)))
+        return link_plots(some, timing, guess, np.zeros(len(some)))
 
     usable = part if len(part) else plots
     best = max(SPEEDS, key=lambda speed: tried(usable, speed).score)

@@ -141,7 +141,7 @@ def _weights(rows: Sequences, course: Course) -> FloatArray:
 
 def _residual(rows: Sequences, course: Course) -> FloatArray:
     """Return the residuals of plots against the trajectories, shape (K, T, 2)."""
-    expected, _ = kinematics.linearised(course.position, rows.pose)
+    expected, _ = kinematics.linearise(course.position, rows.pose)
     return kinematics.innovation(rows.measurement, expected)
 
 
@@ -244,7 +244,7 @@ def _residuals(sensor: Sensor, found: _Round, index: int) -> Residuals:
     plot, pose = rows.plot[own], rows.pose[own]
     late_s = found.biases[index].time_offset_s
     position, velocity = found.course.position[own], found.course.velocity[own]
-    then, _ = kinematics.linearised(position + late_s * velocity, pose)
+    then, _ = kinematics.linearise(position + late_s * velocity, pose)
     return Residuals(
         rows.time_s[own],
         kinematics.innovation(sensor.measurement[plot], then),

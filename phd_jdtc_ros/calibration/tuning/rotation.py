@@ -1,4 +1,4 @@
-"""How an antenna turns, by the azimuths and times of its detections."""
+"""The antenna's rotation, estimated from azimuths and times of detections."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ from phd_jdtc_ros.core.types import FULL_TURN
 
 from .plots import Plots
 
-# For so much of a recording the antenna must have been followed, or it does not turn.
+# The antenna counts as turning if it was followed for at least this share of the recording.
 LEAST_FOLLOWED = 0.25
-# The antenna is followed from so many plots to the next, seconds apart at least.
+# The antenna is followed in steps of at least `PLOTS` plots and `PERIOD_S` seconds.
 PLOTS, PERIOD_S = 12, 1.0
-# No radar has more plots in that time.
+# Limit on plots per step; no radar has more in that time.
 MOST_PLOTS = 1000
-# Over a gap of more turns nobody knows how often it has turned.
+# Over a gap of more turns their number is ambiguous.
 MOST_TURNS = 3.0
-# An antenna whose turn differs by more from the mean so far was switched to another speed.
+# If a turn differs from the mean by more than this share, the antenna changed its speed.
 SWITCHED = 0.1
 
 
 @dataclass(frozen=True)
 class Timing:
-    """When a radar looks.
+    """The times of a radar's looks.
 
     Parameters
     ----------
     cloud_interval_s : float
         Median time between clouds, seconds.
     interval_spread_s : float
-        Median deviation of these times from it, seconds.
+        Median absolute deviation of these times, seconds.
     rotation_s : float
-        Time of one turn; 0 if the antenna does not turn, or not as far as the plots tell.
+        Time of one turn; 0 if no rotation is observable in the plots.
     rotation_std_s : float
-        Standard deviation of the turns' mean, seconds.
+        Standard error of the mean time of a turn, seconds.
     sectors : int
-        Clouds to a turn; 0 if a cloud is a whole turn.
+        Number of clouds per turn; 0 if a cloud is a whole turn.
     clockwise : bool
-        Whether it turns clockwise.
+        Whether the antenna turns clockwise.
     timed : bool
-        Whether plots have times of their own, so that clouds may be of any length.
+        Whether each plot has its own time, so that clouds may have any length.
     """
 
     cloud_interval_s: float
@@ -58,17 +58,17 @@ class Timing:
 
     @property
     def look_s(self) -> float:
-        """Time between two chances to detect a target, seconds."""
+        """Time between two looks at a target, seconds."""
         return self.rotation_s or self.cloud_interval_s
 
 
 def timing(plots: Plots) -> Timing:
-    """Return when a radar looked.
+    """Return the times of a radar's looks.
 
     Parameters
     ----------
     plots : Plots
-        Of at least two clouds.
+        Plots of at least two clouds.
     """
     steps = np.diff(plots.cloud_s)
     interval_s = float(np.median(steps))
@@ -78,8 +78,8 @@ def timing(plots: Plots) -> Timing:
         return still
     clouds = _by_cloud(plots)
     azimuth = plots.measurement[:, 1] + plots.pose[:, 2]
-    # Without times of their own, plots say something of turns that take two clouds or more: each
-    # is somewhere in its cloud's sector.
+    # Plots without times of their own are known to a cloud's sector only, which suffices for turns
+    # of two clouds or more.
     turns = PlotTurns(max(SHORTEST_S, interval_s * (0.8 if plots.timed else 1.9)))
     if not plots.timed:
         for rows in clouds:
@@ -105,18 +105,18 @@ def timing(plots: Plots) -> Timing:
 
 
 def _by_cloud(plots: Plots) -> list[IntArray]:
-    """Return the rows of the plots of each cloud that has any."""
+    """Return the rows of each non-empty cloud's plots."""
     order = np.argsort(plots.cloud, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(plots.cloud[order])) + 1) if len(plots) else []
 
 
 class PlotTurns:
-    """Follows the antenna as the tracker does, and counts its turns, for their mean.
+    """Follows the antenna as the tracker does, and counts its turns for their mean.
 
     Parameters
     ----------
     shortest_s : float
-        A turn takes at least so long, seconds.
+        Shortest time of a turn, seconds.
     """
 
     def __init__(self, shortest_s: float = SHORTEST_S) -> None:
@@ -124,13 +124,12 @@ class PlotTurns:
         self._track = AntennaTrack(0.0)
         self._waiting: list[tuple[float, float]] = []
         self._before: tuple[float, Antenna] | None = None
-        # Of the parts that were counted: their number, time, turned angle, and its sum of squares
-        # by time.
+        # Sums over the counted steps: number, time, angle, and squared angle divided by time.
         self._counted = np.zeros(4)
 
     @property
     def turn_s(self) -> float:
-        """Mean time of a turn, seconds; 0 if it is not known."""
+        """Mean time of a turn, seconds; 0 if unknown."""
         _, passed_s, turned, _ = self._counted
         if turned < FULL_TURN:
             return self._track.rotation_s
@@ -138,7 +137,7 @@ class PlotTurns:
 
     @property
     def turn_std_s(self) -> float:
-        """Standard deviation of `turn_s` as the parts tell it, seconds; infinite by too few."""
+        """Standard error of `turn_s` by the scatter of the steps, seconds; infinite by too few."""
         count, passed_s, turned, squares = self._counted
         if count < 2:
             return math.inf
@@ -147,30 +146,30 @@ class PlotTurns:
 
     @property
     def counted_s(self) -> float:
-        """For how long turns have been counted, seconds."""
+        """Time over which turns have been counted, seconds."""
         return float(self._counted[1])
 
     @property
     def clockwise(self) -> bool:
-        """Whether azimuths become less, as far as is known."""
+        """Whether azimuths decrease, by the present estimate."""
         return self._before is not None and self._before[1].rate < 0.0
 
     def add(self, azimuth: float, time_ns: int) -> None:
-        """Take a plot's azimuth, radians, and its time."""
+        """Add a plot's azimuth, radians, and its time."""
         time_s = time_ns * 1e-9
-        if len(self._waiting) < MOST_PLOTS:  # of a flood
+        if len(self._waiting) < MOST_PLOTS:  # bounds the memory in a flood of plots
             self._waiting.append((time_s, azimuth))
         past_s = time_s - self._waiting[0][0]
         if len(self._waiting) >= PLOTS and abs(past_s) >= PERIOD_S:
             self.find()
 
     def begin_again(self) -> None:
-        """Forget the plots, as times have gone back, but not the turn."""
+        """Drop the plots after a jump back in time, and keep the rotation."""
         self._track, self._before = AntennaTrack(self.turn_s), None
         self._waiting.clear()
 
     def find(self) -> None:
-        """Follow the antenna to the latest plot."""
+        """Follow the antenna up to the latest plot."""
         if not self._waiting:
             return
         time_s, azimuth = np.array(self._waiting).T
@@ -187,7 +186,7 @@ class PlotTurns:
             self._count(now_s, line, *before)
 
     def _count(self, now_s: float, line: Antenna, before_s: float, before: Antenna) -> None:
-        """Count what was turned since the antenna was followed last."""
+        """Count the angle turned since the last step."""
         passed_s = now_s - before_s
         if not 0.0 < passed_s < MOST_TURNS * before.turn_s:
             return

@@ -7,7 +7,7 @@ from .identity import Switches
 from .pairs import Classes, Heights, Nearness, Pairs
 from .tracks import Ospa2OfRun
 
-# In the order of their tables and keys.
+# All accumulators, in the order of tables and keys.
 ACCUMULATORS = (
     OspaOfScan,
     GospaOfScan,

@@ -1,4 +1,4 @@
-"""Consistency of covariances: whether positions are as precise as the estimates say.
+"""Consistency of covariances: whether the errors of positions match the stated covariances.
 
 The squared Mahalanobis distance of a target's true position from its estimate is chi-square
 distributed with two degrees of freedom if the covariance is right. Half of it, the normalised
@@ -19,20 +19,20 @@ from ..totals import Totals
 from .mahalanobis import mahalanobis2
 from .track_ages import NO_AGE, TrackAges
 
-# A Mahalanobis distance above this is outside; 1.1 % of the pairs are if the covariance is right.
+# Bound of the Mahalanobis distance; with right covariances 1.1 % of the pairs are outside.
 BOUND = 3.0
 EXPECTED_OUTSIDE = float(np.exp(-0.5 * BOUND**2))
 
 
 class Ages(NamedTuple):
-    """A group of ages of a track, in scans since its number was first reported.
+    """A group of track ages, in scans since the number was first reported.
 
     Parameters
     ----------
     name : str
-        In the keys of values and figures; empty for the group of all pairs.
+        Part of the keys of values and figures; empty for the group of all pairs.
     first, last : int
-        The ages, both included.
+        Lowest and highest age, inclusive.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Ages(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The group in a heading."""
+        """Text of the group in a heading."""
         return self.name.replace("_up", "+").replace("_", "-")
 
     def key(self, value: str) -> str:
@@ -53,19 +53,19 @@ OLDEST = 2**31
 EVERY_AGE = Ages("", NO_AGE, OLDEST)
 AGES = (Ages("0_4", 0, 4), Ages("5_9", 5, 9), Ages("10_up", 10, OLDEST))
 AGE_GROUPS = (EVERY_AGE, *AGES)
-# Values of a scan: number of judged pairs, the sum of their NEES / 2, and those outside the bound.
+# Values of a scan: number of evaluated pairs, sum of their NEES / 2, and number outside the bound.
 PAIRS, NEES, OUTSIDE = "judged_pairs", "nees_sum", "outside"
 
 
 def band(pairs: int) -> tuple[float, float] | None:
-    """Return the 95 % band of the mean NEES / 2 of right covariances; None for no pairs.
+    """Return the 95 % band of the mean NEES / 2 for right covariances; None without pairs.
 
     Notes
     -----
-    The sum of n independent values has a gamma distribution of shape n. Those of one track are not
-    independent of each other from scan to scan, so that over a run the band is the narrowest.
+    The sum of n independent values has a gamma distribution of shape n. Successive values of one
+    track are correlated, so that the true band over a run is wider.
     """
-    # Imported here because readers of the table of metrics alone do not need it.
+    # Imported here because the table of metrics alone does not need it.
     from scipy.special import gammaincinv
 
     if not pairs:
@@ -80,14 +80,14 @@ def figures(totals: Totals) -> dict[str, Any]:
     Parameters
     ----------
     totals : Totals
-        The first row is that of all targets.
+        Row 0 is the set of all targets.
 
     Returns
     -------
     dict
-        ``pairs`` that were judged; ``nees``, divided by 2, and its ``nees_band_95`` for so many
-        pairs; ``outside_3_sigma``. ``by_age`` has the same for each group of ages. A figure of no
-        pairs is None.
+        ``pairs``, the number of evaluated pairs; ``nees``, divided by 2, with its ``nees_band_95``
+        for this number of pairs; ``outside_3_sigma``. ``by_age`` has the same for each group of
+        ages. A figure without pairs is None.
     """
     found = _of_ages(totals, EVERY_AGE)
     found["by_age"] = {ages.text: _of_ages(totals, ages) for ages in AGES}
@@ -108,7 +108,7 @@ def _of_ages(totals: Totals, ages: Ages) -> dict[str, Any]:
 def _by_age(
     heading: str, short: str, definition: str, key: str, part: str, form: str, group: Group
 ) -> tuple[Metric, ...]:
-    """Return a share of the judged pairs: of all ages, and of each group of ages."""
+    """Return a figure per evaluated pair: for all ages, and for each group of ages."""
     texts = [
         (heading, definition),
         *((f"{short} age {ages.text}", _text_of(heading, ages)) for ages in AGES),

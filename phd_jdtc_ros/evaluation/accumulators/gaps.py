@@ -12,7 +12,7 @@ from phd_jdtc_ros.core.arrays import BoolArray, IntArray
 from ..accumulator import SURVEILLANCE, Accumulator, Metric, Values, if_any, share
 from ..comparison import Comparison, PairedScan
 
-# Gaps longer than this are long. The value is that of ED-142 for en route, as in the evaluation
+# Gaps longer than this are long. The value is from ED-142 for en route, as in the evaluation
 # tool COMPASS: two updates of 8 s with a margin.
 LONG_GAP_S = 16.4
 
@@ -25,10 +25,10 @@ class Gap(NamedTuple):
     class_id : int
         Class of the target.
     duration_s : float
-        From the previous estimate, or else the target's first stamp, to the next estimate, or else
-        its last stamp.
+        Time from the previous estimate, or else the target's first stamp, to the next estimate, or
+        else the target's last stamp.
     missed : int
-        Scans without an estimate.
+        Number of scans without an estimate.
     """
 
     class_id: int
@@ -37,13 +37,13 @@ class Gap(NamedTuple):
 
     @property
     def is_long(self) -> bool:
-        """Whether it lasts longer than `LONG_GAP_S`."""
+        """Whether the gap is longer than `LONG_GAP_S`."""
         return self.duration_s > LONG_GAP_S
 
 
 @dataclass
 class _Continuity:
-    """When an existing target was last paired with an estimate, and the missed scans since."""
+    """Stamp of an existing target's last pairing, and the number of missed scans since."""
 
     class_id: int
     paired_ns: int
@@ -55,7 +55,7 @@ class _Continuity:
 
 
 class GapFinder:
-    """Finds the gaps of targets, scan by scan; nothing is kept of targets that no longer exist.
+    """Finds the gaps of targets, scan by scan; removes targets that no longer exist.
 
     References
     ----------
@@ -75,9 +75,9 @@ class GapFinder:
         Parameters
         ----------
         stamp_ns : int
-            If it is earlier than that of the previous scan, all targets end.
+            If earlier than the previous scan's stamp, all targets end.
         track_id, class_id : int arrays of shape (T,)
-            Of the targets that exist; every track_id is distinct.
+            Existing targets, with distinct track_ids.
         found : bool array of shape (T,)
             Whether each target is paired with an estimate.
         """
@@ -104,7 +104,7 @@ class GapFinder:
 
 
 class Gaps(Accumulator):
-    """The gaps that ended in each scan; those still open end with the run."""
+    """The gaps that ended in each scan; open gaps end with the run."""
 
     names = ("gaps", "long_gaps", "missed_in_long_gaps", "longest_gap_s")
     metrics = (
@@ -146,8 +146,8 @@ class Gaps(Accumulator):
         self._ended: list[Gap] | None = None
 
     def update(self, scan: PairedScan) -> None:
-        """Take the next scan; it has no gaps unless all its targets have labels."""
-        points = scan.truth.labelled()
+        """Add the next scan; it has no gaps unless all its targets have labels."""
+        points = scan.truth.with_labels()
         self._ended = None
         if points is not None:
             paired = np.zeros(len(scan.truth), dtype=np.bool_)
@@ -155,7 +155,7 @@ class Gaps(Accumulator):
             self._ended = self._finder.add(scan.stamp_ns, points.label, scan.truth.class_id, paired)
 
     def values(self, part: Comparison) -> Values:
-        """Return the number of gaps and of long ones, the scans missed in these, the longest."""
+        """Return the numbers of gaps, of long gaps and of their missed scans; the longest gap."""
         if self._ended is None:
             return (None,) * len(self.names)
         ended = [*self._ended, *(self._finder.under_way() if part.last else ())]

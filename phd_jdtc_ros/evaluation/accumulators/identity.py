@@ -14,12 +14,11 @@ from ..metrics import assign, distances
 class IdentitySwitches:
     """Counts identity switches, scan by scan.
 
-    A target and a track stay partners as long as both exist and are closer than the cutoff; the
-    others are paired by position. Two tracks that are both near two crossing targets are therefore
-    no switch until they are seen to have followed the wrong ones. A switch is a target with another
-    track number than it had last, or a number that was last another target's: a broken track
-    counts one, and two swapped tracks count two. Nothing is kept of targets and tracks that no
-    longer exist.
+    A target and a track remain partners while both exist and are closer than the cutoff; the others
+    are paired by position. Two tracks near two crossing targets therefore count as a switch only
+    when they leave with the wrong targets. A switch is a target with a track number other than its
+    last one, or a number that was last on another target: a broken track counts one, and two
+    swapped tracks count two. Targets and tracks that no longer exist are removed.
 
     Parameters
     ----------
@@ -39,7 +38,7 @@ class IdentitySwitches:
         self._target_of: dict[int, int] = {}
 
     def clear(self) -> None:
-        """Forget all partners, as at the start of a run."""
+        """Remove all partners, as at the start of a run."""
         self._track_of, self._target_of = {}, {}
 
     def add(
@@ -51,9 +50,10 @@ class IdentitySwitches:
         ----------
         truth, estimate : LabelledPoints
         coasting : bool array of shape (T,) or None
-            Which tracks had no detection. They keep their partners and get no others: that they are
-            near another target says nothing of it, as where a track coasts on beside a target that
-            appears, when its own has landed. None: no track does.
+            Whether each track had no detection. Coasting tracks keep their partners and get no new
+            ones, since being near another target is no evidence of an association: for example,
+            a track whose target has landed may coast past a target that appears. None if no track
+            coasts.
         """
         targets, tracks = truth.label.tolist(), estimate.label.tolist()
         self._track_of = {t: n for t, n in self._track_of.items() if t in set(targets)}
@@ -91,7 +91,7 @@ class IdentitySwitches:
 
 
 class Switches(LabelAccumulator):
-    """The identity switches of a scan, of all pairs and without new ones of tracks that coast."""
+    """The identity switches of a scan, with and without new partners of coasting tracks."""
 
     names = ("identity_switches", "seen_switches")
     metrics = (
@@ -128,7 +128,7 @@ class Switches(LabelAccumulator):
         self._all, self._seen = IdentitySwitches(cutoff), IdentitySwitches(cutoff)
 
     def clear(self) -> None:
-        """Forget all partners."""
+        """Remove all partners."""
         self._all.clear()
         self._seen.clear()
 

@@ -15,12 +15,12 @@ def mahalanobis2(error: FloatArray, covariance: FloatArray | None) -> FloatArray
     error : array of shape (P, 2)
         Metres.
     covariance : array of shape (P, 2, 2) or None
-        m^2; None if there are none.
+        m^2; None without covariances.
 
     Returns
     -------
     array of shape (P,)
-        NaN for covariances that are not positive definite and finite: these state no uncertainty.
+        NaN for covariances that are not finite and positive definite.
     """
     if covariance is None:
         return np.full(len(error), np.nan)

@@ -1,4 +1,4 @@
-"""Targets and the estimates that they are paired with, by position alone."""
+"""Figures of pairs of targets and estimates, paired by position alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..accumulator import (
 )
 from ..comparison import Comparison
 
-# An estimate this near to its target, metres, is good enough for air surveillance.
+# Error of position that suffices for air surveillance, metres.
 NEAR = 500.0
 
 
@@ -58,12 +58,12 @@ class Pairs(Accumulator):
     )
 
     def values(self, part: Comparison) -> Values:
-        """Return the number of pairs, and the sum of their squared distances."""
+        """Return the number of pairs and the sum of their squared distances."""
         return len(part.paired_truth), float(_square_errors(part).sum())
 
 
 class Nearness(Accumulator):
-    """Estimates that are far from all targets, and pairs that are near."""
+    """Estimates far from all targets, and near pairs."""
 
     names = ("beyond", "near")
     metrics = (
@@ -116,7 +116,7 @@ class Heights(Accumulator):
     )
 
     def values(self, part: Comparison) -> Values:
-        """Return the number of pairs whose heights are known, and their squared errors' sum."""
+        """Return the number of pairs with known heights and the sum of their squared errors."""
         true, found = part.paired_truth.height, part.paired_estimate.height
         if true is None or found is None:
             return 0, 0.0

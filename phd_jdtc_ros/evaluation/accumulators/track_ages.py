@@ -1,4 +1,4 @@
-"""For how many scans each track has been reported."""
+"""Ages of tracks: the number of scans since each was first reported."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import IntArray
 
-# An age that is not known.
+# Marks an unknown age.
 NO_AGE = -1
-# Scans after which the number of a track that is no longer reported is forgotten.
+# A track number that is not reported for this many scans is removed.
 FORGOTTEN = 10
 
 
 class TrackAges:
     """Counts the scans since each track number was first reported, scan by scan.
 
-    A number that is not reported for `FORGOTTEN` scans is forgotten, and is young if it returns.
+    A number that is not reported for `FORGOTTEN` scans is removed, and counts as new if it returns.
     """
 
     def __init__(self) -> None:
@@ -32,9 +32,9 @@ class TrackAges:
         Parameters
         ----------
         stamp_ns : int
-            If it is earlier than that of the previous scan, another run begins.
+            If earlier than the previous scan's stamp, a new run begins.
         track_id : int array of shape (size,) or None
-            0 for an unlabelled estimate; None if all are.
+            0 for an unlabelled estimate; None if all are unlabelled.
         size : int
 
         Returns

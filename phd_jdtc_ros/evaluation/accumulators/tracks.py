@@ -102,13 +102,13 @@ def ospa2(
 ) -> Ospa:
     """Return the OSPA(2) distance of two sets of tracks over all their scans.
 
-    Short, broken and swapped tracks are far from every target's track, so that labels count as
-    well as positions.
+    Short, broken and swapped tracks are far from every target's track, so that the distance
+    penalises wrong labels as well as wrong positions.
 
     Parameters
     ----------
     truth, estimate : TrackSet
-        Over the same scans.
+        Tracks over the same scans.
     cutoff : float
         c, metres.
     order : float
@@ -186,7 +186,7 @@ class Ospa2OfRun(LabelAccumulator):
         self._window = TrackWindow(OSPA2_WINDOW)
 
     def clear(self) -> None:
-        """Forget all scans."""
+        """Remove all scans."""
         self._window.clear()
 
     def add(self, truth: LabelledPoints, estimate: LabelledPoints, scan: PairedScan) -> Values:

@@ -1,7 +1,7 @@
-"""Code that the page's interactive charts share: their type, their axes, their colours.
+"""Type, axes and colours of the page's interactive charts.
 
-Charts are transparent and take the colours of text, rules and neutral lines from the page, which
-may be light or dark. Only classes and amplitudes have fixed colours.
+Charts are transparent and take the colours of text, rules and neutral lines from the page, light or
+dark. Only classes and amplitudes have fixed colours.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..record import Record
 
 # Value of `meta` for traces whose line or text is drawn in the page's text colour.
 INK = "ink"
-# Grey that is visible on light and on dark pages.
+# A grey with contrast on light and on dark pages.
 NEUTRAL = "#858585"
 FONT = {"family": "system-ui, Segoe UI, Liberation Sans, sans-serif", "size": 13}
 
@@ -37,9 +37,9 @@ class Chart(NamedTuple):
     Parameters
     ----------
     name : str
-        Id of its element.
+        Id of the chart's element.
     title, caption : str
-        The caption says what the chart shows and what to look for.
+        The caption describes the chart and its main message.
     figure : plotly.graph_objects.Figure
     """
 
@@ -50,7 +50,7 @@ class Chart(NamedTuple):
 
 
 def class_symbol(class_id: int, filled: bool = True) -> str:
-    """Return the marker of a class; that of filtered estimates is open."""
+    """Return the marker of a class; filtered estimates have an open one."""
     symbol = SYMBOLS[class_id % len(SYMBOLS)]
     return symbol if filled else f"{symbol}-open"
 
@@ -89,7 +89,7 @@ ROW, REST = 150, 90
 
 
 def rows_over_time(record: Record, names: Sequence[str], label: str) -> Figure:
-    """Return rows of axes that share the time axis, each with its name above it."""
+    """Return rows of axes that share the time axis, each with its name above."""
     clock = Clock.of(record)
     height = REST + ROW * len(names)
     figure = make_subplots(

@@ -1,7 +1,7 @@
-"""What lies beneath the targets on the page's picture: detections, learned clutter, the earth.
+"""The background layers of the page's picture: detections, learned clutter, the earth.
 
-Latitudes, longitudes and ranges are computed, not loaded: the page shows no map tiles, and works
-without a network.
+Lines of latitude, longitude and range are computed: the page loads no map tiles, and works without
+a network.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ def _shades(weak: float, strong: float) -> list[str]:
     return [to_hex(shade) for shade in purples(weak, strong, SHADES)]
 
 
-# By page: high amplitudes have the most contrast, and low ones remain visible.
+# Colour scale of each page style: high amplitudes have the most contrast, low ones remain visible.
 AMPLITUDE_SCALES = {"light": _shades(0.45, 1.0), "dark": _shades(0.75, 0.0)}
 
 
 def is_known(amplitude: FloatArray) -> BoolArray:
-    """Return which amplitudes have a place on the scale."""
+    """Return whether each amplitude can be shown on the logarithmic scale."""
     known: BoolArray = np.isfinite(amplitude) & (amplitude > 0.0)
     return known
 
@@ -52,14 +52,14 @@ def shades_of(amplitude: FloatArray) -> IntArray:
 
 # --- learned clutter
 
-# Of false detections per turn and km^2, decimal logarithms: what has no colour, and what has all.
+# Ends of the opacity scale: decimal logarithms of false detections per turn and km^2.
 FAINTEST, STRONGEST = 0.0, 3.0
-# Steps of the opacity.
+# Number of steps of the opacity.
 OPACITIES = 100
 
 
 def clutter_levels(shown: ClutterRaster, columns: Columns) -> dict[str, Any]:
-    """Add the squares' opacity as a column, rows by y; return where they are, in metres."""
+    """Add the squares' opacity as a column, rows by y; return their positions in metres."""
     level = np.log10(np.maximum(shown.density, 10.0**FAINTEST))
     columns.add("clutter", np.rint(np.minimum(level / STRONGEST, 1.0) * OPACITIES).ravel())
     low_x, _, low_y, _ = shown.extent
@@ -75,16 +75,17 @@ def clutter_levels(shown: ClutterRaster, columns: Columns) -> dict[str, Any]:
 
 # --- the earth
 
-# Lines of the graticule across the picture, at most, and the steps between them, degrees.
+# Largest number of lines of the graticule across the picture, and allowed steps, degrees.
 MOST_LINES = 8
 GRATICULE_STEPS = tuple(m * 10.0**k for k in (1, 0, -1, -2, -3, -4) for m in (5.0, 2.0, 1.0))
-# Points of a line.
+# Number of points of a line.
 POINTS = 73
-# Rings of a radar, at most, and the steps between them as multiples of a power of ten.
+# Largest number of rings of a radar, and allowed steps as multiples of a power of ten.
 MOST_RINGS, RING_STEPS = 4, (1.0, 2.0, 2.5, 5.0)
-# How far the lines go beyond what is first shown, in its extents: pages are wide.
+# Length of lines beyond the first view, as a share of its extent: pages are wide.
 BEYOND = 0.6
-# Places between the nodes of a grid are read off it: 3 m at 12 km from node to node.
+# Nodes of the interpolation grid along an axis (its error is 3 m with 12 km between nodes), and
+# resolution of its degrees.
 NODES, DEGREE = 65, 1e-5
 
 
@@ -97,8 +98,7 @@ def graticule(
     ----------
     plane : Plane
     corner, far : arrays of shape (2,)
-        Least and greatest x and y of what is first shown, metres.
-    columns : Columns
+        Least and greatest x and y of the first view, metres.
     """
     lines: list[FloatArray] = []
     labels: list[tuple[float, float, str]] = []
@@ -111,7 +111,7 @@ def graticule(
             pair[across] = np.linspace(extents[across][0], extents[across][1], POINTS)
             place = np.stack(plane.to_plane(*pair))
             lines.append(place)
-            # Parallels are named where they enter the picture on the left, meridians at the bottom.
+            # Parallels have their label at the left edge, meridians at the bottom.
             nearest = int(np.argmin(np.abs(place[along] - corner[along])))
             labels.append((*np.rint(place[:, nearest]).tolist(), degrees(value, step, name)))
     drawn = np.concatenate([np.zeros((2, 0)), *lines], axis=1)
@@ -123,9 +123,9 @@ def graticule(
 def earth_grid(
     plane: Plane, corner: FloatArray, far: FloatArray, columns: Columns
 ) -> dict[str, Any]:
-    """Add latitudes and longitudes of a grid's nodes as columns; return where the nodes are.
+    """Add latitudes and longitudes of a grid's nodes as columns; return the nodes' positions.
 
-    Parameters are those of `graticule`. Longitudes are counted on over the antimeridian.
+    The parameters are the same as of `graticule`. Longitudes are continuous over the antimeridian.
     """
     beyond = BEYOND * (far - corner)
     nodes = np.linspace(corner - beyond, far + beyond, NODES)
@@ -147,9 +147,8 @@ def rings(
 
     Parameters
     ----------
-    radars : sequence of RadarSite
     corner, far : arrays of shape (2,)
-        Least and greatest x and y of what is first shown, metres.
+        Least and greatest x and y of the first view, metres.
     """
     places = [radar.position for radar in radars]
     farthest = max(
@@ -168,7 +167,7 @@ def rings(
 
 
 def degrees(value: float, step: float, names: str) -> str:
-    """Return an angle with the digits that a step needs and the letter of its side."""
+    """Return an angle as text, with the digits that a step needs and the hemisphere's letter."""
     digits = max(int(np.ceil(-np.log10(step) - 1e-9)), 0)
     shown = (value + 180.0) % 360.0 - 180.0 if names == "EW" else value
     side = names[0] if round(shown, digits) >= 0.0 else names[1]
@@ -187,7 +186,7 @@ def _extent(plane: Plane, low: FloatArray, high: FloatArray) -> tuple[FloatArray
 
 
 def _away(plane: Plane, longitude: FloatArray) -> FloatArray:
-    """Return longitudes counted from the origin, so that the antimeridian is no border."""
+    """Return longitudes relative to the origin, continuous over the antimeridian."""
     away: FloatArray = (longitude - plane.origin[1] + 180.0) % 360.0 - 180.0 + plane.origin[1]
     return away
 

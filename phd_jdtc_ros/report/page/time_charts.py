@@ -63,7 +63,7 @@ def numbers(record: Record) -> Chart:
                 Scatter(
                     x=times(clock, [truth.stamp_ns for truth in record.truth]),
                     y=[
-                        _count(truth.class_id[_reported(record, truth)], key)
+                        _count(truth.class_id[_fast_enough(record, truth)], key)
                         for truth in record.truth
                     ],
                     name="truth",
@@ -95,7 +95,7 @@ def numbers(record: Record) -> Chart:
     return Chart("numbers", "Number of targets over time", caption, figure)
 
 
-# --- what is drawn --------------------------------------------------------------------------------
+# --- data -----------------------------------------------------------------------------------------
 
 
 def _distances(
@@ -113,8 +113,8 @@ def _round_step(least: float) -> int:
     return next(step for step in steps if step >= least)
 
 
-def _reported(record: Record, truth: Truth) -> BoolArray:
-    """Return which targets are fast enough to be tracked."""
+def _fast_enough(record: Record, truth: Truth) -> BoolArray:
+    """Return whether each target is fast enough to be reported."""
     fast: BoolArray = np.hypot(*truth.velocity.T) >= record.least_speed
     return fast
 
@@ -123,7 +123,7 @@ def _count(class_id: Any, key: str) -> int:
     return len(class_id if key == ALL else class_id[class_id == class_of(key)])
 
 
-# --- how it is drawn ------------------------------------------------------------------------------
+# --- style ----------------------------------------------------------------------------------------
 
 
 def _append_title(figure: Figure, row: int, text: str) -> None:

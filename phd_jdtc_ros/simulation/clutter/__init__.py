@@ -1,1 +1,1 @@
-"""Detections of no target, and targets seen where they are not."""
+"""False detections: clutter, fixed reflectors, echoes and mirrored replies."""

@@ -1,6 +1,6 @@
-"""Targets that give several detections in a scan, and the block ``echoes`` of a scenario document.
+"""Several detections of a target in a scan; the block ``echoes`` of a scenario document.
 
-To a radar of high resolution a vehicle is not a point: bumpers, wheels and corners answer apart.
+A radar of high resolution detects bumpers, wheels and corners of a vehicle separately.
 """
 
 from __future__ import annotations
@@ -27,17 +27,16 @@ ECHOES = (
 
 @dataclass(frozen=True)
 class Echoes:
-    """How targets answer to one radar more than once in a scan.
+    """Further detections of targets by one radar in a scan.
 
     Parameters
     ----------
     probability : float
-        That a detected target has further detections.
+        Probability that a detected target has further detections.
     most : int
-        Their largest number; every number from 1 is as probable.
+        Their largest number; all numbers from 1 to it are equally probable.
     length_std, width_std : float
-        Standard deviations of where they come from, along the target's course and across it,
-        metres.
+        Standard deviations of their sources along and across the target's course, metres.
     """
 
     probability: float
@@ -48,12 +47,12 @@ class Echoes:
     def sources(
         self, state: FloatArray, space: StateSpace, rng: np.random.Generator
     ) -> tuple[FloatArray, IntArray]:
-        """Return where further detections of targets come from, and the row of the target of each.
+        """Return the sources of further detections, and the row of the target of each.
 
         Parameters
         ----------
         state : array of shape (N, D)
-            Of the targets that are detected.
+            States of the detected targets.
         space : StateSpace
         rng : numpy.random.Generator
 
@@ -79,7 +78,7 @@ class Echoes:
 def of_radars(
     document: Mapping[str, object], radars: tuple[RadarModel, ...], faults: list[str]
 ) -> tuple[Echoes | None, ...]:
-    """Return every radar's echoes, None where none are given; empty if none are; add faults."""
+    """Return every radar's echoes, None for a radar without; empty if no radar has any."""
     given = mapping(document, "echoes", faults)
     known = {radar.name: radar for radar in radars}
     faults += [

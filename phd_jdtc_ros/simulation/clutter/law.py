@@ -1,6 +1,6 @@
 """The amplitudes of simulated clutter, and the block ``clutter`` of a scenario document.
 
-What is simulated need not be what the tracker assumes: that is its parameter `clutter_amplitude`.
+The simulated law may differ from the tracker's assumption, its parameter `clutter_amplitude`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.targets.amplitude_density import SMALLEST_AMPLITUDE, snr_
 from ..checked import mapping, take
 
 LAW = Parameter("law", "rayleigh", "Law.", choices=("rayleigh", "log_normal", "uniform"))
-# The parameters of each law.
+# Parameters that several laws share.
 LEVEL = Parameter("level_db", 0.0, "Mean or, of log_normal, median level, dB.", -100.0, 200.0)
 MEMBERS = {
     "rayleigh": (LAW, LEVEL),
@@ -35,7 +35,7 @@ MEMBERS = {
 
 
 class ClutterLaw(Protocol):
-    """A law of the envelopes of clutter, to draw from."""
+    """A distribution of the envelopes of clutter."""
 
     def draw(self, threshold: float, count: int, rng: np.random.Generator) -> FloatArray:
         """Return envelopes above a threshold, shape (count,)."""
@@ -56,7 +56,7 @@ class RayleighClutter:
 
     def draw(self, threshold: float, count: int, rng: np.random.Generator) -> FloatArray:
         """Return envelopes above a threshold, shape (count,)."""
-        # The square of a Rayleigh envelope is exponential, so this tail above tau is exact.
+        # The square of a Rayleigh envelope is exponential, so the truncated draw is exact.
         square = threshold**2 + 2.0 * self.level * rng.standard_exponential(count)
         envelope: FloatArray = np.sqrt(square)
         return envelope
@@ -105,7 +105,7 @@ NOISE = RayleighClutter()
 def laws(
     document: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
 ) -> tuple[ClutterLaw, ...]:
-    """Return every radar's law, noise where none is given; empty if all are; add faults."""
+    """Return every radar's law, by default noise; empty if all are noise; add faults."""
     given = mapping(document, "clutter", faults)
     if not given:
         return ()

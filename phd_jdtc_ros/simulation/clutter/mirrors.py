@@ -1,7 +1,7 @@
-"""What sends a target's replies to a radar by a detour; the block ``mirrors`` of a scenario.
+"""Surfaces that reflect a target's replies to a radar; the block ``mirrors`` of a scenario.
 
-A hangar's wall lets an aircraft be seen twice in a turn: where it is, and as a false plot with its
-code, address and height in the direction of the wall, farther away by the detour.
+A hangar's wall makes a radar detect an aircraft twice in a turn: at its position, and as a false
+plot with its code, address and height in the direction of the wall, farther away by the detour.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ class Mirror:
     Parameters
     ----------
     position : tuple of two floats
-        World frame, metres.
+        Position in the world frame, metres.
     start, width : float
-        Azimuths, from the radar, of the targets whose replies it reflects: radians clockwise from
-        the world's y axis.
+        First azimuth and width of the sector, seen from the radar, of the targets whose replies are
+        reflected: radians clockwise from the world's y axis.
     probability : float
-        That it does, at each turn of a radar.
+        Probability of a reflection at each turn of a radar.
     """
 
     position: tuple[float, float]
@@ -53,7 +53,7 @@ class Mirror:
     def reflects(
         self, position: FloatArray, radar: RadarModel, rng: np.random.Generator
     ) -> npt.NDArray[np.bool_]:
-        """Return which replies from positions, shape (N, 2) in the world, it reflects now."""
+        """Return which replies from positions in the world, shape (N, 2), are reflected."""
         east, north = (position - radar.position).T
         turned = np.mod(np.arctan2(east, north) - self.start, FULL_TURN)
         drawn = rng.random(len(position)) < self.probability
@@ -61,7 +61,7 @@ class Mirror:
         return found
 
     def detour(self, position: FloatArray, radar: RadarModel) -> FloatArray:
-        """Return what ranges become longer by, metres, shape (N,)."""
+        """Return the increase of the ranges by the reflection, metres, shape (N,)."""
         own = math.dist(self.position, radar.position)
         longer: FloatArray = (
             own + np.hypot(*(position - self.position).T) - np.hypot(*(position - radar.position).T)

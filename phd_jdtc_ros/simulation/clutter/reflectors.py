@@ -1,7 +1,7 @@
-"""What answers a radar and is no target: quays, land, wind turbines; a scenario's ``reflectors``.
+"""Fixed clutter such as quays, land and wind turbines; a scenario's ``reflectors``.
 
-They stay where they are in the world. Each radar that sees them reports them as false detections,
-from wherever it is.
+Reflectors are fixed in the world. Every radar that has them in its coverage reports them as false
+detections, also from a moving platform.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ REFLECTORS = (
     ),
     Parameter("detection_probability", 0.5, "Of each in a scan or a turn.", 0.0, 1.0),
 )
-# A line in small steps would take all memory.
+# Largest number of points of a line, which bounds the memory for a small spacing.
 MOST = 10_000
 
 
 class Answers(NamedTuple):
-    """What a radar measures of reflectors.
+    """A radar's measurements of reflectors.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Answers(NamedTuple):
         Range and azimuth with noise, metres and radians.
     amplitude : array of shape (N,)
     seen : bool array of shape (N,)
-        Which of them the radar detects.
+        Whether the radar detects each.
     """
 
     measurement: FloatArray
@@ -62,11 +62,11 @@ class Reflectors:
     Parameters
     ----------
     points : tuple of pairs of floats
-        World frame, metres.
+        Positions in the world frame, metres.
     detection_probability : float
-        Of each of them in a scan or a turn in which a radar could see it.
+        Probability of detection of a point per scan or turn if it is in a radar's coverage.
     law : ClutterLaw
-        Of their envelopes.
+        Law of the envelopes.
     """
 
     points: tuple[tuple[float, float], ...]
@@ -74,7 +74,7 @@ class Reflectors:
     law: ClutterLaw = NOISE
 
     def answers(self, exact: FloatArray, radar: RadarModel, rng: np.random.Generator) -> Answers:
-        """Return what a radar measures at true ranges and azimuths, shape (N, 2)."""
+        """Return a radar's measurements of reflectors at true ranges and azimuths, (N, 2)."""
         found = rng.random(len(exact)) < self.detection_probability
         visible = radar.visibility.sees(exact) > 0.0
         amplitude = self.law.draw(radar.threshold, len(exact), rng)
@@ -89,7 +89,7 @@ def reflectors(
     for index, given in enumerate(mappings(document, "reflectors", "", faults)):
         prefix, found = f"reflectors[{index}].", list[str]()
         values = take(REFLECTORS, given, prefix, found, ("spacing",), ("amplitude",))
-        # Laws are bounded by the thresholds, and the highest is the strictest.
+        # The bounds of a law follow from the threshold; the highest threshold is the strictest.
         strictest = max(radars, key=lambda radar: radar.threshold)
         law: ClutterLaw = NOISE
         if "amplitude" in given:
@@ -114,7 +114,7 @@ def reflectors(
 
 
 def _along(corners: FloatArray, spacing: float) -> tuple[tuple[float, float], ...]:
-    """Return points at most `spacing` apart on the line through corners, those among them."""
+    """Return points at most `spacing` apart on the line through corners, corners included."""
     points = [tuple(corners[0].tolist())]
     for begin, end in itertools.pairwise(corners):
         parts = max(math.ceil(math.dist(begin, end) / spacing - 1e-9), 1) if spacing else 1

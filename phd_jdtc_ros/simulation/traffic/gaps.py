@@ -1,7 +1,7 @@
-"""Times in which targets are out of every radar's sight; the block ``gaps`` of a scenario.
+"""Times in which targets are hidden from all radars; the block ``gaps`` of a scenario.
 
-Hills, the cone above another radar's mast, a transponder that is switched off: the target flies on
-and comes back as what it was.
+Causes are hills, the cone of silence, or a transponder that is switched off. The target continues
+its flight and keeps its identity.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ GAPS = (
     Parameter("slowest", 20.0, "Slower targets at their start have none, m/s.", 0.0, 1e4),
     Parameter("seed", 0, "Seed of whose they are, and when.", 0, 2**31 - 1),
 )
-# A target is in sight for so long before and after, seconds.
+# Least time in sight before and after a gap, seconds.
 APART_S = 60.0
 
 
@@ -35,9 +35,9 @@ class Gap(NamedTuple):
     Parameters
     ----------
     number : int
-        Of the target, from 1.
+        Number of the target, from 1.
     start_s, end_s : float
-        After scan 0.
+        Seconds after scan 0.
     """
 
     number: int
@@ -45,8 +45,8 @@ class Gap(NamedTuple):
     end_s: float
 
 
-def hidden(gaps: Sequence[Gap], number: int, time_s: FloatArray) -> npt.NDArray[np.bool_]:
-    """Return when a target, by its number from 1, is out of sight; shape kept."""
+def in_gap(gaps: Sequence[Gap], number: int, time_s: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return whether a target, by number from 1, is in a gap; same shape."""
     out = np.zeros(np.shape(time_s), dtype=np.bool_)
     for gap in gaps:
         if gap.number == number:
@@ -57,7 +57,7 @@ def hidden(gaps: Sequence[Gap], number: int, time_s: FloatArray) -> npt.NDArray[
 def of_targets(
     document: Mapping[str, object], flights: Sequence[Flight], faults: list[str]
 ) -> tuple[Gap, ...]:
-    """Return the gaps of a document's ``gaps``, none without; add its faults to `faults`.
+    """Return the gaps of a document's ``gaps`` block, if any; add its faults to `faults`.
 
     Parameters
     ----------
@@ -77,11 +77,11 @@ def of_targets(
             f"{values['shortest_s']:g}"
         )
     faults += found
-    return () if found else _drawn(values, flights)
+    return () if found else _draw(values, flights)
 
 
-def _drawn(values: Mapping[str, float], flights: Sequence[Flight]) -> tuple[Gap, ...]:
-    """Return gaps of targets that are there for long enough: the longer, the more of them."""
+def _draw(values: Mapping[str, float], flights: Sequence[Flight]) -> tuple[Gap, ...]:
+    """Return gaps of random targets, drawn in proportion to the time that a gap can begin in."""
     rng = np.random.default_rng(int(values["seed"]))
     speed = np.array([np.hypot(*flight.velocity) for flight in flights])
     there_s = np.array([flight.end_s - flight.start_s for flight in flights])
@@ -89,7 +89,7 @@ def _drawn(values: Mapping[str, float], flights: Sequence[Flight]) -> tuple[Gap,
     gaps: list[Gap] = []
     for _ in range(int(values["count"])):
         length_s = float(rng.uniform(values["shortest_s"], values["longest_s"]))
-        # When it may begin; a target has one at most.
+        # Time in which a gap can begin; a target has at most one gap.
         spare = np.where(free, np.maximum(there_s - length_s - 2.0 * APART_S, 0.0), 0.0)
         if not spare.any():
             break

@@ -1,4 +1,4 @@
-"""The study document: the content of a YAML file is checked as a whole and turned into a study."""
+"""Checks a study document, the content of a YAML file, as a whole and converts it to a study."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merged
 from .kinds import KINDS, OURS, TRACKERS, TUNED, suits
 
 BUILT_IN_SCENARIO = "paper_scenario"
-# How the tracker's sets are read.
+# Parameters of an extraction variant.
 OF_READING = ("death_term", "extraction")
 # What the labelled filter has, and what Gaussians do not have.
 LABELLED_READING = {"engine": "gaussian", "death_term": "bernoulli", "extraction": "components"}
@@ -56,7 +56,7 @@ def resolve(
     Raises
     ------
     ConfigError
-        With all faults.
+        If the document is invalid; the message lists all faults.
     """
     if not isinstance(document, Mapping):
         raise ConfigError(["study: must be a mapping"])
@@ -93,7 +93,7 @@ def resolve(
     by_variant = dict(_tracker_faults(study))
     left_out = {}
     if "engine" in assigned:
-        # A variant may be one of another engine only; so the command line leaves it out.
+        # A variant may be valid for another engine only; an engine on the command line omits it.
         others = replace(study, assigned={k: v for k, v in assigned.items() if k != "engine"})
         own = dict(_tracker_faults(others))
         left_out = {name: found[0] for name, found in by_variant.items() if name not in own}
@@ -167,7 +167,7 @@ def _case(
 
 
 def _ignored(given: Mapping[str, Any], prefix: str, faults: list[str]) -> Ignored:
-    """Return which targets of a case are not scored; add faults to `faults`."""
+    """Return the unscored targets of a case; add faults to `faults`."""
     if "ignored" not in given:
         return TAXIING
     block = given["ignored"]
@@ -200,7 +200,7 @@ def _variant(
 ) -> Variant:
     """Return a variant; add its faults to `faults`.
 
-    Its cases are by default all of `shared` that its kind suits: those of `turning`, or the others.
+    Its default cases are all of `shared` that suit its kind: cases of `turning`, or the others.
     """
     prefix = f"variants.{name}."
     keys = ("kind", "engine", "cases", "lags", "parameters", "run_share", *OF_READING)
@@ -283,13 +283,13 @@ def _goal(
 
 
 def _engine_of(parameters: Mapping[str, Any], default: str) -> str:
-    """Return the engine in force; a wrong name is a fault of the parameters, found later."""
+    """Return the selected engine; a wrong name is found later as a fault of the parameters."""
     engine = parameters["engine"]
     return engine if engine in TRACKERS else default
 
 
 def _tracker_faults(study: Study) -> Iterator[tuple[str, list[str]]]:
-    """Yield the variants that are no possible tracker at one of their cases, and the faults."""
+    """Yield the variants with invalid tracker parameters at any of their cases, and the faults."""
     for variant in study.variants:
         faults: list[str] = []
         for case in study.cases:
@@ -363,7 +363,7 @@ def _lags(value: Any, name: str, faults: list[str]) -> tuple[int, ...]:
 
 
 def _run_share(given: Mapping[str, Any], prefix: str, faults: list[str]) -> float:
-    """Return the share of the runs."""
+    """Return the checked share of the runs."""
     share = SHARE.coerce(given.get("run_share", 1.0))
     if not isinstance(share, float) or share == 0.0:
         value = given["run_share"]

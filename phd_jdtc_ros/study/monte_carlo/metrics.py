@@ -1,4 +1,4 @@
-"""The metrics of a study: those of `evaluation`, and further ones that know the whole run."""
+"""The metrics of a study: `evaluation`'s, and further ones that use the whole simulated run."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from phd_jdtc_ros.simulation.scenario import truth_after
 from ..runs import SimulatedRun
 
 STUDY = Group("studies")
-# Order p and cut-off c (metres) of further OSPA for all targets only.
+# Order p and cut-off c (metres) of two further OSPA metrics, for all targets only.
 OTHER_ORDER, OTHER_CUTOFF = 1.0, 300.0
-# A target is young in its first scans, which a tracker without known birth places needs to start a
-# track.
+# Number of first scans in which a target is young: a tracker without known birth places needs them
+# to start a track.
 YOUNG_SCANS = 5
-# Scans in which a target is to be reported, its first one included.
+# A target should be reported by this scan of its life, counted from 1.
 PROMPT_SCANS = 4
-# Estimates nearer than this to a reflector are of it, unless a target is as near; metres. In the
-# first turns nobody knows where reflectors are.
+# An estimate closer than this to a reflector counts as false there, unless a target is as close,
+# metres; the first turns, in which reflectors are unknown, do not count.
 ON_REFLECTOR, LEARNING_TURNS = 100.0, 20
-# An estimate within this distance of a target is of it, metres.
+# A target counts as found if an estimate is within this distance, metres.
 FOUND = 200.0
 
 
@@ -39,9 +39,9 @@ class RunAccumulator(Accumulator):
         c, metres, and p.
     run : SimulatedRun
     age : sequence of int arrays of shape (T,)
-        For every scan, since how many scans each of its targets exists.
+        Age of each target in scans, by scan.
     cpu_ms : float
-        CPU time per turn, milliseconds; NaN if it is not known.
+        CPU time per turn, milliseconds; NaN if unknown.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class RunAccumulator(Accumulator):
 
 
 class OtherOspa(RunAccumulator):
-    """OSPA with `OTHER_ORDER`, and with `OTHER_CUTOFF`."""
+    """OSPA with `OTHER_ORDER`, and OSPA with `OTHER_CUTOFF`."""
 
     names = ("ospa_p1", "ospa_c300")
 
@@ -81,7 +81,7 @@ class OtherOspa(RunAccumulator):
 
 
 class OspaAfterBirth(RunAccumulator):
-    """OSPA without the targets in their first scans and without the estimates paired with them."""
+    """OSPA without young targets and the estimates paired with them."""
 
     names = ("ospa_after_5",)
     metrics = (
@@ -99,7 +99,7 @@ class OspaAfterBirth(RunAccumulator):
     )
 
     def of_scan(self, scan: PairedScan) -> Values:
-        """Keep what is to be compared, because every set has a value."""
+        """Store the compared points, from which every set's value is computed."""
         young = self.age[self.index] < YOUNG_SCANS
         target, estimate = scan.pairs
         everything = np.arange(len(scan.estimate))
@@ -118,7 +118,7 @@ class OspaAfterBirth(RunAccumulator):
 
 
 class MedianError(RunAccumulator):
-    """The median distance of the pairs."""
+    """The median error of the pairs' positions."""
 
     names = ("median_error",)
     metrics = (
@@ -134,13 +134,13 @@ class MedianError(RunAccumulator):
     )
 
     def of_scan(self, scan: PairedScan) -> Values:
-        """Return it, metres; NaN without pairs."""
+        """Return the median, metres; NaN without pairs."""
         error = scan.truth.position[scan.pairs[0]] - scan.estimate.position[scan.pairs[1]]
         return (float(np.median(np.hypot(*error.T))) if len(error) else math.nan,)
 
 
 class Promptness(RunAccumulator):
-    """Targets in their scan number `PROMPT_SCANS`, and those that have been paired by then."""
+    """Number of targets in scan `PROMPT_SCANS` of their life, and of those paired by then."""
 
     names = ("begun", "prompt")
     metrics = (
@@ -166,7 +166,7 @@ class Promptness(RunAccumulator):
 
 
 class CpuTime(RunAccumulator):
-    """The CPU time per turn, the same for all turns of a run."""
+    """The CPU time per turn, equal for all turns of a run."""
 
     names = ("cpu_ms",)
     metrics = (
@@ -182,16 +182,16 @@ class CpuTime(RunAccumulator):
     )
 
     def of_scan(self, scan: PairedScan) -> Values:
-        """Return it, milliseconds."""
+        """Return the CPU time, milliseconds."""
         return (self.cpu_ms,)
 
 
 class Coast(RunAccumulator):
-    """Estimates of reflectors, and targets that are found late.
+    """Estimates of reflectors, and targets found late.
 
-    Those are of ``five_scans_old`` targets, which end their first `YOUNG_SCANS` scans, the ones
-    without an estimate in any of these, ``late``. An antenna that turns may have passed before a
-    target appeared: the turn in which it does is not counted.
+    ``five_scans_old`` counts targets at the end of their first `YOUNG_SCANS` scans, and ``late``
+    the ones among them without an estimate in any of these scans. The turn in which a target
+    appears does not count, because the antenna may have passed before.
     """
 
     names = ("on_reflectors", "late", "five_scans_old")
@@ -225,7 +225,7 @@ class Coast(RunAccumulator):
         truth, estimates, age = self.run.truth[self.index], scan.estimate, self.age[self.index]
         scenario = self.run.scenario
         turning = any(radar.rotation_s > 0.0 for radar in scenario.radars)
-        # Those that are there from the first turn on were so before it.
+        # Targets of the first turn already existed before it.
         unseen = age < self.index if turning else 0
         grown = {*truth.track_id[age - unseen >= YOUNG_SCANS].tolist()} - self._before
         self._before |= grown
@@ -266,7 +266,7 @@ def new_accumulators(
 
 
 def _ages(run: SimulatedRun) -> list[IntArray]:
-    """Return for every scan since how many scans each of its targets exists."""
+    """Return the age of each target in scans, by scan."""
     first: dict[int, int] = {}
     ages = []
     for scan, truth in enumerate(run.truth):

@@ -38,7 +38,7 @@ class Result:
         return self._values(lag, of_set)[..., VALUES.index(name)]
 
     def figures(self, lag: int, of_set: str = ALL) -> dict[str, FloatArray | None]:
-        """Return each of `FIGURES` of every run, shape (runs,); None if it has no meaning."""
+        """Return each of `FIGURES` for every run, shape (runs,); None if undefined."""
         totals = Totals.of(VALUES, self._values(lag, of_set))
         figures = {name: metric.of_run(totals) for name, metric in METRICS.items()}
         return {**figures, REDUCTION: self._reduction(lag, of_set)}

@@ -29,7 +29,7 @@ class Scores(NamedTuple):
     time_s : array of shape (scans,)
         Time since the first scan, seconds.
     values : array of shape (..., lags, scans, sets, VALUES)
-        NaN where there is no such value.
+        NaN for missing values.
     taken_for : int array of shape (..., lags, scans, C, C) or None
         [true class, estimated class]: number of pairs. None for trackers without classes.
     """
@@ -49,7 +49,7 @@ def score(
     cutoff: float = CUTOFF,
     cpu_ms: float = math.nan,
 ) -> Scores:
-    """Return the scores of a variant at those of its lags that its tracker has.
+    """Return the scores of a variant at the lags that its tracker supports.
 
     Parameters
     ----------
@@ -60,17 +60,17 @@ def score(
     cutoff : float
         c of OSPA and GOSPA, metres.
     cpu_ms : float
-        CPU time per turn, milliseconds; NaN if it is not known.
+        CPU time per turn, milliseconds; NaN if unknown.
 
     Notes
     -----
-    Values are rounded to a thousandth, so that a file of them is short and reading is exact.
+    Values are rounded to a thousandth, so that files are short and values are read back exactly.
 
-    - The values of gaps are of the gaps that ended in the scan; all gaps end in the last scan.
+    The values of gaps count the gaps that ended in the scan; all gaps end in the last scan.
     """
     lags = tuple(lag for lag in variant.lags if lag in tracks)
     if not lags:
-        raise ValueError(f"lags: {variant.lags} wanted, the tracker has {sorted(tracks)}")
+        raise ValueError(f"lags: {variant.lags} requested, the tracker has {sorted(tracks)}")
     scans = len(run.truth)
     estimated = 0 if variant.kind in PEERS else classes  # peers do not estimate classes
     sets = set_names(estimated)
@@ -82,7 +82,7 @@ def score(
             scan = PairedScan.of(truth.stamp_ns, PointSet.of(truth), points, cutoff)
             found = comparer.compare(scan)
             if index == scans - 1:
-                found = comparer.ended()
+                found = comparer.final_values()
             values[row, index] = [list(of_set.values()) for of_set in found.values()]
             matrix = confusion_matrix(scan.pairs, truth.class_id, points.class_id, estimated)
             taken_for[row, index] = matrix[:estimated, :estimated]

@@ -11,13 +11,13 @@ from ..runs import SimulatedRun
 
 
 def raised_threshold(run: SimulatedRun, threshold: float) -> SimulatedRun:
-    """Return the run that radars with a higher detection threshold would have reported.
+    """Return the same run as reported by radars with a higher detection threshold.
 
     Parameters
     ----------
     run : SimulatedRun
     threshold : float
-        Of the amplitude; at least the threshold of every radar.
+        Threshold of the amplitude; at least the threshold of every radar.
 
     Raises
     ------
@@ -27,7 +27,7 @@ def raised_threshold(run: SimulatedRun, threshold: float) -> SimulatedRun:
     lowest = max(radar.threshold for radar in run.scenario.radars)
     if threshold < lowest:
         raise ValueError(f"threshold: {threshold} given, must be at least {lowest}")
-    # The squares of clutter envelopes are exponential, which gives the share above a threshold.
+    # Squares of clutter envelopes are exponential, which determines the share above a threshold.
     radars = tuple(
         replace(
             radar,

@@ -22,7 +22,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Detections
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.sending import Sending
-from phd_jdtc_ros.simulation.turning_antenna import answered_plots, plot_times
+from phd_jdtc_ros.simulation.turning_antenna import plot_times, plots_with_replies
 
 # SAC of the radars; their SIC is their place, from 1.
 SAC = 1
@@ -89,7 +89,7 @@ def _blocks(
 ) -> Iterator[tuple[int, bytes]]:
     """Yield time of receipt, nanoseconds since the epoch, and bytes of a radar's data blocks."""
     radar, antenna = run.radars[index], run.antennas[index]
-    plots, answers = answered_plots(run, index, layout, seed)
+    plots, answers = plots_with_replies(run, index, layout, seed)
     time_s = plot_times(run, index, plots)
     records = _plots(answers, layout, SAC << 8 | index + 1)
     own_ns = round(sending.clock_ahead_s * 1e9) + run.bias(index).offset_ns

@@ -52,7 +52,7 @@ def test_gaps_of_no_targets_are_none():
 
 def test_target_is_hidden_in_its_own_gaps_only():
     known = [Gap(1, 5.0, 6.0), Gap(2, 0.0, 9.0), Gap(1, 7.0, 8.0)]
-    out = gaps.hidden(known, 1, np.array([4.9, 5.0, 6.0, 7.5, 8.5]))
+    out = gaps.in_gap(known, 1, np.array([4.9, 5.0, 6.0, 7.5, 8.5]))
     assert out.tolist() == [False, True, False, True, False]
 
 

@@ -14,7 +14,7 @@ from phd_jdtc_ros.asterix.transport import pcap
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import UNKNOWN
 from phd_jdtc_ros.simulation import sending
-from phd_jdtc_ros.simulation.turning_antenna import answered_plots, plot_times
+from phd_jdtc_ros.simulation.turning_antenna import plot_times, plots_with_replies
 from phd_jdtc_ros.tools import simulate
 from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
 from studies.hours import study as hours
@@ -44,7 +44,7 @@ class Recorded:
         rows = [k for k, each in enumerate(self.messages) if isinstance(each, Plot)]
         self.plots = [self.messages[k] for k in rows]
         self.plots_received = [self.received[k] for k in rows]
-        self.own, self.answers = answered_plots(self.hour.scenario, 0, self.hour.layout, seed)
+        self.own, self.answers = plots_with_replies(self.hour.scenario, 0, self.hour.layout, seed)
         self.time_s = plot_times(self.hour.scenario, 0, self.own)
 
     def column(self, name):
