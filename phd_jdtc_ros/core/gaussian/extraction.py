@@ -20,8 +20,8 @@ def extracted(
 ) -> Estimates:
     """Return the targets whose existence probability is above a threshold.
 
-    The class is that of the largest weight. The state and covariance are those of that class, over
-    all hypotheses and motion modes. The `track_id` of a target is its origin plus one.
+    A target's class is the one of largest weight. State and covariance are the moments of that
+    class over all hypotheses and motion modes. The `track_id` of a target is its label plus one.
     """
     reported = mixture.existence > threshold
     if not reported.all():
@@ -55,9 +55,9 @@ def extracted(
 def extracted_from(
     parts: Sequence[Part[Mixture]], dynamics: Dynamics, lag: int
 ) -> tuple[Estimates, IntArray]:
-    """Return the targets of several mixtures, whatever their existence, and the time of each.
+    """Return the targets of several mixtures at any existence probability, and each one's time.
 
-    All at once, because a radar that turns leaves a few targets each in many mixtures.
+    One call handles all mixtures, because a turning radar leaves a few targets in each of many.
     """
     stored = [part.stored for part in parts]
     sizes = np.array([len(mixture) for mixture in stored])
@@ -69,7 +69,7 @@ def extracted_from(
             for begin, part in zip(first.tolist(), parts, strict=False)
         ]
     )
-    # A target that is in several mixtures is there several times.
+    # A target that occurs in several mixtures gets several rows.
     place = np.concatenate([mixture.target for mixture in stored])
     place += (np.cumsum(labels) - labels).repeat(sizes)
     whole = replace(Mixture.joined(stored), origin=place).take(rows)

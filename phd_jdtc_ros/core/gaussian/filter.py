@@ -32,7 +32,7 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
     """
 
     bounds: Bounds
-    # Of the last step.
+    # Number of clusters associated approximately in the last step.
     approximate: int = field(init=False, default=0)
     floored: int = field(init=False, default=0)
     _dynamics: Dynamics | None = field(init=False, default=None, repr=False)

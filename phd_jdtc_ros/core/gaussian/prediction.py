@@ -1,4 +1,4 @@
-"""Prediction: survivors move from mode to mode, targets are spawned, targets are born."""
+"""Prediction: survivors move and switch modes, targets are spawned, targets are born."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from .algebra.moments import matched
 from .dynamics import Dynamics
 from .mixture import Mixture
 
-# Largest logarithm of a determinant.
+# Bound, in a snapshot, on the magnitude of a log determinant.
 MOST_LOG = 1e4
 
 
 class Aged(NamedTuple):
-    """Stored hypotheses and the time since their scan.
+    """A stored mixture and its age.
 
     Parameters
     ----------
     mixture : Mixture
     dt : float
-        Seconds.
+        Time since its scan, seconds.
     """
 
     mixture: Mixture
@@ -36,28 +36,28 @@ class Aged(NamedTuple):
 
 @dataclass(frozen=True)
 class Moves:
-    """How the hypotheses of earlier scans became predicted ones, row by row.
+    """The prediction from the hypotheses of earlier scans, row by row, for the smoother.
 
-    A pair is a motion mode before and one after the move that it may change to; there are K.
+    Each of the K pairs is a motion mode before the prediction and a possible one after it.
 
     Parameters
     ----------
     pairs : tuple of two int arrays of shape (K,)
-        The modes of each pair, from and to.
+        Modes of each pair before and after the prediction.
     change : array of shape (H, K)
-        Probability to survive and to change from the one mode to the other.
+        Probability of survival with a change from the first mode to the second.
     survival : array of shape (H, R)
-        Probability to survive until the later scan.
+        Probability of survival until the later scan.
     cells : array of shape (H, S, S) or None
-        Matrix of the cells, [from, to]; None if no cell is left.
+        Transition matrix of the cells, [from, to]; None if cells do not change.
     mean : array of shape (H, K, D)
-        Predicted by each pair.
+        Predicted mean of each pair.
     precision : array of shape (H, K, D, D)
         Inverse of each pair's predicted covariance.
     log_determinant : array of shape (H, K)
-        Of the precision.
+        Log determinant of the precision.
     backward : Backward
-        From each pair's later Gaussian to the earlier one, leading shape (H, K).
+        Backward step from each pair's later Gaussian to the earlier one, leading shape (H, K).
     """
 
     pairs: tuple[IntArray, IntArray]
@@ -70,7 +70,7 @@ class Moves:
     backward: Backward
 
     def take(self, rows: IntArray) -> Moves:
-        """Return the moves of these rows."""
+        """Return the predictions of these rows."""
         return Moves(
             self.pairs,
             self.change[rows],
@@ -84,7 +84,7 @@ class Moves:
 
     @staticmethod
     def joined(parts: Sequence[Moves]) -> Moves:
-        """Return the moves of several scans, row by row."""
+        """Return the predictions of several scans concatenated."""
         cells = [part.cells for part in parts if part.cells is not None]
         return Moves(
             parts[0].pairs,
@@ -99,12 +99,12 @@ class Moves:
 
 
 def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Moves]:
-    """Return the hypotheses of earlier scans at the time of a later one.
+    """Return the hypotheses of earlier scans predicted to the time of a later one.
 
     Notes
     -----
-    Interacting multiple models: each motion mode's Gaussian is that of all modes that may change to
-    it, moved by the new mode and matched by their probabilities.
+    Interacting multiple models: all Gaussians whose mode may change to a given mode are predicted
+    with that mode's motion, weighted by their transition probabilities and moment-matched by one.
 
     References
     ----------
@@ -148,11 +148,11 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
 
 
 def _shares(joint: FloatArray, dynamics: Dynamics) -> FloatArray:
-    """Return the share of each pair in each later mode, (H, R, K), given their weights (H, K)."""
+    """Return the share of each pair in each later mode, (H, R, K), given the weights (H, K)."""
     weight = dynamics.to_mode * joint[:, None]
     total = weight.sum(axis=2, keepdims=True)
     reached = total > 0.0
-    # A mode that cannot be reached has no weight; it keeps its own Gaussian.
+    # An unreachable mode has no weight; it keeps its own Gaussian.
     same = dynamics.to_mode * (dynamics.pairs[0] == dynamics.pairs[1])
     share: FloatArray = np.where(reached, weight / np.where(reached, total, 1.0), same)
     return share
@@ -161,7 +161,7 @@ def _shares(joint: FloatArray, dynamics: Dynamics) -> FloatArray:
 def _moved(
     mean: FloatArray, to: IntArray, dt: FloatArray, dynamics: Dynamics
 ) -> tuple[FloatArray, FloatArray]:
-    """Return means (H, K, D) after `dt` seconds of each mode `to`, and the derivatives."""
+    """Return the means (H, K, D) after `dt` seconds in each mode `to`, and the Jacobians."""
     later = np.empty_like(mean)
     jacobian = np.empty((*mean.shape, mean.shape[2]))
     for mode, motion in enumerate(dynamics.motions):
@@ -175,12 +175,12 @@ def _moved(
 
 
 def born(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:
-    """Return the targets born at known places, each an origin of its own.
+    """Return the birth components at the configured places, each with a new label.
 
     Parameters
     ----------
     births : sequence of (int, float)
-        Birth terms, and the time since each last had births, seconds.
+        Index of each birth term, and the time since its last births, seconds.
     dynamics : Dynamics
     scan_index : int
     """
@@ -204,7 +204,7 @@ def born(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: in
 
 
 def spawned(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: float) -> Mixture:
-    """Return the targets that split off, one for each parent, each an origin of its own.
+    """Return the spawned targets, one for each parent, each with a new label.
 
     Parameters
     ----------
@@ -212,11 +212,11 @@ def spawned(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least:
     dynamics : Dynamics
     scan_index : int
     least : float
-        Probability below which no target is spawned.
+        Existence probability below which a spawned target is left out.
 
     Notes
     -----
-    The parent's hypotheses are matched by one Gaussian, which each motion mode moves.
+    The parent's hypotheses are moment-matched by one Gaussian, which each motion mode predicts.
     """
     model = dynamics.model
     label = labels.first_predicted(scan_index) + len(model.births)

@@ -48,13 +48,13 @@ class GaussianSteps:
         return self.dynamics.model
 
     def prior(self, rows: Branched, report: Report) -> PriorMixture:
-        """Return the hypotheses before a report."""
+        """Return the hypotheses as the prior of a report's update."""
         return PriorMixture(rows, report, self)
 
     def with_newborn(
         self, rows: Branched, newborn: Newborn, label: int
     ) -> tuple[Branched, Newborn]:
-        """Return the hypotheses with those of targets born at detections."""
+        """Return the hypotheses, extended by those of targets born at detections."""
         if not len(newborn):
             return rows, newborn
         added = newborn_mixture(newborn, self.dynamics, label)
@@ -121,7 +121,7 @@ class PriorMixture:
 
     @cached_property
     def missed(self) -> FloatArray:
-        """Weights, times the probability that they are not detected, shape (H, R, S)."""
+        """Weights times the probability of a missed detection, shape (H, R, S)."""
         missed: FloatArray = self.mixture.weight * (1.0 - self.detectable)
         return missed
 
@@ -132,7 +132,7 @@ class PriorMixture:
         return by_detection
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the pairs in gates; see `gating.gated`."""
+        """Return the gated pairs; see `gating.gated`."""
         return gated(self.mixture, self.expected, self.report.read_as(detections))
 
     def slower(self, bound: float) -> FloatArray:
@@ -146,15 +146,16 @@ class PriorMixture:
     def posterior(
         self, pairs: Paired, evidence: Evidence | None, log_other: FloatArray
     ) -> Posterior[Branched]:
-        """Return hypotheses without a detection, and with each in their gates.
+        """Return the updated hypotheses: a missed one, and one for each detection in the gate.
 
-        Only the most probable ones of each target are kept.
+        Only the most probable hypotheses of each target are kept.
 
         Notes
         -----
-        Let psi(z) be the weight of all Gaussians of a target times their likelihood of detection z,
-        and p(z) and p(0) the marginal probabilities that the target has detection z or none. A
-        hypothesis with z has its weight times its likelihood, times p(z) / psi(z).
+        Let psi(z) be the sum of weight times likelihood of detection z over all Gaussians of a
+        target, and p(z) and p(0) the marginal probabilities that the target has detection z or
+        none. The weight of a hypothesis with z is its prior weight times its likelihood, times
+        p(z) / psi(z).
         """
         mixture, readings = self.mixture, self.report.read_as(pairs.readings)
         coarse = self._coarse(pairs, readings)
@@ -208,7 +209,7 @@ class PriorMixture:
         log_likelihood: FloatArray,
         log_other: FloatArray,
     ) -> tuple[FloatArray, CompetingSources]:
-        """Return the weights of pairs, (P, R, S), and the sources that compete with them."""
+        """Return the weights of pairs, (P, R, S), and the competing sources."""
         log_mass = log_likelihood[..., None] + self.log_amplitude[pairs.column][:, None, :]
         if evidence is not None:
             log_mass = log_mass + evidence.log_factor[:, None, None]
@@ -216,9 +217,9 @@ class PriorMixture:
         return weighed(self.mixture, pairs.row, pairs.column, log_mass, sources), sources
 
     def _branched(self, source: IntArray, weight: FloatArray, found: PairUpdate) -> Branched:
-        """Return those hypotheses that are kept: first without a detection, then the pairs.
+        """Return the kept hypotheses: those without a detection, then those of the pairs.
 
-        Only their Gaussians are updated.
+        Only the Gaussians of kept hypotheses are updated.
         """
         mixture = self.mixture
         kept, factor = probable(mixture.target[source], summed(weight), self.steps.bounds)

@@ -11,7 +11,7 @@ from ...arrays import FloatArray, IntArray
 def matched(
     share: FloatArray, mean: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the means and covariances of mixtures of equally many Gaussians.
+    """Return the means and covariances of mixtures with the same number of Gaussians.
 
     Parameters
     ----------

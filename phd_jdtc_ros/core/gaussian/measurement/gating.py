@@ -1,4 +1,4 @@
-"""Gating: which detections may be those of a hypothesis, and about how likely each is."""
+"""Gating: the detections in the gate of each hypothesis, and their approximate likelihoods."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from ...sensors.report import Report
 from ...sensors.sensor import GatedGaussians, Sensor
 from ..mixture import Mixture
 
-# Radius of the gate in standard deviations of the innovation; 4e-6 of the detections are outside.
+# Radius of the gate in standard deviations of the innovation; a target's detection falls outside
+# with a probability of 4e-6.
 GATE_SIGMA = 5.0
 
 
@@ -23,7 +24,7 @@ class Expected(NamedTuple):
     ----------
     measured : array of shape (H, R, Z)
     covariance : array of shape (H, R, Z, Z)
-        Without the sensor's noise.
+        Covariance of the expected measurement, without the sensor's noise.
     """
 
     measured: FloatArray
@@ -47,7 +48,7 @@ def gated(
     -------
     row, column : int arrays of shape (P,)
     log_likelihood : array of shape (P, R)
-        Of the measurement linearised at the mean; -inf outside the gate of a Gaussian.
+        Log likelihood with the measurement linearised at the mean; -inf outside a Gaussian's gate.
     """
     sensor, detections, alive = report.sensor, report.detections, mixture.mode_weight > 0.0
     speed = np.abs(mixture.mean[..., list(sensor.space.velocity)]).sum(axis=-1)

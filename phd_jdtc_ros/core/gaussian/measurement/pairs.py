@@ -1,4 +1,4 @@
-"""Weights of pairs of a hypothesis and a detection, and which of them count."""
+"""Weights of the pairs of hypothesis and detection, and the selection of probable pairs."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from ...association.marginals import LEAST_CLUTTER
 from ...models.competing_sources import CompetingSources
 from ..mixture import Mixture
 
-# Of the sources of a detection, and of the hypotheses of a target; pairs below it are left out
-# before the iterated update.
+# A pair with less than this share of its detection's sources, or of its target's hypotheses, is
+# left out before the iterated update.
 LEAST_SHARE = 1e-4
 
 
@@ -21,7 +21,7 @@ def weighed(
     log_mass: FloatArray,
     others: CompetingSources,
 ) -> FloatArray:
-    """Return p_D L_z w of pairs, divided by the scale of their detections, shape (P, R, S).
+    """Return p_D L_z w of pairs, relative to the scale of their detections, shape (P, R, S).
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def weighed(
 
 
 def summed(weight: FloatArray) -> FloatArray:
-    """Return the sums over modes and cells, (N,); three times as fast as those of short axes."""
+    """Return the sums over modes and cells, (N,), three times as fast as sums of short axes."""
     total: FloatArray = np.einsum("hrs->h", weight)
     return total
 
@@ -52,10 +52,10 @@ def likely(
     missed: FloatArray,
     others: CompetingSources,
 ) -> IntArray:
-    """Return the pairs that may be more than `LEAST_SHARE` of their target and their detection.
+    """Return the pairs that may exceed `LEAST_SHARE` of both their target and their detection.
 
-    Another target may claim a detection, however sure this target is of it. Of every detection only
-    that part counts which others would leave even if all that want it did get it.
+    Another target may claim a detection, however probable it is for this one. So a target's share
+    is computed from the part of each detection that remains if all other targets claim it.
     """
     mass, total = summed(weight), others.total
     target, count = mixture.target[row], len(mixture.label)
