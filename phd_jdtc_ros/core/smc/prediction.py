@@ -1,4 +1,4 @@
-"""Prediction (Sec. IV-C, Step 1): survivors move, targets are spawned, targets are born."""
+"""Prediction (Sec. IV-C, Step 1): targets survive and move, are spawned, and are born."""
 
 from __future__ import annotations
 
@@ -36,29 +36,28 @@ def predict(
     Parameters
     ----------
     earlier : sequence of Aged
-        The stored sets that the scan continues; every copy of a row is moved with its own noise.
+        The stored sets that the scan continues; every copy of a row has its own process noise.
     births : sequence of (int, float)
-        The birth terms to draw, and the time since they were last drawn, seconds.
+        Index of each birth term to draw, and the time since its last draw, seconds.
     seen : Places
-        The detections of the scan, which guide the noise of the survivors.
+        The detections of the scan, used in the proposal of the survivors' process noise.
     model : TrackerModel
     corrector : Corrector
-        A labelled one gives every spawned target an origin of its own.
+        A labelled corrector gives every spawned target a new label.
     budget : ParticleBudget
     scan_index : int
-        Determines the origins of births and spawned targets.
+        Determines the labels of births and spawned targets.
     rng : numpy.random.Generator
 
     Returns
     -------
     ParticleSet
-        With all weight in the Poisson part. Parents are rows of the stored sets, one set after the
-        other.
+        All weight is in the Poisson part. Parents are rows of the concatenated stored sets.
 
     Notes
     -----
-    Sec. IV-C, Step 1. Deviation: the survivor and birth steps, which are missing there, are added,
-    and the spawn weight has the factors of the parent's weight, rate and mode.
+    Sec. IV-C, Step 1. Deviation: the steps of survival and birth, which the paper omits, are added,
+    and the spawn weight includes the parent's weight, rate and mode.
     """
     origin = labels.first_predicted(scan_index)
     spawned = origin + len(model.births)
@@ -84,7 +83,7 @@ def _fresh(
     weight: FloatArray,
     log_snr: FloatArray,
 ) -> ParticleSet:
-    """Return particles of multiplicity one that belong to no component."""
+    """Return particles of multiplicity one outside all components."""
     return ParticleSet(
         state=state,
         mode=mode,
@@ -117,7 +116,7 @@ def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator)
     cumulative[:, -1] = 1.0
     uniform = rng.random(len(mode))
     drawn = np.zeros(len(mode), dtype=np.int64)
-    # One mode at a time: (N, O) temporary arrays would cost several times as much.
+    # One mode at a time: temporary arrays of shape (N, O) would take several times as long.
     for bound in cumulative.T[:-1]:
         drawn += uniform >= bound.take(mode)
     return drawn
@@ -149,7 +148,7 @@ def _survivors(
 
 
 def _of_equal_mass(weight: FloatArray, prior: FloatArray, origin: IntArray) -> FloatArray:
-    """Return weights scaled so that every origin has the mass that it has by `prior`."""
+    """Return weights scaled so that every label keeps its mass under `prior`."""
     origins_, place = factorize(origin)
     mass, wanted = (sum_by(place, part, len(origins_)) for part in (weight, prior))
     return weight * (wanted / np.where(mass > 0.0, mass, 1.0)).take(place)
@@ -164,7 +163,7 @@ def _spawned(
     origin: int,
     rng: np.random.Generator,
 ) -> ParticleSet:
-    """Return the spawned mass; with a labelled corrector, each parent's has a new origin."""
+    """Return the spawned particles; a labelled corrector gives those of each parent a new label."""
     spawn = model.spawn
     mass = float(particles.weight.sum())
     wanted = int(np.ceil(spawn.particles_per_target * mass))

@@ -1,4 +1,4 @@
-"""The backward step (Sec. IV-C, Step 4) over cached transitions, with a choice of death terms."""
+"""The backward step (Sec. IV-C, Step 4) over cached transitions, with selectable death terms."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .particle_set import ParticleSet
 
 
 class DeathTerm(Protocol):
-    """The part of the backward step for targets that do not survive."""
+    """The term of the backward step for targets that do not survive."""
 
     def __call__(
         self, particles: ParticleSet, survival: FloatArray, backward: FloatArray
@@ -43,7 +43,7 @@ def paper_death_term(
 
     Notes
     -----
-    Sec. II-B, backward equation. It is right only for targets with a small existence probability.
+    Sec. II-B, backward equation. It is correct only for targets with a small existence probability.
     A target that was certain and then died loses its mass in the whole lag window.
     """
     return np.ones(particles.components.shape[1])
@@ -52,7 +52,7 @@ def paper_death_term(
 def bernoulli_death_term(
     particles: ParticleSet, survival: FloatArray, backward: FloatArray
 ) -> FloatArray:
-    """Return the death factor of each component as that of a Bernoulli target.
+    """Return the death factor of each component as a Bernoulli target.
 
     Notes
     -----
@@ -68,7 +68,7 @@ def bernoulli_death_term(
         return sum_by(parts.indices, parts.data * particles.by_entry(factor), components)
 
     survived = np.minimum(by_component(backward), 1.0)
-    # A component is at most one target; resampling may round its mass to a little more.
+    # A component is at most one target, but resampling may round its mass up to a little more.
     mass = np.maximum(particles.component_mass, 1.0)
     dying = 1.0 - by_component(survival) / mass
     factor: FloatArray = (1.0 - survived) / np.where(dying > 0.0, dying, np.inf)
@@ -76,7 +76,7 @@ def bernoulli_death_term(
 
 
 class _Message(NamedTuple):
-    """What a later set tells earlier rows.
+    """The content of a backward message to N earlier rows.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def backward_pass(entries: Sequence[ParticleEntry], death_term: DeathTerm) -> It
     Parameters
     ----------
     entries : sequence of Entry
-        Oldest first. Sources that are none of them have left the window.
+        Oldest first. A source outside these entries has left the window.
     death_term : DeathTerm
     """
 
@@ -159,7 +159,7 @@ def backward_pass(entries: Sequence[ParticleEntry], death_term: DeathTerm) -> It
 
 
 def _gathered(size: int, received: Sequence[Message[_Message]]) -> _Message:
-    """Return P_s and B of all rows of a set; both are 1 for rows that no later set continues."""
+    """Return P_s and B of all rows of a set; both are 1 for rows without a message."""
     parts = [
         (part.rows, _Message(*(side[part.part] for side in part.content))) for part in received
     ]
