@@ -19,13 +19,14 @@ from .rows import Points, Queries
 _FLOATS, _INTS, _NARROW = types.float64[::1], types.int64[::1], types.int32[::1]
 _READ, _READ_ROWS, _READ_CLOUDS = (read(types.float64, axes) for axes in (1, 2, 3))
 _READ_INTS = read(types.int64, 1)
-# The two axes of a grid, its corner on them, the width of its cells, its columns and lines, the
-# rows in the order of their cells, and the index at which each cell begins.
+# A grid: its two axes, its corner on them, the width of its cells, its numbers of columns and
+# lines, the rows in the order of their cells, and the index at which each cell begins.
 _GRID = types.Tuple((*(types.int64,) * 2, *(types.float64,) * 3, *(types.int64,) * 2, _INTS, _INTS))
 
 # Grid of a group's points: width of a cell in radii, and the largest number of cells along an axis.
 CELL, MAX_CELLS = 1.0, 128
-# Bound of the rounding error of a place, in cells. There may be too many candidates, never too few.
+# Bound on the rounding error of a position in a grid, in cells. It may add candidates, but never
+# removes one.
 ROUNDING = 1e-6
 
 
@@ -53,7 +54,7 @@ def kernel_within_groups(
     comb : array of shape (Q,)
         Offset of each query's comb, see `resampling.comb`.
     most : int
-        At most this many pairs are kept per query, selected as in `kernel_thinning`.
+        Largest number of pairs kept per query, selected as in `kernel_thinning`.
 
     Returns
     -------
@@ -74,7 +75,7 @@ def kernel_within_groups(
 
 @compiled(types.UniTuple(_INTS, 2)(_READ_INTS, types.int64))
 def _by_bin(bin_of: IntArray, bins: int) -> tuple[IntArray, IntArray]:
-    """Return the rows in the order of their bins, and the index at which each bin begins."""
+    """Return the rows sorted by bin, and the index at which each bin begins."""
     start = np.zeros(bins + 1, dtype=np.int64)
     for number in bin_of:
         start[number + 1] += 1
@@ -116,16 +117,16 @@ def _selected(
     offset: float,
     most: int,
 ) -> int:
-    """Thin one query's pairs as `kernel_thinning` does; return how many are kept, at the front.
+    """Thin one query's pairs as `kernel_thinning` does; return the number kept, at the front.
 
-    `slot` is a scratch array as long as `weight`, zero before and after.
+    `slot` is a scratch array of the length of `weight`, zero before and after.
     """
     found = value.copy()
     for pair in range(len(near)):
         slot[near[pair]] = pair + 1
     scale = most / mu if mu > 0.0 else 0.0
     running, passed, kept, left = 0.0, 0, 0, len(near)
-    for point in group_rows:  # in ascending order, which the order of `near` need not be
+    for point in group_rows:  # ascending, unlike the order of `near`
         if slot[point] == 0:
             continue
         running += found[slot[point] - 1] * weight[point] * scale
@@ -149,7 +150,7 @@ def _grid(
     wide_x, wide_y = cloud[:, x].max() - low_x, cloud[:, y].max() - low_y
     width = max(CELL * radius, max(wide_x, wide_y) / (MAX_CELLS - 1))
     across, down = int(wide_x / width) + 1, int(wide_y / width) + 1
-    # Clamped, because compiled code does not check indices.
+    # Clamped, because compiled code has no bounds checks.
     strip = ((cloud[:, y] - low_y) / width).astype(np.int64)
     strip = np.minimum(np.maximum(strip, 0), down - 1)
     cell = ((cloud[:, x] - low_x) / width).astype(np.int64)
@@ -167,7 +168,7 @@ def _near(
     square: FloatArray,
     place: npt.NDArray[np.int32],
 ) -> int:
-    """Write square distances and places of the near rows of a sorted cloud; return their number."""
+    """Write square distances and indices of near rows of a sorted cloud; return their number."""
     x, y, low_x, low_y, width, across, down, _, start = grid
     at_x, at_y, reach = query[x] - low_x, query[y] - low_y, radius + ROUNDING
     first = max(math.floor((at_y - reach) / width), 0)
@@ -213,9 +214,9 @@ def _kernel(
     comb: FloatArray,
     most: int,
 ) -> tuple[FloatArray, npt.NDArray[np.int32], IntArray, IntArray, FloatArray]:
-    """Return values, points, where each query's pairs begin, their number, and mu; group by group.
+    """Return values, points, start and number of each query's pairs, and mu, group by group.
 
-    Parameters are those of `kernel_within_groups`, laid out flat.
+    The parameters are the fields and parameters of `kernel_within_groups`.
     """
     query_row, query_start = _by_bin(query_group, groups)
     point_row, point_start = _by_bin(point_group, groups)
@@ -265,7 +266,7 @@ def _kernel(
 def _by_query(
     value: FloatArray, near: npt.NDArray[np.int32], begin: IntArray, count: IntArray
 ) -> tuple[FloatArray, npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """Return pairs in the order of their queries, and the index at which each query begins."""
+    """Return the pairs sorted by query, and the index at which each query begins."""
     start = np.zeros(len(begin) + 1, dtype=np.int32)
     for index in range(len(begin)):
         start[index + 1] = start[index] + count[index]
