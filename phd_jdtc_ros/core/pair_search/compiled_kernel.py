@@ -175,7 +175,7 @@ def _near(
     last = min(math.floor((at_y + reach) / width), down - 1)
     found = 0
     for line in range(first, last + 1):
-        # At this distance from the centre, the circle is only as wide as its chord.
+        # The circle is only as wide as its chord at this distance from the centre.
         apart = max(line * width - at_y, at_y - (line + 1) * width, 0.0)
         half = math.sqrt(max(reach * reach - apart * apart, 0.0)) + ROUNDING
         left = max(math.floor((at_x - half) / width), 0)

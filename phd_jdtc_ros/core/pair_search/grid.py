@@ -53,7 +53,7 @@ def grid_candidates(
     point_group: IntArray,
     radius: float,
 ) -> Candidates:
-    """Return the candidates; parameters are those of `within_groups`."""
+    """Return the candidates; for the parameters see `within_groups`."""
     groups = 1 + int(max(query_group.max(), point_group.max()))
     by_axis = np.ascontiguousarray(point.T)
     low, extent = _extents(by_axis, point_group, groups)
@@ -149,7 +149,7 @@ def _rows_of_cells(
     middle, last = np.floor(height), across - 1.0
     for column, shift in enumerate((-1.0, 0.0, 1.0)):
         row = middle + shift
-        # At this distance from the centre, the circle is only as wide as its chord.
+        # The circle is only as wide as its chord at this distance from the centre.
         apart = np.maximum(np.maximum(row - height, height - row - 1.0) - ROUNDING, 0.0)
         half = ASPECT * np.sqrt(np.maximum(reach * reach - apart * apart, 0.0)) + ROUNDING
         line = first + across * np.minimum(np.maximum(row, 0.0), down - 1.0)

@@ -125,7 +125,7 @@ def _look_up(
     found = np.empty((2, 2 * beyond + 1, len(centre)), dtype=np.int64)
     rounding = 4.0 * np.spacing(key[-1] + span)
     for shift in range(-beyond, beyond + 1):
-        # At this distance from the centre, the circle is only as wide as its chord.
+        # The circle is only as wide as its chord at this distance from the centre.
         apart = np.maximum(np.maximum(shift - above, above - shift - 1.0) - ROUNDING, 0.0)
         square = radius * radius - apart * apart
         half = width * np.sqrt(np.maximum(square, 0.0)) + rounding
