@@ -21,7 +21,7 @@ _USED: ContextVar[str | None] = ContextVar("backend", default=None)
 
 
 @cache
-def resolved(wanted: str) -> str:
+def resolve(wanted: str) -> str:
     """Return the backend for a setting; ``auto`` is numba if it is installed, and otherwise numpy.
 
     Raises
@@ -44,15 +44,15 @@ def resolved(wanted: str) -> str:
     return NUMBA
 
 
-def chosen() -> str:
+def current() -> str:
     """Return the name of the backend in use: set by `using`, or else by the environment."""
-    return _USED.get() or resolved(os.environ.get(VARIABLE, "auto"))
+    return _USED.get() or resolve(os.environ.get(VARIABLE, "auto"))
 
 
 @contextmanager
 def using(name: str) -> Iterator[None]:
     """Use the backend of this name within the block."""
-    token = _USED.set(resolved(name))
+    token = _USED.set(resolve(name))
     try:
         yield
     finally:
@@ -65,14 +65,14 @@ def load(modules: Sequence[str]) -> None:
     A tracker loads them before its first scan, because without a cache on disk their compilation
     takes seconds.
     """
-    if chosen() == NUMBA:
+    if current() == NUMBA:
         for module in modules:
             _module(f"{__package__}.{module}")
 
 
 def compiled(room: str) -> Any:
     """Return the compiled loops of a package of the core; None if NumPy's loops are in use."""
-    return _module(f"{__package__}.{room}.compiled") if chosen() == NUMBA else None
+    return _module(f"{__package__}.{room}.compiled") if current() == NUMBA else None
 
 
 @cache

@@ -38,7 +38,7 @@ class Step:
 
     @property
     def targets(self) -> int:
-        """Number of filtered targets at the latest due stamp."""
+        """Number of filtered targets, summed over the estimates that are due."""
         return sum(map(len, self.filtered))
 
 
@@ -68,7 +68,7 @@ class EngineState:
 
 
 @dataclass(frozen=True)
-class Reworked:
+class Reprocessed:
     """The result of reprocessing scans.
 
     Parameters
@@ -125,7 +125,7 @@ class Engine(Protocol):
         """Return the engine's state, from which later scans can be reprocessed."""
         ...
 
-    def rework(self, scans: Sequence[tuple[EngineState, Scan]]) -> Reworked:
+    def reprocess(self, scans: Sequence[tuple[EngineState, Scan]]) -> Reprocessed:
         """Reprocess scans, with other scans between them or other reports in them.
 
         The engine is then in the state that it would have if it had stepped these scans at once.

@@ -16,7 +16,7 @@ from typing import TypeAlias
 
 from .engine import Engine, Step
 from .intake.input_checks import ReportWatch, ResultWatch
-from .intake.out_of_sequence import Dropped, LateReports
+from .intake.out_of_sequence import DropLateReports, LateReports
 from .intake.posed_reports import PosedReports
 from .intake.poses import Platform, PoseFault
 from .intake.scans import Rejection, Reset, ScanGrouper
@@ -127,7 +127,7 @@ class Pipeline:
         self._watches = tuple(watches) or tuple(ReportWatch() for _ in range(grouper.radars))
         self._results = results or ResultWatch(math.inf)
         self._grouper = grouper
-        self._late = late or Dropped(engine, grouper.radars)
+        self._late = late or DropLateReports(engine, grouper.radars)
         self._histories = histories
         self._region, self._tuned = region, tuned
         self._posed = PosedReports(platforms)

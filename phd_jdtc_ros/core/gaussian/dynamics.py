@@ -92,7 +92,7 @@ class Dynamics:
         return spread
 
     @cached_property
-    def born(self) -> FloatArray:
+    def birth_weight(self) -> FloatArray:
         """Weights over (motion mode, cell) of a birth component of each class, shape (C, R, S).
 
         The motion modes of a class are equally probable at birth.

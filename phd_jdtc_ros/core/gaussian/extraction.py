@@ -15,7 +15,7 @@ from .dynamics import Dynamics
 from .mixture import Mixture
 
 
-def extracted(
+def extract(
     mixture: Mixture, dynamics: Dynamics, stamp_ns: int, lag: int, threshold: float
 ) -> Estimates:
     """Return the targets whose existence probability is above a threshold.
@@ -38,12 +38,12 @@ def extracted(
     own_weight = np.einsum("hrs,hs->hr", mixture.weight, own.astype(np.float64))
     total = class_mass[np.arange(count), majority]
     share = own_weight / np.where(total > 0.0, total, 1.0)[mixture.target][:, None]
-    state, covariance = mixture.matched(share)
+    state, covariance = mixture.moments(share)
     return Estimates(
         stamp_ns=stamp_ns,
         lag=lag,
         state=state,
-        covariance=kalman.floored(kalman.symmetric(covariance))[0],
+        covariance=kalman.floor_eigenvalues(kalman.symmetric(covariance))[0],
         weight=mass,
         class_probability=class_mass / np.where(mass > 0.0, mass, 1.0)[:, None],
         class_id=majority,
@@ -52,7 +52,7 @@ def extracted(
     )
 
 
-def extracted_from(
+def extract_all(
     parts: Sequence[Part[Mixture]], dynamics: Dynamics, lag: int
 ) -> tuple[Estimates, IntArray]:
     """Return the targets of several mixtures at any existence probability, and each one's time.
@@ -72,8 +72,8 @@ def extracted_from(
     # A target that occurs in several mixtures gets several rows.
     place = np.concatenate([mixture.target for mixture in stored])
     place += (np.cumsum(labels) - labels).repeat(sizes)
-    whole = replace(Mixture.joined(stored), origin=place).take(rows)
-    found = extracted(whole, dynamics, parts[-1].stamp_ns, lag, 0.0)
+    whole = replace(Mixture.concatenate(stored), origin=place).take(rows)
+    found = extract(whole, dynamics, parts[-1].stamp_ns, lag, 0.0)
     at = found.track_id - 1
     origin = np.concatenate([mixture.label for mixture in stored])
     time_ns = np.array([part.stamp_ns for part in parts]).repeat(labels)

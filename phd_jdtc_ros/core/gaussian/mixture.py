@@ -12,7 +12,7 @@ from ..arrays import FloatArray, IntArray, factorize, read_only, sum_by
 from ..snapshot import MASS_SLACK, MOST_STATE, covariances, floats, integers
 from ..state_space import StateSpace
 from ..window.entries import Extents
-from .algebra.moments import merged
+from .algebra.moments import merge_moments
 
 
 @dataclass(frozen=True)
@@ -103,14 +103,14 @@ class Mixture:
     def overall(self) -> tuple[FloatArray, FloatArray]:
         """Mean and covariance of each target over its hypotheses and modes, (T, D), (T, D, D)."""
         existence = np.where(self.existence > 0.0, self.existence, 1.0)
-        return self.matched(self.mode_weight / existence[self.target][:, None])
+        return self.moments(self.mode_weight / existence[self.target][:, None])
 
-    def matched(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def moments(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return each target's mean and covariance for given shares of its Gaussians, (H, R)."""
         modes, size = self.mean.shape[1:]
         order = np.argsort(self.target, kind="stable")
         first = np.searchsorted(self.target[order], np.arange(len(self.label))) * modes
-        mean, covariance = merged(
+        mean, covariance = merge_moments(
             share[order].reshape(-1, 1),
             self.mean[order].reshape(-1, 1, size),
             self.covariance[order].reshape(-1, 1, size, size),
@@ -143,7 +143,7 @@ class Mixture:
         )
 
     @staticmethod
-    def joined(parts: list[Mixture]) -> Mixture:
+    def concatenate(parts: list[Mixture]) -> Mixture:
         """Return several mixtures concatenated into one."""
         if len(parts) == 1:
             return parts[0]

@@ -12,7 +12,7 @@ from ..arrays import FloatArray, IntArray, sum_by
 from ..snapshot import MOST_STATE, floats
 from ..tracks import labels
 from .algebra.kalman import MOST_GAIN, Backward, backward, predicted_covariance
-from .algebra.moments import matched
+from .algebra.moments import match_moments
 from .dynamics import Dynamics
 from .mixture import Mixture
 
@@ -83,7 +83,7 @@ class Moves:
         )
 
     @staticmethod
-    def joined(parts: Sequence[Moves]) -> Moves:
+    def concatenate(parts: Sequence[Moves]) -> Moves:
         """Return the predictions of several scans concatenated."""
         cells = [part.cells for part in parts if part.cells is not None]
         return Moves(
@@ -111,7 +111,7 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     Blom and Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
     switching coefficients", IEEE Transactions on Automatic Control 33(8), 1988.
     """
-    before = Mixture.joined([part.mixture for part in earlier])
+    before = Mixture.concatenate([part.mixture for part in earlier])
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
     survival = np.stack([dynamics.survival(dt) for _, dt in earlier])[source]
     of, to = dynamics.pairs
@@ -126,14 +126,14 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
         weight = weight @ cells
     dt_of = np.array([dt for _, dt in earlier])[source]
     mean, covariance = before.mean.take(of, axis=1), before.covariance.take(of, axis=1)
-    later_mean, jacobian = _moved(mean, to, dt_of, dynamics)
+    later_mean, jacobian = _move(mean, to, dt_of, dynamics)
     later, cross = predicted_covariance(covariance, jacobian, noise.take(to, axis=1))
     back, precision = backward(
         mean, covariance, later_mean, later, cross, 1.0 - dynamics.supported[to]
     )
     share = _shares(change * before.mode_weight[:, of], dynamics)
     return (
-        Mixture(before.origin, weight, *matched(share, later_mean, later)),
+        Mixture(before.origin, weight, *match_moments(share, later_mean, later)),
         Moves(
             pairs=(of, to),
             change=change,
@@ -158,7 +158,7 @@ def _shares(joint: FloatArray, dynamics: Dynamics) -> FloatArray:
     return share
 
 
-def _moved(
+def _move(
     mean: FloatArray, to: IntArray, dt: FloatArray, dynamics: Dynamics
 ) -> tuple[FloatArray, FloatArray]:
     """Return the means (H, K, D) after `dt` seconds in each mode `to`, and the Jacobians."""
@@ -174,7 +174,7 @@ def _moved(
     return later, jacobian
 
 
-def born(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:
+def births(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:
     """Return the birth components at the configured places, each with a new label.
 
     Parameters
@@ -203,7 +203,7 @@ def born(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: in
     )
 
 
-def spawned(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: float) -> Mixture:
+def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: float) -> Mixture:
     """Return the spawned targets, one for each parent, each with a new label.
 
     Parameters
@@ -229,7 +229,7 @@ def spawned(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least:
         part = _spawned_by(mixture, parents, rate, dt, dynamics, label)
         label += len(part)
         parts.append(part)
-    return Mixture.joined(parts)
+    return Mixture.concatenate(parts)
 
 
 def _spawned_by(
@@ -240,7 +240,7 @@ def _spawned_by(
     mean, covariance = mean[parents], covariance[parents]
     modes, size = supported.shape
     moved = np.repeat(mean[:, None], modes, axis=1)
-    later, jacobian = _moved(moved, np.arange(modes), np.full(len(parents), dt), dynamics)
+    later, jacobian = _move(moved, np.arange(modes), np.full(len(parents), dt), dynamics)
     noise = np.zeros((modes, size, size))
     noise[:, np.arange(size), np.arange(size)] = spawn.std**2 * supported
     spread = predicted_covariance(covariance[:, None], jacobian, noise)[0]

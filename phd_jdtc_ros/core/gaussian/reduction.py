@@ -118,7 +118,7 @@ def probable(target: IntArray, mass: FloatArray, bounds: Bounds) -> tuple[IntArr
     return kept, factor[target]
 
 
-def reduced(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]:
+def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]:
     """Return the reduced hypotheses, from which the next prediction starts.
 
     Parameters
@@ -168,10 +168,10 @@ def reduced(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]
     share = np.where(
         has_weight, mixture.mode_weight / np.where(has_weight, total, 1.0), 1.0 / size[:, None]
     )
-    mean, covariance = moments.merged(share, mixture.mean, mixture.covariance, first)
+    mean, covariance = moments.merge_moments(share, mixture.mean, mixture.covariance, first)
     part = weight[child]
     part = np.where(part > 0.0, mixture.weight / np.where(part > 0.0, part, 1.0), 0.0)
-    covariance, floored = kalman.floored(covariance)
+    covariance, floored = kalman.floor_eigenvalues(covariance)
     merged = Mixture(mixture.origin[first], weight, mean, covariance)
     return *_by_mode(merged, Ancestry(child, ordered.parent, part), bounds), floored
 
@@ -249,7 +249,7 @@ def _clusters(mixture: Mixture, distance: float) -> IntArray:
 def _across_modes(mixture: Mixture) -> tuple[FloatArray, FloatArray]:
     """Return each hypothesis's moments over its motion modes; unused axes have variance 1."""
     mass = np.where(mixture.mass > 0.0, mixture.mass, 1.0)[:, None]
-    mean, covariance = moments.matched(
+    mean, covariance = moments.match_moments(
         (mixture.mode_weight / mass)[:, None], mixture.mean, mixture.covariance
     )
     mean, covariance = mean[:, 0], covariance[:, 0]

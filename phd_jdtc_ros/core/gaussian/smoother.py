@@ -46,13 +46,13 @@ def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
         Oldest first. A source outside these entries has left the window.
     """
     if is_chain(entries):
-        return list(_chained([(entry.stored, entry.link) for entry in reversed(entries)]))
+        return list(_smooth_chain([(entry.stored, entry.link) for entry in reversed(entries)]))
     parts = generations(entries)
     weight, mean, covariance = (
         np.concatenate([getattr(entry.stored, column) for entry in entries])
         for column in ("weight", "mean", "covariance")
     )
-    smoothed = _chained([(part.stored, part.link) for part in parts])
+    smoothed = _smooth_chain([(part.stored, part.link) for part in parts])
     for part, mixture in zip(parts, smoothed, strict=True):
         weight[part.rows] = mixture.weight
         mean[part.rows], covariance[part.rows] = mixture.mean, mixture.covariance
@@ -62,7 +62,7 @@ def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
     return [entry.stored.with_gaussians(*parts) for entry, *parts in whole][::-1]
 
 
-def _chained(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
+def _smooth_chain(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
     """Yield the smoothed mixtures of a chain, newest first, each with its link to the next."""
     later: Mixture | None = None
     link: Link | None = None
@@ -98,7 +98,7 @@ def _before_update(smoothed: Mixture, link: Link) -> Later:
             mode_weight / np.where(total > 0.0, total, 1.0),
             1.0 / size.repeat(size)[:, None],
         )
-        mean, covariance = moments.merged(share, mean, covariance, first)
+        mean, covariance = moments.merge_moments(share, mean, covariance, first)
     rows, count = parent[first], len(moves.change)
     if len(rows) == count:
         return Later(moves, weight, mean, covariance)
@@ -145,7 +145,7 @@ def _with_hindsight(own: Mixture, later: Later) -> Mixture:
     survived = _by_mode(weight, of, modes)
     died = own.weight * (1.0 - moves.survival)[..., None]
     died *= _death_factor(own, survived, died)[:, None, None]
-    mean, covariance = _blended(own, weight.sum(axis=2), died.sum(axis=2), later)
+    mean, covariance = _blend(own, weight.sum(axis=2), died.sum(axis=2), later)
     return own.with_gaussians(survived + died, mean, covariance)
 
 
@@ -194,7 +194,7 @@ def _by_mode(weight: FloatArray, mode: IntArray, modes: int) -> FloatArray:
     return total
 
 
-def _blended(
+def _blend(
     own: Mixture, joint: FloatArray, died: FloatArray, later: Later
 ) -> tuple[FloatArray, FloatArray]:
     """Return the Gaussian of each earlier mode, moment-matched over the later modes and death.
@@ -203,7 +203,7 @@ def _blended(
     """
     of, to = later.moves.pairs
     if loops := backend.compiled("gaussian.algebra"):
-        every: tuple[FloatArray, FloatArray] = loops.blended(
+        every: tuple[FloatArray, FloatArray] = loops.blend(
             *map(np.ascontiguousarray, (own.mean, own.covariance, joint, died, of, to)),
             *map(np.ascontiguousarray, (*later.moves.backward, later.mean, later.covariance)),
         )
@@ -215,7 +215,7 @@ def _blended(
     total = weight.sum(axis=2)
     reached = total > 0.0
     share = weight / np.where(reached, total, 1.0)[..., None]
-    mean, covariance = moments.matched(share, mean, covariance)
+    mean, covariance = moments.match_moments(share, mean, covariance)
     share = np.where(reached, died / np.where(reached, total + died, 1.0), 1.0)[..., None]
     apart = own.mean - mean
     mean = mean + share * apart

@@ -35,7 +35,9 @@ def with_strays(predicted: Branched, lost: Lost, model: TrackerModel) -> Branche
         mixture.covariance[row] + spread[:, None] * used[..., :, None] * used[..., None, :],
     )
     return Branched(
-        Mixture.joined([mixture.with_gaussians(weight, mixture.mean, mixture.covariance), added]),
+        Mixture.concatenate(
+            [mixture.with_gaussians(weight, mixture.mean, mixture.covariance), added]
+        ),
         np.concatenate([predicted.parent, predicted.parent[row]]),
     )
 

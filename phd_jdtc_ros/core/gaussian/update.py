@@ -20,10 +20,10 @@ from ..types import Detections
 from ..window.update import Posterior
 from .dynamics import Dynamics
 from .measurement.amplitude import detection_probability, log_amplitude, slower
-from .measurement.gating import Expected, gated
+from .measurement.gating import Expected, gate_pairs
 from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
 from .measurement.newborn import newborn_mixture
-from .measurement.pairs import likely, summed, weighed
+from .measurement.pairs import likely, pair_weights, sum_modes
 from .mixture import Mixture
 from .reduction import Bounds, Branched, probable
 from .strays import with_strays
@@ -59,7 +59,7 @@ class GaussianSteps:
             return rows, newborn
         added = newborn_mixture(newborn, self.dynamics, label)
         parent = np.concatenate([rows.parent, np.full(len(added), -1)])
-        return Branched(Mixture.joined([rows.mixture, added]), parent), newborn
+        return Branched(Mixture.concatenate([rows.mixture, added]), parent), newborn
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class PriorMixture:
     @property
     def missed_mass(self) -> FloatArray:
         """Weight of each hypothesis without a detection, shape (H,)."""
-        return summed(self.missed)
+        return sum_modes(self.missed)
 
     @cached_property
     def expected(self) -> Expected:
@@ -132,8 +132,8 @@ class PriorMixture:
         return by_detection
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the gated pairs; see `gating.gated`."""
-        return gated(self.mixture, self.expected, self.report.read_as(detections))
+        """Return the gated pairs; see `gating.gate_pairs`."""
+        return gate_pairs(self.mixture, self.expected, self.report.read_as(detections))
 
     def slower(self, bound: float) -> FloatArray:
         """Return the probability that each hypothesis is slower than a bound in m/s, (H,)."""
@@ -159,29 +159,29 @@ class PriorMixture:
         """
         mixture, readings = self.mixture, self.report.read_as(pairs.readings)
         coarse = self._coarse(pairs, readings)
-        weight, sources = self._weighed(pairs, evidence, coarse, log_other)
+        weight, sources = self._pair_weights(pairs, evidence, coarse, log_other)
         counted = likely(mixture, pairs.row, pairs.column, weight, self.missed, sources)
         pairs = pairs.take(counted)
         evidence = None if evidence is None else evidence.take(counted)
 
         found = iterated_update(mixture, pairs.row, pairs.reading, readings)
         located = found.log_likelihood.reshape(-1, mixture.mean.shape[1])
-        weight, sources = self._weighed(pairs, evidence, located, log_other)
+        weight, sources = self._pair_weights(pairs, evidence, located, log_other)
         prior = np.where(mixture.mass > 0.0, mixture.mass, 1.0)
         claims = Claims(
             row=pairs.row,
             column=pairs.column,
-            mass=summed(weight),
+            mass=sum_modes(weight),
             other=sources.total,
-            detection_probability=summed(mixture.weight * self.detectable) / prior,
+            detection_probability=sum_modes(mixture.weight * self.detectable) / prior,
         )
         shares = bernoulli(mixture.target, len(mixture.label), mixture.mass, claims)
         factor = shares.missed[mixture.target] * shares.prior / prior
         missed, paired = self.missed * factor[:, None, None], weight * shares.pair[:, None, None]
         weight, source = np.concatenate([missed, paired]), np.append(self._every, pairs.row)
-        mass = summed(weight)
+        mass = sum_modes(weight)
         return Posterior(
-            rows=self._branched(source, weight, found),
+            rows=self._branch(source, weight, found),
             claims=claims,
             sources=sources,
             claimed=shares.claimed,
@@ -202,7 +202,7 @@ class PriorMixture:
         rough = coarse_rates(self.mixture, pairs.row, pairs.reading, rates, readings.sensor)
         return pairs.log_likelihood + rough
 
-    def _weighed(
+    def _pair_weights(
         self,
         pairs: Paired,
         evidence: Evidence | None,
@@ -214,15 +214,15 @@ class PriorMixture:
         if evidence is not None:
             log_mass = log_mass + evidence.log_factor[:, None, None]
         sources = competing_sources(log_other, pairs.column, log_mass.max(axis=(1, 2)))
-        return weighed(self.mixture, pairs.row, pairs.column, log_mass, sources), sources
+        return pair_weights(self.mixture, pairs.row, pairs.column, log_mass, sources), sources
 
-    def _branched(self, source: IntArray, weight: FloatArray, found: PairUpdate) -> Branched:
+    def _branch(self, source: IntArray, weight: FloatArray, found: PairUpdate) -> Branched:
         """Return the kept hypotheses: those without a detection, then those of the pairs.
 
         Only the Gaussians of kept hypotheses are updated.
         """
         mixture = self.mixture
-        kept, factor = probable(mixture.target[source], summed(weight), self.steps.bounds)
+        kept, factor = probable(mixture.target[source], sum_modes(weight), self.steps.bounds)
         source, weight = source[kept], weight[kept] * factor[:, None, None]
         modes, size = mixture.mean.shape[1:]
         mean, covariance = mixture.mean[source], mixture.covariance[source]

@@ -63,13 +63,13 @@ def generations(entries: Sequence[Entry[Mixture, Link]]) -> list[Generation]:
     entries : sequence of Entry
         Oldest first. A source outside these entries has left the window.
     """
-    every = Mixture.joined([entry.stored for entry in entries])
+    every = Mixture.concatenate([entry.stored for entry in entries])
     ends = np.cumsum([0, *(len(entry.stored) for entry in entries)])
     depth, predicted = _depths(entries, every, ends)
     links = [entry.link for entry in reversed(entries) if entry.link is not None]
     if not links:
         return [Generation(every, np.arange(len(every)), None)]
-    moves = Moves.joined([link.moves for link in links])
+    moves = Moves.concatenate([link.moves for link in links])
     edges = _edges(entries, ends)
     # A predicted hypothesis whose source has left the window sends no message.
     of_edge = predicted.depth[edges.parent]

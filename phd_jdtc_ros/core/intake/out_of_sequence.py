@@ -89,7 +89,7 @@ class LateReports(Protocol):
         ...
 
 
-class Dropped:
+class DropLateReports:
     """The policy that drops out-of-sequence reports.
 
     Parameters
@@ -129,7 +129,7 @@ class Dropped:
         """Do nothing."""
 
 
-class _Kept(NamedTuple):
+class _PendingScan(NamedTuple):
     """A scan with pending smoothed estimates, and the engine's state before it."""
 
     before: EngineState
@@ -137,7 +137,7 @@ class _Kept(NamedTuple):
 
 
 @dataclass
-class Reworked:
+class ReprocessLateReports:
     """The policy that reprocesses reports while smoothed estimates of their time are pending.
 
     Parameters
@@ -149,19 +149,19 @@ class Reworked:
 
     engine: Engine
     radars: int
-    _kept: list[_Kept] = field(init=False, default_factory=list)
+    _pending: list[_PendingScan] = field(init=False, default_factory=list)
     # Changed reports by stamp and radar; None removes a report.
     _changed: dict[int, dict[int, Detections | None]] = field(init=False, default_factory=dict)
     _budget: Budget = field(init=False, default_factory=Budget)
 
     def step(self, scan: Scan) -> Step:
         """Reprocess waiting reports, and step the engine."""
-        filtered, smoothed = self._work_in()
+        filtered, smoothed = self._reprocess()
         before = self.engine.save_state()
         step = self.engine.step(scan)
-        self._kept.append(_Kept(before, scan))
+        self._pending.append(_PendingScan(before, scan))
         self._trim(step.smoothed)
-        self._budget.earn(len(self._kept))
+        self._budget.earn(len(self._pending))
         if not (filtered or smoothed):
             return step
         return replace(
@@ -172,13 +172,13 @@ class Reworked:
 
     def finish(self) -> tuple[Estimates, ...]:
         """Reprocess waiting reports; return the smoothed estimates due."""
-        return self._work_in()[1]
+        return self._reprocess()[1]
 
     def since_ns(self) -> int | None:
         """Return the last stamp before the window, which includes a run's first scan."""
-        if not self._kept:
+        if not self._pending:
             return None
-        before, scan = self._kept[0]
+        before, scan = self._pending[0]
         return scan.stamp_ns - 1 if before.stamp_ns is None else before.stamp_ns
 
     def afford(self, stamp_ns: int, more: int) -> bool:
@@ -188,7 +188,7 @@ class Reworked:
 
     def place(self, radar: int, replaced_ns: Sequence[int], reports: Sequence[Report]) -> None:
         """Record the change for the next reprocessing."""
-        stamps = {kept.scan.stamp_ns for kept in self._kept} | self._changed.keys()
+        stamps = {kept.scan.stamp_ns for kept in self._pending} | self._changed.keys()
         for stamp_ns in replaced_ns:
             if stamp_ns in stamps:
                 self._changed.setdefault(stamp_ns, {})[radar] = None
@@ -200,39 +200,39 @@ class Reworked:
         waiting = self._changed.get(stamp_ns, {})
         if radar in waiting:
             return waiting[radar] is not None
-        scans = (kept.scan for kept in self._kept if kept.scan.stamp_ns == stamp_ns)
+        scans = (kept.scan for kept in self._pending if kept.scan.stamp_ns == stamp_ns)
         return any(scan.detections[radar] is not None for scan in scans)
 
     def forget(self) -> None:
         """Forget all scans and reports."""
-        self._kept, self._changed, self._budget = [], {}, Budget()
+        self._pending, self._changed, self._budget = [], {}, Budget()
 
     def _since(self, stamp_ns: int) -> int:
         """Return the number of scans from a stamp on."""
-        return len(self._kept) - self._place(stamp_ns)
+        return len(self._pending) - self._place(stamp_ns)
 
     def _place(self, stamp_ns: int) -> int:
         """Return the number of scans before a stamp."""
-        return bisect_left([kept.scan.stamp_ns for kept in self._kept], stamp_ns)
+        return bisect_left([kept.scan.stamp_ns for kept in self._pending], stamp_ns)
 
-    def _work_in(self) -> tuple[tuple[Estimates, ...], tuple[Estimates, ...]]:
+    def _reprocess(self) -> tuple[tuple[Estimates, ...], tuple[Estimates, ...]]:
         """Step the changed scans and all later ones again; return the estimates due."""
         if not self._changed:
             return (), ()
         place = self._place(min(self._changed))
-        again = self._merged(self._kept[place:])
+        again = self._changed_scans(self._pending[place:])
         self._changed = {}
-        done = self.engine.rework([(kept.before, kept.scan) for kept in again])
+        done = self.engine.reprocess([(kept.before, kept.scan) for kept in again])
         scans = [kept.scan for kept in again]
-        self._kept[place:] = map(_Kept, done.states, scans)
+        self._pending[place:] = map(_PendingScan, done.states, scans)
         self._trim(done.smoothed)
         return done.filtered, done.smoothed
 
-    def _merged(self, kept: Sequence[_Kept]) -> list[_Kept]:
+    def _changed_scans(self, kept: Sequence[_PendingScan]) -> list[_PendingScan]:
         """Return the changed scans; the first one's engine state is the true state before it."""
         scans = {own.scan.stamp_ns: own for own in kept}
         tuned = kept[0].before
-        merged: list[_Kept] = []
+        merged: list[_PendingScan] = []
         for stamp_ns in sorted({*scans, *self._changed}):
             tuned = scans[stamp_ns].before if stamp_ns in scans else tuned
             reports: list[Detections | None] = [None] * self.radars
@@ -242,17 +242,17 @@ class Reworked:
                 reports[radar] = detections
             if any(report is not None for report in reports):
                 before = tuned if merged else kept[0].before
-                merged.append(_Kept(before, Scan(stamp_ns, tuple(reports))))
+                merged.append(_PendingScan(before, Scan(stamp_ns, tuple(reports))))
         return merged
 
     def _trim(self, smoothed: Sequence[Estimates]) -> None:
         """Drop scans whose smoothed estimates are published."""
         if smoothed:
             latest = smoothed[-1].stamp_ns
-            del self._kept[: self._place(latest + 1)]
+            del self._pending[: self._place(latest + 1)]
 
 
 LATE_REPORTS: dict[str, Callable[[Engine, int], LateReports]] = {
-    "drop": Dropped,
-    "rework": Reworked,
+    "drop": DropLateReports,
+    "rework": ReprocessLateReports,
 }

@@ -65,7 +65,7 @@ def near_chunks(found: Candidates) -> Iterator[Pairs]:
     """Test candidates chunk by chunk; yield the near pairs in order."""
     for part in chunks(found.count, CHUNK_PAIRS):
         owner, start, count = found.owner[part], found.start[part], found.count[part]
-        query, place, square = kernels.chosen().near_pairs(
+        query, place, square = kernels.current().near_pairs(
             found.query, found.point, found.limit, owner, start, count
         )
         yield Pairs(query, found.rank.take(place), square)

@@ -107,7 +107,7 @@ def _widest_two(cloud: FloatArray) -> tuple[int, int]:
         *(_FLOATS, _NARROW, _INTS, _INTS, _READ), *(types.float64, types.float64, types.int64)
     )
 )
-def _selected(
+def _select(
     value: FloatArray,
     near: npt.NDArray[np.int32],
     group_rows: IntArray,
@@ -253,7 +253,7 @@ def _kernel(
                     mu[index] += value[pair] * row_weight[other]
                 if end - found > most:
                     pairs = slice(found, end)
-                    end = found + _selected(
+                    end = found + _select(
                         *(value[pairs], near[pairs], group_rows, slot, weight),
                         *(mu[index], comb[index], most),
                     )

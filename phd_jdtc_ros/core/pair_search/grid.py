@@ -78,8 +78,8 @@ def grid_candidates(
     start, count = _rows_of_cells(place, grid, begin, (radius / width[1]).take(query_group))
     kept = np.flatnonzero(count)
     return Candidates(
-        query=np.asarray(query.T, order=kernels.chosen().layout),
-        point=np.asarray(by_axis.take(rank, axis=1), order=kernels.chosen().layout),
+        query=np.asarray(query.T, order=kernels.current().layout),
+        point=np.asarray(by_axis.take(rank, axis=1), order=kernels.current().layout),
         limit=np.full(len(query), radius**2),
         rank=rank,
         owner=kept // start.shape[1],

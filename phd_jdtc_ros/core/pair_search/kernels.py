@@ -46,9 +46,9 @@ class Kernels:
     kernel_within_groups: Callable[..., tuple[FloatArray, Any, Any, FloatArray]] | None
 
 
-def chosen() -> Kernels:
+def current() -> Kernels:
     """Return the kernels of the backend in use."""
-    return _of(backend.chosen())
+    return _of(backend.current())
 
 
 @cache

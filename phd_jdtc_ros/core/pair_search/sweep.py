@@ -151,7 +151,7 @@ def _columns(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) 
     """
     flat = np.ascontiguousarray(value).ravel()
     begin = row * value.shape[1]
-    columns = np.empty((axes.shape[1], len(row)), order=kernels.chosen().layout)
+    columns = np.empty((axes.shape[1], len(row)), order=kernels.current().layout)
     for index, axis in enumerate(axes.T):
         columns[index] = flat.take(begin + axis.take(block))
     return columns

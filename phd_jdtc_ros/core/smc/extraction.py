@@ -120,7 +120,7 @@ def _moments(
         offset[axis] -= state[:, axis].take(group)
     left = 1.0 / sum_by(group, share**2, count)
     prior = PRIOR_PARTICLES / (left + PRIOR_PARTICLES)
-    counted = _counted(particles.multiplicity.take(row), group, share, prior)
+    counted = _covariance_weights(particles.multiplicity.take(row), group, share, prior)
     covariance = np.empty((count, dimension, dimension))
     for i in range(dimension):
         spread = counted * offset[i]
@@ -156,7 +156,9 @@ def _noise(
     return covariance
 
 
-def _counted(copies: IntArray, group: IntArray, share: FloatArray, prior: FloatArray) -> FloatArray:
+def _covariance_weights(
+    copies: IntArray, group: IntArray, share: FloatArray, prior: FloatArray
+) -> FloatArray:
     """Return the weight of each particle in its group's covariance; sums to one in every group.
 
     `prior` is the share of the covariance of the particles as they were drawn, shape (G,).

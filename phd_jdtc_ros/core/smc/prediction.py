@@ -65,13 +65,13 @@ def predict(
     for particles, dt in earlier:
         moved = [_survivors(particles, model, dt, seen, rng)]
         if model.spawn.rate > 0.0:
-            moved.append(_spawned(particles, model, corrector, budget, dt, spawned, rng))
+            moved.append(_spawn(particles, model, corrector, budget, dt, spawned, rng))
             spawned = max(spawned, int(moved[1].origin.max(initial=0)) + 1)
         parts += [replace(part, parent=part.parent + first) for part in moved]
         first += len(particles)
     for index, dt in births:
         term = model.births[index]
-        parts.append(_born(term, model, budget.per_birth_term, dt, origin + index, rng))
+        parts.append(_births(term, model, budget.per_birth_term, dt, origin + index, rng))
     return _concatenate(parts, len(model.modes.space))
 
 
@@ -154,7 +154,7 @@ def _of_equal_mass(weight: FloatArray, prior: FloatArray, origin: IntArray) -> F
     return weight * (wanted / np.where(mass > 0.0, mass, 1.0)).take(place)
 
 
-def _spawned(
+def _spawn(
     particles: ParticleSet,
     model: TrackerModel,
     corrector: Corrector,
@@ -189,7 +189,7 @@ def _spawned(
     return _fresh(state, mode, origins_of_spawn, parent, weight, log_snr)
 
 
-def _born(
+def _births(
     term: BirthTerm,
     model: TrackerModel,
     count: int,

@@ -121,10 +121,10 @@ def backward_step(
     -----
     Sec. IV-C, Step 4. Deviation: the superscript of w_{t+1|k} in the numerator is (q), not (s).
     """
-    return _reweighted(particles, link.survival, link.ratio @ later_weight, death_term)
+    return _reweight(particles, link.survival, link.ratio @ later_weight, death_term)
 
 
-def _reweighted(
+def _reweight(
     particles: ParticleSet, survival: FloatArray, backward: FloatArray, death_term: DeathTerm
 ) -> ParticleSet:
     """Return the set with the weights of `backward_step`, given P_s and B of every row."""
@@ -153,12 +153,12 @@ def backward_pass(entries: Sequence[ParticleEntry], death_term: DeathTerm) -> It
         return _Message(link.survival, link.ratio @ later.weight)
 
     def receive(particles: ParticleSet, received: Sequence[Message[_Message]]) -> ParticleSet:
-        return _reweighted(particles, *_gathered(len(particles), received), death_term)
+        return _reweight(particles, *_gather(len(particles), received), death_term)
 
     return smoothed_sets(entries, send, receive)
 
 
-def _gathered(size: int, received: Sequence[Message[_Message]]) -> _Message:
+def _gather(size: int, received: Sequence[Message[_Message]]) -> _Message:
     """Return P_s and B of all rows of a set; both are 1 for rows without a message."""
     parts = [
         (part.rows, _Message(*(side[part.part] for side in part.content))) for part in received

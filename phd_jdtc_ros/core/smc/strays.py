@@ -38,7 +38,7 @@ def with_strays(
     """
     target = factorize(particles.origin)[1]
     count = model.detection_births.particles
-    row = np.concatenate([_drawn(particles, target, own, count, rng) for own in lost.target])
+    row = np.concatenate([_draw(particles, target, own, count, rng) for own in lost.target])
     column, since_s = lost.column.repeat(count), lost.since_s.repeat(count)
     seen = places_of(report).take(column)
     space = model.modes.space
@@ -70,7 +70,7 @@ def with_strays(
     )
 
 
-def _drawn(
+def _draw(
     particles: ParticleSet, target: IntArray, own: int, count: int, rng: np.random.Generator
 ) -> IntArray:
     """Draw rows of a target in proportion to their weights, shape (count,)."""

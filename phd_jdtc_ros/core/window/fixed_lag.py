@@ -10,7 +10,7 @@ from typing import Annotated, Any, Generic, NamedTuple
 import numpy as np
 
 from ..arrays import IntArray
-from ..engine import EngineState, Lag, Reworked, Step
+from ..engine import EngineState, Lag, Reprocessed, Step
 from ..models.clutter_raster import ClutterRaster, raster
 from ..models.tracker_model import TrackerModel
 from ..snapshot import MOST_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
@@ -205,12 +205,12 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         """Return the engine's state; see `Engine.save_state`."""
         return EngineState(self.forward.stamp_ns, self.forward.model, self.rule, self._state())
 
-    def rework(self, scans: Sequence[tuple[EngineState, Scan]]) -> Reworked:
-        """Step scans again; see `Engine.rework`.
+    def reprocess(self, scans: Sequence[tuple[EngineState, Scan]]) -> Reprocessed:
+        """Step scans again; see `Engine.reprocess`.
 
         Filtered estimates of an out-of-sequence stamp are not published: later ones already are.
         """
-        before, now = self.save_state(), self._reported()
+        before, now = self.save_state(), self._latest_targets()
         numbers, given = self._tracks, self._given_ns
         self._load_state(scans[0][0].state)
         first, earlier = self.forward.scan_index, self._tracks.in_use
@@ -221,7 +221,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             states.append(self.save_state())
             steps.append(self.step(scan))
         self.retune(before.model, before.rule)
-        known = renumbering.continued(earlier, numbers.in_use, now, self._reported(), first)
+        known = renumbering.continued(earlier, numbers.in_use, now, self._latest_targets(), first)
         self._tracks, reach = TrackNumbers(known, numbers.count, numbers.aircraft), self._reach
         filtered, smoothed = [], []
         for step in steps:
@@ -233,7 +233,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         own = {"numbers": self._tracks.in_use}
         states = [replace(each, state={**each.state, **own}) for each in states]
         self._tracks.forget_all_but([entry.stored.label for entry in self._window])
-        return Reworked(tuple(states), tuple(filtered), tuple(smoothed))
+        return Reprocessed(tuple(states), tuple(filtered), tuple(smoothed))
 
     def _state(self) -> dict[str, Any]:
         """Return the engine's own state, for `_load_state`; see `EngineState`."""
@@ -305,7 +305,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     def _note_filtered(self, updated: RowsT, scan: Scan) -> None:
         """Store the filtered targets of a scan, and drop those of scans that are fully replaced."""
         current = {rows.entry.stamp_ns for rows in self.forward.current}
-        found = self._extracted(updated, scan.stamp_ns, 0, self.rule.least)
+        found = self._extract_timed(updated, scan.stamp_ns, 0, self.rule.least)
         reported = self._states.filtered(
             found, updated.label, current, scan, self.forward.mapped_model
         )
@@ -314,20 +314,20 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     def _filtered_at(self, stamp_ns: int) -> Estimates:
         """Return the targets to publish for a stamp."""
-        whole = self._predicted(stamp_ns)
+        whole = self._predict_targets(stamp_ns)
         self._states.note(whole)
-        return self._published(whole, smoothed=False)
+        return self._describe_and_number(whole, smoothed=False)
 
     def _empty(self, stamp_ns: int, lag: int) -> Estimates:
         modes = self.forward.model.modes
         return Estimates.empty(stamp_ns, lag, len(modes.classes), modes.space)
 
-    def _reported(self) -> Estimates:
+    def _latest_targets(self) -> Estimates:
         """Return the latest targets at the stamp of the last scan; tracks are labels."""
         stamp_ns = self.forward.stamp_ns
-        return self._empty(0, 0) if stamp_ns is None else self._predicted(stamp_ns)
+        return self._empty(0, 0) if stamp_ns is None else self._predict_targets(stamp_ns)
 
-    def _predicted(self, stamp_ns: int) -> Estimates:
+    def _predict_targets(self, stamp_ns: int) -> Estimates:
         """Return the latest targets predicted to a stamp; tracks are labels."""
         parts = []
         for rows in self.forward.current:
@@ -339,7 +339,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         found, time_ns = Estimates.concatenate(parts, 0)
         return predicted(found, time_ns, stamp_ns, self.forward.model.modes)
 
-    def _published(self, found: Estimates, smoothed: bool) -> Estimates:
+    def _describe_and_number(self, found: Estimates, smoothed: bool) -> Estimates:
         """Return targets with their attributes, and with track numbers in the place of labels."""
         if self.forward.attributes is not None:
             found = self.forward.attributes.described(found, smoothed)
@@ -369,8 +369,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self.forward.done("backward")
         smoothed = dict(zip((entry.stamp_ns for entry in self._window), backward, strict=True))
         if alive.keys() == {stamp_ns}:
-            found = self._extracted(smoothed[stamp_ns], stamp_ns, lag, threshold)
-        elif held := self._held(stamp_ns, alive):
+            found = self._extract_timed(smoothed[stamp_ns], stamp_ns, lag, threshold)
+        elif held := self._interpolation_stamps(stamp_ns, alive):
             parts = [Part(smoothed[part_ns], alive.get(part_ns), part_ns) for part_ns in held]
             every, time_ns = self._extract_all(parts, lag)
             found = at_stamp(every, time_ns, stamp_ns, threshold, modes)
@@ -381,7 +381,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._given_ns = self._given_ns[0], stamp_ns
         self._stamps = self._stamps[1:]
         self._trim()
-        return self._published(found, smoothed=True)
+        return self._describe_and_number(found, smoothed=True)
 
     def _alive_at(self, stamp_ns: int) -> dict[int, IntArray | None]:
         """Return the entries with targets at a stamp, by their stamps, and the rows of these.
@@ -401,7 +401,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
                 alive[source.stamp_ns] = some
         return alive
 
-    def _held(self, stamp_ns: int, alive: Collection[int]) -> list[int]:
+    def _interpolation_stamps(self, stamp_ns: int, alive: Collection[int]) -> list[int]:
         """Return the stamps of the entries to interpolate between, ascending."""
         return [
             entry.stamp_ns
@@ -425,7 +425,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             if entry.stamp_ns in needed
         ]
 
-    def _extracted(self, stored: RowsT, stamp_ns: int, lag: int, threshold: float) -> Estimates:
+    def _extract_timed(self, stored: RowsT, stamp_ns: int, lag: int, threshold: float) -> Estimates:
         """Extract the targets of a set; their tracks are labels."""
         estimates = self._extract(stored, stamp_ns, lag, threshold)
         self.forward.done("extraction")

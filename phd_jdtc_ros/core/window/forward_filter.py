@@ -19,7 +19,7 @@ from ..snapshot import MOST_STAMP_NS, Snapshot, from_snapshot, integers, to_snap
 from ..types import Scan
 from .clutter_snapshot import clutter_from_snapshot, clutter_to_snapshot
 from .entries import Current, Entry, LinkT, RowsT
-from .swept import births_passed
+from .swept import swept_births
 from .window_snapshot import current_from_snapshot, current_to_snapshot
 
 # Largest number of scans. Labels contain the scan index and must fit 64 bits; at one scan a second
@@ -199,7 +199,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     def _births(self, scan: Scan) -> list[tuple[int, float]]:
         """Return the birth terms that an antenna passed, and the time since its previous pass."""
         births = []
-        for index in births_passed(scan, self.model):
+        for index in swept_births(scan, self.model):
             earlier = self._born_ns.get(index, self.stamp_ns)
             births.append((index, self._since(earlier, scan.stamp_ns)))
             self._born_ns = {**self._born_ns, index: scan.stamp_ns}

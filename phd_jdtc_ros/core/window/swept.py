@@ -55,7 +55,7 @@ def partition_swept(
     spread = np.concatenate([extent.position_std for extent in extents])
     spread += dt * np.concatenate([extent.velocity_std for extent in extents])
     spread += np.repeat([_noise_std(model, age) for age in age_s], sizes)
-    near = _passed(position, SPREAD_SIGMA * spread, reports) | (dt >= longest_s)
+    near = _in_sweep(position, SPREAD_SIGMA * spread, reports) | (dt >= longest_s)
     touched, others = [], []
     by_entry = np.split(near, np.cumsum(sizes)[:-1])
     for rows, extent, near_here in zip(current, extents, by_entry, strict=True):
@@ -65,7 +65,7 @@ def partition_swept(
     return touched, others
 
 
-def births_passed(scan: Scan, model: TrackerModel) -> list[int]:
+def swept_births(scan: Scan, model: TrackerModel) -> list[int]:
     """Return the birth terms at places that an antenna may have swept in a scan."""
     reports = model.reports(scan)
     if not model.births or _everywhere(reports):
@@ -73,7 +73,7 @@ def births_passed(scan: Scan, model: TrackerModel) -> list[int]:
     place = list(model.modes.space.position)
     position = np.array([term.mean[place] for term in model.births])
     spread = np.array([np.hypot(*term.std[place]) for term in model.births])
-    return [int(k) for k in np.flatnonzero(_passed(position, SPREAD_SIGMA * spread, reports))]
+    return [int(k) for k in np.flatnonzero(_in_sweep(position, SPREAD_SIGMA * spread, reports))]
 
 
 def _everywhere(reports: Reports) -> bool:
@@ -95,7 +95,7 @@ def _position_variance(motion: MotionModel, dt: float) -> float:
     return float(motion.noise_covariance(dt)[axis, axis])
 
 
-def _passed(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:
+def _in_sweep(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:
     """Return whether an antenna comes within `spread` of each position, shape (T,)."""
     near = np.zeros(len(spread), dtype=bool)
     for report in reports:

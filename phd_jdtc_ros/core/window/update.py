@@ -174,11 +174,11 @@ def update(
     if limited is not report:
         report, prior = limited, steps.prior(rows, limited)
 
-    pairs = _paired(prior, report, attributes)
+    pairs = _gate_pairs(prior, report, attributes)
     lost = None if attributes is None else _lost(prior, pairs, report, attributes)
     if lost is not None:
         prior = prior.with_strays(lost)
-        pairs = _paired(prior, report, attributes)
+        pairs = _gate_pairs(prior, report, attributes)
     evidence = None if attributes is None else _evidence(prior, pairs, report, attributes)
     log_other = log_intensities(report, model, dt, earlier, evidence)
     posterior = prior.posterior(pairs, evidence, log_other)
@@ -195,7 +195,7 @@ def update(
     return Updated(posterior.rows, newborns, posterior.approximate)
 
 
-def _paired(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None) -> Paired:
+def _gate_pairs(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None) -> Paired:
     """Return the gated pairs of rows and detections."""
     if attributes is None:
         return plain(prior.gate, report.detections)

@@ -203,7 +203,7 @@ def backward(
 
 
 @compiled(types.Tuple((_NEW[3], _NEW[4]))(_3, _3, _4))
-def matched(
+def match_moments(
     share: FloatArray, mean: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the moments of mixtures with the same number of Gaussians."""
@@ -228,7 +228,7 @@ def matched(
 
 
 @compiled(types.Tuple((_NEW[3], _NEW[4]))(_2, _3, _4, _INTS))
-def merged(
+def merge_moments(
     share: FloatArray, mean: FloatArray, covariance: FloatArray, first: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the moments of mixtures of consecutive rows."""
@@ -279,7 +279,7 @@ def log_densities(
 
 
 @compiled(types.Tuple((_NEW[3], _NEW[4]))(*(_3, _4, _2, _2, _INTS, _INTS), *(_4, _3, _4, _3, _4)))
-def blended(
+def blend(
     own_mean: FloatArray,
     own_covariance: FloatArray,
     joint: FloatArray,
@@ -369,7 +369,7 @@ def blended(
         *(_INTS, _INTS, _3, _3, _4, _2, _2, _1, _FLAGS, _FLAGS, _FLOAT)
     )
 )
-def gated(
+def gate_pairs(
     row: IntArray,
     column: IntArray,
     expected: FloatArray,

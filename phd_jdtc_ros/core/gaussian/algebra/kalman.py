@@ -179,7 +179,7 @@ def iterated_update(
                 *(iterations, converged, LEAST_RANGE),
             )
         )
-    prior, cross = positioned(mean, covariance, sensor, time_s)
+    prior, cross = position_at(mean, covariance, sensor, time_s)
     spread = cross[..., _axes(sensor.space.position), :]
     if time_s is not None:
         spread = spread + time_s[:, None, None] * cross[..., _axes(sensor.space.velocity), :]
@@ -227,7 +227,7 @@ def updated(
         before = (flat(mean, 1), flat(covariance, 2), _place_and_speed(sensor))
         later, spread = loops.updated(*before, *innovation[:3], _times(time_s, len(mean)))
     else:
-        cross = positioned(mean, covariance, sensor, time_s)[1] @ _turned(innovation.jacobian)
+        cross = position_at(mean, covariance, sensor, time_s)[1] @ _turned(innovation.jacobian)
         later = mean + (cross @ innovation.weighted[..., None])[..., 0]
         spread = symmetric(covariance - cross @ innovation.inverse @ _turned(cross))
     axes = np.arange(mean.shape[-1])
@@ -237,7 +237,7 @@ def updated(
     return later, spread
 
 
-def positioned(
+def position_at(
     mean: FloatArray, covariance: FloatArray, sensor: Sensor, time_s: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the positions at these times, (N, 2), and their covariances with the states."""
@@ -248,7 +248,7 @@ def positioned(
     return position, covariance[..., place] + time_s[..., None, None] * covariance[..., speed]
 
 
-def floored(covariance: FloatArray) -> tuple[FloatArray, int]:
+def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
     """Return covariances without negative eigenvalues, and the number of those changed.
 
     Parameters
@@ -263,11 +263,11 @@ def floored(covariance: FloatArray) -> tuple[FloatArray, int]:
     try:
         np.linalg.cholesky(checked)
     except np.linalg.LinAlgError:
-        return _floored(covariance)
+        return _floor_eigenvalues(covariance)
     return covariance, 0
 
 
-def _floored(covariance: FloatArray) -> tuple[FloatArray, int]:
+def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
     axes = np.arange(covariance.shape[-1])
     variance = covariance[..., axes, axes]
     used = variance != 0.0

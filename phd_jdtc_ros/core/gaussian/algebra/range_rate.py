@@ -57,7 +57,7 @@ class Expected(NamedTuple):
     variance: FloatArray
 
 
-def expected(
+def expected_rates(
     mean: FloatArray, covariance: FloatArray, sensor: Sensor, time_s: FloatArray | None = None
 ) -> Expected:
     """Return the expected range rates of Gaussians at a radar.
@@ -104,7 +104,7 @@ def expected(
     return Expected(rate + c - 0.5 * rate * a, cross, (cross * first).sum(axis=1) + second)
 
 
-def rated(
+def update_rates(
     mean: FloatArray,
     covariance: FloatArray,
     sensor: Sensor,
@@ -123,7 +123,7 @@ def rated(
     time_s : array of shape (N,) or None
         Time of each measurement relative to the stamp, seconds.
     """
-    return updated(mean, covariance, expected(mean, covariance, sensor, time_s), measured)
+    return updated(mean, covariance, expected_rates(mean, covariance, sensor, time_s), measured)
 
 
 def updated(mean: FloatArray, covariance: FloatArray, found: Expected, measured: Rates) -> Rated:
@@ -165,7 +165,7 @@ def folds_of(measured: Rates, rate: FloatArray, reach: float) -> FloatArray:
     return each
 
 
-def unfolded(measured: Rates, rate: FloatArray) -> Rates:
+def unambiguous(measured: Rates, rate: FloatArray) -> Rates:
     """Return unambiguous range rates of these values."""
     return Rates(RangeRateModel(measured.model.std), rate, measured.std)
 

@@ -39,7 +39,7 @@ class Expected(NamedTuple):
         return Expected(measured, jacobian @ position @ jacobian.swapaxes(-1, -2))
 
 
-def gated(
+def gate_pairs(
     mixture: Mixture, expected: Expected, report: Report
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the pairs of a hypothesis and a detection in the gate of one of its Gaussians.
@@ -61,7 +61,7 @@ def gated(
     loops = backend.compiled("gaussian.algebra")
     if loops is not None and sensor.polar:
         measured = np.ascontiguousarray(expected.measured)
-        found: tuple[IntArray, IntArray, FloatArray] = loops.gated(
+        found: tuple[IntArray, IntArray, FloatArray] = loops.gate_pairs(
             *(row, column, measured, np.zeros_like(measured) if rate is None else rate),
             *(np.ascontiguousarray(expected.covariance), detections.measurement),
             *(np.ascontiguousarray(report.noise_std), report.time_s),

@@ -74,7 +74,7 @@ def iterated_update(
     rated = None
     if rates is not None:
         later = kalman.updated(mean, covariance, sensor, innovation, time_s)
-        rated = range_rate.rated(*later, sensor, rates.take(each), time_s)
+        rated = range_rate.update_rates(*later, sensor, rates.take(each), time_s)
     return PairUpdate(innovation, rated, column, report)
 
 
@@ -86,7 +86,7 @@ def coarse_rates(
     The times of detections are ignored.
     """
     modes, size = mixture.mean.shape[1:]
-    before = range_rate.expected(
+    before = range_rate.expected_rates(
         mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size), sensor
     )
     rate, variance = (part.reshape(-1, modes) for part in (before.rate, before.variance))

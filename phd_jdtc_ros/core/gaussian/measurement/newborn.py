@@ -46,7 +46,7 @@ def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture
     supported = dynamics.supported[:, :, None] * dynamics.supported[:, None, :]
     added = Mixture(
         label + row,
-        np.tensordot(newborn.mass, dynamics.born, axes=1),
+        np.tensordot(newborn.mass, dynamics.birth_weight, axes=1),
         mean[:, None] * dynamics.supported,
         covariance[:, None] * supported,
     )
@@ -92,11 +92,11 @@ def _by_fold(
     mean, covariance : arrays of shape (K, D) and (K, D, D)
     """
     sensor, time_s = newborn.report.sensor, newborn.report.detections.time_s
-    before = range_rate.expected(mean, covariance, sensor, time_s)
+    before = range_rate.expected_rates(mean, covariance, sensor, time_s)
     reach = BIRTH_SIGMA * float(np.sqrt((before.variance + rates.std**2).max()))
     each = range_rate.folds_of(rates, before.rate, reach)
     updated = [
-        range_rate.updated(mean, covariance, before, range_rate.unfolded(rates, rate))
+        range_rate.updated(mean, covariance, before, range_rate.unambiguous(rates, rate))
         for rate in each
     ]
     log_likelihood = np.stack([one.log_likelihood for one in updated], axis=1)

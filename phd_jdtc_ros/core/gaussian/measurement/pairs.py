@@ -14,7 +14,7 @@ from ..mixture import Mixture
 LEAST_SHARE = 1e-4
 
 
-def weighed(
+def pair_weights(
     mixture: Mixture,
     row: IntArray,
     column: IntArray,
@@ -38,7 +38,7 @@ def weighed(
     return weight
 
 
-def summed(weight: FloatArray) -> FloatArray:
+def sum_modes(weight: FloatArray) -> FloatArray:
     """Return the sums over modes and cells, (N,), three times as fast as sums of short axes."""
     total: FloatArray = np.einsum("hrs->h", weight)
     return total
@@ -57,14 +57,14 @@ def likely(
     Another target may claim a detection, however probable it is for this one. So a target's share
     is computed from the part of each detection that remains if all other targets claim it.
     """
-    mass, total = summed(weight), others.total
+    mass, total = sum_modes(weight), others.total
     target, count = mixture.target[row], len(mixture.label)
     odds = mass / np.maximum(total, LEAST_CLUTTER)[column]
     edge, place = np.unique(target * len(total) + column, return_inverse=True)
     own = sum_by(place.ravel(), odds, len(edge))
     wanted = sum_by(column, odds, len(total))[edge % max(len(total), 1)]
     left = own / (1.0 + np.maximum(wanted - own, 0.0))
-    alone = 1.0 - mixture.existence + sum_by(mixture.target, summed(missed), count)
+    alone = 1.0 - mixture.existence + sum_by(mixture.target, sum_modes(missed), count)
     alone += sum_by(edge // max(len(total), 1), left, count)
     rows: IntArray = np.flatnonzero(odds > LEAST_SHARE * np.maximum(alone, 1.0)[target])
     return rows

@@ -30,7 +30,7 @@ from ..correction import Corrector
 from ..particle_set import Aged, ParticleSet
 from . import kernel_thinning, strata
 from .spawn_intensity import spawn_intensity
-from .transition_density import TransitionDensity, gated_density, transition_density, whitened
+from .transition_density import TransitionDensity, gated_density, transition_density, whiten
 
 GATE_SIGMA = 7.5
 
@@ -124,7 +124,7 @@ def build(
     else:
         every = np.arange(len(later))
         pairs = gated_density(kernel, modes, earlier, later, every, GATE_SIGMA)
-        ratio, column, start, mu = _summed(pairs, earlier, later)
+        ratio, column, start, mu = _sum_pairs(pairs, earlier, later)
         mu += _birth_intensity(later, model, dt, found)
         if model.spawn.rate > 0.0 and len(earlier):
             mu += spawn_intensity(mu, earlier, later, model, dt, successor, GATE_SIGMA)
@@ -181,10 +181,10 @@ def build_joint(
         own = replace(continued, parent=np.maximum(continued.parent - first, -1))
         parts.append((columns, build(particles, own, model, corrector, dt)))
         first += len(particles)
-    return _joined(parts, len(later))
+    return _concatenate(parts, len(later))
 
 
-def _joined(parts: Sequence[tuple[IntArray, Transition]], size: int) -> Transition:
+def _concatenate(parts: Sequence[tuple[IntArray, Transition]], size: int) -> Transition:
     """Return one transition, given those to the parts of a later set of `size` rows."""
     if not parts:
         return Transition(sparse.csc_array((0, size)), np.zeros(0), 0)
@@ -223,18 +223,20 @@ def _within_origins(
     ]
     group = factorize(np.concatenate(key))[1]
     groups = group[: len(later)], group[len(later) :]
-    later_group, earlier_group = strata.parted(kernel, modes, earlier, later, groups, GATE_SIGMA)
+    later_group, earlier_group = strata.split_into_strata(
+        kernel, modes, earlier, later, groups, GATE_SIGMA
+    )
     every = np.arange(len(later))
-    compiled = kernels.chosen().kernel_within_groups
+    compiled = kernels.current().kernel_within_groups
     if compiled is None or len(group) == 0:
         groups = later_group, earlier_group
         pairs = gated_density(kernel, modes, earlier, later, every, GATE_SIGMA, groups)
-        return _summed(pairs, earlier, later)
+        return _sum_pairs(pairs, earlier, later)
     motions = list(kernel.successor)
     survival = np.zeros(len(modes))
     survival[earlier.mode] = kernel.scale  # the scale is P_s, which depends on the mode alone
     value, near, start, mu = compiled(
-        Queries(whitened(later.state, later.mode, modes, kernel), later_group, later.mode),
+        Queries(whiten(later.state, later.mode, modes, kernel), later_group, later.mode),
         Points(
             np.stack([kernel.successor[motion] @ kernel.whitening[motion] for motion in motions]),
             earlier_group,
@@ -250,7 +252,7 @@ def _within_origins(
     return _Sums(value, near, start, mu)
 
 
-def _summed(
+def _sum_pairs(
     pairs: Iterable[tuple[IntArray, IntArray, FloatArray]], earlier: ParticleSet, later: ParticleSet
 ) -> _Sums:
     """Return the pairs of all chunks, thinned, and the sums of kernel times weight by later row."""

@@ -15,7 +15,7 @@ from ...arrays import FloatArray, IntArray
 from ...targets.modes import ModeSpace
 from ..particle_set import ParticleSet
 from .kernel_thinning import MOST
-from .transition_density import TransitionDensity, whitened
+from .transition_density import TransitionDensity, whiten
 
 # Number of earlier and of later rows of a group that are sampled to estimate its density.
 PROBES = 16
@@ -26,7 +26,7 @@ DENSE = 2 * MOST
 LEFT = 3 * MOST // 2
 
 
-def parted(
+def split_into_strata(
     kernel: TransitionDensity,
     modes: ModeSpace,
     earlier: ParticleSet,
@@ -97,7 +97,7 @@ def _near_share(
 ) -> FloatArray:
     """Return the share of the sampled pairs within the radius, by group, (G,)."""
     state, mode = later.state[row.ravel()], later.mode[row.ravel()]
-    query = whitened(state, mode, modes, kernel).reshape(*row.shape, -1)
+    query = whiten(state, mode, modes, kernel).reshape(*row.shape, -1)
     near = np.zeros(row.shape[0])
     for motion, matrix in kernel.whitening.items():
         with_motion = np.array([other == motion for other in modes.motions])[later.mode[row]]

@@ -71,7 +71,7 @@ def transition_density(
     return TransitionDensity(transition, whitening, by_mode, successor, scale)
 
 
-def whitened(
+def whiten(
     state: FloatArray, mode: IntArray, modes: ModeSpace, kernel: TransitionDensity
 ) -> FloatArray:
     """Return later rows in the coordinates of their own mode's noise, shape (N, D)."""
@@ -99,7 +99,7 @@ def gated_density(
     rows are given, only rows of one group are paired, and the radius must be a single number.
     """
     state, mode = later.state.take(rows, axis=0), later.mode.take(rows)
-    query = whitened(state, mode, modes, kernel)
+    query = whiten(state, mode, modes, kernel)
     density = np.empty((len(modes), len(earlier)))
     block_of = np.empty(len(modes), dtype=np.int64)
     blocks: dict[tuple[MotionModel, bytes], int] = {}

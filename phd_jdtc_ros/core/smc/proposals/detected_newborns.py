@@ -84,7 +84,7 @@ def _redraw_velocities(
     chosen = np.flatnonzero(newborn)
     if not len(chosen) or not len(seen.position):
         return rows
-    state, factor = _redrawn(stored, chosen, dt, seen, model, rng)
+    state, factor = _redraw(stored, chosen, dt, seen, model, rng)
     entry = Entry(
         rows.entry.stamp_ns,
         replace(
@@ -99,7 +99,7 @@ def _redraw_velocities(
     return Current(entry, rows.rows)
 
 
-def _redrawn(
+def _redraw(
     stored: ParticleSet,
     chosen: IntArray,
     dt: float,
@@ -119,14 +119,14 @@ def _redrawn(
         near = np.flatnonzero(np.hypot(*(seen.position - centre).T) <= reach)
         if len(near):
             leads = (seen.position[near][:, None] - state[row][:, place]) / dt
-            velocity, ratio = _drawn(leads, [shape[index] for index in near], births, rng)
+            velocity, ratio = _draw(leads, [shape[index] for index in near], births, rng)
             state[np.ix_(row, speed)] = velocity
             weight = stored.weight[row]
             factor[row] = ratio * weight.sum() / (ratio * weight).sum()
     return state, factor
 
 
-def _drawn(
+def _draw(
     leads: FloatArray,
     shapes: Sequence[FloatArray],
     births: DetectionBirthModel,

@@ -67,11 +67,11 @@ def sample(
     if not len(sharp) or not len(state) or len(sharp) * len(state) > MOST_PAIRS:
         return moved, np.ones(len(state))
     seen_noise = _seen_noise(sharp, model, noise)
-    innovation = sharp.covariance + _seen(sharp, model, seen_noise)
+    innovation = sharp.covariance + _position_covariance(sharp, model, seen_noise)
     predictive = _densities(sharp, model.mean(state, dt), model, innovation)
     total = predictive.sum(axis=0)
     guided = np.flatnonzero((total > 0.0) & (rng.random(len(state)) >= BLIND_SHARE))
-    by = _chosen(predictive[:, guided], rng)
+    by = _choose(predictive[:, guided], rng)
     gain = seen_noise @ np.linalg.inv(innovation)
     _pull(moved, guided, by, model, gain, sharp, rng)
     explained = _densities(sharp, moved, model, sharp.covariance, gate=False)
@@ -88,7 +88,7 @@ def _seen_noise(seen: Places, model: MotionModel, noise: FloatArray) -> FloatArr
     return noise[:, place] + seen.time_s[:, None, None] * noise[:, speed]
 
 
-def _seen(seen: Places, model: MotionModel, seen_noise: FloatArray) -> FloatArray:
+def _position_covariance(seen: Places, model: MotionModel, seen_noise: FloatArray) -> FloatArray:
     """Return the covariance of the position at each detection's time by noise, (M, 2, 2)."""
     place = [model.support.index(axis) for axis in model.space.position]
     speed = [model.support.index(axis) for axis in model.space.velocity]
@@ -115,7 +115,7 @@ def _densities(
     return np.where(square <= GATE_SIGMA**2, density, 0.0) if gate else density
 
 
-def _chosen(density: FloatArray, rng: np.random.Generator) -> IntArray:
+def _choose(density: FloatArray, rng: np.random.Generator) -> IntArray:
     """Draw a detection for each column in proportion to its density; (M, n) to (n,)."""
     running = np.cumsum(density, axis=0)
     drawn: IntArray = (running < rng.random(density.shape[1]) * running[-1]).sum(axis=0)
