@@ -34,8 +34,6 @@ class Stepped:
 
     Parameters
     ----------
-    scan : Scan
-    step : Step
     overdue : int
         Number of scans with detections but without any target, if it warrants a warning; else 0.
     """
@@ -83,8 +81,6 @@ class Pipeline:
 
     Parameters
     ----------
-    grouper : ScanGrouper
-    engine : Engine
     begin : callable
         Called with the engine and the stamp of a run's first scan before that scan is stepped; it
         may restore the engine.
@@ -92,7 +88,6 @@ class Pipeline:
         Slicer of each radar's turns, in the configured order; empty if no report is cut.
     watches : sequence of ReportWatch
         Input checks of each radar, in the configured order; empty for none.
-    results : ResultWatch or None
     platforms : sequence of (Platform or None)
         Platform of each radar, in the configured order, None for a fixed radar; empty if all are
         fixed.
@@ -157,8 +152,6 @@ class Pipeline:
         ----------
         radar : int
             Index in the configured order.
-        stamp_ns : int
-        detections : Detections
         sector : int or None
             Sector number, if the report contains it.
 
@@ -286,8 +279,6 @@ class Pipeline:
         ----------
         radar : int
             Index of a moving radar in the configured order.
-        stamp_ns : int
-        pose : Pose
 
         Returns
         -------

@@ -197,7 +197,6 @@ def to_snapshot(value: Any, snapshot: Snapshot, name: str) -> None:
     Parameters
     ----------
     value : dataclass or named tuple
-    snapshot : Snapshot
     name : str
         The fields are stored under ``name.field``.
     """
@@ -216,8 +215,6 @@ def from_snapshot(
     ----------
     kind : type
         A dataclass or named tuple with declared fields.
-    snapshot : Snapshot
-    name : str
     sizes : mapping of letter to int
         Sizes of axes. Other letters may have any size that is the same in all fields.
     **others

@@ -384,7 +384,6 @@ class Truth:
 
     Parameters
     ----------
-    stamp_ns : int
     state : array of shape (T, D)
     track_id : int array of shape (T,)
         Counted from 1 in the order of the scenario.

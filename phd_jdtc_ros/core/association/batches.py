@@ -114,7 +114,6 @@ def sum_exactly(
 
     Parameters
     ----------
-    loops : Loops
     cluster : int array of shape (T + M,)
         That of `clusters.cluster_of_nodes`.
     target, detection : int arrays of shape (E,)

@@ -105,7 +105,6 @@ def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims
         T.
     weight : array of shape (N,)
         Prior weight of each row.
-    claims : Claims
 
     Notes
     -----

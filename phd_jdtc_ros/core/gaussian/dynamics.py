@@ -20,12 +20,7 @@ from ..targets.motion import MotionModel
 
 @dataclass(frozen=True)
 class Dynamics:
-    """The motion modes and cells of a model.
-
-    Parameters
-    ----------
-    model : TrackerModel
-    """
+    """The motion modes and cells of a model."""
 
     model: TrackerModel
 

@@ -25,9 +25,6 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
 
     Parameters
     ----------
-    forward : GaussianFilter
-    lag : Lag
-    schedule : Schedule
     rule : ReportingRule
         When tracks are reported.
     """

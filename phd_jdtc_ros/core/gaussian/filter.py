@@ -25,8 +25,6 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
 
     Parameters
     ----------
-    model : TrackerModel
-    bounds : Bounds
     done : callable
         See `ForwardFilter`.
     """

@@ -25,7 +25,6 @@ class Aged(NamedTuple):
 
     Parameters
     ----------
-    mixture : Mixture
     dt : float
         Time since its scan, seconds.
     """
@@ -181,8 +180,6 @@ def births(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: 
     ----------
     births : sequence of (int, float)
         Index of each birth term, and the time since its last births, seconds.
-    dynamics : Dynamics
-    scan_index : int
     """
     model, supported = dynamics.model, dynamics.supported
     first = labels.first_predicted(scan_index)
@@ -208,9 +205,6 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
 
     Parameters
     ----------
-    earlier : sequence of Aged
-    dynamics : Dynamics
-    scan_index : int
     least : float
         Existence probability below which a spawned target is left out.
 

@@ -56,7 +56,6 @@ class Branched:
 
     Parameters
     ----------
-    mixture : Mixture
     parent : int array of shape (H,)
         Row of the predicted mixture; -1 for targets born at detections.
     """
@@ -96,7 +95,6 @@ def probable(target: IntArray, mass: FloatArray, bounds: Bounds) -> tuple[IntArr
     target : int array of shape (N,)
         The target of each hypothesis; every index below the number of targets occurs.
     mass : array of shape (N,)
-    bounds : Bounds
 
     Returns
     -------
@@ -125,7 +123,6 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     ----------
     branched : Branched
         Sorted by target, and then by descending probability.
-    bounds : Bounds
 
     Returns
     -------

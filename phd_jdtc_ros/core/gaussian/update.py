@@ -31,13 +31,7 @@ from .strays import with_strays
 
 @dataclass(frozen=True)
 class GaussianSteps:
-    """The steps of an update of Gaussians; see `window.update.UpdateSteps`.
-
-    Parameters
-    ----------
-    dynamics : Dynamics
-    bounds : Bounds
-    """
+    """The steps of an update of Gaussians; see `window.update.UpdateSteps`."""
 
     dynamics: Dynamics
     bounds: Bounds
@@ -64,14 +58,7 @@ class GaussianSteps:
 
 @dataclass(frozen=True)
 class PriorMixture:
-    """Hypotheses before a report; see `window.update.Prior`.
-
-    Parameters
-    ----------
-    branched : Branched
-    report : Report
-    steps : GaussianSteps
-    """
+    """Hypotheses before a report; see `window.update.Prior`."""
 
     branched: Branched
     report: Report

@@ -43,7 +43,6 @@ class Generation:
 
     Parameters
     ----------
-    stored : Mixture
     rows : int array
         Their indices in the hypotheses of all scans of the window, concatenated.
     link : Link or None

@@ -94,7 +94,6 @@ class DropLateReports:
 
     Parameters
     ----------
-    engine : Engine
     radars : int
         Number of configured radars.
     """
@@ -142,7 +141,6 @@ class ReprocessLateReports:
 
     Parameters
     ----------
-    engine : Engine
     radars : int
         Number of configured radars.
     """

@@ -43,14 +43,12 @@ def kernel_within_groups(
 
     Parameters
     ----------
-    queries : Queries
     points : Points
         Not both empty.
     motion_of : int array of shape (O,)
         Motion of each flat mode.
     density : array of shape (O, O)
         The kernel at its peak, from a point's mode to a query's.
-    radius : float
     comb : array of shape (Q,)
         Offset of each query's comb, see `resampling.comb`.
     most : int

@@ -119,7 +119,6 @@ def near_detections(
 
     Parameters
     ----------
-    lists : CellLists
     predicted : array of shape (N, 2)
         (range, azimuth in (-pi, pi]).
     std : array of shape (2,)

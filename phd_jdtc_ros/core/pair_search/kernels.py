@@ -24,7 +24,6 @@ class Kernels:
 
     Parameters
     ----------
-    name : str
     near_pairs : callable
         See `plain.near_pairs`.
     layout : "C" or "F"

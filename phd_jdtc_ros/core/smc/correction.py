@@ -25,7 +25,6 @@ class Corrected(NamedTuple):
 
     Parameters
     ----------
-    particles : ParticleSet
     claimed : array of shape (M,)
         Probability that a target caused each detection.
     pair : array of shape (P,)
@@ -51,7 +50,6 @@ class Corrector:
 
     Parameters
     ----------
-    correct : Correction
     labelled : bool
         Whether the particles of one label represent at most one target.
     """

@@ -31,13 +31,8 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
 
     Parameters
     ----------
-    forward : ParticleFilter
-    lag : Lag
-    schedule : Schedule
     rule : ReportingRule
         When tracks are reported.
-    death_term : DeathTerm
-    extraction : Extraction
 
     Notes
     -----

@@ -36,10 +36,6 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
 
     Parameters
     ----------
-    model : TrackerModel
-    corrector : Corrector
-    budget : ParticleBudget
-    seed : int
     done : callable
         See `ForwardFilter`.
     """

@@ -184,7 +184,6 @@ class Aged(NamedTuple):
 
     Parameters
     ----------
-    particles : ParticleSet
     dt : float
         Time since its scan, seconds.
     """

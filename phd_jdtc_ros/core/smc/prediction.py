@@ -41,13 +41,10 @@ def predict(
         Index of each birth term to draw, and the time since its last draw, seconds.
     seen : Places
         The detections of the scan, used in the proposal of the survivors' process noise.
-    model : TrackerModel
     corrector : Corrector
         A labelled corrector gives every spawned target a new label.
-    budget : ParticleBudget
     scan_index : int
         Determines the labels of births and spawned targets.
-    rng : numpy.random.Generator
 
     Returns
     -------

@@ -39,7 +39,6 @@ def allocate(
     particles_per_target : float or array of shape (G,)
     least : int
         Minimum number of copies of a group with a mass of at least ``1 / particles_per_target``.
-    rng : numpy.random.Generator
 
     Returns
     -------
@@ -88,7 +87,6 @@ def systematic(
         Ascending, 0 to G - 1.
     count : int array of shape (G,)
         Copies to draw in each group.
-    rng : numpy.random.Generator
 
     Returns
     -------
@@ -149,9 +147,6 @@ def resample(
     ----------
     particles : ParticleSet
         The updated set.
-    modes : ModeSpace
-    budget : ParticleBudget
-    rng : numpy.random.Generator
     scan_index : int or None
         If given, labels younger than `YOUNG_SCANS` have `YOUNG_FACTOR` times the particles.
 

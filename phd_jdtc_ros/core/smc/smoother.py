@@ -109,7 +109,6 @@ def backward_step(
         Between t and t + 1.
     later_weight : array of shape (N_{t+1},)
         w_{t+1|k}.
-    death_term : DeathTerm
 
     Returns
     -------
@@ -146,7 +145,6 @@ def backward_pass(entries: Sequence[ParticleEntry], death_term: DeathTerm) -> It
     ----------
     entries : sequence of Entry
         Oldest first. A source outside these entries has left the window.
-    death_term : DeathTerm
     """
 
     def send(later: ParticleSet, link: Transition) -> _Message:

@@ -33,8 +33,6 @@ def entry_from_snapshot(
 
     Parameters
     ----------
-    snapshot : Snapshot
-    name : str
     earlier : mapping of stamp to Entry
         Entries stored before it. If a source is not among them it has left the window, and the
         link is dropped.

@@ -32,9 +32,6 @@ def with_strays(
         The predicted set of a labelled filter.
     lost : Lost
         The lost targets, by index of the distinct labels.
-    report : Report
-    model : TrackerModel
-    rng : numpy.random.Generator
     """
     target = factorize(particles.origin)[1]
     count = model.detection_births.particles

@@ -31,14 +31,7 @@ from .strays import with_strays
 
 @dataclass(frozen=True)
 class ParticleSteps:
-    """The steps of an update of particles; see `window.update.UpdateSteps`.
-
-    Parameters
-    ----------
-    model : TrackerModel
-    corrector : Corrector
-    rng : numpy.random.Generator
-    """
+    """The steps of an update of particles; see `window.update.UpdateSteps`."""
 
     model: TrackerModel
     corrector: Corrector
@@ -78,14 +71,7 @@ class ParticleSteps:
 
 @dataclass(frozen=True)
 class PriorParticles:
-    """Particles before a report; see `window.update.Prior`.
-
-    Parameters
-    ----------
-    particles : ParticleSet
-    report : Report
-    steps : ParticleSteps
-    """
+    """Particles before a report; see `window.update.Prior`."""
 
     particles: ParticleSet
     report: Report

@@ -72,7 +72,6 @@ class Rows(Sized, Protocol):
         ----------
         class_of : int array of shape (O,)
             Class of each flat mode.
-        classes : int
         rows : int array or None
             The rows to count; None for all rows.
         """
@@ -113,7 +112,6 @@ class Entry(Generic[RowsT, LinkT]):
 
     Parameters
     ----------
-    stamp_ns : int
     stored : Rows
         Rows of the labels that the scan swept or created.
     sources : tuple of Source
@@ -150,7 +148,6 @@ class Current(Generic[RowsT, LinkT]):
 
     Parameters
     ----------
-    entry : Entry
     rows : int array or None
         These rows, ascending; None for all rows.
     """

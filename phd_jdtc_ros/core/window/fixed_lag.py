@@ -48,7 +48,6 @@ class Part(Generic[RowsT]):
 
     Parameters
     ----------
-    stored : Rows
     rows : int array or None
         The rows of these targets; None for all rows.
     stamp_ns : int
@@ -69,9 +68,6 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     Parameters
     ----------
-    forward : ForwardFilter
-    lag : Lag
-    schedule : Schedule
     rule : ReportingRule
         When tracks are reported.
     """

@@ -78,7 +78,6 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
 
     Parameters
     ----------
-    model : TrackerModel
     done : callable
         Called with the name of each part of a step at its end, for timing.
     """
@@ -160,7 +159,6 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
 
         Parameters
         ----------
-        snapshot : Snapshot
         entries : mapping of stamp to Entry
             The sets that the snapshot holds.
 

@@ -35,8 +35,6 @@ def partition_swept(
     ----------
     current : list of Current
         Oldest first.
-    scan : Scan
-    model : TrackerModel
     labelled : bool
         Whether the rows of one label are at most one target. Otherwise all rows count as swept.
     """

@@ -34,7 +34,6 @@ class Posterior(Generic[RowsT]):
 
     Parameters
     ----------
-    rows : Rows
     claims : Claims
         Association likelihoods of the P pairs.
     sources : CompetingSources
@@ -100,7 +99,6 @@ class Prior(Protocol[RowsT]):
 
         Parameters
         ----------
-        pairs : Paired
         evidence : Evidence or None
             Identities and heights as evidence for these pairs.
         log_other : array of shape (1 + C, M)
@@ -128,7 +126,6 @@ class Updated(Generic[RowsT]):
 
     Parameters
     ----------
-    rows : Rows
     newborns : tuple of Newborn
         By report; empty if births at detections are disabled.
     approximate : int
@@ -153,8 +150,6 @@ def update(
 
     Parameters
     ----------
-    rows : Rows
-    report : Report
     steps : UpdateSteps
         The engine's steps.
     dt : float
@@ -240,13 +235,10 @@ def update_scan(
     ----------
     rows : Rows
         Predicted.
-    scan : Scan
-    steps : UpdateSteps
     dt : float
         True interval since the previous scan, seconds.
     scan_index : int
         Determines the labels of births.
-    clutter : ClutterMemory or None
     attributes : AttributeMemory or None
         See `update`.
     """

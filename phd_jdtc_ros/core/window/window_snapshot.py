@@ -16,7 +16,6 @@ class Sources(NamedTuple):
 
     Parameters
     ----------
-    stamp_ns : int
     source_ns : int array of shape (Q,)
         Stamp of each source.
     size : int array of shape (Q,)
@@ -60,8 +59,6 @@ def sources_from_snapshot(
 
     Parameters
     ----------
-    snapshot : Snapshot
-    name : str
     most : int
         Largest number of rows of a source.
 

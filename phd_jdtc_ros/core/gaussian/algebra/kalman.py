@@ -148,7 +148,6 @@ def iterated_update(
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp.
-    sensor : Sensor
     measurement, noise_std : arrays of shape (N, 2)
         In the units of the sensor; innovations are wrapped.
     time_s : array of shape (N,) or None

@@ -66,7 +66,6 @@ def expected_rates(
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp.
-    sensor : Sensor
     time_s : array of shape (N,) or None
         Time of each measurement relative to the stamp, seconds.
 
@@ -117,7 +116,6 @@ def update_rates(
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp, updated with range and azimuth.
-    sensor : Sensor
     measured : Rates
         N of them.
     time_s : array of shape (N,) or None

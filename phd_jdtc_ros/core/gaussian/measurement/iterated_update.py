@@ -23,7 +23,6 @@ class PairUpdate(NamedTuple):
         The Gaussians updated with range rates; None if the report has none.
     column : int array of shape (P,)
         The detection of each pair.
-    report : Report
     """
 
     innovation: kalman.Innovation
@@ -58,10 +57,8 @@ def iterated_update(
 
     Parameters
     ----------
-    mixture : Mixture
     row, column : int arrays of shape (P,)
         Hypothesis and detection of each pair.
-    report : Report
     """
     detections, sensor, rates = report.detections, report.sensor, report.range_rates
     modes, size = mixture.mean.shape[1:]

@@ -29,7 +29,6 @@ def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture
     ----------
     newborn : Newborn
         J targets.
-    dynamics : Dynamics
     label : int
         Label of the first target; the others follow.
 

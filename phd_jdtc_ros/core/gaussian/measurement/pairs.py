@@ -25,12 +25,10 @@ def pair_weights(
 
     Parameters
     ----------
-    mixture : Mixture
     row, column : int arrays of shape (P,)
         Hypothesis and detection of each pair.
     log_mass : array of shape (P, R, S)
         log p_D L_z.
-    others : CompetingSources
     """
     weight: FloatArray = mixture.weight[row] * np.exp(
         log_mass - others.log_scale[column, None, None]

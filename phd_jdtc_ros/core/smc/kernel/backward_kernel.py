@@ -93,7 +93,6 @@ def build(
     ----------
     earlier, later : ParticleSet
         Stored sets at t and t + 1, of N_t and N_{t+1} rows.
-    model : TrackerModel
     corrector : Corrector
         With a labelled corrector, only rows of one label are paired.
     dt : float
@@ -160,7 +159,6 @@ def build_joint(
         Stored sets and their ages; more than one only with a labelled corrector.
     later : ParticleSet
         Its parents are rows of the concatenated earlier sets.
-    model : TrackerModel
     corrector : Corrector
         With a labelled corrector, only rows of one label are paired.
     found : tuple of Newborn

@@ -32,8 +32,6 @@ def spawn_intensity(
     ----------
     mu : array of shape (N_{t+1},)
         Intensity of survivors and births.
-    earlier, later : ParticleSet
-    model : TrackerModel
     dt : float
         True interval between the sets, seconds.
     successor : dict of motion model to array of shape (N_t, D)

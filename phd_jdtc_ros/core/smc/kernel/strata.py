@@ -38,9 +38,6 @@ def split_into_strata(
 
     Parameters
     ----------
-    kernel : TransitionDensity
-    modes : ModeSpace
-    earlier, later : ParticleSet
     groups : tuple of two int arrays
         Groups of the later and of the earlier rows, from 0.
     radius : float

@@ -50,7 +50,6 @@ def transition_density(
 
     Parameters
     ----------
-    modes : ModeSpace
     transition : array of shape (O, O)
     covariance : dict of motion model to array of shape (K, K)
         Noise covariance on the motion's support.

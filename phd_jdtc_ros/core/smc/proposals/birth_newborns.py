@@ -26,13 +26,10 @@ def redraw_velocities(
 
     Parameters
     ----------
-    stored : ParticleSet
     scan : Scan
         The scan of the last update. If it is informative on velocities the set is unchanged.
-    model : TrackerModel
     scan_index : int
         Index of the scan.
-    rng : numpy.random.Generator
 
     Returns
     -------

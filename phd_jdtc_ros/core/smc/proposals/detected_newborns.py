@@ -53,8 +53,6 @@ def redraw_velocities(
         Stamp of the scan.
     seen : Places
         Detections of the scan.
-    model : TrackerModel
-    rng : numpy.random.Generator
     """
     rated = any(radar.range_rate is not None for radar in model.radars)
     if rated or not model.detection_births.enabled:
@@ -140,8 +138,6 @@ def _draw(
         Velocities that lead each particle to each detection.
     shapes : sequence of J arrays of shape (2, 2)
         Cholesky factors of the covariances of the velocities about `leads`.
-    births : DetectionBirthModel
-    rng : numpy.random.Generator
     """
     count, size = leads.shape[:2]
     share = (1.0 - PRIOR_SHARE) / count

@@ -46,13 +46,11 @@ def sample(
 
     Parameters
     ----------
-    model : MotionModel
     state : array of shape (N, D)
     dt : float
         Seconds.
     seen : Places
         The detections at the next scan.
-    rng : numpy.random.Generator
 
     Returns
     -------
