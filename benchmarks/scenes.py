@@ -157,7 +157,7 @@ def mixture(scene: Scenario, config: TrackerConfig) -> Mixture:
     # Ascending labels, below those of births.
     return Mixture(
         np.arange(-count, 0),
-        dynamics.born[before.class_id],
+        dynamics.birth_weight[before.class_id],
         _earlier(before, scene, config)[:, None] * supported,
         np.broadcast_to(covariance, (count, *covariance.shape)),
     )

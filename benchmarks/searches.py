@@ -55,7 +55,7 @@ def _measure(targets: int, place: str) -> dict[str, Any]:
 def searching(search: str, place: str) -> Iterator[None]:
     """Build kernels by another search within the context."""
     if search == TESTS_ONLY:
-        loops = replace(kernels.chosen(), kernel_within_groups=None)
+        loops = replace(kernels.current(), kernel_within_groups=None)
         with mock.patch.object(kernels, "chosen", return_value=loops):
             yield
     elif search == SWEEP and place == "within origins":

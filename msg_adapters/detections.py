@@ -28,8 +28,8 @@ OPTIONAL = (
     *("level", "time", "sector", "height", "code", "address", "kind", "range_std", "azimuth_std"),
     *("range_rate", "range_rate_std"),
 )
-# Usual field names, in lower case, that are recognised if a radar's own name is missing. An SNR is in
-# decibels; a power or an RCS has a reference that only the driver defines.
+# Usual field names, in lower case, that are recognised if a radar's own name is missing. An SNR is
+# in decibels; a power or an RCS has a reference that only the driver defines.
 SYNONYMS = {
     "range_field": ("rho", "distance", "dist", "radial_distance", "ground_range", "r"),
     "azimuth_field": ("azimuth_angle", "theta", "bearing", "az", "angle"),

@@ -170,7 +170,7 @@ def _carry(message: Any) -> None:
     track.add(stamp_ns - NS, Pose((0.0, 0.0), 0.0))
     track.add(stamp_ns, pose)
     seen = Detections(np.array([[100.0, 0.1]]), None, np.array([0.01]))
-    placed, _ = Platform(track, Mount((1.0, 1.0), 0.1)).posed(stamp_ns, seen)
+    placed, _ = Platform(track, Mount((1.0, 1.0), 0.1)).with_pose(stamp_ns, seen)
     if placed is not None:
         _require_finite(placed.measurement)
 

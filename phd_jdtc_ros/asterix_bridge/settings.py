@@ -30,8 +30,8 @@ from .tracks import TrackOutput
 
 # Upper bound of input addresses, each of which needs a socket and a buffer.
 MOST_INPUTS = 64
-# Longest prediction of estimates, seconds: some turns of a radar. Tracks without newer estimates end
-# after it.
+# Longest prediction of estimates, seconds: some turns of a radar. Tracks without newer estimates
+# end after it.
 MAX_PREDICTION_S = 10.0
 
 

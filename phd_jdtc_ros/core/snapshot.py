@@ -1,11 +1,11 @@
 """Snapshots: an engine's state as named arrays, to be stored and restored.
 
-A value type declares beside each field what its array may hold, for example
+A value type declares the bounds of the array with each field, for example
 ``mean: Annotated[FloatArray, floats("TD", -1e9, 1e9)]``. `to_snapshot` and `from_snapshot` follow
 these declarations, so that no module converts its fields by hand.
 
-A snapshot may come from a forged file: every value is checked against what the tracker itself could
-have stored, so that none of them ends it or becomes an estimate.
+A snapshot may come from a forged file. Every value is checked against the values that the tracker
+could have stored, so that none of them crashes the tracker or becomes an estimate.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ AnyArray = npt.NDArray[Any]
 T = TypeVar("T")
 # The latest stamp that a ROS message can have.
 MOST_STAMP_NS = (1 << 31) * 1_000_000_000 - 1
-# Of origins and rows; far from where sums of them overflow.
+# Bound on labels and rows; sums of them cannot overflow.
 MOST_INDEX = 1 << 60
 # Largest component of a state: metres, metres per second, radians per second.
 MOST_STATE = 1e9
-# Largest mass of one target, and of what is traced back to it: a draw is right on the average only.
+# Largest mass of one target, and of the mass traced back to it. Both exceed 1 at times, because a
+# random draw preserves a mass only in the mean.
 MASS_SLACK = 100.0
-# By which rounding may make correlations differ from those of a covariance.
+# Tolerance for rounding in the correlations of a covariance.
 ROUNDING = 1e-6
 
 
@@ -42,7 +43,7 @@ class Snapshot:
     stamp_ns : int or None
         Stamp of the last scan; None before the first.
     arrays : dict of name to array
-        By dotted name.
+        Arrays by dotted name.
     facts : dict
         Values that JSON can represent: the states of random generators.
     """
@@ -64,7 +65,7 @@ class Snapshot:
         return self.arrays[name]
 
     def names_below(self, name: str) -> set[str]:
-        """Return the next parts of all names that begin with this one and a dot."""
+        """Return the next component of every array name below this dotted name."""
         start = f"{name}."
         return {
             full.removeprefix(start).split(".")[0] for full in self.arrays if full.startswith(start)
@@ -72,7 +73,7 @@ class Snapshot:
 
 
 class _Stored(Protocol):
-    """How a field is stored, and what its arrays may hold."""
+    """Storage of a field, and the bounds of its arrays."""
 
     def put(self, snapshot: Snapshot, name: str, value: Any) -> None:
         """Store a value under a name."""
@@ -85,7 +86,7 @@ class _Stored(Protocol):
 
 @dataclass(frozen=True)
 class _Array:
-    """An array of numbers; `shape` has a letter for each axis, none for a single number."""
+    """An array of numbers; `shape` has a letter for each axis, and is empty for a single number."""
 
     kind: str
     shape: str
@@ -105,7 +106,7 @@ class _Array:
             raise ValueError(f"{name}: {array.dtype} given, expected {expected}")
         _require_shape(name, array.shape, self.shape, sizes)
         high = sizes[self.below] - 1 if self.below else self.high
-        # A NaN is in no interval.
+        # This comparison also rejects NaN.
         if not ((array >= self.low) & (array <= high)).all() or np.isinf(array).any():
             given = f"{array.item()} given" if array.ndim == 0 else "a number is not finite, or"
             raise ValueError(f"{name}: {given} outside [{self.low:g}, {high:g}]")
@@ -118,7 +119,7 @@ class _Array:
 
 @dataclass(frozen=True)
 class _Sparse:
-    """A sparse matrix in rows or columns, with numbers from 0 on."""
+    """A sparse matrix in rows or columns, with numbers of at least 0."""
 
     matrix: Any
     shape: str
@@ -144,16 +145,16 @@ class _Sparse:
 def integers(
     shape: str, low: int, high: int = MOST_INDEX, *, below: str = "", ascending: bool = False
 ) -> _Stored:
-    """Return what an array of whole numbers may hold.
+    """Declare an array of integers.
 
     Parameters
     ----------
     shape : str
-        A letter for each axis; axes with one letter have one size.
+        A letter for each axis; axes of the same letter have the same size.
     low, high : int
         Bounds, included.
     below : str
-        A letter in the place of `high`: all numbers are below the size of its axes.
+        Letter of an axis, in the place of `high`: all numbers are below the size of that axis.
     ascending : bool
         Whether the numbers must increase.
     """
@@ -161,22 +162,22 @@ def integers(
 
 
 def floats(shape: str, low: float, high: float) -> _Stored:
-    """Return what an array of finite floats may hold; see `integers`."""
+    """Declare an array of finite floats; see `integers`."""
     return _Array("f", shape, low, high)
 
 
 def covariances(shape: str, std: float) -> _Stored:
-    """Return what covariances may be, up to a standard deviation; variances may be zero."""
+    """Declare covariances with standard deviations from 0 to `std`."""
     return _Array("f", shape, -(std**2), std**2, covariances=True)
 
 
 def sparse_rows(shape: str, high: float) -> _Stored:
-    """Return what a sparse matrix in rows may hold: numbers from 0 on."""
+    """Declare a sparse matrix in rows, with numbers of at least 0."""
     return _Sparse(sparse.csr_array, shape, high)
 
 
 def sparse_columns(shape: str) -> _Stored:
-    """Return what a sparse matrix in columns may hold: numbers from 0 on."""
+    """Declare a sparse matrix in columns, with numbers of at least 0."""
     return _Sparse(sparse.csc_array, shape)
 
 
@@ -196,7 +197,6 @@ def to_snapshot(value: Any, snapshot: Snapshot, name: str) -> None:
     Parameters
     ----------
     value : dataclass or named tuple
-    snapshot : Snapshot
     name : str
         The fields are stored under ``name.field``.
     """
@@ -215,17 +215,15 @@ def from_snapshot(
     ----------
     kind : type
         A dataclass or named tuple with declared fields.
-    snapshot : Snapshot
-    name : str
     sizes : mapping of letter to int
-        Sizes of axes. Those of other letters are free, but equal in all fields.
+        Sizes of axes. Other letters may have any size that is the same in all fields.
     **others
-        The fields that are not stored.
+        Values of the fields that are not stored.
 
     Raises
     ------
     ValueError
-        If an array is missing, or is none that the tracker could have stored.
+        If an array is missing, or the tracker could not have stored it.
     """
     known, values = dict(sizes), others
     for part, (stored, optional) in _fields(cast(Any, kind)).items():
@@ -236,7 +234,7 @@ def from_snapshot(
 
 
 def _require_shape(name: str, shape: tuple[int, ...], axes: str, sizes: dict[str, int]) -> None:
-    """Raise ValueError unless axes have their sizes; note those of letters that had none yet."""
+    """Raise ValueError unless axes have their sizes; record the sizes of new letters."""
     expected = ", ".join(str(sizes.get(axis, axis)) for axis in axes)
     if len(shape) != len(axes) or list(shape) != [
         sizes.setdefault(axis, size) for axis, size in zip(axes, shape, strict=True)
@@ -245,9 +243,9 @@ def _require_shape(name: str, shape: tuple[int, ...], axes: str, sizes: dict[str
 
 
 def _require_covariances(name: str, array: AnyArray) -> None:
-    """Raise ValueError unless all matrices of finite numbers, (..., D, D), are covariances.
+    """Raise ValueError unless all matrices, (..., D, D), are covariances.
 
-    Axes whose variance is zero are allowed.
+    The numbers are finite. Axes of zero variance are allowed.
     """
     axes = np.arange(array.shape[-1])
     variance = array[..., axes, axes]

@@ -101,7 +101,7 @@ def _of_gaussians(config: TrackerConfig) -> _Parts:
         threshold: float,
         __: np.random.Generator,
     ) -> Estimates:
-        return gaussian_extraction.extracted(stored, forward.dynamics, stamp_ns, lag, threshold)
+        return gaussian_extraction.extract(stored, forward.dynamics, stamp_ns, lag, threshold)
 
     return _Parts(forward, backward, extract, config.rule)
 

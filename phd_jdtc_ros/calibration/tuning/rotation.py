@@ -175,7 +175,7 @@ class PlotTurns:
         time_s, azimuth = np.array(self._waiting).T
         self._waiting.clear()
         now_s, before = float(np.median(time_s)), self._before
-        self._track = self._track.followed(now_s, time_s, azimuth, self._shortest_s)
+        self._track = self._track.follow(now_s, time_s, azimuth, self._shortest_s)
         line = self._track.antenna
         self._before = None if line is None else (now_s, line)
         if line is None:

@@ -1,8 +1,7 @@
-"""Which clusters are summed exactly, and in which batches.
+"""Selection of the clusters for exact sums, and their grouping into batches.
 
-One side of a cluster, in general the smaller one of its targets and its detections, is the columns
-of the dynamic programme in `exact_marginals`, whose cost is exponential in them. The other side is
-the rows.
+The smaller side of a cluster, targets or detections, is in general the columns of the dynamic
+programme in `exact_marginals`, and the other side the rows. The cost is exponential in the columns.
 """
 
 from __future__ import annotations
@@ -16,17 +15,17 @@ import numpy.typing as npt
 from ..arrays import FloatArray, IntArray
 from .exact_marginals import Batch, ExactMarginals
 
-# Up to this many detections are the columns even of fewer targets: that costs little, and clusters
-# with the same number of columns are summed together.
+# Up to this number, the detections are the columns even if there are fewer targets. This costs
+# little, and clusters with the same number of columns are summed together.
 FEW_DETECTIONS = 7
-# Entries of the table of a batch with several clusters, so that it stays in the processor's cache;
-# with 2^17 the sums take twice as long.
+# Largest table, in entries, of a batch of several clusters. It fits the processor's cache; with
+# 2^17 entries the sums take twice as long.
 LARGEST_BATCH = 1 << 15
-# The overhead of a step of the dynamic programme, in states of an edge.
+# Overhead of one step of the dynamic programme, in units of one state of one edge.
 STEP = 1000
-# Work on one cluster and on all together, in states of an edge: a few nanoseconds each. Twelve
-# targets that compete for twelve detections are within the first. The table of the largest cluster
-# has 16 MiB.
+# Bounds on the work for one cluster and for all clusters, in states of an edge, which take a few
+# nanoseconds each. Twelve targets that compete for twelve detections are within `LARGEST_CLUSTER`;
+# its table has 16 MiB.
 LARGEST_CLUSTER = 1 << 20
 MOST_WORK = 1 << 22
 
@@ -37,10 +36,10 @@ class Loops(NamedTuple):
     Parameters
     ----------
     cluster : int array of shape (C,)
-        Their first nodes.
+        First node of each cluster.
     rows, columns : int arrays of shape (C,)
     swapped : bool array of shape (C,)
-        Whether the detections are the rows, and not the targets.
+        Whether the detections are the rows and the targets the columns.
     """
 
     cluster: IntArray
@@ -69,7 +68,7 @@ class Sums(NamedTuple):
 def affordable_loops(
     cluster: IntArray, cluster_of_edge: IntArray, targets: int
 ) -> tuple[Loops, int]:
-    """Return the clusters with loops that can be summed exactly, and the number of the others.
+    """Return the clusters with loops that are summed exactly, and the number of other ones.
 
     Parameters
     ----------
@@ -83,7 +82,7 @@ def affordable_loops(
     nodes = len(cluster)
     edges = np.bincount(cluster_of_edge, minlength=nodes)
     members = np.bincount(cluster, minlength=nodes)
-    # A tree has one edge less than nodes. Only first nodes have members.
+    # A tree has one edge fewer than nodes. Only first nodes have members.
     found = np.flatnonzero(edges >= np.maximum(members, 1))
     own = np.bincount(cluster[:targets], minlength=nodes).take(found)
     detections = members.take(found) - own
@@ -91,7 +90,7 @@ def affordable_loops(
     rows, columns = np.where(swapped, (detections, own), (own, detections))
 
     states = np.ldexp(1.0, np.minimum(columns, 64))
-    # The step of an edge is shared by the clusters of a batch.
+    # The clusters of a batch share the overhead of a step.
     share = np.minimum(2.0 * (rows + 1) * states / LARGEST_BATCH, 1.0)
     work = edges.take(found) * (states + STEP * share)
     cheapest = np.argsort(work, kind="stable")
@@ -115,11 +114,10 @@ def sum_exactly(
 
     Parameters
     ----------
-    loops : Loops
     cluster : int array of shape (T + M,)
         That of `clusters.cluster_of_nodes`.
     target, detection : int arrays of shape (E,)
-        The edges of these clusters and of others.
+        The edges of all clusters.
     odds : array of shape (E,)
         Odds of the association against both its target and its detection being unassociated.
     targets : int
@@ -151,7 +149,7 @@ def _batches(
 ) -> Iterator[tuple[IntArray, Batch, bool]]:
     """Yield the edges of each batch, the batch, and whether its rows are detections.
 
-    `number` is that of each edge's cluster, and `row` and `column` are places within it.
+    `number` is the number of each edge's cluster; `row` and `column` are indices within it.
     """
     first = _firsts(loops)
     index = np.searchsorted(first, number, side="right") - 1
@@ -184,9 +182,9 @@ def _firsts(loops: Loops) -> list[int]:
 
 
 def _places(number: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the nodes of numbered clusters, one cluster after the other, and each one's place.
+    """Return the nodes sorted by the number of their cluster, and each node's index within it.
 
-    `number` is -1 for nodes of other clusters; their places are undefined.
+    `number` is -1 for nodes of other clusters, whose indices are undefined.
     """
     order = np.argsort(number, kind="stable")
     ordered = number.take(order)

@@ -12,12 +12,13 @@ import numpy as np
 from ..arrays import FloatArray, IntArray, sum_by
 
 ITERATIONS = 200
-# Edges times iterations, so that a graph of millions of edges takes no minutes.
+# Bound on edges times iterations; it keeps a graph of millions of edges within seconds.
 MOST_WORK = 1 << 25
 LEAST_ITERATIONS = 10
 TOLERANCE = 1e-6
-# After these iterations, and regularly, clusters that stand still are dropped if the edges left are
-# fewer than this share. Edges that are alone stand still at once, stars after two iterations.
+# Clusters are tested for convergence after the iterations `FIRST_TESTS`, and later after every
+# `TEST_EVERY`. Converged ones are removed if this leaves less than `WORTH_DROPPING` of the edges.
+# Single edges converge at once, stars after two iterations.
 FIRST_TESTS = (1, 2, 4, 8)
 TEST_EVERY = 16
 WORTH_DROPPING = 0.75
@@ -56,11 +57,11 @@ def _availability(
     clutter: FloatArray,
     cluster: IntArray,
 ) -> FloatArray:
-    """Return the messages to the targets, how available each detection is, (E,)."""
+    """Return the messages to the targets: the availability of each detection, (E,)."""
     rival = clutter.take(detection)
     free = 1.0 / rival
     found, place = free, np.arange(len(odds))
-    watched = 0  # while this one has not converged, the others need no test
+    watched = 0  # until this edge has converged, the others need no test
     for iteration in range(min(ITERATIONS, max(MOST_WORK // len(odds), LEAST_ITERATIONS))):
         wanted = odds / (1.0 + _others(target, odds * free, targets))  # message to the detection
         before, free = free, 1.0 / (rival + _others(detection, wanted, len(clutter)))
@@ -73,7 +74,7 @@ def _availability(
         watched = int(np.argmax(change / before))
         if not due:
             continue
-        # Messages of a cluster that have not changed at all, as those of a tree, never will.
+        # Messages of a cluster that did not change at all, as in a tree, never change again.
         moving = np.zeros(targets, dtype=bool)
         moving[cluster[change > 0.0]] = True
         kept = np.flatnonzero(moving.take(cluster))
@@ -87,6 +88,6 @@ def _availability(
 
 
 def _others(index: IntArray, value: FloatArray, size: int) -> FloatArray:
-    """Return for each edge the sum of `value` over the other edges of its node."""
+    """Return, for each edge, the sum of `value` over the other edges of its node."""
     others = np.bincount(index, value, size).take(index) - value
     return np.maximum(others, 0.0, out=others)

@@ -23,9 +23,9 @@ def cluster_of_nodes(target: IntArray, detection: IntArray, targets: int, size: 
 
     Notes
     -----
-    In every round each cluster found so far joins a neighbour, so the rounds are at most as many as
-    the logarithm of the nodes. For small graphs this takes a quarter of the time of
-    `scipy.sparse.csgraph.connected_components`, and at most twice its time for large ones.
+    In every round each cluster found so far joins a neighbour, so that the number of rounds is at
+    most the logarithm of the number of nodes. For small graphs this takes a quarter of the time of
+    `scipy.sparse.csgraph.connected_components`, for large graphs at most twice its time.
     """
     first = np.arange(targets + size)
     own, other = target, targets + detection

@@ -1,6 +1,6 @@
 """The loops of `exact_marginals`, compiled by numba; see `core.numba_loops`.
 
-They add the same numbers in the same order as those of NumPy, and so return the same bits.
+They add the same numbers in the same order as the NumPy loops, and so return the same bits.
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ def around_edges(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the weights of the rows before and after each edge's, (E, 2^(M - 1)).
 
-    The states are the sets without the edge's column; those after it are their complements.
+    The states before an edge are the sets without its column; the states after it are their
+    complements.
     """
     count, half = len(row), weight.shape[3] // 2
     earlier, later = np.empty((count, half)), np.empty((count, half))

@@ -1,8 +1,8 @@
 """Exact association probabilities in many small clusters at once.
 
 All matchings of a cluster's rows with its columns are summed by dynamic programming over the rows.
-The state is a set of columns, so M columns have 2^M states. Rows are targets and columns
-detections, or the other way round: the rules are the same for both.
+The state is a set of columns, so M columns have 2^M states. Rows are targets and columns are
+detections, or the other way round: the rules are symmetric.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from .. import backend
 from ..arrays import FloatArray, IntArray
 
-# Logarithm to base 2 of the largest weight of a matching: there are fewer than 2^100 of them, and
-# their sum must be finite. Larger odds are practically certain.
+# Logarithm to base 2 of the largest weight of a matching. It keeps the sum over fewer than 2^100
+# matchings finite; larger odds are practically certain.
 LARGEST_WEIGHT = 840
 
 
@@ -67,14 +67,14 @@ class ExactMarginals:
         for z, some in enumerate(map(slice, [0, *end], end)):
             without = _halves(self._weight, z)[..., 0, :]
             earlier = without[row[some], 0, cluster[some]].reshape(-1, 1, 1 << (size - 1))
-            # The complements of the states, which take what the earlier rows have left.
+            # The later rows take columns in the complements of the states of the earlier rows.
             later = np.ascontiguousarray(without[from_last[some], 1, cluster[some]][:, ::-1, ::-1])
             found[some] = (earlier @ later.reshape(-1, 1 << (size - 1), 1))[:, 0, 0]
         edge: FloatArray = odds * found / self._total.take(cluster)
         return edge
 
     def unassociated_rows(self) -> FloatArray:
-        """Return each row's probability to be unassociated, one cluster after the other."""
+        """Return the probability that each row is unassociated, concatenated over clusters."""
         rows = self._batch.rows
         cluster = self._clusters.repeat(rows)
         row = np.arange(len(cluster)) - (np.cumsum(rows) - rows).take(cluster)
@@ -85,7 +85,7 @@ class ExactMarginals:
         return none
 
     def unassociated_columns(self) -> FloatArray:
-        """Return each column's probability to be unassociated, shape (C, M)."""
+        """Return the probability that each column is unassociated, shape (C, M)."""
         complete = self._weight[self._batch.rows, 0, self._clusters]
         without = [
             _halves(complete, z)[..., 0, :].sum(axis=(1, 2)) for z in range(self._batch.size)
@@ -95,17 +95,17 @@ class ExactMarginals:
 
 
 def _halves(states: FloatArray, column: int) -> FloatArray:
-    """Return (..., 2^M) by sets as (..., :, 2, :), with the column not in the set and in it."""
+    """Reshape an axis of 2^M sets to (:, 2, :), where the axis of 2 is membership of the column."""
     return states.reshape(*states.shape[:-1], -1, 2, 1 << column)
 
 
 def _weights(batch: Batch) -> FloatArray:
     """Return the total weights of matchings, (rows + 1, 2, C, 2^M).
 
-    [t, 0, c, s] is the weight of the matchings of cluster c's first t rows that take exactly the
-    columns in the set s. [t, 1, c, s] is that of its last t rows that take columns in s only, not
-    necessarily all. Both have the same recursion, the second in reverse order of the rows. Entries
-    beyond a cluster's own rows are undefined.
+    [t, 0, c, s] is the weight of the matchings of cluster c's first t rows with exactly the columns
+    in the set s. [t, 1, c, s] is the weight of the matchings of its last t rows with any columns in
+    s. Both have the same recursion, the second in reverse order of the rows. Entries beyond a
+    cluster's own rows are undefined.
     """
     if loops := backend.compiled("association"):
         table: FloatArray = loops.weights(*batch)
@@ -119,8 +119,8 @@ def _weights(batch: Batch) -> FloatArray:
     occurs[row, column], occurs[from_last, column] = True, True
     active = np.searchsorted(-rows, -np.arange(most)).tolist()  # clusters with more than t rows
 
-    # Clusters are the last axis here, so that operations run over all clusters and not over the
-    # short runs of states with and without a column.
+    # Clusters are the last axis, so that inner loops run over all clusters and not over the short
+    # runs of states with and without a column.
     weight = np.empty((most + 1, 2, 1 << size, count))
     weight[0, 0], weight[0, 1] = 0.0, 1.0
     weight[0, 0, 0] = 1.0

@@ -17,8 +17,8 @@ from .batches import affordable_loops, sum_exactly
 from .belief_propagation import propagate
 from .clusters import cluster_of_nodes
 
-# Sums without one term are formed by subtraction, which loses digits if odds against clutter are
-# huge. With this bound they stay accurate, and larger odds are practically certain anyway.
+# Smallest clutter intensity, in the units of the odds. A sum without one term is formed by
+# subtraction, which would lose digits at larger odds; these are practically certain anyway.
 LEAST_CLUTTER = 1e-9
 
 
@@ -32,8 +32,8 @@ class Marginals(NamedTuple):
     none : array of shape (T,)
         Probability that the target has no detection, because it was missed or does not exist.
     approximate : int
-        The number of clusters with loops that were too large for exact sums; the probabilities in
-        them are those of belief propagation, which may be overconfident.
+        Number of clusters with loops that were too large for exact sums. Their probabilities come
+        from belief propagation and may be overconfident.
     """
 
     edge: FloatArray
@@ -46,19 +46,19 @@ def marginals(
 ) -> Marginals:
     """Return the marginal probabilities of associations.
 
-    Exact except for clusters with loops whose sums would take too long (`batches`).
+    They are exact except in clusters with loops that are too large for exact sums (`batches`).
 
     Parameters
     ----------
     target, detection : int arrays of shape (E,)
         The edges, each once.
     odds : array of shape (E,)
-        Odds of that detection against none, for the target alone: the mass that the edge explains,
-        divided by the probability that the target has no detection.
+        Odds of the detection against none for this target alone: the mass of the edge, divided by
+        the probability that the target has no detection.
     targets : int
         T.
     clutter : array of shape (M,)
-        Intensity of the other sources of each detection, in the units of `odds`.
+        Intensity of all other sources of each detection, in the units of `odds`.
 
     References
     ----------

@@ -15,13 +15,13 @@ from .dynamics import Dynamics
 from .mixture import Mixture
 
 
-def extracted(
+def extract(
     mixture: Mixture, dynamics: Dynamics, stamp_ns: int, lag: int, threshold: float
 ) -> Estimates:
     """Return the targets whose existence probability is above a threshold.
 
-    The class is that of the largest weight. The state and covariance are those of that class, over
-    all hypotheses and motion modes. The `track_id` of a target is its origin plus one.
+    A target's class is the one of largest weight. State and covariance are the moments of that
+    class over all hypotheses and motion modes. The `track_id` of a target is its label plus one.
     """
     reported = mixture.existence > threshold
     if not reported.all():
@@ -38,12 +38,12 @@ def extracted(
     own_weight = np.einsum("hrs,hs->hr", mixture.weight, own.astype(np.float64))
     total = class_mass[np.arange(count), majority]
     share = own_weight / np.where(total > 0.0, total, 1.0)[mixture.target][:, None]
-    state, covariance = mixture.matched(share)
+    state, covariance = mixture.moments(share)
     return Estimates(
         stamp_ns=stamp_ns,
         lag=lag,
         state=state,
-        covariance=kalman.floored(kalman.symmetric(covariance))[0],
+        covariance=kalman.floor_eigenvalues(kalman.symmetric(covariance))[0],
         weight=mass,
         class_probability=class_mass / np.where(mass > 0.0, mass, 1.0)[:, None],
         class_id=majority,
@@ -52,12 +52,12 @@ def extracted(
     )
 
 
-def extracted_from(
+def extract_all(
     parts: Sequence[Part[Mixture]], dynamics: Dynamics, lag: int
 ) -> tuple[Estimates, IntArray]:
-    """Return the targets of several mixtures, whatever their existence, and the time of each.
+    """Return the targets of several mixtures at any existence probability, and each one's time.
 
-    All at once, because a radar that turns leaves a few targets each in many mixtures.
+    One call handles all mixtures, because a turning radar leaves a few targets in each of many.
     """
     stored = [part.stored for part in parts]
     sizes = np.array([len(mixture) for mixture in stored])
@@ -69,11 +69,11 @@ def extracted_from(
             for begin, part in zip(first.tolist(), parts, strict=False)
         ]
     )
-    # A target that is in several mixtures is there several times.
+    # A target that occurs in several mixtures gets several rows.
     place = np.concatenate([mixture.target for mixture in stored])
     place += (np.cumsum(labels) - labels).repeat(sizes)
-    whole = replace(Mixture.joined(stored), origin=place).take(rows)
-    found = extracted(whole, dynamics, parts[-1].stamp_ns, lag, 0.0)
+    whole = replace(Mixture.concatenate(stored), origin=place).take(rows)
+    found = extract(whole, dynamics, parts[-1].stamp_ns, lag, 0.0)
     at = found.track_id - 1
     origin = np.concatenate([mixture.label for mixture in stored])
     time_ns = np.array([part.stamp_ns for part in parts]).repeat(labels)

@@ -13,8 +13,8 @@ from ..window.swept import partition_swept
 from ..window.update import update_scan
 from .dynamics import Dynamics
 from .mixture import Mixture
-from .prediction import Aged, born, spawned, survivors
-from .reduction import Bounds, Branched, reduced
+from .prediction import Aged, births, spawn, survivors
+from .reduction import Bounds, Branched, reduce_hypotheses
 from .update import GaussianSteps
 from .window_graph import Link
 
@@ -25,14 +25,12 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
 
     Parameters
     ----------
-    model : TrackerModel
-    bounds : Bounds
     done : callable
         See `ForwardFilter`.
     """
 
     bounds: Bounds
-    # Of the last step.
+    # Number of clusters associated approximately in the last step.
     approximate: int = field(init=False, default=0)
     floored: int = field(init=False, default=0)
     _dynamics: Dynamics | None = field(init=False, default=None, repr=False)
@@ -56,10 +54,10 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         if earlier:
             moved, moves = survivors(earlier, dynamics)
             parts.append(moved)
-        parts.append(born(self._births(scan), dynamics, index))
+        parts.append(births(self._births(scan), dynamics, index))
         if self.model.spawn.rate > 0.0:
-            parts.append(spawned(earlier, dynamics, index, self.bounds.least_existence))
-        predicted = Mixture.joined(parts)
+            parts.append(spawn(earlier, dynamics, index, self.bounds.least_existence))
+        predicted = Mixture.concatenate(parts)
         self.done("predict")
         survived = len(parts[0]) if earlier else 0
         row = np.arange(len(predicted))
@@ -68,7 +66,7 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         found = update_scan(branched, scan, steps, dt, index, self.clutter, self.attributes)
         self.approximate = found.approximate
         self.done("update")
-        stored, ancestry, self.floored = reduced(found.rows, self.bounds)
+        stored, ancestry, self.floored = reduce_hypotheses(found.rows, self.bounds)
         self.done("reduce")
         link = Link(moves, ancestry) if linked and moves is not None else None
         entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)

@@ -1,4 +1,4 @@
-"""Prediction: survivors move from mode to mode, targets are spawned, targets are born."""
+"""Prediction: survivors move and switch modes, targets are spawned, targets are born."""
 
 from __future__ import annotations
 
@@ -12,22 +12,21 @@ from ..arrays import FloatArray, IntArray, sum_by
 from ..snapshot import MOST_STATE, floats
 from ..tracks import labels
 from .algebra.kalman import MOST_GAIN, Backward, backward, predicted_covariance
-from .algebra.moments import matched
+from .algebra.moments import match_moments
 from .dynamics import Dynamics
 from .mixture import Mixture
 
-# Largest logarithm of a determinant.
+# Bound, in a snapshot, on the magnitude of a log determinant.
 MOST_LOG = 1e4
 
 
 class Aged(NamedTuple):
-    """Stored hypotheses and the time since their scan.
+    """A stored mixture and its age.
 
     Parameters
     ----------
-    mixture : Mixture
     dt : float
-        Seconds.
+        Time since its scan, seconds.
     """
 
     mixture: Mixture
@@ -36,28 +35,28 @@ class Aged(NamedTuple):
 
 @dataclass(frozen=True)
 class Moves:
-    """How the hypotheses of earlier scans became predicted ones, row by row.
+    """The prediction from the hypotheses of earlier scans, row by row, for the smoother.
 
-    A pair is a motion mode before and one after the move that it may change to; there are K.
+    Each of the K pairs is a motion mode before the prediction and a possible one after it.
 
     Parameters
     ----------
     pairs : tuple of two int arrays of shape (K,)
-        The modes of each pair, from and to.
+        Modes of each pair before and after the prediction.
     change : array of shape (H, K)
-        Probability to survive and to change from the one mode to the other.
+        Probability of survival with a change from the first mode to the second.
     survival : array of shape (H, R)
-        Probability to survive until the later scan.
+        Probability of survival until the later scan.
     cells : array of shape (H, S, S) or None
-        Matrix of the cells, [from, to]; None if no cell is left.
+        Transition matrix of the cells, [from, to]; None if cells do not change.
     mean : array of shape (H, K, D)
-        Predicted by each pair.
+        Predicted mean of each pair.
     precision : array of shape (H, K, D, D)
         Inverse of each pair's predicted covariance.
     log_determinant : array of shape (H, K)
-        Of the precision.
+        Log determinant of the precision.
     backward : Backward
-        From each pair's later Gaussian to the earlier one, leading shape (H, K).
+        Backward step from each pair's later Gaussian to the earlier one, leading shape (H, K).
     """
 
     pairs: tuple[IntArray, IntArray]
@@ -70,7 +69,7 @@ class Moves:
     backward: Backward
 
     def take(self, rows: IntArray) -> Moves:
-        """Return the moves of these rows."""
+        """Return the predictions of these rows."""
         return Moves(
             self.pairs,
             self.change[rows],
@@ -83,8 +82,8 @@ class Moves:
         )
 
     @staticmethod
-    def joined(parts: Sequence[Moves]) -> Moves:
-        """Return the moves of several scans, row by row."""
+    def concatenate(parts: Sequence[Moves]) -> Moves:
+        """Return the predictions of several scans concatenated."""
         cells = [part.cells for part in parts if part.cells is not None]
         return Moves(
             parts[0].pairs,
@@ -99,19 +98,19 @@ class Moves:
 
 
 def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Moves]:
-    """Return the hypotheses of earlier scans at the time of a later one.
+    """Return the hypotheses of earlier scans predicted to the time of a later one.
 
     Notes
     -----
-    Interacting multiple models: each motion mode's Gaussian is that of all modes that may change to
-    it, moved by the new mode and matched by their probabilities.
+    Interacting multiple models: all Gaussians whose mode may change to a given mode are predicted
+    with that mode's motion, weighted by their transition probabilities and moment-matched by one.
 
     References
     ----------
     Blom and Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
     switching coefficients", IEEE Transactions on Automatic Control 33(8), 1988.
     """
-    before = Mixture.joined([part.mixture for part in earlier])
+    before = Mixture.concatenate([part.mixture for part in earlier])
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
     survival = np.stack([dynamics.survival(dt) for _, dt in earlier])[source]
     of, to = dynamics.pairs
@@ -126,14 +125,14 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
         weight = weight @ cells
     dt_of = np.array([dt for _, dt in earlier])[source]
     mean, covariance = before.mean.take(of, axis=1), before.covariance.take(of, axis=1)
-    later_mean, jacobian = _moved(mean, to, dt_of, dynamics)
+    later_mean, jacobian = _move(mean, to, dt_of, dynamics)
     later, cross = predicted_covariance(covariance, jacobian, noise.take(to, axis=1))
     back, precision = backward(
         mean, covariance, later_mean, later, cross, 1.0 - dynamics.supported[to]
     )
     share = _shares(change * before.mode_weight[:, of], dynamics)
     return (
-        Mixture(before.origin, weight, *matched(share, later_mean, later)),
+        Mixture(before.origin, weight, *match_moments(share, later_mean, later)),
         Moves(
             pairs=(of, to),
             change=change,
@@ -148,20 +147,20 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
 
 
 def _shares(joint: FloatArray, dynamics: Dynamics) -> FloatArray:
-    """Return the share of each pair in each later mode, (H, R, K), given their weights (H, K)."""
+    """Return the share of each pair in each later mode, (H, R, K), given the weights (H, K)."""
     weight = dynamics.to_mode * joint[:, None]
     total = weight.sum(axis=2, keepdims=True)
     reached = total > 0.0
-    # A mode that cannot be reached has no weight; it keeps its own Gaussian.
+    # An unreachable mode has no weight; it keeps its own Gaussian.
     same = dynamics.to_mode * (dynamics.pairs[0] == dynamics.pairs[1])
     share: FloatArray = np.where(reached, weight / np.where(reached, total, 1.0), same)
     return share
 
 
-def _moved(
+def _move(
     mean: FloatArray, to: IntArray, dt: FloatArray, dynamics: Dynamics
 ) -> tuple[FloatArray, FloatArray]:
-    """Return means (H, K, D) after `dt` seconds of each mode `to`, and the derivatives."""
+    """Return the means (H, K, D) after `dt` seconds in each mode `to`, and the Jacobians."""
     later = np.empty_like(mean)
     jacobian = np.empty((*mean.shape, mean.shape[2]))
     for mode, motion in enumerate(dynamics.motions):
@@ -174,15 +173,13 @@ def _moved(
     return later, jacobian
 
 
-def born(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:
-    """Return the targets born at known places, each an origin of its own.
+def births(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:
+    """Return the birth components at the configured places, each with a new label.
 
     Parameters
     ----------
     births : sequence of (int, float)
-        Birth terms, and the time since each last had births, seconds.
-    dynamics : Dynamics
-    scan_index : int
+        Index of each birth term, and the time since its last births, seconds.
     """
     model, supported = dynamics.model, dynamics.supported
     first = labels.first_predicted(scan_index)
@@ -203,20 +200,17 @@ def born(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: in
     )
 
 
-def spawned(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: float) -> Mixture:
-    """Return the targets that split off, one for each parent, each an origin of its own.
+def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: float) -> Mixture:
+    """Return the spawned targets, one for each parent, each with a new label.
 
     Parameters
     ----------
-    earlier : sequence of Aged
-    dynamics : Dynamics
-    scan_index : int
     least : float
-        Probability below which no target is spawned.
+        Existence probability below which a spawned target is left out.
 
     Notes
     -----
-    The parent's hypotheses are matched by one Gaussian, which each motion mode moves.
+    The parent's hypotheses are moment-matched by one Gaussian, which each motion mode predicts.
     """
     model = dynamics.model
     label = labels.first_predicted(scan_index) + len(model.births)
@@ -229,7 +223,7 @@ def spawned(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least:
         part = _spawned_by(mixture, parents, rate, dt, dynamics, label)
         label += len(part)
         parts.append(part)
-    return Mixture.joined(parts)
+    return Mixture.concatenate(parts)
 
 
 def _spawned_by(
@@ -240,7 +234,7 @@ def _spawned_by(
     mean, covariance = mean[parents], covariance[parents]
     modes, size = supported.shape
     moved = np.repeat(mean[:, None], modes, axis=1)
-    later, jacobian = _moved(moved, np.arange(modes), np.full(len(parents), dt), dynamics)
+    later, jacobian = _move(moved, np.arange(modes), np.full(len(parents), dt), dynamics)
     noise = np.zeros((modes, size, size))
     noise[:, np.arange(size), np.arange(size)] = spawn.std**2 * supported
     spread = predicted_covariance(covariance[:, None], jacobian, noise)[0]

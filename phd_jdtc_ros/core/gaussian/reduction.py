@@ -1,6 +1,6 @@
 """Reduction of each target's hypotheses: improbable ones are dropped, similar ones merged.
 
-Of those that are left, each probable motion mode then goes on as a hypothesis of its own.
+Each probable motion mode of a remaining hypothesis then becomes a hypothesis of its own.
 """
 
 from __future__ import annotations
@@ -16,30 +16,30 @@ from ..snapshot import floats, integers
 from .algebra import kalman, moments
 from .mixture import Mixture
 
-# Of the most hypotheses: those of one mode each may have so many. The others are for the detections
-# of the next scan, each of which branches a hypothesis.
+# Share of `Bounds.most` that single-mode hypotheses may take. The rest is reserved for the next
+# scan, in which every detection branches a hypothesis.
 ROOM = 0.25
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is kept of a target's hypotheses.
+    """Limits of the reduction.
 
     Parameters
     ----------
     hypotheses : int
-        Per target; at most, before each goes on once for each of its motion modes.
+        Largest number per target, before they are split by motion mode.
     least_share : float
-        Of the target's existence probability; hypotheses with less are dropped.
+        Hypotheses with less than this share of their target's existence probability are dropped.
     merge_distance : float
         Square Mahalanobis distance within which hypotheses are merged.
     least_existence : float
         Targets with a smaller existence probability are dropped.
     most : int
-        Hypotheses of all targets together.
+        Largest number of hypotheses of all targets together.
     least_mode : float
-        Of a hypothesis; motion modes with a smaller share do not go on as hypotheses of their own.
-        With 1 none does, and modes are mixed by every prediction.
+        Motion modes with at least this share of their hypothesis become hypotheses of their own.
+        With 1 none does, and every prediction mixes the modes.
     """
 
     hypotheses: int
@@ -52,11 +52,10 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Branched:
-    """Hypotheses, and the predicted rows that they come from.
+    """Hypotheses, and the predicted row from which each descends.
 
     Parameters
     ----------
-    mixture : Mixture
     parent : int array of shape (H,)
         Row of the predicted mixture; -1 for targets born at detections.
     """
@@ -71,7 +70,7 @@ class Branched:
 
 @dataclass(frozen=True)
 class Ancestry:
-    """The hypotheses that were merged into those kept, and where they come from.
+    """For each kept hypothesis, the hypotheses merged into it and their predicted rows.
 
     Parameters
     ----------
@@ -80,7 +79,7 @@ class Ancestry:
     parent : int array of shape (E,)
         Row of the predicted mixture; -1 for targets born at detections.
     share : array of shape (E, R, S)
-        Of the child's weight; sums to one over the rows of a child where that has weight.
+        Share of the child's weight; sums to one over the rows of a child with positive weight.
     """
 
     child: Annotated[IntArray, integers("E", 0, below="H")]
@@ -89,21 +88,20 @@ class Ancestry:
 
 
 def probable(target: IntArray, mass: FloatArray, bounds: Bounds) -> tuple[IntArray, FloatArray]:
-    """Return the most probable hypotheses of each target, most probable first.
+    """Return the most probable hypotheses of each target in descending order of probability.
 
     Parameters
     ----------
     target : int array of shape (N,)
-        The target of each hypothesis; all numbers from 0 occur.
+        The target of each hypothesis; every index below the number of targets occurs.
     mass : array of shape (N,)
-    bounds : Bounds
 
     Returns
     -------
     kept : int array of shape (K,)
-        By target.
+        Rows of the kept hypotheses, sorted by target.
     factor : array of shape (K,)
-        On their weights, so that the targets' existence probabilities stay the same.
+        Factor on their weights that preserves the existence probability of each target.
     """
     existence = np.bincount(target, mass)
     kept = np.flatnonzero((mass >= bounds.least_share * existence[target]) & (mass > 0.0))
@@ -118,30 +116,29 @@ def probable(target: IntArray, mass: FloatArray, bounds: Bounds) -> tuple[IntArr
     return kept, factor[target]
 
 
-def reduced(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]:
-    """Return the hypotheses that the filter goes on with.
+def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]:
+    """Return the reduced hypotheses, from which the next prediction starts.
 
     Parameters
     ----------
     branched : Branched
-        By target, each target's most probable one first.
-    bounds : Bounds
+        Sorted by target, and then by descending probability.
 
     Returns
     -------
     mixture : Mixture
     ancestry : Ancestry
     floored : int
-        Number of covariances that rounding had left with negative eigenvalues.
+        Number of covariances in which rounding had caused negative eigenvalues.
 
     Notes
     -----
-    Targets that hardly exist are dropped. Of the others, the most probable hypothesis of a target
-    takes in all that are within the merge distance of it, then the most probable of those left, and
-    so on. Each motion mode's Gaussian keeps the mean and covariance of what it takes in.
+    Targets of small existence probability are dropped. The most probable hypothesis of each other
+    target absorbs all hypotheses within the merge distance, then the most probable remaining one
+    does, and so on. Each motion mode's Gaussian is moment-matched to the Gaussians it absorbs.
 
-    To merge hypotheses of different motion modes only now, after an update, is the second-order
-    generalised pseudo-Bayesian filter; to keep those that are not near to each other is more exact.
+    A merge of hypotheses of different motion modes only after the update is the second-order
+    generalised pseudo-Bayesian filter; hypotheses that are kept apart make this more exact.
 
     References
     ----------
@@ -168,19 +165,19 @@ def reduced(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]
     share = np.where(
         has_weight, mixture.mode_weight / np.where(has_weight, total, 1.0), 1.0 / size[:, None]
     )
-    mean, covariance = moments.merged(share, mixture.mean, mixture.covariance, first)
+    mean, covariance = moments.merge_moments(share, mixture.mean, mixture.covariance, first)
     part = weight[child]
     part = np.where(part > 0.0, mixture.weight / np.where(part > 0.0, part, 1.0), 0.0)
-    covariance, floored = kalman.floored(covariance)
+    covariance, floored = kalman.floor_eigenvalues(covariance)
     merged = Mixture(mixture.origin[first], weight, mean, covariance)
     return *_by_mode(merged, Ancestry(child, ordered.parent, part), bounds), floored
 
 
 def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixture, Ancestry]:
-    """Return hypotheses of one motion mode each, of those with a share of at least `least_mode`.
+    """Return a hypothesis for each motion mode whose share is at least `least_mode`.
 
-    Modes with less stay with the most probable one. Where these are so many that the next scan
-    could cost targets, none goes on by itself: modes are mixed, as with a `least_mode` of 1.
+    Less probable modes stay with the most probable one. If the number of hypotheses would leave
+    too little room for the next scan, none is split: modes are mixed, as with a `least_mode` of 1.
     """
     least = bounds.least_mode
     mass = np.where(mixture.mass > 0.0, mixture.mass, 1.0)
@@ -194,7 +191,7 @@ def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixt
     kept = mode[:, None] == np.arange(own.shape[1])
     kept |= ~own[row] & (mode == main[row])[:, None]
     each = mixture.take(row)
-    # The rows of `ancestry` of each hypothesis, once for each of its modes.
+    # Repeat the rows of `ancestry` of each hypothesis for each of its modes.
     first = np.searchsorted(ancestry.child, row)
     size = np.searchsorted(ancestry.child, row, side="right") - first
     child = np.arange(len(row)).repeat(size)
@@ -206,7 +203,7 @@ def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixt
 
 
 def _existing(mixture: Mixture, bounds: Bounds) -> IntArray:
-    """Return the rows of the targets that are kept."""
+    """Return the rows of the targets of sufficient existence probability."""
     existence = mixture.existence
     kept = existence >= bounds.least_existence
     size = np.bincount(mixture.target, minlength=len(existence))
@@ -221,7 +218,7 @@ def _existing(mixture: Mixture, bounds: Bounds) -> IntArray:
 
 
 def _clusters(mixture: Mixture, distance: float) -> IntArray:
-    """Return the row of the hypothesis into which each is merged, its own if none."""
+    """Return for each hypothesis the row that absorbs it; its own row if it is not merged."""
     target, count = mixture.target, len(mixture)
     into = np.arange(count)
     size = np.bincount(target)
@@ -236,7 +233,7 @@ def _clusters(mixture: Mixture, distance: float) -> IntArray:
         into = np.arange(count)
     while len(free):
         _, place, group = np.unique(target[free], return_index=True, return_inverse=True)
-        centre = free[place]  # the most probable: rows of a target come in this order
+        centre = free[place]  # the most probable one: rows of a target are in this order
         inverse = kalman.inverse(covariance[centre])
         apart = mean[free] - mean[centre][group]
         square = (apart[:, None] @ inverse[group] @ apart[..., None])[:, 0, 0]
@@ -247,9 +244,9 @@ def _clusters(mixture: Mixture, distance: float) -> IntArray:
 
 
 def _across_modes(mixture: Mixture) -> tuple[FloatArray, FloatArray]:
-    """Return each hypothesis's mean and covariance over its motion modes; unused axes have 1."""
+    """Return each hypothesis's moments over its motion modes; unused axes have variance 1."""
     mass = np.where(mixture.mass > 0.0, mixture.mass, 1.0)[:, None]
-    mean, covariance = moments.matched(
+    mean, covariance = moments.match_moments(
         (mixture.mode_weight / mass)[:, None], mixture.mean, mixture.covariance
     )
     mean, covariance = mean[:, 0], covariance[:, 0]

@@ -1,4 +1,4 @@
-"""The backward step over the window: Gaussians, weights and hypotheses with hindsight."""
+"""The backward step over the window: smoothed Gaussians, weights and hypotheses."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from .mixture import Mixture
 from .prediction import Moves
 from .window_graph import Link, generations, is_chain
 
-# Log of the least fit of a pair of modes beside the best one, so that none is excluded for ever.
+# Smallest log fit of a pair of modes relative to the best pair: no pair is excluded for good.
 LEAST_LOG_FIT = -50.0
 
 
 @dataclass(frozen=True)
 class Later:
-    """Predicted hypotheses, given later scans.
+    """Predicted hypotheses conditioned on later scans.
 
     Parameters
     ----------
     moves : Moves
-        To these hypotheses.
+        The predictions that led to these hypotheses.
     weight : array of shape (H, R, S)
     mean, covariance : arrays of shape (H, R, D) and (H, R, D, D)
     """
@@ -43,16 +43,16 @@ def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
     Parameters
     ----------
     entries : sequence of Entry
-        Oldest first. Sources that are none of them have left the window.
+        Oldest first. A source outside these entries has left the window.
     """
     if is_chain(entries):
-        return list(_chained([(entry.stored, entry.link) for entry in reversed(entries)]))
+        return list(_smooth_chain([(entry.stored, entry.link) for entry in reversed(entries)]))
     parts = generations(entries)
     weight, mean, covariance = (
         np.concatenate([getattr(entry.stored, column) for entry in entries])
         for column in ("weight", "mean", "covariance")
     )
-    smoothed = _chained([(part.stored, part.link) for part in parts])
+    smoothed = _smooth_chain([(part.stored, part.link) for part in parts])
     for part, mixture in zip(parts, smoothed, strict=True):
         weight[part.rows] = mixture.weight
         mean[part.rows], covariance[part.rows] = mixture.mean, mixture.covariance
@@ -62,7 +62,7 @@ def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
     return [entry.stored.with_gaussians(*parts) for entry, *parts in whole][::-1]
 
 
-def _chained(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
+def _smooth_chain(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
     """Yield the smoothed mixtures of a chain, newest first, each with its link to the next."""
     later: Mixture | None = None
     link: Link | None = None
@@ -76,10 +76,10 @@ def _chained(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
 
 
 def _before_update(smoothed: Mixture, link: Link) -> Later:
-    """Return the predicted hypotheses, given the smoothed ones that they led to.
+    """Return the predicted hypotheses, given their smoothed children.
 
-    A predicted hypothesis has the smoothed weights of its children, and its Gaussians keep the mean
-    and covariance of theirs. What merged hypotheses get is parted by their filtered weights.
+    A predicted hypothesis has the summed weight of its smoothed children, and its Gaussians match
+    their moments. The weight of a merged child is divided by the filtered weights of its parents.
     """
     ancestry, moves = link.ancestry, link.moves
     edges = np.flatnonzero(ancestry.parent >= 0)
@@ -98,11 +98,11 @@ def _before_update(smoothed: Mixture, link: Link) -> Later:
             mode_weight / np.where(total > 0.0, total, 1.0),
             1.0 / size.repeat(size)[:, None],
         )
-        mean, covariance = moments.merged(share, mean, covariance, first)
+        mean, covariance = moments.merge_moments(share, mean, covariance, first)
     rows, count = parent[first], len(moves.change)
     if len(rows) == count:
         return Later(moves, weight, mean, covariance)
-    # The others have no children, and so no weight.
+    # Hypotheses without children have no weight.
     every = Later(
         moves,
         np.zeros((count, *weight.shape[1:])),
@@ -114,16 +114,17 @@ def _before_update(smoothed: Mixture, link: Link) -> Later:
 
 
 def _with_hindsight(own: Mixture, later: Later) -> Mixture:
-    """Return a mixture that knows what later scans say.
+    """Return the smoothed mixture of one scan, given the later predicted hypotheses.
 
     Notes
     -----
-    A later mode j hands its smoothed weight to the pairs of an earlier mode i and itself by
-    w_i P_s pi_ij N(m_j; m_ij, P_ij), with the smoothed mean m_j, and the mean and covariance that
-    the pair predicted. The state of a pair is that of a backward step from the smoothed later one:
-    the expectation correction. Without the normal density it is Kim's smoother, whose error grows
-    with the lag: in a turn by as much as it gains. What does not survive has the factor of a
-    Bernoulli target's death, (1 - its smoothed survivors) / (1 - its filtered survivors).
+    A later mode j divides its smoothed weight among the pairs (i, j) of earlier modes i in
+    proportion to w_i P_s pi_ij N(m_j; m_ij, P_ij), where m_j is the smoothed mean and m_ij, P_ij
+    are the pair's predicted mean and covariance. The state of a pair follows by a backward step
+    from the smoothed later state: the expectation correction. Without the normal density this is
+    Kim's smoother, whose error grows with the lag; in a turn the growth cancels its gain. The
+    weight of targets that die has the factor of a Bernoulli target's death,
+    (1 - smoothed survivors) / (1 - filtered survivors).
 
     References
     ----------
@@ -144,12 +145,12 @@ def _with_hindsight(own: Mixture, later: Later) -> Mixture:
     survived = _by_mode(weight, of, modes)
     died = own.weight * (1.0 - moves.survival)[..., None]
     died *= _death_factor(own, survived, died)[:, None, None]
-    mean, covariance = _blended(own, weight.sum(axis=2), died.sum(axis=2), later)
+    mean, covariance = _blend(own, weight.sum(axis=2), died.sum(axis=2), later)
     return own.with_gaussians(survived + died, mean, covariance)
 
 
 def _death_factor(own: Mixture, survived: FloatArray, dying: FloatArray) -> FloatArray:
-    """Return phi of each row's target: the factor on what does not survive."""
+    """Return phi of each row's target: the factor on the weight that does not survive."""
 
     def by_target(weight: FloatArray) -> FloatArray:
         return sum_by(own.target, weight.sum(axis=(1, 2)), len(own.label))
@@ -161,9 +162,9 @@ def _death_factor(own: Mixture, survived: FloatArray, dying: FloatArray) -> Floa
 
 
 def _fit(later: Later) -> FloatArray:
-    """Return how well the mean of each later mode fits what its pairs predicted, shape (H, K).
+    """Return the relative likelihood of each later mode's mean under its pairs, shape (H, K).
 
-    A normal density, divided by the largest of the pairs of the later mode.
+    This is a normal density, divided by the largest density among the pairs of that later mode.
     """
     moves = later.moves
     of, to = moves.pairs
@@ -187,22 +188,22 @@ def _fit(later: Later) -> FloatArray:
 
 
 def _by_mode(weight: FloatArray, mode: IntArray, modes: int) -> FloatArray:
-    """Return the sums of pairs' weights, (H, K, S), over pairs of one mode, (H, R, S)."""
+    """Return the weights of pairs, (H, K, S), summed by mode, (H, R, S)."""
     select = (np.arange(modes)[:, None] == mode).astype(np.float64)
     total: FloatArray = select @ weight
     return total
 
 
-def _blended(
+def _blend(
     own: Mixture, joint: FloatArray, died: FloatArray, later: Later
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the Gaussians of each earlier mode, matched over the later modes and death.
+    """Return the Gaussian of each earlier mode, moment-matched over the later modes and death.
 
-    `joint` has the weights of the pairs, (H, K), and `died` those of no later mode, (H, R).
+    `joint` has the weights of the pairs, (H, K), and `died` the weights of death, (H, R).
     """
     of, to = later.moves.pairs
     if loops := backend.compiled("gaussian.algebra"):
-        every: tuple[FloatArray, FloatArray] = loops.blended(
+        every: tuple[FloatArray, FloatArray] = loops.blend(
             *map(np.ascontiguousarray, (own.mean, own.covariance, joint, died, of, to)),
             *map(np.ascontiguousarray, (*later.moves.backward, later.mean, later.covariance)),
         )
@@ -214,14 +215,14 @@ def _blended(
     total = weight.sum(axis=2)
     reached = total > 0.0
     share = weight / np.where(reached, total, 1.0)[..., None]
-    mean, covariance = moments.matched(share, mean, covariance)
+    mean, covariance = moments.match_moments(share, mean, covariance)
     share = np.where(reached, died / np.where(reached, total + died, 1.0), 1.0)[..., None]
     apart = own.mean - mean
     mean = mean + share * apart
     share = share[..., None]
     covariance = (1.0 - share) * covariance + share * own.covariance
     covariance += share * (1.0 - share) * apart[..., None] * apart[..., None, :]
-    # What a mode is not defined on stays zero, though other modes are.
+    # Axes that a mode lacks stay zero, even where other modes have them.
     axes = np.arange(mean.shape[2])
     defined = (own.covariance[..., axes, axes] > 0.0).astype(np.float64)
     return mean * defined, covariance * defined[..., None] * defined[..., None, :]

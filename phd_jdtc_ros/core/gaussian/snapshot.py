@@ -18,7 +18,7 @@ GaussianEntry = Entry[Mixture, Link]
 
 
 def entry_to_snapshot(entry: GaussianEntry, snapshot: Snapshot, name: str) -> None:
-    """Store what the filter keeps of one scan."""
+    """Store the filter's entry of one scan."""
     sources_to_snapshot(entry, snapshot, name)
     to_snapshot(entry.stored, snapshot, name)
     if entry.link is not None:
@@ -34,24 +34,22 @@ def entry_from_snapshot(
     dynamics: Dynamics,
     most: int,
 ) -> GaussianEntry:
-    """Return what the filter kept of one scan.
+    """Return the stored entry of one scan.
 
     Parameters
     ----------
-    snapshot : Snapshot
-    name : str
     earlier : mapping of stamp to Entry
-        Those stored before it. A source that is none of them has left the window; its link goes
-        with it.
+        Entries stored before it. If a source is not among them it has left the window, and the
+        link is dropped.
     dynamics : Dynamics
-        Of the tracker that goes on from it.
+        Dynamics of the tracker that continues from the entry.
     most : int
-        Hypotheses that it may have.
+        Largest number of hypotheses allowed.
 
     Raises
     ------
     ValueError
-        If it does not fit the tracker or the earlier entries.
+        If the entry does not fit the tracker or the earlier entries.
     """
     modes, size = dynamics.supported.shape
     sizes = {"O": modes, "D": size, "S": len(dynamics.cells), "K": len(dynamics.pairs[0])}

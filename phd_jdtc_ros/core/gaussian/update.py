@@ -20,10 +20,10 @@ from ..types import Detections
 from ..window.update import Posterior
 from .dynamics import Dynamics
 from .measurement.amplitude import detection_probability, log_amplitude, slower
-from .measurement.gating import Expected, gated
+from .measurement.gating import Expected, gate_pairs
 from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
 from .measurement.newborn import newborn_mixture
-from .measurement.pairs import likely, summed, weighed
+from .measurement.pairs import likely, pair_weights, sum_modes
 from .mixture import Mixture
 from .reduction import Bounds, Branched, probable
 from .strays import with_strays
@@ -31,13 +31,7 @@ from .strays import with_strays
 
 @dataclass(frozen=True)
 class GaussianSteps:
-    """The steps of an update of Gaussians; see `window.update.UpdateSteps`.
-
-    Parameters
-    ----------
-    dynamics : Dynamics
-    bounds : Bounds
-    """
+    """The steps of an update of Gaussians; see `window.update.UpdateSteps`."""
 
     dynamics: Dynamics
     bounds: Bounds
@@ -48,30 +42,23 @@ class GaussianSteps:
         return self.dynamics.model
 
     def prior(self, rows: Branched, report: Report) -> PriorMixture:
-        """Return the hypotheses before a report."""
+        """Return the hypotheses as the prior of a report's update."""
         return PriorMixture(rows, report, self)
 
     def with_newborn(
         self, rows: Branched, newborn: Newborn, label: int
     ) -> tuple[Branched, Newborn]:
-        """Return the hypotheses with those of targets born at detections."""
+        """Return the hypotheses, extended by those of targets born at detections."""
         if not len(newborn):
             return rows, newborn
         added = newborn_mixture(newborn, self.dynamics, label)
         parent = np.concatenate([rows.parent, np.full(len(added), -1)])
-        return Branched(Mixture.joined([rows.mixture, added]), parent), newborn
+        return Branched(Mixture.concatenate([rows.mixture, added]), parent), newborn
 
 
 @dataclass(frozen=True)
 class PriorMixture:
-    """Hypotheses before a report; see `window.update.Prior`.
-
-    Parameters
-    ----------
-    branched : Branched
-    report : Report
-    steps : GaussianSteps
-    """
+    """Hypotheses before a report; see `window.update.Prior`."""
 
     branched: Branched
     report: Report
@@ -100,7 +87,7 @@ class PriorMixture:
     @property
     def missed_mass(self) -> FloatArray:
         """Weight of each hypothesis without a detection, shape (H,)."""
-        return summed(self.missed)
+        return sum_modes(self.missed)
 
     @cached_property
     def expected(self) -> Expected:
@@ -121,7 +108,7 @@ class PriorMixture:
 
     @cached_property
     def missed(self) -> FloatArray:
-        """Weights, times the probability that they are not detected, shape (H, R, S)."""
+        """Weights times the probability of a missed detection, shape (H, R, S)."""
         missed: FloatArray = self.mixture.weight * (1.0 - self.detectable)
         return missed
 
@@ -132,8 +119,8 @@ class PriorMixture:
         return by_detection
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the pairs in gates; see `gating.gated`."""
-        return gated(self.mixture, self.expected, self.report.read_as(detections))
+        """Return the gated pairs; see `gating.gate_pairs`."""
+        return gate_pairs(self.mixture, self.expected, self.report.read_as(detections))
 
     def slower(self, bound: float) -> FloatArray:
         """Return the probability that each hypothesis is slower than a bound in m/s, (H,)."""
@@ -146,41 +133,42 @@ class PriorMixture:
     def posterior(
         self, pairs: Paired, evidence: Evidence | None, log_other: FloatArray
     ) -> Posterior[Branched]:
-        """Return hypotheses without a detection, and with each in their gates.
+        """Return the updated hypotheses: a missed one, and one for each detection in the gate.
 
-        Only the most probable ones of each target are kept.
+        Only the most probable hypotheses of each target are kept.
 
         Notes
         -----
-        Let psi(z) be the weight of all Gaussians of a target times their likelihood of detection z,
-        and p(z) and p(0) the marginal probabilities that the target has detection z or none. A
-        hypothesis with z has its weight times its likelihood, times p(z) / psi(z).
+        Let psi(z) be the sum of weight times likelihood of detection z over all Gaussians of a
+        target, and p(z) and p(0) the marginal probabilities that the target has detection z or
+        none. The weight of a hypothesis with z is its prior weight times its likelihood, times
+        p(z) / psi(z).
         """
         mixture, readings = self.mixture, self.report.read_as(pairs.readings)
         coarse = self._coarse(pairs, readings)
-        weight, sources = self._weighed(pairs, evidence, coarse, log_other)
+        weight, sources = self._pair_weights(pairs, evidence, coarse, log_other)
         counted = likely(mixture, pairs.row, pairs.column, weight, self.missed, sources)
         pairs = pairs.take(counted)
         evidence = None if evidence is None else evidence.take(counted)
 
         found = iterated_update(mixture, pairs.row, pairs.reading, readings)
         located = found.log_likelihood.reshape(-1, mixture.mean.shape[1])
-        weight, sources = self._weighed(pairs, evidence, located, log_other)
+        weight, sources = self._pair_weights(pairs, evidence, located, log_other)
         prior = np.where(mixture.mass > 0.0, mixture.mass, 1.0)
         claims = Claims(
             row=pairs.row,
             column=pairs.column,
-            mass=summed(weight),
+            mass=sum_modes(weight),
             other=sources.total,
-            detection_probability=summed(mixture.weight * self.detectable) / prior,
+            detection_probability=sum_modes(mixture.weight * self.detectable) / prior,
         )
         shares = bernoulli(mixture.target, len(mixture.label), mixture.mass, claims)
         factor = shares.missed[mixture.target] * shares.prior / prior
         missed, paired = self.missed * factor[:, None, None], weight * shares.pair[:, None, None]
         weight, source = np.concatenate([missed, paired]), np.append(self._every, pairs.row)
-        mass = summed(weight)
+        mass = sum_modes(weight)
         return Posterior(
-            rows=self._branched(source, weight, found),
+            rows=self._branch(source, weight, found),
             claims=claims,
             sources=sources,
             claimed=shares.claimed,
@@ -201,27 +189,27 @@ class PriorMixture:
         rough = coarse_rates(self.mixture, pairs.row, pairs.reading, rates, readings.sensor)
         return pairs.log_likelihood + rough
 
-    def _weighed(
+    def _pair_weights(
         self,
         pairs: Paired,
         evidence: Evidence | None,
         log_likelihood: FloatArray,
         log_other: FloatArray,
     ) -> tuple[FloatArray, CompetingSources]:
-        """Return the weights of pairs, (P, R, S), and the sources that compete with them."""
+        """Return the weights of pairs, (P, R, S), and the competing sources."""
         log_mass = log_likelihood[..., None] + self.log_amplitude[pairs.column][:, None, :]
         if evidence is not None:
             log_mass = log_mass + evidence.log_factor[:, None, None]
         sources = competing_sources(log_other, pairs.column, log_mass.max(axis=(1, 2)))
-        return weighed(self.mixture, pairs.row, pairs.column, log_mass, sources), sources
+        return pair_weights(self.mixture, pairs.row, pairs.column, log_mass, sources), sources
 
-    def _branched(self, source: IntArray, weight: FloatArray, found: PairUpdate) -> Branched:
-        """Return those hypotheses that are kept: first without a detection, then the pairs.
+    def _branch(self, source: IntArray, weight: FloatArray, found: PairUpdate) -> Branched:
+        """Return the kept hypotheses: those without a detection, then those of the pairs.
 
-        Only their Gaussians are updated.
+        Only the Gaussians of kept hypotheses are updated.
         """
         mixture = self.mixture
-        kept, factor = probable(mixture.target[source], summed(weight), self.steps.bounds)
+        kept, factor = probable(mixture.target[source], sum_modes(weight), self.steps.bounds)
         source, weight = source[kept], weight[kept] * factor[:, None, None]
         modes, size = mixture.mean.shape[1:]
         mean, covariance = mixture.mean[source], mixture.covariance[source]

@@ -142,7 +142,7 @@ class AntennaTrack(NamedTuple):
         """Best estimate of the time of a turn, seconds; 0 if unknown."""
         return self.usual_s if self.antenna is None else self.antenna.turn_s
 
-    def followed(
+    def follow(
         self, now_s: float, time_s: FloatArray, azimuth: FloatArray, shortest_s: float = SHORTEST_S
     ) -> AntennaTrack:
         """Return the estimate after a report.
@@ -158,10 +158,10 @@ class AntennaTrack(NamedTuple):
         """
         turn_s, line = self.rotation_s, self.antenna
         if line is not None and now_s - line.time_s > LONGEST_UNSEEN * turn_s:
-            return AntennaTrack(self.usual_s).followed(now_s, time_s, azimuth)
+            return AntennaTrack(self.usual_s).follow(now_s, time_s, azimuth)
         if not len(time_s):
             return self
-        near = _believed(time_s)
+        near = _plausible(time_s)
         own = Sightings(time_s[near], azimuth[near]).since(-math.inf)
         if not turn_s:
             seen = self.sightings.with_latest(own, LONGEST_S)
@@ -191,11 +191,11 @@ class AntennaTrack(NamedTuple):
         """Yield candidate lines: the previous one refined, then the best of a search."""
         usual = FULL_TURN / self.rotation_s
         if self.antenna is not None:
-            yield _refined(self.antenna, seen, weight, usual)
+            yield _refine(self.antenna, seen, weight, usual)
         log_prior = -0.5 * (np.log(RATES) / RATE_STD) ** 2
-        (fit, line), (other, _) = searched(seen, weight, usual * RATES, log_prior)
+        (fit, line), (other, _) = search_lines(seen, weight, usual * RATES, log_prior)
         if weight.sum() * (fit**2 - other**2) >= EVIDENCE:
-            yield _refined(line, seen, weight, usual)
+            yield _refine(line, seen, weight, usual)
 
     def _found(self, now_s: float, seen: Sightings, shortest_s: float) -> AntennaTrack:
         """Return the estimate for an unknown turn, which is searched at intervals."""
@@ -208,22 +208,22 @@ class AntennaTrack(NamedTuple):
             if count < LEAST_UNKNOWN or span_s < LEAST_TURNS * shortest_s:
                 continue
             turns = np.arange(LEAST_TURNS, span_s / shortest_s + RATE_STEP, RATE_STEP)
-            (fit, line), _ = searched(latest, np.ones(count), turns * FULL_TURN / span_s)
+            (fit, line), _ = search_lines(latest, np.ones(count), turns * FULL_TURN / span_s)
             standing = float(np.abs(np.exp(1j * latest.azimuth).mean()))
             if fit >= LEAST_COHERENCE and count * (fit**2 - standing**2) >= LEAST_EVIDENCE:
-                found = AntennaTrack(line.turn_s).followed(now_s, *latest)
+                found = AntennaTrack(line.turn_s).follow(now_s, *latest)
                 return found._replace(usual_s=found.rotation_s)
         return self._replace(sightings=seen, looked_s=now_s)
 
 
-def _believed(time_s: FloatArray) -> BoolArray:
+def _plausible(time_s: FloatArray) -> BoolArray:
     """Return a mask of the times near the median of a report; others come from a wrong clock."""
     off_s = np.abs(time_s - np.median(time_s))
     near: BoolArray = off_s <= max(MOST_OFF * float(np.median(off_s)), LEAST_OFF_S)
     return near | (len(time_s) < LEAST_OF_REPORT)
 
 
-def searched(
+def search_lines(
     seen: Sightings, weight: FloatArray, rates: FloatArray, log_prior: FloatArray | float = 0.0
 ) -> list[tuple[float, Antenna]]:
     """Return the best line of each direction, the better first, with its fit from 0 to 1.
@@ -248,7 +248,7 @@ def searched(
     return sorted(found, reverse=True)
 
 
-def _refined(line: Antenna, seen: Sightings, weight: FloatArray, usual: float) -> Antenna:
+def _refine(line: Antenna, seen: Sightings, weight: FloatArray, usual: float) -> Antenna:
     """Return the regression of azimuth on time near a line, at a rate near the usual one, rad/s."""
     ridge = (AZIMUTH_STD / RATE_STD) ** 2
     last_s = float(seen.time_s[-1])

@@ -63,7 +63,7 @@ class Horizon(NamedTuple):
         """
         lay = [stamp_s, math.nan, math.nan]
         if len(time_s):
-            time_s = self._believed(stamp_s, time_s, turn_s)
+            time_s = self._plausible_times(stamp_s, time_s, turn_s)
             lay[1:] = time_s.min() - self.last_s, time_s.max() - stamp_s
         kept = self.lays[:, 0] > stamp_s - TURNS * turn_s
         kept[-REPORTS:] = True
@@ -74,7 +74,7 @@ class Horizon(NamedTuple):
         lead_s = np.fmin.reduce([np.fmax.reduce(lays[:, 2]), *lays[:, 1]])
         return Horizon(lays, step_s, bool(even), self.lead_s if np.isnan(lead_s) else float(lead_s))
 
-    def _believed(self, stamp_s: float, time_s: FloatArray, turn_s: float) -> FloatArray:
+    def _plausible_times(self, stamp_s: float, time_s: FloatArray, turn_s: float) -> FloatArray:
         """Return the times that are plausible for a report, without those off by a turn.
 
         If most are elsewhere than expected, the radar has changed its way of reporting, and all

@@ -104,7 +104,7 @@ class PosedReports:
             if platform is None:
                 yield PosedReport(part.radar, part.stamp_ns, part.detections)
             else:
-                found = platform.posed(part.stamp_ns, part.detections)
+                found = platform.with_pose(part.stamp_ns, part.detections)
                 yield PosedReport(part.radar, part.stamp_ns, *found)
 
     def forget(self) -> None:

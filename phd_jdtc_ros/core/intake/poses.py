@@ -100,7 +100,7 @@ class PoseTrack:
             elif stamp_ns <= newest:
                 return PoseFault.DUPLICATE if stamp_ns == newest else PoseFault.LATE
             elif not self._reachable((newest, self._poses[-1]), stamp_ns, pose):
-                return self._jumped(stamp_ns, pose)
+                return self._reject_jump(stamp_ns, pose)
         self._append(stamp_ns, pose, self._segments[-1] if self._segments else 0)
         return None
 
@@ -171,7 +171,7 @@ class PoseTrack:
             and turned <= YAW_SLACK + MOST_YAW_RATE * since
         )
 
-    def _jumped(self, stamp_ns: int, pose: Pose) -> PoseFault | None:
+    def _reject_jump(self, stamp_ns: int, pose: Pose) -> PoseFault | None:
         """Ignore a pose that cannot be reached, unless it continues from another such pose."""
         doubted, self._doubted = self._doubted, (stamp_ns, pose)
         if doubted is None or stamp_ns <= doubted[0]:
@@ -214,7 +214,7 @@ class Platform:
     track: PoseTrack
     mount: Mount
 
-    def posed(self, stamp_ns: int, found: Detections) -> tuple[Detections | None, bool]:
+    def with_pose(self, stamp_ns: int, found: Detections) -> tuple[Detections | None, bool]:
         """Return detections with the radar's pose at their stamp, and whether it is extrapolated.
 
         Detections with times of their own were measured from the radar's pose at that time; they

@@ -125,7 +125,7 @@ class ScanGrouper:
         newest = max(self._pending, default=self._closed_ns)
         if newest is not None and stamp_ns < newest - self.reset_threshold_s * 1e9:
             events = [*self.close_all(), Reset((stamp_ns - newest) * 1e-9)]
-            overtaken = self._unreported(newest)
+            overtaken = self._pending_intervals(newest)
             self.reset()
             self._overtaken = overtaken
         if self._is_overtaken(radar, stamp_ns):
@@ -167,7 +167,7 @@ class ScanGrouper:
                 self._pending.setdefault(stamp_ns, {})[radar] = detections
         self._last_stamp[radar] = reports[-1][0]
 
-    def _unreported(self, newest: int) -> dict[int, tuple[int, int]]:
+    def _pending_intervals(self, newest: int) -> dict[int, tuple[int, int]]:
         """Return for each radar the interval of stamps whose reports may still arrive.
 
         Topics are not ordered relative to each other: a radar's last report may arrive after
@@ -204,10 +204,10 @@ class ScanGrouper:
     def _closable(self, stamps: list[int]) -> bool:
         """Return whether the oldest of the pending stamps need not wait."""
         if self.reorder_s:
-            return self._passed(stamps[0])
+            return self._is_final(stamps[0])
         return len(stamps) > 1 or self._complete(stamps[0])
 
-    def _passed(self, stamp_ns: int) -> bool:
+    def _is_final(self, stamp_ns: int) -> bool:
         """Return whether no live radar can still report a stamp in time.
 
         A radar is not live if it has sent nothing for `MISSES_UNTIL_SILENT` times the longest wait.

@@ -219,7 +219,7 @@ class Turns:
         if steps < 0.5 and self._per_turn > 1 and self._again(report, number, before):
             self.doubts["sectors_repeated"] += 1
             return self._rising(report, [(stamp_ns, detections, UNKNOWN_COVERAGE)])
-        start_s, end_s = self._accounted(report, steps)
+        start_s, end_s = self._covered_time(report, steps)
         parts, end = self._parts(report, number, start_s, end_s)
         self.state = self.state._replace(end_s=end_s, end=end)
         return self._rising(report, parts)
@@ -245,7 +245,7 @@ class Turns:
         if report.timed:
             # Detections' own times replace a track that was estimated from stamps.
             track = before if timed else AntennaTrack(self.usual_s)
-            track = track.followed(report.stamp_s, report.own_s, report.azimuth, self.shortest_s)
+            track = track.follow(report.stamp_s, report.own_s, report.azimuth, self.shortest_s)
         elif not timed:
             azimuth, shortest_s = report.azimuth, max(1.9 * horizon.step_s, self.shortest_s)
             if len(azimuth):
@@ -254,7 +254,7 @@ class Turns:
                 start, width = smallest_arc(azimuth)
                 azimuth = np.full(len(azimuth) if self.usual_s else 1, start + 0.5 * width)
             time_s = np.full(len(azimuth), report.stamp_s)
-            track = before.followed(report.stamp_s, time_s, azimuth, shortest_s)
+            track = before.follow(report.stamp_s, time_s, azimuth, shortest_s)
             if self.sectors > 1:
                 # Stamps give the turn more accurately than azimuths that are known by sector.
                 track = track.turning_in(self.sectors * horizon.step_s)
@@ -305,7 +305,7 @@ class Turns:
         horizon = self.state.horizon.after(report.stamp_s, own_s, self.turn_s)
         self.state = self.state._replace(horizon=horizon)
 
-    def _accounted(self, report: _Report, steps: float) -> tuple[float, float]:
+    def _covered_time(self, report: _Report, steps: float) -> tuple[float, float]:
         """Return the begin and the end of the time that a report covers, seconds."""
         before_s, length_s, own_s = self.state.end_s, self.report_s, report.own_s
         if report.timed and (antenna := self.state.track.antenna) is not None:

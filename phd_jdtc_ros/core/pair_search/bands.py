@@ -9,7 +9,8 @@ from .intervals import expand
 
 FULL_TURN = 2.0 * np.pi
 MOST_BANDS = 512
-# In ranges of detections: larger than any, so that the bands' intervals do not meet.
+# Distance between bands on the common axis, metres; it exceeds every range, so that the bands'
+# intervals are disjoint.
 BAND_OFFSET = 1e9
 
 
@@ -21,7 +22,7 @@ def in_boxes(
     Parameters
     ----------
     ranges : array of shape (N, 2)
-        Least and largest range of each box, metres.
+        Smallest and largest range of each box, metres.
     azimuth, half_width : arrays of shape (N,)
         Centre and half width of each box in azimuth, radians.
     measured : array of shape (M, 2)
@@ -64,6 +65,6 @@ def in_boxes(
 
 
 def _band(azimuth: FloatArray, bands: int) -> IntArray:
-    """Return the band of each azimuth; counted on beyond a full turn."""
+    """Return the band of each azimuth; the count continues beyond a full turn."""
     band: IntArray = np.floor((azimuth + np.pi) * (bands / FULL_TURN)).astype(np.int64)
     return band

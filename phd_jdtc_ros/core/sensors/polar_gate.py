@@ -56,7 +56,7 @@ def gated_pairs(
     if std is None and shift is None:
         lists, gate = _lists(detections, noise_std)
         log_norm = -np.log(2.0 * np.pi * noise_std[0] * noise_std[1])
-        particle, detection, square = kernels.chosen().near_detections(
+        particle, detection, square = kernels.current().near_detections(
             lists, predicted, noise_std, GATE_SIGMA, gate
         )
         return particle, detection, log_norm - 0.5 * square
@@ -68,7 +68,7 @@ def gated_pairs(
         # An ellipse this much larger contains the gate wherever the shift moves it.
         widest = widest + 1.5 * fastest / GATE_SIGMA
     lists, gate = _lists(detections, widest)
-    particle, detection, _ = kernels.chosen().near_detections(
+    particle, detection, _ = kernels.current().near_detections(
         lists, predicted, widest, GATE_SIGMA, gate
     )
     error = detections.measurement[detection] - predicted[particle]

@@ -19,7 +19,7 @@ from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
 from .smoother import DeathTerm, backward_pass
 
-# Second word of the seed of extraction; the filter's is `filter.FILTER_STREAM`.
+# Second word of the extraction's seed; `filter.FILTER_STREAM` is the filter's.
 EXTRACTION_STREAM = 1
 
 
@@ -27,17 +27,12 @@ EXTRACTION_STREAM = 1
 class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
     """Sequential Monte Carlo filter with a fixed-lag backward smoother over the general mode.
 
-    A labelled multi-Bernoulli filter or a PHD filter: the corrector of `forward` decides.
+    The corrector of `forward` makes it a labelled multi-Bernoulli filter or a PHD filter.
 
     Parameters
     ----------
-    forward : ParticleFilter
-    lag : Lag
-    schedule : Schedule
     rule : ReportingRule
         When tracks are reported.
-    death_term : DeathTerm
-    extraction : Extraction
 
     Notes
     -----
@@ -52,7 +47,7 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
     def reset(self) -> None:
         """Return to the initial state; the random generators start from the seed again."""
         super().reset()
-        # A generator of its own, so that the filter's draws do not depend on the extraction.
+        # A separate generator keeps the filter's draws independent of the extraction.
         self._rng = np.random.default_rng([self.forward.seed, EXTRACTION_STREAM])
 
     def _state(self) -> dict[str, Any]:
@@ -63,7 +58,7 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
         self._rng.bit_generator.state = state["rng"]
 
     def snapshot(self) -> Snapshot:
-        """Return all that the engine holds; see `Engine.snapshot`."""
+        """Return the engine's state; see `Engine.snapshot`."""
         stored = super().snapshot()
         stored.facts["extraction.rng"] = self._rng.bit_generator.state
         return stored

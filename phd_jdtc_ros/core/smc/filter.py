@@ -25,8 +25,8 @@ from .proposals.detections_in_plane import places
 from .resampling import ParticleBudget, resample
 from .update import ParticleSteps
 
-# Second word of the seed, so that the filter's stream is independent of all others. With a shared
-# stream, a simulation with the same seed would be correlated with the filter.
+# Second word of the seed. It makes the filter's random stream independent of all others; with a
+# shared stream, a simulation of the same seed would be correlated with the filter.
 FILTER_STREAM = 2
 
 
@@ -36,10 +36,6 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
 
     Parameters
     ----------
-    model : TrackerModel
-    corrector : Corrector
-    budget : ParticleBudget
-    seed : int
     done : callable
         See `ForwardFilter`.
     """
@@ -57,7 +53,7 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
     def step(self, scan: Scan, linked: bool) -> Filtered[ParticleSet, Transition]:
         """Predict, update with every radar and resample; if `linked`, build the backward kernel.
 
-        Newborn targets of the earlier sets may be drawn again, see `detected_newborns`.
+        Velocities of newborn targets in the earlier sets may be redrawn, see `detected_newborns`.
 
         Notes
         -----
@@ -70,7 +66,7 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         if corrector.labelled:
             before = touched
             touched = redraw_velocities(before, scan.stamp_ns, seen, model, rng)
-            # The rows that this scan leaves alone stay rows of the same set as those that it drew.
+            # Rows outside the sector keep referring to the redrawn set.
             drawn = {id(old.entry): new.entry for old, new in zip(before, touched, strict=True)}
             others = [Current(drawn.get(id(rows.entry), rows.entry), rows.rows) for rows in others]
         budget = self.budget.beside(sum(rows.entry.stored.copies(rows.rows) for rows in others))
@@ -111,7 +107,7 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         return {**super().save_state(), "rng": self._rng.bit_generator.state}
 
     def load_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state that was saved."""
+        """Return to a saved state."""
         super().load_state(state)
         self._rng.bit_generator.state = state["rng"]
 

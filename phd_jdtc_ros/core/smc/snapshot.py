@@ -14,12 +14,12 @@ from ..window.window_snapshot import require_rows_of, sources_from_snapshot, sou
 from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
 
-# How much more than the budget a set may have: groups that survive by lot come on top.
+# Largest ratio of a set's particles to its budget, which excludes groups kept by a random draw.
 SLACK = 4
 
 
 def entry_to_snapshot(entry: ParticleEntry, snapshot: Snapshot, name: str) -> None:
-    """Store what the filter keeps of one scan."""
+    """Store the filter's entry of one scan."""
     sources_to_snapshot(entry, snapshot, name)
     to_snapshot(entry.stored, snapshot, name)
     if entry.link is not None:
@@ -29,28 +29,26 @@ def entry_to_snapshot(entry: ParticleEntry, snapshot: Snapshot, name: str) -> No
 def entry_from_snapshot(
     snapshot: Snapshot, name: str, earlier: Mapping[int, ParticleEntry], modes: ModeSpace, most: int
 ) -> ParticleEntry:
-    """Return what the filter kept of one scan.
+    """Return the stored entry of one scan.
 
     Parameters
     ----------
-    snapshot : Snapshot
-    name : str
     earlier : mapping of stamp to Entry
-        Those stored before it. A source that is none of them has left the window; its link goes
-        with it.
+        Entries stored before it. If a source is not among them it has left the window, and the
+        link is dropped.
     modes : ModeSpace
-        Of the tracker that goes on from it.
+        Mode space of the tracker that continues from the entry.
     most : int
-        Particles that it may have.
+        Largest number of particles allowed.
 
     Raises
     ------
     ValueError
-        If it does not fit the tracker or the earlier entries.
+        If the entry does not fit the tracker or the earlier entries.
     """
     stamp_ns, sources = sources_from_snapshot(snapshot, name, SLACK * most)
     stored = from_snapshot(ParticleSet, snapshot, name, {"D": len(modes.space), "O": len(modes)})
-    # There is at least about one particle a target.
+    # A target has about one particle or more, which bounds the mass.
     mass, copies = float(stored.weight.sum()), float(stored.multiplicity.sum(dtype=np.float64))
     if not max(mass, copies) <= SLACK * most:
         raise ValueError(f"{name}: {copies:g} particles of mass {mass:.3g}, at most {SLACK * most}")
@@ -62,7 +60,7 @@ def entry_from_snapshot(
 
 
 def _weight_of(source: Source, earlier: Mapping[int, ParticleEntry], name: str) -> FloatArray:
-    """Return the weights of a source's rows; zeros where its set has left the window."""
+    """Return the weights of a source's rows; zeros if its set has left the window."""
     if source.stamp_ns not in earlier:
         return np.zeros(source.size)
     stored = earlier[source.stamp_ns].stored
@@ -73,11 +71,11 @@ def _weight_of(source: Source, earlier: Mapping[int, ParticleEntry], name: str) 
 def _transition(
     snapshot: Snapshot, name: str, earlier: FloatArray, later: ParticleSet
 ) -> Transition:
-    """Return a stored transition from rows of these weights; raises ValueError if it is none."""
+    """Return a stored transition from rows of these weights; raises ValueError if invalid."""
     link = from_snapshot(Transition, snapshot, name, {"E": len(earlier), "N": len(later)})
     if link.orphans > len(later):
         raise ValueError(f"{name}.orphans: {link.orphans} given, at most {len(later)}")
-    # What later targets are traced back to is no more than there is of them.
+    # The mass traced back from later targets cannot exceed their number.
     with np.errstate(over="ignore", invalid="ignore"):
         traced = float(earlier @ (link.ratio @ later.weight))
     if not traced <= MASS_SLACK * (1.0 + float(later.weight.sum())):

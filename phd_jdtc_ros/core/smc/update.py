@@ -31,27 +31,20 @@ from .strays import with_strays
 
 @dataclass(frozen=True)
 class ParticleSteps:
-    """The steps of an update of particles; see `window.update.UpdateSteps`.
-
-    Parameters
-    ----------
-    model : TrackerModel
-    corrector : Corrector
-    rng : numpy.random.Generator
-    """
+    """The steps of an update of particles; see `window.update.UpdateSteps`."""
 
     model: TrackerModel
     corrector: Corrector
     rng: np.random.Generator
 
     def prior(self, rows: ParticleSet, report: Report) -> PriorParticles:
-        """Return the particles before a report."""
+        """Return the particles as the prior of a report's update."""
         return PriorParticles(rows, report, self)
 
     def with_newborn(
         self, rows: ParticleSet, newborn: Newborn, label: int
     ) -> tuple[ParticleSet, Newborn]:
-        """Return the intensity with those newborn targets that `affordable` allows, and these."""
+        """Return the intensity with the newborn targets within `affordable`, and these targets."""
         model, rng = self.model, self.rng
         newborn, each = detection_birth.affordable(newborn, model.detection_births)
         state, mode, weight, detection = detection_birth.sample(
@@ -78,14 +71,7 @@ class ParticleSteps:
 
 @dataclass(frozen=True)
 class PriorParticles:
-    """Particles before a report; see `window.update.Prior`.
-
-    Parameters
-    ----------
-    particles : ParticleSet
-    report : Report
-    steps : ParticleSteps
-    """
+    """Particles before a report; see `window.update.Prior`."""
 
     particles: ParticleSet
     report: Report
@@ -112,12 +98,12 @@ class PriorParticles:
 
     @property
     def missed_mass(self) -> FloatArray:
-        """Weight of each particle, times the probability that it is not detected, shape (N,)."""
+        """Weight of each particle times its probability of a missed detection, shape (N,)."""
         return self.particles.weight * (1.0 - self.detectable)
 
     @cached_property
     def _everywhere(self) -> FloatArray:
-        """Measurements of the particles, those beyond the sensor's range too, shape (N, Z)."""
+        """Measurements of all particles, including those beyond the sensor's range, (N, Z)."""
         return self.report.sensor.measure(self.particles.state)
 
     @cached_property
@@ -136,13 +122,13 @@ class PriorParticles:
         return seen
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the pairs in gates, with the log likelihoods of the measurements."""
+        """Return the gated pairs, with the log likelihoods of the measurements."""
         sensor, times = self.report.sensor, detections.time_s
         rate = None if times is None else sensor.measurement_rate(self.particles.state)
         return sensor.gated_pairs(self.measured, detections, rate)
 
     def slower(self, bound: float) -> FloatArray:
-        """Return 1 for each particle that is slower than a bound in m/s, shape (N,)."""
+        """Return 1 for each particle slower than a bound in m/s, 0 otherwise, shape (N,)."""
         velocity = self.particles.state[:, list(self.steps.model.modes.space.velocity)]
         return (np.hypot(velocity[:, 0], velocity[:, 1]) < bound).astype(np.float64)
 
@@ -155,7 +141,7 @@ class PriorParticles:
     def posterior(
         self, pairs: Paired, evidence: Evidence | None, log_other: FloatArray
     ) -> Posterior[ParticleSet]:
-        """Return the intensity that the steps' corrector makes of the pairs."""
+        """Return the intensity that the corrector computes from the pairs."""
         report, model, particles = self.report, self.steps.model, self.particles
         row, column = pairs.row, pairs.column
         log_likelihood = pairs.log_likelihood + report.sensor.log_range_rate(

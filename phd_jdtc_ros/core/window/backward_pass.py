@@ -19,10 +19,11 @@ class Message(Generic[MessageT]):
     Parameters
     ----------
     rows : int array or None
-        Those rows, ascending; None for all of them.
+        Receiving rows, ascending; None for all rows.
     part : slice
-        Their places in the content, which is about the rows of all sources of the later set.
+        Indices of these rows in the content, which covers the rows of all sources of the later set.
     content : object
+        The engine's quantities for the rows of all sources.
     """
 
     rows: IntArray | None
@@ -40,13 +41,12 @@ def smoothed_sets(
     Parameters
     ----------
     entries : sequence of Entry
-        Oldest first. Sources that are none of them have left the window.
+        Oldest first. A source outside these entries has left the window.
     send : callable
-        Returns the content of a smoothed set's message to the rows of its sources, given its link
-        to them.
+        Returns the content of a smoothed set's message to the rows of its sources, given its link.
     receive : callable
         Returns the smoothed set, given the filtered one and the messages to its rows. Each row
-        receives one message at most; rows that receive none keep their filtered values.
+        receives at most one message; rows without a message keep their filtered values.
     """
     received: dict[int, list[Message[MessageT]]] = {}
     kept = {entry.stamp_ns for entry in entries}

@@ -1,4 +1,4 @@
-"""Storage of what a filter has learned of clutter in a snapshot, and its restoration."""
+"""Storage of learned clutter in a snapshot, and its restoration."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NAME, MAP, RATE = "clutter", "clutter_map", "clutter_rate"
 
 
 class Place(NamedTuple):
-    """Where a radar is.
+    """The location of a radar with learned clutter.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Place(NamedTuple):
 def clutter_to_snapshot(
     memory: ClutterMemory, radars: Sequence[Sensor], snapshot: Snapshot
 ) -> None:
-    """Store what has been learned of these radars; nothing if none of them learns."""
+    """Store the learned clutter of these radars; nothing if none of them learns."""
     for name, law in memory.laws.items():
         to_snapshot(law, snapshot, f"{NAME}.{name}")
     for radar in radars:
@@ -48,12 +48,12 @@ def clutter_to_snapshot(
 
 
 def clutter_from_snapshot(snapshot: Snapshot, radars: Sequence[Sensor]) -> ClutterMemory:
-    """Return what a snapshot has of the clutter of these radars.
+    """Return the stored clutter of these radars.
 
     Raises
     ------
     ValueError
-        If it is that of another radar or place, or none that a tracker could have stored.
+        If it belongs to another radar or place, or a tracker could not have stored it.
     """
     known = {radar.name: radar for radar in radars}
     learning = [n for n, radar in known.items() if isinstance(radar.clutter_amplitude, Learned)]
@@ -70,13 +70,13 @@ def clutter_from_snapshot(snapshot: Snapshot, radars: Sequence[Sensor]) -> Clutt
         name: from_snapshot(ClutterCount, snapshot, f"{RATE}.{name}", {})
         for name in _radars(snapshot, RATE, known, "of this tracker")
     }
-    # A clutter rate that is given now was perhaps learned before: it may change at any time.
+    # A rate learned before the snapshot is dropped if the configuration sets it now.
     counts = {name: own for name, own in counts.items() if known[name].clutter_count is not None}
     return ClutterMemory(laws, maps, counts)
 
 
 def _radars(snapshot: Snapshot, part: str, allowed: Collection[str], which: str) -> list[str]:
-    """Return the radars of a part of a snapshot; raises ValueError if one of them is none."""
+    """Return the radars named in a part of a snapshot; raises ValueError for unknown ones."""
     names = snapshot.names_below(part)
     for name in names.difference(allowed):
         raise ValueError(
@@ -99,7 +99,7 @@ def _law(snapshot: Snapshot, radar: Sensor) -> Learned:
 
 
 def _map(snapshot: Snapshot, radar: Sensor) -> ClutterMap:
-    """Return the map of a radar at this place."""
+    """Return the stored clutter map of a radar; raises ValueError for one of another place."""
     name, place = f"{MAP}.{radar.name}", _place_of(radar).pose.tolist()
     stored = from_snapshot(Place, snapshot, name, {"X": 3}).pose.tolist()
     if stored != place:

@@ -1,4 +1,4 @@
-"""What every forward filter keeps from scan to scan, whatever its rows are."""
+"""The forward filter of an engine, and the state that it keeps from scan to scan."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ from ..snapshot import MOST_STAMP_NS, Snapshot, from_snapshot, integers, to_snap
 from ..types import Scan
 from .clutter_snapshot import clutter_from_snapshot, clutter_to_snapshot
 from .entries import Current, Entry, LinkT, RowsT
-from .swept import births_passed
+from .swept import swept_births
 from .window_snapshot import current_from_snapshot, current_to_snapshot
 
-# Origins are numbered by scan and must fit 64 bits: 6000 years of a scan a second.
+# Largest number of scans. Labels contain the scan index and must fit 64 bits; at one scan a second
+# the limit is reached after 4000 years.
 MOST_SCANS = 1 << 37
-# The fields of a filter that change from scan to scan. Their parts are replaced and never changed,
-# so that a copy of one level is a state to return to.
+# The fields of a filter that change from scan to scan. Their values are replaced and never
+# modified, so that a shallow copy is enough to restore a state.
 STATE = ("current", "stamp_ns", "_born_ns", "_scan_index", "clutter", "attributes")
 
 
@@ -34,14 +35,14 @@ def _ignore(part: str) -> None:
 
 
 class Progress(NamedTuple):
-    """What a filter stores beside its sets.
+    """The filter's part of a snapshot, without its sets.
 
     Parameters
     ----------
     scan_index : int
-        Of the next scan.
+        Index of the next scan.
     birth, born_ns : int arrays of shape (B,)
-        Birth terms, and when an antenna last passed each.
+        Birth terms, and the time of the antenna's last pass over each, nanoseconds.
     current_ns : int array of shape (Q,)
         Stamps of the sets that later scans continue.
     """
@@ -59,11 +60,11 @@ class Filtered(Generic[RowsT, LinkT]):
     Parameters
     ----------
     updated : Rows
-        After the update with all radars; the filtered targets are extracted from it.
+        The set after the update with all radars; the filtered targets are extracted from it.
     entry : Entry
-        What is kept: the set after its reduction, and its link to earlier sets.
+        The entry to keep: the reduced set, and its link to earlier sets.
     earlier : tuple of Entry
-        Those it is linked to, which the step may have replaced by others of the same stamps.
+        The entries it is linked to; the step may replace earlier entries of the same stamps.
     """
 
     updated: RowsT
@@ -73,24 +74,23 @@ class Filtered(Generic[RowsT, LinkT]):
 
 @dataclass
 class ForwardFilter(ABC, Generic[RowsT, LinkT]):
-    """A filter over scans; keeps the sets that later scans continue.
+    """A filter over scans, with the sets that later scans continue.
 
     Parameters
     ----------
-    model : TrackerModel
     done : callable
-        Called with the name of each part of a step when it is done; for timing.
+        Called with the name of each part of a step at its end, for timing.
     """
 
     model: TrackerModel
     done: Callable[[str], None] = field(default=_ignore, kw_only=True)
-    # By ascending stamp; the last one is all of the last scan's set.
+    # By ascending stamp; the last element has all rows of the last scan's set.
     current: list[Current[RowsT, LinkT]] = field(init=False, repr=False)
     stamp_ns: int | None = field(init=False, repr=False)
     _born_ns: dict[int, int] = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
     clutter: ClutterMemory = field(init=False, repr=False)
-    # None where no radar reports identities or heights.
+    # None if no radar reports identities or heights.
     attributes: AttributeMemory | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -103,15 +103,15 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
 
     @property
     def mapped_model(self) -> TrackerModel:
-        """The model, with the maps of clutter that its radars have learned."""
+        """The model, with the learned clutter maps of its radars."""
         return self.clutter.mapped(self.model)
 
     @abstractmethod
     def step(self, scan: Scan, linked: bool) -> Filtered[RowsT, LinkT]:
         """Predict and update with every radar; if `linked`, link the new set to earlier ones.
 
-        Origins that no antenna passed in this scan are left as they are, see `swept`. The new set
-        is handed to `_keep`.
+        Labels that no antenna swept in this scan are unchanged, see `swept`. Implementations pass
+        the new set to `_keep`.
 
         Raises
         ------
@@ -127,11 +127,11 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         self.attributes = None if known is None else AttributeMemory(known)
 
     def save_state(self) -> dict[str, Any]:
-        """Return the filter's state, for `load_state`; its parts are shared."""
+        """Return the filter's state, for `load_state`; its values are shared."""
         return {name: copy(getattr(self, name)) for name in STATE}
 
     def load_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state that was saved."""
+        """Return to a saved state."""
         for name in STATE:
             setattr(self, name, copy(state[name]))
 
@@ -159,14 +159,13 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
 
         Parameters
         ----------
-        snapshot : Snapshot
         entries : mapping of stamp to Entry
             The sets that the snapshot holds.
 
         Raises
         ------
         ValueError
-            If the snapshot is not of such a filter.
+            If the snapshot does not fit this filter.
         """
         progress, latest = from_snapshot(Progress, snapshot, "filter", {}), snapshot.stamp_ns
         stamps = progress.current_ns.tolist()
@@ -183,7 +182,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         self.stamp_ns, self._scan_index, self._born_ns = latest, progress.scan_index, dict(born)
 
     def _interval(self, scan: Scan) -> float:
-        """Return the seconds from the previous scan to this one; raises ValueError if it is not."""
+        """Return the seconds since the previous scan; raises ValueError if not positive."""
         dt = self._since(self.stamp_ns, scan.stamp_ns)
         if dt <= 0.0:
             raise ValueError(f"scan.stamp_ns: {scan.stamp_ns} is not later than {self.stamp_ns}")
@@ -196,15 +195,15 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         return (stamp_ns - earlier_ns) * 1e-9
 
     def _births(self, scan: Scan) -> list[tuple[int, float]]:
-        """Return the birth terms that an antenna passed, and the time since it last did."""
+        """Return the birth terms that an antenna passed, and the time since its previous pass."""
         births = []
-        for index in births_passed(scan, self.model):
+        for index in swept_births(scan, self.model):
             earlier = self._born_ns.get(index, self.stamp_ns)
             births.append((index, self._since(earlier, scan.stamp_ns)))
             self._born_ns = {**self._born_ns, index: scan.stamp_ns}
         return births
 
     def _keep(self, entry: Entry[RowsT, LinkT], others: Sequence[Current[RowsT, LinkT]]) -> None:
-        """Continue from the set of a scan, and from the rows that it did not touch."""
+        """Continue from the set of a scan, and from the rows that it did not sweep."""
         self.current = [*others, Current(entry)]
         self.stamp_ns, self._scan_index = entry.stamp_ns, self._scan_index + 1

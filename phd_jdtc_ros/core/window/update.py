@@ -1,8 +1,8 @@
-"""The update of a set of rows with the reports of a scan: its order, once for every engine.
+"""The update of a set of rows with the reports of a scan, common to all engines.
 
-Each report corrects the rows in turn. An engine gives the steps, see `UpdateSteps` and `Prior`:
-what a sensor is expected to measure of its rows, which pairs of rows and detections are near, and
-the rows after an association.
+Each report corrects the rows in turn. An engine implements the steps, see `UpdateSteps` and
+`Prior`: the expected measurements of its rows, the gated pairs of rows and detections, and the rows
+after an association.
 """
 
 from __future__ import annotations
@@ -30,23 +30,22 @@ RowsT = TypeVar("RowsT")
 
 @dataclass(frozen=True)
 class Posterior(Generic[RowsT]):
-    """Rows after one report, and the association that they come from.
+    """Rows after one report, and the association that led to them.
 
     Parameters
     ----------
-    rows : Rows
     claims : Claims
-        Of P pairs.
+        Association likelihoods of the P pairs.
     sources : CompetingSources
-        Beside these claims.
+        Sources of the detections other than these targets.
     claimed : array of shape (M,)
         Probability that a known target is the source of each detection.
     pair : array of shape (P,)
-        Probability of each pair.
+        Association probability of each pair.
     existence : array of shape (T,)
-        Of each target.
+        Existence probability of each target.
     evidence : Evidence or None
-        Of these pairs.
+        Identities and heights as evidence for these pairs.
     approximate : int
         Number of clusters of targets too large for exact association probabilities.
     """
@@ -78,17 +77,17 @@ class Prior(Protocol[RowsT]):
 
     @property
     def missed_mass(self) -> FloatArray:
-        """Weight of each row, times the probability that it is not detected, (N,)."""
+        """Weight of each row times its probability of a missed detection, (N,)."""
 
     @property
     def measured(self) -> FloatArray:
-        """Measurements that the sensor is expected to make of the rows, (N, Z)."""
+        """Expected measurements of the rows, (N, Z)."""
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the pairs of rows and detections in gates, with their log likelihoods."""
+        """Return the gated pairs of rows and detections, with their log likelihoods."""
 
     def with_strays(self, lost: Lost) -> Prior[RowsT]:
-        """Return the prior with rows for targets whose identities are seen outside their gates."""
+        """Return the prior with more rows of targets whose identities are outside their gates."""
 
     def slower(self, bound: float) -> FloatArray:
         """Return the probability that each row is slower than a bound in m/s, (N,)."""
@@ -100,9 +99,8 @@ class Prior(Protocol[RowsT]):
 
         Parameters
         ----------
-        pairs : Paired
         evidence : Evidence or None
-            Identities and heights of these pairs.
+            Identities and heights as evidence for these pairs.
         log_other : array of shape (1 + C, M)
             See `competing_sources.log_intensities`.
         """
@@ -116,10 +114,10 @@ class UpdateSteps(Protocol[RowsT]):
         """Assumptions about targets and sensors."""
 
     def prior(self, rows: RowsT, report: Report) -> Prior[RowsT]:
-        """Return the rows as they are before a report."""
+        """Return the rows as the prior of a report's update."""
 
     def with_newborn(self, rows: RowsT, newborn: Newborn, label: int) -> tuple[RowsT, Newborn]:
-        """Return the rows with targets born at detections, labelled from `label` on, and these."""
+        """Return the rows with the targets born at detections, numbered from `label`, and these."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +126,6 @@ class Updated(Generic[RowsT]):
 
     Parameters
     ----------
-    rows : Rows
     newborns : tuple of Newborn
         By report; empty if births at detections are disabled.
     approximate : int
@@ -153,16 +150,14 @@ def update(
 
     Parameters
     ----------
-    rows : Rows
-    report : Report
     steps : UpdateSteps
-        Of the engine.
+        The engine's steps.
     dt : float
         True interval since the previous scan, seconds.
     clutter : ClutterMemory or None
-        Learned clutter, to use and to learn; None to rely on the sensor's model alone.
+        Learned clutter, used and updated; None to use the sensor's model alone.
     attributes : AttributesAt or None
-        Identities and heights of targets, to use and to learn; None to leave them out.
+        Identities and heights of targets, used and updated; None to ignore them.
     earlier : sequence of Newborn
         Targets born at the detections of the scan's earlier reports.
     """
@@ -174,11 +169,11 @@ def update(
     if limited is not report:
         report, prior = limited, steps.prior(rows, limited)
 
-    pairs = _paired(prior, report, attributes)
+    pairs = _gate_pairs(prior, report, attributes)
     lost = None if attributes is None else _lost(prior, pairs, report, attributes)
     if lost is not None:
         prior = prior.with_strays(lost)
-        pairs = _paired(prior, report, attributes)
+        pairs = _gate_pairs(prior, report, attributes)
     evidence = None if attributes is None else _evidence(prior, pairs, report, attributes)
     log_other = log_intensities(report, model, dt, earlier, evidence)
     posterior = prior.posterior(pairs, evidence, log_other)
@@ -195,8 +190,8 @@ def update(
     return Updated(posterior.rows, newborns, posterior.approximate)
 
 
-def _paired(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None) -> Paired:
-    """Return the pairs of rows and detections in gates."""
+def _gate_pairs(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None) -> Paired:
+    """Return the gated pairs of rows and detections."""
     if attributes is None:
         return plain(prior.gate, report.detections)
     return attributes.paired(prior.gate, prior.label, prior.target, report)
@@ -205,7 +200,7 @@ def _paired(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None
 def _lost(
     prior: Prior[RowsT], pairs: Paired, report: Report, attributes: AttributesAt
 ) -> Lost | None:
-    """Return the targets whose identities the detections have outside their gates."""
+    """Return the targets whose identities are detected outside their gates."""
     target = prior.target.take(pairs.row)
     return attributes.lost(prior.label, target, pairs.column, report.detections)
 
@@ -240,15 +235,12 @@ def update_scan(
     ----------
     rows : Rows
         Predicted.
-    scan : Scan
-    steps : UpdateSteps
     dt : float
         True interval since the previous scan, seconds.
     scan_index : int
         Determines the labels of births.
-    clutter : ClutterMemory or None
     attributes : AttributeMemory or None
-        As in `update`.
+        See `update`.
     """
     label, approximate = labels.first_detected(scan_index), 0
     known = None if attributes is None else attributes.at(scan.stamp_ns)

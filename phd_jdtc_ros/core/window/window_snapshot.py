@@ -1,4 +1,4 @@
-"""Storage of where the rows of an engine's window come from, and which later scans continue."""
+"""Storage of the sources of the window's entries, and of the rows that later scans continue."""
 
 from __future__ import annotations
 
@@ -12,19 +12,18 @@ from .entries import Current, Entry, LinkT, Rows, RowsT, Source
 
 
 class Sources(NamedTuple):
-    """The stamp of an entry, and where its rows come from.
+    """The stamp and sources of an entry as arrays.
 
     Parameters
     ----------
-    stamp_ns : int
     source_ns : int array of shape (Q,)
         Stamp of each source.
     size : int array of shape (Q,)
-        Number of rows of each.
+        Number of rows of each source.
     listed : int array of shape (Q,)
-        1 if the rows of a source are in `rows`, 0 if they are all rows of its set.
+        1 if the rows of a source are listed in `rows`, 0 if it has all rows of its set.
     rows : int array of shape (R,)
-        Those of all listed sources, one source after the other.
+        Concatenated rows of all listed sources.
     """
 
     stamp_ns: Annotated[int, integers("", 0, MOST_STAMP_NS)]
@@ -35,13 +34,13 @@ class Sources(NamedTuple):
 
 
 class Untouched(NamedTuple):
-    """The rows of an entry that no later scan has touched; None for all of them."""
+    """The rows of an entry that no later scan has swept; None for all rows."""
 
     rows: Annotated[IntArray | None, integers("R", 0, ascending=True)]
 
 
 def sources_to_snapshot(entry: Entry[RowsT, LinkT], snapshot: Snapshot, name: str) -> None:
-    """Store the stamp of an entry, and where its rows come from."""
+    """Store the stamp and the sources of an entry."""
     rows = [source.rows for source in entry.sources if source.rows is not None]
     table = Sources(
         entry.stamp_ns,
@@ -56,19 +55,17 @@ def sources_to_snapshot(entry: Entry[RowsT, LinkT], snapshot: Snapshot, name: st
 def sources_from_snapshot(
     snapshot: Snapshot, name: str, most: int
 ) -> tuple[int, tuple[Source, ...]]:
-    """Return the stamp of a stored entry, and where its rows come from.
+    """Return the stamp and the sources of a stored entry.
 
     Parameters
     ----------
-    snapshot : Snapshot
-    name : str
     most : int
-        Rows that a source may have.
+        Largest number of rows of a source.
 
     Raises
     ------
     ValueError
-        If they are none that the tracker could have stored.
+        If the tracker could not have stored them.
     """
     table = from_snapshot(Sources, snapshot, name, {})
     if table.source_ns.max(initial=-1) >= table.stamp_ns:
@@ -100,12 +97,12 @@ def require_rows_of(name: str, source: Source, stored: Rows) -> None:
 
 
 def current_to_snapshot(current: Current[RowsT, LinkT], snapshot: Snapshot) -> None:
-    """Store which rows of an entry no later scan has touched."""
+    """Store the rows of an entry that no later scan has swept."""
     to_snapshot(Untouched(current.rows), snapshot, f"current.{current.entry.stamp_ns}")
 
 
 def current_from_snapshot(snapshot: Snapshot, entry: Entry[RowsT, LinkT]) -> Current[RowsT, LinkT]:
-    """Return the rows of an entry that no later scan has touched.
+    """Return the rows of an entry that no later scan has swept.
 
     Raises
     ------

@@ -209,5 +209,5 @@ def test_scans_that_are_worked_in_again_leave_the_same_knowledge(engine):
     for scan in steps[:12]:
         held.append(reworked.save_state())
         reworked.step(scan)
-    reworked.rework(list(zip(held, steps[:12], strict=True))[-2:])
+    reworked.reprocess(list(zip(held, steps[:12], strict=True))[-2:])
     assert all(map(same, stepped(plain, steps[12:16]), stepped(reworked, steps[12:16])))

@@ -135,12 +135,12 @@ def test_moments_are_those_of_numpy():
     rng = np.random.default_rng(4)
     mean, covariance = means(rng, 30, 3), covariances(rng, 30, 3)
     share = rng.dirichlet(np.ones(3), (30, 2))
-    assert_close(*by_both(moments.matched, share, mean, covariance))
+    assert_close(*by_both(moments.match_moments, share, mean, covariance))
     first = np.array([0, 1, 4, 5, 20])
     size = np.diff(np.append(first, 30))
     share = rng.random((30, 3))
     share /= np.add.reduceat(share, first).repeat(size, axis=0)
-    assert_close(*by_both(moments.merged, share, mean, covariance, first))
+    assert_close(*by_both(moments.merge_moments, share, mean, covariance, first))
 
 
 def test_same_hypotheses_are_merged_as_by_numpy():
@@ -162,7 +162,7 @@ def test_same_detections_are_gated_as_by_numpy(timed):
     if timed:
         detections = replace(detections, time_s=rng.uniform(-2.0, 2.0, len(measurement)))
     expected = gating.Expected.of(mixture, RADAR)
-    plain, compiled = by_both(gating.gated, mixture, expected, Report(RADAR, detections))
+    plain, compiled = by_both(gating.gate_pairs, mixture, expected, Report(RADAR, detections))
     assert len(plain[0]) > 100
     np.testing.assert_array_equal(plain[0], compiled[0])
     np.testing.assert_array_equal(plain[1], compiled[1])

@@ -123,7 +123,8 @@ def evidence_of(config, mixture, detections):
         found[row, z] = told.log_likelihood[0]
         if rates is not None:
             later = kalman.updated(*one, radar, told)
-            found[row, z] += range_rate.rated(*later, radar, rates.take(own)).log_likelihood[0]
+            rated = range_rate.update_rates(*later, radar, rates.take(own))
+            found[row, z] += rated.log_likelihood[0]
     return found - radar.log_clutter_intensity(detections)
 
 
@@ -184,7 +185,7 @@ def test_hypothesis_with_a_detection_is_where_that_puts_its_gaussian(rated):
     )
     mean, covariance = kalman.updated(mixture.mean[1], mixture.covariance[1], radar, told)
     if rated:
-        later = range_rate.rated(mean, covariance, radar, radar.rates_of(seen))
+        later = range_rate.update_rates(mean, covariance, radar, radar.rates_of(seen))
         mean, covariance = later.mean, later.covariance
     found = updated(config, mixture, seen)
     np.testing.assert_array_equal(np.sort(found.parent), [0, 1, 1])

@@ -242,7 +242,7 @@ def test_reworked_engine_is_one_that_had_the_late_scan_in_time(late, period_ns, 
             for part, estimates in zip(given, stepped(of, [sector(index)]), strict=True):
                 part.extend(estimates)
     again = [(held[max(index, late + 1)], sector(index)) for index in range(late, 9)]
-    found = of.rework(again)
+    found = of.reprocess(again)
 
     before, every = [], ([], [])
     for index in range(9):
@@ -258,8 +258,8 @@ def test_reworked_engine_is_one_that_had_the_late_scan_in_time(late, period_ns, 
     # What it holds before each of these scans, and what it goes on with.
     assert [one.stamp_ns for one in found.states] == [one.stamp_ns for one in before[late:]]
     assert_same(of.snapshot(), timely.snapshot())
-    # A second rework starts from what the first one held.
-    twice = of.rework(list(zip(found.states, (scan for _, scan in again), strict=True)))
+    # A second reprocessing starts from the states of the first one.
+    twice = of.reprocess(list(zip(found.states, (scan for _, scan in again), strict=True)))
     assert (twice.filtered, twice.smoothed) == ((), ())
     assert_same(of.snapshot(), timely.snapshot())
     for one, other in zip(stepped_through(of, 9, 14), stepped_through(timely, 9, 14), strict=True):

@@ -5,7 +5,7 @@ from sweep import configuration
 
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN_COVERAGE, Coverage, Detections, Scan
 from phd_jdtc_ros.core.window.entries import Current, Entry
-from phd_jdtc_ros.core.window.swept import births_passed, partition_swept
+from phd_jdtc_ros.core.window.swept import partition_swept, swept_births
 
 MODEL = configuration().model
 SECOND = 1_000_000_000
@@ -99,6 +99,6 @@ def test_births_passed_are_those_in_the_sector():
     given = {"births": ["east", "north"], "north.rates": [0.1], "east.rates": [0.1]}
     given |= {"east.position": [50e3, 0.0], "north.position": [0.0, 50e3]}
     model = configuration(given).model
-    assert births_passed(scan(1.0, -0.2, 0.4), model) == [0]
-    assert births_passed(scan(1.0, 1.4, 0.4), model) == [1]
-    assert births_passed(scan(1.0, None, None), model) == [0, 1]
+    assert swept_births(scan(1.0, -0.2, 0.4), model) == [0]
+    assert swept_births(scan(1.0, 1.4, 0.4), model) == [1]
+    assert swept_births(scan(1.0, None, None), model) == [0, 1]

@@ -1,8 +1,7 @@
 """The loops over Gaussians, compiled by numba; see `core.numba_loops`.
 
-Each function does what the one of its name in `kalman`, `moments`, `gating` or `reduction` does,
-equal to it up to rounding. Arrays have no leading axes but the first, N, and all matrices are
-symmetric unless the docstring says otherwise.
+Each function equals the one of its name in `kalman`, `moments`, `gating` or `reduction` up to
+rounding. Arrays have one leading axis, N, and matrices are symmetric unless stated otherwise.
 """
 
 from __future__ import annotations
@@ -52,8 +51,8 @@ def iterated_update(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the columns of `kalman.Located`.
 
-    `axes` are those of the position and the velocity; `pose` is the radar's position and the cosine
-    and the sine of its yaw.
+    `axes` are the axes of position and velocity; `pose` is the radar's position and the cosine and
+    sine of its yaw.
     """
     count = len(mean)
     jacobian, inverse = np.empty((count, 2, 2)), np.empty((count, 2, 2))
@@ -149,9 +148,9 @@ def backward(
     cross: FloatArray,
     unsupported: FloatArray,
 ) -> tuple[bool, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return whether all were found, the inverses of the later covariances, and the backward steps.
+    """Return success, the inverses of the later covariances, and the backward steps.
 
-    Nothing is found if a later covariance is not positive definite.
+    The call fails if a later covariance is not positive definite.
     """
     count, size = mean.shape
     precision = np.zeros((count, size, size))
@@ -204,10 +203,10 @@ def backward(
 
 
 @compiled(types.Tuple((_NEW[3], _NEW[4]))(_3, _3, _4))
-def matched(
+def match_moments(
     share: FloatArray, mean: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the moments of mixtures of equally many Gaussians."""
+    """Return the moments of mixtures with the same number of Gaussians."""
     count, mixtures, parts = share.shape
     size = mean.shape[2]
     centre = np.zeros((count, mixtures, size))
@@ -229,7 +228,7 @@ def matched(
 
 
 @compiled(types.Tuple((_NEW[3], _NEW[4]))(_2, _3, _4, _INTS))
-def merged(
+def merge_moments(
     share: FloatArray, mean: FloatArray, covariance: FloatArray, first: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the moments of mixtures of consecutive rows."""
@@ -262,7 +261,7 @@ def log_densities(
     log_determinant: FloatArray,
     to: IntArray,
 ) -> FloatArray:
-    """Return log densities, up to a constant, of later modes' means for their pairs, (H, K)."""
+    """Return the log density of each pair at its later mode's mean, up to a constant, (H, K)."""
     count, pairs, size = pair_mean.shape
     found = np.empty((count, pairs))
     apart = np.empty(size)
@@ -280,7 +279,7 @@ def log_densities(
 
 
 @compiled(types.Tuple((_NEW[3], _NEW[4]))(*(_3, _4, _2, _2, _INTS, _INTS), *(_4, _3, _4, _3, _4)))
-def blended(
+def blend(
     own_mean: FloatArray,
     own_covariance: FloatArray,
     joint: FloatArray,
@@ -295,7 +294,7 @@ def blended(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the Gaussians of each earlier mode, given later ones; see `smoother`."""
     count, modes = own_mean.shape[:2]
-    size = SIZE  # known to the compiler, which halves the time
+    size = SIZE  # a constant for the compiler, which halves the time
     if own_mean.shape[2] != size:
         raise ValueError("states are not planar")
     mean, covariance = np.zeros((count, modes, size)), np.zeros((count, modes, size, size))
@@ -351,7 +350,7 @@ def blended(
                     value += (share * (1.0 - share)) * (
                         apart * (own_mean[row, mode, k] - mean[row, mode, k])
                     )
-                    # What a mode is not defined on stays zero, though other modes are.
+                    # Axes that a mode lacks stay zero, even where other modes have them.
                     if not own_covariance[row, mode, i, i] > 0.0:
                         value = 0.0
                     if not own_covariance[row, mode, k, k] > 0.0:
@@ -370,7 +369,7 @@ def blended(
         *(_INTS, _INTS, _3, _3, _4, _2, _2, _1, _FLAGS, _FLAGS, _FLOAT)
     )
 )
-def gated(
+def gate_pairs(
     row: IntArray,
     column: IntArray,
     expected: FloatArray,
@@ -383,7 +382,7 @@ def gated(
     surrounded: Any,
     sigmas: float,
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the pairs in the gate of one of their Gaussians, and their log likelihoods."""
+    """Return the pairs in the gate of any of their Gaussians, and their log likelihoods."""
     modes = expected.shape[1]
     near_row, near_column = np.empty(len(row), np.int64), np.empty(len(row), np.int64)
     log_likelihood = np.empty((len(row), modes))
@@ -418,9 +417,9 @@ def gated(
 def clusters(
     target: IntArray, mean: FloatArray, covariance: FloatArray, distance: float
 ) -> tuple[bool, IntArray]:
-    """Return the row into which each hypothesis is merged, and before it whether all were found.
+    """Return success, and the row into which each hypothesis is merged.
 
-    None is found if a covariance is not positive definite. `target` ascends.
+    The call fails if a covariance is not positive definite. `target` ascends.
     """
     count, size = mean.shape
     into = np.full(count, -1)

@@ -1,6 +1,6 @@
 """Prediction, iterated update and backward step of many Gaussians at once.
 
-Where numba is in use, the loops of `compiled` do most of this; they are equal up to rounding.
+With numba, the loops of `compiled` replace most of these functions; they agree up to rounding.
 """
 
 from __future__ import annotations
@@ -15,24 +15,25 @@ from ...sensors.polar_geometry import LEAST_RANGE
 from ...sensors.sensor import Sensor
 from ...snapshot import MOST_STATE, floats
 
-# Gauss-Newton steps of an update; two or three suffice unless a target is next to the sensor.
+# Largest number of Gauss-Newton steps of an update; two or three suffice unless a target is next
+# to the sensor.
 ITERATIONS = 5
-# Largest last step of a Gaussian, as a share of its range's standard deviation.
+# An update has converged at a step below this share of the range's standard deviation.
 CONVERGED = 1e-2
-# Least eigenvalue of a correlation matrix; smaller ones, and negative ones, are rounding.
+# Smallest eigenvalue of a correlation matrix; smaller and negative ones are rounding errors.
 LEAST_EIGENVALUE = 1e-10
 # Smallest ratio of updated to prior variance that doubles resolve.
 LEAST_VARIANCE = 1e-15
 
 
-# Largest number of a backward step: metres per radian per second are the largest of its units.
+# Bound on the entries of a backward step; metres per radian per second give the largest values.
 MOST_GAIN = 1e15
 
 
 class Backward(NamedTuple):
     """The backward step from a Gaussian's later distribution to its earlier one.
 
-    The earlier distribution given a later one of mean m and covariance P has the mean
+    Given a later distribution of mean m and covariance P, the earlier one has the mean
     ``offset + gain m`` and the covariance ``base + gain P gain'``.
 
     Parameters
@@ -44,11 +45,11 @@ class Backward(NamedTuple):
 
     gain: Annotated[FloatArray, floats("PKDD", -MOST_GAIN, MOST_GAIN)]
     offset: Annotated[FloatArray, floats("PKD", -MOST_GAIN, MOST_GAIN)]
-    # A small difference of large covariances, which rounding may leave without a square root.
+    # A small difference of large covariances: rounding may leave it indefinite.
     base: Annotated[FloatArray, floats("PKDD", -(MOST_STATE**2), MOST_STATE**2)]
 
     def earlier(self, mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the earlier mean and covariance, given those later."""
+        """Return the earlier mean and covariance, given the later ones."""
         moved = (self.gain @ mean[..., None])[..., 0]
         return self.offset + moved, self.base + self.gain @ covariance @ _turned(self.gain)
 
@@ -71,7 +72,7 @@ def backward(
     cross: FloatArray,
     unsupported: FloatArray,
 ) -> tuple[Backward, FloatArray]:
-    """Return the backward step of Gaussians, and the inverses of the later covariances.
+    """Return the backward steps of Gaussians, and the inverses of the later covariances.
 
     Parameters
     ----------
@@ -82,7 +83,7 @@ def backward(
     cross : array of shape (..., D, D)
         Covariance of the earlier and the later state.
     unsupported : array of shape (..., D)
-        1 for axes of which the later state has none, 0 else.
+        1 for axes that the later state lacks, 0 otherwise.
 
     References
     ----------
@@ -112,9 +113,9 @@ class Innovation(NamedTuple):
     Parameters
     ----------
     jacobian : array of shape (N, 2, 2)
-        Of the measurement by the position at the detection's time.
+        Jacobian of the measurement with respect to the position at the detection's time.
     weighted : array of shape (N, 2)
-        Innovation, times the inverse of its covariance.
+        Inverse of the innovation's covariance times the innovation.
     inverse : array of shape (N, 2, 2)
         Inverse of the innovation's covariance.
     log_likelihood : array of shape (N,)
@@ -127,7 +128,7 @@ class Innovation(NamedTuple):
     log_likelihood: FloatArray
 
     def take(self, rows: IntArray) -> Innovation:
-        """Return those of these rows."""
+        """Return the innovations of these rows."""
         return Innovation(*(part[rows] for part in self))
 
 
@@ -147,21 +148,20 @@ def iterated_update(
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp.
-    sensor : Sensor
     measurement, noise_std : arrays of shape (N, 2)
         In the units of the sensor; innovations are wrapped.
     time_s : array of shape (N,) or None
-        Time of each measurement relative to the stamp, seconds; the target moves straight on until
-        then.
+        Time of each measurement relative to the stamp, seconds; the target moves on a straight
+        line from the stamp to that time.
     iterations : int
         Largest number of linearisations; 1 is the plain extended Kalman filter.
     converged : float
-        Largest last step, as a share of the first component's standard deviation.
+        Step, as a share of the first component's standard deviation, below which iteration ends.
 
     Notes
     -----
-    A measurement depends on the position at its time alone. The posterior of that position is
-    found by Gauss-Newton steps, and the likelihood is that of the measurement linearised there.
+    A measurement depends only on the position at its time. Gauss-Newton steps find the posterior
+    position, and the likelihood is computed from the measurement linearised there.
 
     References
     ----------
@@ -178,7 +178,7 @@ def iterated_update(
                 *(iterations, converged, LEAST_RANGE),
             )
         )
-    prior, cross = positioned(mean, covariance, sensor, time_s)
+    prior, cross = position_at(mean, covariance, sensor, time_s)
     spread = cross[..., _axes(sensor.space.position), :]
     if time_s is not None:
         spread = spread + time_s[:, None, None] * cross[..., _axes(sensor.space.velocity), :]
@@ -226,17 +226,17 @@ def updated(
         before = (flat(mean, 1), flat(covariance, 2), _place_and_speed(sensor))
         later, spread = loops.updated(*before, *innovation[:3], _times(time_s, len(mean)))
     else:
-        cross = positioned(mean, covariance, sensor, time_s)[1] @ _turned(innovation.jacobian)
+        cross = position_at(mean, covariance, sensor, time_s)[1] @ _turned(innovation.jacobian)
         later = mean + (cross @ innovation.weighted[..., None])[..., 0]
         spread = symmetric(covariance - cross @ innovation.inverse @ _turned(cross))
     axes = np.arange(mean.shape[-1])
-    # Rounding may leave nothing of a variance that a precise measurement reduces.
+    # Rounding may cancel a variance that a precise measurement reduces.
     least = LEAST_VARIANCE * covariance[..., axes, axes]
     spread[..., axes, axes] = np.maximum(spread[..., axes, axes], least)
     return later, spread
 
 
-def positioned(
+def position_at(
     mean: FloatArray, covariance: FloatArray, sensor: Sensor, time_s: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the positions at these times, (N, 2), and their covariances with the states."""
@@ -247,8 +247,8 @@ def positioned(
     return position, covariance[..., place] + time_s[..., None, None] * covariance[..., speed]
 
 
-def floored(covariance: FloatArray) -> tuple[FloatArray, int]:
-    """Return covariances without negative eigenvalues, and how many had some.
+def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
+    """Return covariances without negative eigenvalues, and the number of those changed.
 
     Parameters
     ----------
@@ -262,11 +262,11 @@ def floored(covariance: FloatArray) -> tuple[FloatArray, int]:
     try:
         np.linalg.cholesky(checked)
     except np.linalg.LinAlgError:
-        return _floored(covariance)
+        return _floor_eigenvalues(covariance)
     return covariance, 0
 
 
-def _floored(covariance: FloatArray) -> tuple[FloatArray, int]:
+def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
     axes = np.arange(covariance.shape[-1])
     variance = covariance[..., axes, axes]
     used = variance != 0.0
@@ -283,7 +283,7 @@ def _floored(covariance: FloatArray) -> tuple[FloatArray, int]:
 
 
 def inverse(matrix: FloatArray) -> FloatArray:
-    """Return the inverses of covariances; of singular ones, those on the axes that they span."""
+    """Return the inverses of covariances, restricted to the axes of positive variance."""
     try:
         found = np.linalg.inv(matrix)
     except np.linalg.LinAlgError:
@@ -319,7 +319,7 @@ def _axes(axes: tuple[int, ...]) -> slice | list[int]:
 
 
 def flat(array: FloatArray, axes: int) -> FloatArray:
-    """Return an array with all axes in one but these last ones, and contiguous."""
+    """Return a contiguous array with all but the last `axes` axes flattened into one."""
     shape = array.shape[array.ndim - axes :]
     return np.ascontiguousarray(array).reshape(-1, *shape)
 

@@ -8,10 +8,10 @@ from ... import backend
 from ...arrays import FloatArray, IntArray
 
 
-def matched(
+def match_moments(
     share: FloatArray, mean: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the means and covariances of mixtures of equally many Gaussians.
+    """Return the means and covariances of mixtures with the same number of Gaussians.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def matched(
     covariance : array of shape (N, J, D, D)
     """
     if loops := backend.compiled("gaussian.algebra"):
-        found: tuple[FloatArray, FloatArray] = loops.matched(
+        found: tuple[FloatArray, FloatArray] = loops.match_moments(
             *(np.ascontiguousarray(part) for part in (share, mean, covariance))
         )
         return found
@@ -38,7 +38,7 @@ def matched(
     return centre, within.reshape(*centre.shape, size) + between
 
 
-def merged(
+def merge_moments(
     share: FloatArray, mean: FloatArray, covariance: FloatArray, first: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the means and covariances of mixtures of consecutive rows.
@@ -60,7 +60,7 @@ def merged(
     if len(first) == len(mean):
         return mean, covariance
     if loops := backend.compiled("gaussian.algebra"):
-        found: tuple[FloatArray, FloatArray] = loops.merged(
+        found: tuple[FloatArray, FloatArray] = loops.merge_moments(
             *(np.ascontiguousarray(part) for part in (share, mean, covariance)), first
         )
         return found

@@ -1,4 +1,4 @@
-"""Detections by class and signal-to-noise ratio: how probable they are, and their amplitudes."""
+"""Detection probability and amplitude likelihood by class and signal-to-noise ratio."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .gating import Expected
 
 
 def detection_probability(expected: Expected, report: Report, dynamics: Dynamics) -> FloatArray:
-    """Return the probability that each Gaussian is detected if it is the target, (H, R, S)."""
+    """Return the detection probability of a target with each Gaussian's density, (H, R, S)."""
     model, cells, sensor = dynamics.model, dynamics.cells, report.sensor
     flat = expected.measured.reshape(-1, 2)
     azimuth_std = np.sqrt(expected.covariance[..., 1, 1].ravel() + sensor.noise_std[1] ** 2)

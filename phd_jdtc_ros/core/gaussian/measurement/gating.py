@@ -1,4 +1,4 @@
-"""Gating: which detections may be those of a hypothesis, and about how likely each is."""
+"""Gating: the detections in the gate of each hypothesis, and their approximate likelihoods."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from ...sensors.report import Report
 from ...sensors.sensor import GatedGaussians, Sensor
 from ..mixture import Mixture
 
-# Radius of the gate in standard deviations of the innovation; 4e-6 of the detections are outside.
+# Radius of the gate in standard deviations of the innovation; a target's detection falls outside
+# with a probability of 4e-6.
 GATE_SIGMA = 5.0
 
 
@@ -23,7 +24,7 @@ class Expected(NamedTuple):
     ----------
     measured : array of shape (H, R, Z)
     covariance : array of shape (H, R, Z, Z)
-        Without the sensor's noise.
+        Covariance of the expected measurement, without the sensor's noise.
     """
 
     measured: FloatArray
@@ -38,7 +39,7 @@ class Expected(NamedTuple):
         return Expected(measured, jacobian @ position @ jacobian.swapaxes(-1, -2))
 
 
-def gated(
+def gate_pairs(
     mixture: Mixture, expected: Expected, report: Report
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the pairs of a hypothesis and a detection in the gate of one of its Gaussians.
@@ -47,7 +48,7 @@ def gated(
     -------
     row, column : int arrays of shape (P,)
     log_likelihood : array of shape (P, R)
-        Of the measurement linearised at the mean; -inf outside the gate of a Gaussian.
+        Log likelihood with the measurement linearised at the mean; -inf outside a Gaussian's gate.
     """
     sensor, detections, alive = report.sensor, report.detections, mixture.mode_weight > 0.0
     speed = np.abs(mixture.mean[..., list(sensor.space.velocity)]).sum(axis=-1)
@@ -60,7 +61,7 @@ def gated(
     loops = backend.compiled("gaussian.algebra")
     if loops is not None and sensor.polar:
         measured = np.ascontiguousarray(expected.measured)
-        found: tuple[IntArray, IntArray, FloatArray] = loops.gated(
+        found: tuple[IntArray, IntArray, FloatArray] = loops.gate_pairs(
             *(row, column, measured, np.zeros_like(measured) if rate is None else rate),
             *(np.ascontiguousarray(expected.covariance), detections.measurement),
             *(np.ascontiguousarray(report.noise_std), report.time_s),

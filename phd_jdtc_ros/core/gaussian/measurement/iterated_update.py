@@ -1,4 +1,4 @@
-"""The iterated update of Gaussians with the detections of their pairs, then with range rates."""
+"""The update of pairs of Gaussians and detections: first positions, then range rates."""
 
 from __future__ import annotations
 
@@ -18,12 +18,11 @@ class PairUpdate(NamedTuple):
     Parameters
     ----------
     innovation : kalman.Innovation
-        Of the measurement.
+        Innovation of the measurement without range rate.
     rated : range_rate.Rated or None
-        The Gaussians after their range rates; None without these.
+        The Gaussians updated with range rates; None if the report has none.
     column : int array of shape (P,)
         The detection of each pair.
-    report : Report
     """
 
     innovation: kalman.Innovation
@@ -33,7 +32,7 @@ class PairUpdate(NamedTuple):
 
     @property
     def log_likelihood(self) -> FloatArray:
-        """Of the measurement, and of the range rate if there is one, shape (P R,)."""
+        """Log likelihood of the measurement, including any range rate, shape (P R,)."""
         if self.rated is None:
             return self.innovation.log_likelihood
         return self.innovation.log_likelihood + self.rated.log_likelihood
@@ -41,7 +40,7 @@ class PairUpdate(NamedTuple):
     def updated(
         self, mean: FloatArray, covariance: FloatArray, pair: IntArray, gaussian: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return Gaussians after their detections; of some pairs, by row of these Gaussians."""
+        """Return the updated Gaussians of some pairs; `gaussian` has their rows in this update."""
         if self.rated is not None:
             return self.rated.mean[gaussian], self.rated.covariance[gaussian]
         times = self.report.detections.time_s
@@ -58,10 +57,8 @@ def iterated_update(
 
     Parameters
     ----------
-    mixture : Mixture
     row, column : int arrays of shape (P,)
         Hypothesis and detection of each pair.
-    report : Report
     """
     detections, sensor, rates = report.detections, report.sensor, report.range_rates
     modes, size = mixture.mean.shape[1:]
@@ -74,7 +71,7 @@ def iterated_update(
     rated = None
     if rates is not None:
         later = kalman.updated(mean, covariance, sensor, innovation, time_s)
-        rated = range_rate.rated(*later, sensor, rates.take(each), time_s)
+        rated = range_rate.update_rates(*later, sensor, rates.take(each), time_s)
     return PairUpdate(innovation, rated, column, report)
 
 
@@ -83,10 +80,10 @@ def coarse_rates(
 ) -> FloatArray:
     """Return the log likelihood of the range rates of pairs at the predicted means, (P, R).
 
-    The times of detections are left aside.
+    The times of detections are ignored.
     """
     modes, size = mixture.mean.shape[1:]
-    before = range_rate.expected(
+    before = range_rate.expected_rates(
         mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size), sensor
     )
     rate, variance = (part.reshape(-1, modes) for part in (before.rate, before.variance))

@@ -1,4 +1,4 @@
-"""Targets born at detections: their Gaussians, by range and azimuth, range rate and amplitude."""
+"""Gaussians of targets born at detections, from range, azimuth, range rate and amplitude."""
 
 from __future__ import annotations
 
@@ -14,24 +14,23 @@ from ..dynamics import Dynamics
 from ..mixture import Mixture
 from .amplitude import log_amplitude
 
-# Of the newborn velocity's prior; folds of a range rate farther out are left out.
+# Folds of a range rate beyond this many standard deviations of the birth velocity are left out.
 BIRTH_SIGMA = 5.0
-# Probability of a fold of a newborn target's range rate below which it is left out.
+# Folds of a newborn target's range rate with a smaller probability are left out.
 LEAST_FOLD = 1e-3
 
 
 def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture:
     """Return targets born at detections, one hypothesis each.
 
-    With ambiguous range rates there is one for each possible fold.
+    An ambiguous range rate gives one hypothesis for each possible fold.
 
     Parameters
     ----------
     newborn : Newborn
-        J of them.
-    dynamics : Dynamics
+        J targets.
     label : int
-        Of the first one; the others follow.
+        Label of the first target; the others follow.
 
     Returns
     -------
@@ -46,7 +45,7 @@ def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture
     supported = dynamics.supported[:, :, None] * dynamics.supported[:, None, :]
     added = Mixture(
         label + row,
-        np.tensordot(newborn.mass, dynamics.born, axes=1),
+        np.tensordot(newborn.mass, dynamics.birth_weight, axes=1),
         mean[:, None] * dynamics.supported,
         covariance[:, None] * supported,
     )
@@ -66,7 +65,7 @@ def _gaussians(newborn: Newborn, dynamics: Dynamics) -> tuple[FloatArray, FloatA
     covariance[np.ix_(range(len(newborn)), place, place)] = plots.root @ plots.root.swapaxes(1, 2)
     covariance[:, speed, speed] = births.velocity_std**2
     covariance[:, space.turn_rate, space.turn_rate] = births.turn_rate_std**2
-    if detections.time_s is not None:  # back to where it was at the scan's stamp
+    if detections.time_s is not None:  # back to the position at the scan's stamp
         back = np.broadcast_to(np.eye(size), covariance.shape).copy()
         back[:, place, speed] = -detections.time_s[:, None]
         covariance = back @ covariance @ back.swapaxes(1, 2)
@@ -86,22 +85,22 @@ def _by_fold(
     Returns
     -------
     row : int array of shape (K,)
-        The newborn target of each, ascending.
+        Index of each Gaussian's newborn target, ascending.
     share : array of shape (K,)
         Probability of the fold.
     mean, covariance : arrays of shape (K, D) and (K, D, D)
     """
     sensor, time_s = newborn.report.sensor, newborn.report.detections.time_s
-    before = range_rate.expected(mean, covariance, sensor, time_s)
+    before = range_rate.expected_rates(mean, covariance, sensor, time_s)
     reach = BIRTH_SIGMA * float(np.sqrt((before.variance + rates.std**2).max()))
     each = range_rate.folds_of(rates, before.rate, reach)
     updated = [
-        range_rate.updated(mean, covariance, before, range_rate.unfolded(rates, rate))
+        range_rate.updated(mean, covariance, before, range_rate.unambiguous(rates, rate))
         for rate in each
     ]
     log_likelihood = np.stack([one.log_likelihood for one in updated], axis=1)
     share = np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))
-    # One that is unknown is the same in all folds.
+    # An unknown range rate has a single fold.
     share[np.isnan(rates.rate), 1:] = 0.0
     share /= share.sum(axis=1, keepdims=True)
     share = np.where(share >= LEAST_FOLD, share, 0.0)
@@ -114,7 +113,7 @@ def _by_fold(
 
 
 def _weighed_by_amplitude(added: Mixture, newborn: Newborn, dynamics: Dynamics) -> Mixture:
-    """Return newborn targets, each class's weight spread over its cells by the amplitudes."""
+    """Return newborn targets with each class's weight divided among its cells by amplitude."""
     cells = dynamics.cells
     if len(cells) == len(dynamics.model.modes.classes):
         return added

@@ -1,4 +1,4 @@
-"""Weights of pairs of a hypothesis and a detection, and which of them count."""
+"""Weights of the pairs of hypothesis and detection, and the selection of probable pairs."""
 
 from __future__ import annotations
 
@@ -9,28 +9,26 @@ from ...association.marginals import LEAST_CLUTTER
 from ...models.competing_sources import CompetingSources
 from ..mixture import Mixture
 
-# Of the sources of a detection, and of the hypotheses of a target; pairs below it are left out
-# before the iterated update.
+# A pair with less than this share of its detection's sources, or of its target's hypotheses, is
+# left out before the iterated update.
 LEAST_SHARE = 1e-4
 
 
-def weighed(
+def pair_weights(
     mixture: Mixture,
     row: IntArray,
     column: IntArray,
     log_mass: FloatArray,
     others: CompetingSources,
 ) -> FloatArray:
-    """Return p_D L_z w of pairs, divided by the scale of their detections, shape (P, R, S).
+    """Return p_D L_z w of pairs, relative to the scale of their detections, shape (P, R, S).
 
     Parameters
     ----------
-    mixture : Mixture
     row, column : int arrays of shape (P,)
         Hypothesis and detection of each pair.
     log_mass : array of shape (P, R, S)
         log p_D L_z.
-    others : CompetingSources
     """
     weight: FloatArray = mixture.weight[row] * np.exp(
         log_mass - others.log_scale[column, None, None]
@@ -38,8 +36,8 @@ def weighed(
     return weight
 
 
-def summed(weight: FloatArray) -> FloatArray:
-    """Return the sums over modes and cells, (N,); three times as fast as those of short axes."""
+def sum_modes(weight: FloatArray) -> FloatArray:
+    """Return the sums over modes and cells, (N,), three times as fast as sums of short axes."""
     total: FloatArray = np.einsum("hrs->h", weight)
     return total
 
@@ -52,19 +50,19 @@ def likely(
     missed: FloatArray,
     others: CompetingSources,
 ) -> IntArray:
-    """Return the pairs that may be more than `LEAST_SHARE` of their target and their detection.
+    """Return the pairs that may exceed `LEAST_SHARE` of both their target and their detection.
 
-    Another target may claim a detection, however sure this target is of it. Of every detection only
-    that part counts which others would leave even if all that want it did get it.
+    Another target may claim a detection, however probable it is for this one. So a target's share
+    is computed from the part of each detection that remains if all other targets claim it.
     """
-    mass, total = summed(weight), others.total
+    mass, total = sum_modes(weight), others.total
     target, count = mixture.target[row], len(mixture.label)
     odds = mass / np.maximum(total, LEAST_CLUTTER)[column]
     edge, place = np.unique(target * len(total) + column, return_inverse=True)
     own = sum_by(place.ravel(), odds, len(edge))
     wanted = sum_by(column, odds, len(total))[edge % max(len(total), 1)]
     left = own / (1.0 + np.maximum(wanted - own, 0.0))
-    alone = 1.0 - mixture.existence + sum_by(mixture.target, summed(missed), count)
+    alone = 1.0 - mixture.existence + sum_by(mixture.target, sum_modes(missed), count)
     alone += sum_by(edge // max(len(total), 1), left, count)
     rows: IntArray = np.flatnonzero(odds > LEAST_SHARE * np.maximum(alone, 1.0)[target])
     return rows

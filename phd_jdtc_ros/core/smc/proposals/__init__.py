@@ -1,1 +1,1 @@
-"""Where particles are drawn: by the motion, at detections and at birth."""
+"""Proposal densities: process noise and velocities drawn with the detections in sight."""

@@ -1,12 +1,11 @@
-"""The velocities of targets born at a detection, drawn again once their next detection is known.
+"""Redraws the velocities of targets born at a detection when the next detections arrive.
 
-A newborn target's velocity is known only by its prior. Where that is broad, next to none of its
-particles come near the next detection. Its velocities are therefore drawn by importance sampling,
-partly from the prior and partly from those that lead to one of the next detections. The weights
-make up for the difference, so the newborn's density stays the same.
+A newborn target's velocity has only its prior. Where the prior is broad, hardly any particle comes
+near the next detection. The velocities are therefore drawn by importance sampling, partly from the
+prior and partly near the velocities that lead to one of the next detections. Importance weights
+keep the newborn's density unchanged.
 
-Where a radar measures range rates, the velocity of a newborn target is known better than by its
-prior, and stays.
+Where a radar measures range rates, a newborn target's velocity is known better and is not redrawn.
 """
 
 from __future__ import annotations
@@ -26,13 +25,14 @@ from ..kernel.backward_kernel import CurrentParticles
 from ..particle_set import ParticleSet
 from .detections_in_plane import Places
 
-# Velocities are drawn again where they spread a target over this many deviations of a detection.
+# Velocities are redrawn if they spread the target's position over more than this many standard
+# deviations of a detection.
 BROAD = 2.0
-# Of the prior; farther out, no detection is taken for the target's next.
+# Gate, in standard deviations of the prior velocity, on a newborn target's next detection.
 REACH_SIGMA = 3.0
 # Share of the particles whose velocities come from the prior.
 PRIOR_SHARE = 0.25
-# What the velocities that lead to a detection are spread by, beyond its deviation.
+# Factor on a detection's standard deviation in the spread of the velocities drawn towards it.
 INFLATION = 1.5
 
 
@@ -43,17 +43,16 @@ def redraw_velocities(
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> list[CurrentParticles]:
-    """Return the rows that a scan touches, with velocities of newborn targets drawn again.
+    """Return the rows that a scan sweeps, with the velocities of newborn targets redrawn.
 
     Parameters
     ----------
     touched : sequence of Current
+        The swept rows.
     stamp_ns : int
-        Of the scan.
+        Stamp of the scan.
     seen : Places
-        Its detections.
-    model : TrackerModel
-    rng : numpy.random.Generator
+        Detections of the scan.
     """
     rated = any(radar.range_rate is not None for radar in model.radars)
     if rated or not model.detection_births.enabled:
@@ -83,7 +82,7 @@ def _redraw_velocities(
     chosen = np.flatnonzero(newborn)
     if not len(chosen) or not len(seen.position):
         return rows
-    state, factor = _redrawn(stored, chosen, dt, seen, model, rng)
+    state, factor = _redraw(stored, chosen, dt, seen, model, rng)
     entry = Entry(
         rows.entry.stamp_ns,
         replace(
@@ -98,7 +97,7 @@ def _redraw_velocities(
     return Current(entry, rows.rows)
 
 
-def _redrawn(
+def _redraw(
     stored: ParticleSet,
     chosen: IntArray,
     dt: float,
@@ -106,7 +105,7 @@ def _redrawn(
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return all states with the velocities of some rows drawn again, and the weights' factors."""
+    """Return all states with the velocities of some rows redrawn, and the weights' factors."""
     space, births = model.modes.space, model.detection_births
     place, speed = list(space.position), list(space.velocity)
     state, factor = stored.state.copy(), np.ones(len(stored))
@@ -118,29 +117,27 @@ def _redrawn(
         near = np.flatnonzero(np.hypot(*(seen.position - centre).T) <= reach)
         if len(near):
             leads = (seen.position[near][:, None] - state[row][:, place]) / dt
-            velocity, ratio = _drawn(leads, [shape[index] for index in near], births, rng)
+            velocity, ratio = _draw(leads, [shape[index] for index in near], births, rng)
             state[np.ix_(row, speed)] = velocity
             weight = stored.weight[row]
             factor[row] = ratio * weight.sum() / (ratio * weight).sum()
     return state, factor
 
 
-def _drawn(
+def _draw(
     leads: FloatArray,
     shapes: Sequence[FloatArray],
     births: DetectionBirthModel,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray]:
-    """Draw velocities from a mixture, and return them with the prior's share of its density.
+    """Draw velocities from a mixture; return also the ratio of prior to mixture density.
 
     Parameters
     ----------
     leads : array of shape (J, n, 2)
         Velocities that lead each particle to each detection.
     shapes : sequence of J arrays of shape (2, 2)
-        Cholesky factors of the covariances about them.
-    births : DetectionBirthModel
-    rng : numpy.random.Generator
+        Cholesky factors of the covariances of the velocities about `leads`.
     """
     count, size = leads.shape[:2]
     share = (1.0 - PRIOR_SHARE) / count

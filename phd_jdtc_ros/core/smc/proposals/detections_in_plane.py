@@ -1,6 +1,6 @@
-"""Where a scan's detections are in the world.
+"""Positions of a scan's detections in the world frame.
 
-The proposals of `proposal` and `detected_newborns` draw near them.
+`proposal` and `detected_newborns` draw particles near them.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from ...types import Scan
 
 @dataclass(frozen=True)
 class Places:
-    """The detections of a scan in the world.
+    """The detections of a scan in the world frame.
 
     Parameters
     ----------
     position : array of shape (M, 2)
-        At the time of the detection, metres.
+        Position at the time of the detection, metres.
     covariance : array of shape (M, 2, 2)
         Square metres.
     time_s : array of shape (M,)
-        Relative to the scan's stamp, seconds.
+        Time relative to the scan's stamp, seconds.
     """
 
     position: FloatArray
@@ -37,16 +37,16 @@ class Places:
         return len(self.position)
 
     def take(self, rows: IntArray) -> Places:
-        """Return those of these rows."""
+        """Return the detections of these rows."""
         return Places(self.position[rows], self.covariance[rows], self.time_s[rows])
 
     def sharper_than(self, std: float) -> Places:
-        """Return the detections whose larger deviation is below `std`, metres."""
+        """Return the detections whose larger standard deviation is below `std`, metres."""
         return self.take(np.flatnonzero(np.linalg.eigvalsh(self.covariance)[:, 1] < std**2))
 
 
 def places(scan: Scan, model: TrackerModel) -> Places:
-    """Return where a scan's detections are, of all radars."""
+    """Return the places of the detections of all radars in a scan."""
     found = [places_of(report) for report in model.reports(scan)]
     return Places(
         np.concatenate([np.zeros((0, 2)), *(part.position for part in found)]),

@@ -111,13 +111,13 @@ def test_floored_leaves_covariances_as_they_are_and_raises_others():
     rng = np.random.default_rng(3)
     _, sound = priors(rng, 3)
     sound[2, 4] = sound[2, :, 4] = 0.0
-    same, count = kalman.floored(sound)
+    same, count = kalman.floor_eigenvalues(sound)
     assert count == 0
     np.testing.assert_array_equal(same, sound)
     wrong = sound.copy()
     wrong[1] = np.diag([1e4, 900.0, 1e4, 900.0, 1e-6])
     wrong[1, 0, 2] = wrong[1, 2, 0] = 1.5e4
-    found, count = kalman.floored(wrong)
+    found, count = kalman.floor_eigenvalues(wrong)
     assert count == 1
     np.testing.assert_array_equal(found[[0, 2]], sound[[0, 2]])
     assert np.linalg.eigvalsh(found[1]).min() > 0.0

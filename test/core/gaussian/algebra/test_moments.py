@@ -24,7 +24,7 @@ def test_matched_keeps_the_mean_and_covariance_of_each_mixture():
     rng = np.random.default_rng(0)
     share, mean, covariance = random_mixtures(rng, 6, 3)
     other = rng.dirichlet(np.ones(3), 6)
-    found_mean, found = moments.matched(np.stack([share, other], axis=1), mean, covariance)
+    found_mean, found = moments.match_moments(np.stack([share, other], axis=1), mean, covariance)
     for row in range(6):
         for column, weights in enumerate((share, other)):
             centre, spread = of_samples(weights[row], mean[row], covariance[row])
@@ -40,7 +40,7 @@ def test_merged_keeps_the_moments_of_runs_of_rows(first):
     share = np.concatenate(
         [rng.dirichlet(np.ones(b - a), 2).T for a, b in zip(first, ends, strict=True)]
     )
-    found_mean, found = moments.merged(share, mean, covariance, np.array(first))
+    found_mean, found = moments.merge_moments(share, mean, covariance, np.array(first))
     for run, (a, b) in enumerate(zip(first, ends, strict=True)):
         for column in range(2):
             centre, spread = of_samples(

@@ -74,7 +74,7 @@ def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times
         log_likelihood = alone.log_likelihood[0]
         then = kalman.updated(*then, RADAR, alone)
         if rated:
-            told = range_rate.rated(*then, RADAR, rates.take(z))
+            told = range_rate.update_rates(*then, RADAR, rates.take(z))
             log_likelihood += told.log_likelihood[0]
             then = told.mean, told.covariance
         back = np.linalg.inv(fly)
@@ -94,7 +94,7 @@ def test_coarse_rates_are_the_densities_at_what_is_expected_of_each_gaussian():
     assert found.shape == (5, 2)
     for pair, (row, z) in enumerate(zip(ROW, COLUMN, strict=True)):
         for mode in range(2):
-            (rate,), _, (variance,) = range_rate.expected(
+            (rate,), _, (variance,) = range_rate.expected_rates(
                 before.mean[row, mode][None], before.covariance[row, mode][None], RADAR
             )
             std = np.sqrt(variance + [0.5, 1.0, 2.0][z] ** 2)
