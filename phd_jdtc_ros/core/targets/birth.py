@@ -11,7 +11,7 @@ from ..arrays import FloatArray, IntArray, read_only
 from .modes import ModeSpace
 from .sobol import sobol_points
 
-# Birth terms are taken as zero beyond this many standard deviations in any coordinate.
+# Standard deviations in any coordinate beyond which a birth term counts as zero.
 GATE_SIGMA = 8.0
 
 
@@ -88,7 +88,7 @@ def intensity(
 ) -> FloatArray:
     """Return gamma(x, o) at every row, over each mode's own support; shape (N,).
 
-    The rate is that of a nominal interval; the caller scales it.
+    The rate is per nominal interval; the caller scales it.
     """
     supported = np.zeros((len(modes), state.shape[1]), dtype=bool)
     for index, motion in enumerate(modes.motions):
