@@ -199,7 +199,7 @@ def _paired(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None
     """Return the pairs of rows and detections in gates."""
     if attributes is None:
         return plain(prior.gate, report.detections)
-    return attributes.paired(prior.gate, prior.label, prior.target, report)
+    return attributes.pair(prior.gate, prior.label, prior.target, report)
 
 
 def _lost(
@@ -259,7 +259,7 @@ def update_scan(
         for newborn in updated.newborns:
             rows, born = steps.with_newborn(rows, newborn, label)
             if known is not None:
-                known.born(label, born.report.detections)
+                known.initiate(label, born.report.detections)
             label += len(born)
             newborns.append(born)
     return Updated(rows, tuple(newborns), approximate)
