@@ -31,11 +31,11 @@ CELLS = 11
 class AmplitudeModel(Protocol):
     """Use of amplitudes in the recursion."""
 
-    def used(self, detections: Detections) -> Detections:
+    def select(self, detections: Detections) -> Detections:
         """Return the detections that the update uses, with or without amplitudes."""
         ...
 
-    def born(
+    def draw(
         self,
         mode: IntArray,
         modes: ModeSpace,
@@ -48,7 +48,7 @@ class AmplitudeModel(Protocol):
         """
         ...
 
-    def moved(
+    def diffuse(
         self,
         log_snr: FloatArray,
         mode: IntArray,
@@ -90,11 +90,11 @@ class AmplitudeModel(Protocol):
 class Band:
     """Likelihood averaged over the SNR band of a class, without a memory."""
 
-    def used(self, detections: Detections) -> Detections:
+    def select(self, detections: Detections) -> Detections:
         """Return the detections unchanged."""
         return detections
 
-    def born(
+    def draw(
         self,
         mode: IntArray,
         modes: ModeSpace,
@@ -104,7 +104,7 @@ class Band:
         """Return zeros; nothing is drawn."""
         return np.zeros(len(mode))
 
-    def moved(
+    def diffuse(
         self,
         log_snr: FloatArray,
         mode: IntArray,
@@ -155,7 +155,7 @@ class Band:
 class Ignored(Band):
     """Amplitudes are ignored: classes differ only in p_D."""
 
-    def used(self, detections: Detections) -> Detections:
+    def select(self, detections: Detections) -> Detections:
         """Return the detections without their amplitudes."""
         return replace(detections, amplitude=None)
 
@@ -177,11 +177,11 @@ class Memory:
 
     jitter: float
 
-    def used(self, detections: Detections) -> Detections:
+    def select(self, detections: Detections) -> Detections:
         """Return the detections unchanged."""
         return detections
 
-    def born(
+    def draw(
         self,
         mode: IntArray,
         modes: ModeSpace,
@@ -206,7 +206,7 @@ class Memory:
         drawn = np.clip(np.log(half / exponential), low, high)
         return np.where(np.isnan(amplitude), low + (high - low) * uniform, drawn)
 
-    def moved(
+    def diffuse(
         self,
         log_snr: FloatArray,
         mode: IntArray,

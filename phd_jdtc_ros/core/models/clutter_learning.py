@@ -36,7 +36,7 @@ class ClutterMemory:
     maps: dict[str, ClutterMap] = field(default_factory=dict)
     counts: dict[str, ClutterCount] = field(default_factory=dict)
 
-    def informed(self, report: Report) -> Report:
+    def with_learned_clutter(self, report: Report) -> Report:
         """Return a report whose sensor has the learned clutter."""
         sensor = report.sensor
         law = self.laws.get(sensor.name) if isinstance(sensor.clutter_amplitude, Learned) else None
@@ -49,7 +49,7 @@ class ClutterMemory:
             return report
         return replace(report, sensor=sensor.with_clutter(law, places, count))
 
-    def mapped(self, model: TrackerModel) -> TrackerModel:
+    def with_learned_maps(self, model: TrackerModel) -> TrackerModel:
         """Return a tracker's model whose radars have the learned maps."""
         if not self.maps:
             return model
@@ -73,7 +73,7 @@ class ClutterMemory:
         Parameters
         ----------
         report : Report
-            Of M detections; its sensor is as `informed`.
+            Of M detections; its sensor is as `with_learned_clutter` returns it.
         claimed : array of shape (M,)
             Probability that a known target is the source of each detection.
         stationary : array of shape (M,)

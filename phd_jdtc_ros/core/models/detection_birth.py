@@ -20,7 +20,7 @@ from ..arrays import FloatArray, IntArray, read_only, sum_by
 from ..sensors.range_rate import Rates
 from ..sensors.report import Report
 from ..sensors.sensor import Sensor
-from ..targets.birth import shifted
+from ..targets.birth import shift_points
 from ..targets.modes import ModeSpace
 from ..targets.sobol import sobol_points
 from ..types import Detections
@@ -160,7 +160,7 @@ def missed_by(earlier: Sequence[Newborn], position: FloatArray, modes: ModeSpace
     missed = np.ones((len(modes.classes), len(position)))
     for found in earlier:
         report, sensor = found.report, found.report.sensor
-        measured, _ = sensor.linearised(position)
+        measured, _ = sensor.linearise(position)
         seen = sensor.missable(measured, report.detections.coverage) * report.share
         log_p_d = sensor.log_class_likelihood(Detections(measured, None), modes.classes)
         missed *= 1.0 - seen * np.exp(log_p_d)
@@ -219,7 +219,7 @@ def sample(
     measured_rates = report.range_rates
     dimensions = size + 1 + (measured_rates is not None)
     shift = rng.random((len(found), 1, dimensions))
-    uniform = shifted(sobol_points(dimensions, count), shift)
+    uniform = shift_points(sobol_points(dimensions, count), shift)
     normal = ndtri(uniform[..., 1 : size + 1])
     per_mode = _mode_mass(found, modes)
     share = np.cumsum(per_mode, axis=1) / per_mode.sum(axis=1, keepdims=True)
@@ -324,7 +324,7 @@ def _known_velocity(
     radial = (drawn * toward).sum(axis=1)
     prior, noise = model.velocity_std**2, measured.std**2
     rates = measured.model
-    value = rates.wrapped(measured.rate + toward @ np.asarray(sensor.velocity))
+    value = rates.wrap(measured.rate + toward @ np.asarray(sensor.velocity))
     value = np.where(np.isfinite(value), value, 0.0)
     shifts = rates.folds(GATE_SIGMA * float(np.sqrt(prior + np.max(noise, initial=0.0))))
     each = value[:, None] + shifts

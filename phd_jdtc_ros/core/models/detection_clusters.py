@@ -22,7 +22,7 @@ RATE_SIGMA = 4.0
 NOISE_SIGMA = 2.0
 
 
-def clustered(detections: Detections, sensor: Sensor) -> Detections:
+def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     """Return detections with each group merged to one at its centre.
 
     Parameters
@@ -94,7 +94,7 @@ def _groups(position: FloatArray, pairs: IntArray, rates: Rates | None) -> IntAr
     """Return the group number of each detection, from 0 in the order of first members."""
     if rates is not None:
         first, second = pairs.T
-        apart = np.abs(rates.model.wrapped(rates.rate[first] - rates.rate[second]))
+        apart = np.abs(rates.model.wrap(rates.rate[first] - rates.rate[second]))
         unlike = apart > RATE_SIGMA * np.hypot(rates.std[first], rates.std[second])
         pairs = pairs[~unlike]  # an unknown range rate agrees with all
     size = len(position)
@@ -160,5 +160,5 @@ def _mean_rate(
     known = np.flatnonzero(np.isfinite(rates.rate))[::-1]
     near = np.full(count, np.nan)
     near[group[known]] = rates.rate[known]  # the first known rate
-    offset = rates.model.wrapped(rates.rate - near[group])
-    return rates.model.wrapped(near + _mean(group, offset, count))
+    offset = rates.model.wrap(rates.rate - near[group])
+    return rates.model.wrap(near + _mean(group, offset, count))

@@ -13,7 +13,7 @@ from ..targets.spawn import SpawnModel
 from ..types import Scan
 from .amplitude_model import AmplitudeModel
 from .detection_birth import DetectionBirthModel
-from .detection_clusters import clustered
+from .detection_clusters import merge_clusters
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class TrackerModel:
         Detections of one object are merged, and amplitudes are dropped if the model ignores them.
         """
         return [
-            Report(sensor.at(found.pose), self.amplitudes.used(clustered(found, sensor)))
+            Report(sensor.at(found.pose), self.amplitudes.select(merge_clusters(found, sensor)))
             for sensor, found in zip(self.radars, scan.detections, strict=True)
             if found is not None
         ]

@@ -43,7 +43,7 @@ class RadarBias:
         true: FloatArray = (measured - self.range_bias) / (1.0 + self.range_gain)
         return true
 
-    def removed(self, stamp_ns: int, found: Detections) -> tuple[int, Detections]:
+    def remove_from(self, stamp_ns: int, found: Detections) -> tuple[int, Detections]:
         """Return a report's stamp and detections without the biases; ranges are at least zero."""
         if self == NO_BIAS:
             return stamp_ns, found
@@ -51,7 +51,7 @@ class RadarBias:
         azimuth = _wrap_angle(found.measurement[:, 1] - self.azimuth)
         return stamp_ns - self.offset_ns, _with(found, distance, azimuth)
 
-    def added(self, stamp_ns: int, found: Detections) -> tuple[int, Detections]:
+    def apply_to(self, stamp_ns: int, found: Detections) -> tuple[int, Detections]:
         """Return a report's stamp and detections as a radar with these biases measures them."""
         if self == NO_BIAS:
             return stamp_ns, found

@@ -18,7 +18,7 @@ from ..types import FULL_TURN, Detections
 LEAST_RANGE = 1.0
 
 
-def measured(position: FloatArray, origin: Sequence[float], yaw: float) -> FloatArray:
+def measure(position: FloatArray, origin: Sequence[float], yaw: float) -> FloatArray:
     """Return the measurements of positions, shape (N, 2)."""
     east, north = position[:, 0] - origin[0], position[:, 1] - origin[1]
     # Rotated into the sensor's frame first, so that the azimuth needs no wrapping.
@@ -27,7 +27,7 @@ def measured(position: FloatArray, origin: Sequence[float], yaw: float) -> Float
     return np.stack([np.sqrt(ahead**2 + left**2), np.arctan2(left, ahead)], axis=1)
 
 
-def linearised(
+def linearise(
     position: FloatArray, origin: Sequence[float], yaw: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the measurements of positions, and their derivatives by the position.

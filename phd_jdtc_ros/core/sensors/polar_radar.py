@@ -145,13 +145,13 @@ class RadarModel:
     def measure(self, state: FloatArray) -> FloatArray:
         """Return noise-free (range, azimuth) of each state; shape (N, D) to (N, 2)."""
         position = state[:, list(self.space.position)]
-        return polar_geometry.measured(position, self.position, self.yaw)
+        return polar_geometry.measure(position, self.position, self.yaw)
 
-    def linearised(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (range, azimuth) of positions and Jacobians; see `polar_geometry.linearised`."""
-        return polar_geometry.linearised(position, self.position, self.yaw)
+    def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (range, azimuth) of positions and Jacobians; see `polar_geometry.linearise`."""
+        return polar_geometry.linearise(position, self.position, self.yaw)
 
-    def wrapped(self, error: FloatArray) -> FloatArray:
+    def wrap(self, error: FloatArray) -> FloatArray:
         """Return differences of (range, azimuth) with wrapped azimuths; (..., 2)."""
         wrapped: FloatArray = np.stack([error[..., 0], wrap_angle(error[..., 1])], axis=-1)
         return wrapped

@@ -42,7 +42,7 @@ class RangeRateModel:
         """Width of the uniform distribution for false detections, m/s."""
         return self.ambiguity or self.span
 
-    def wrapped(self, rate: FloatArray) -> FloatArray:
+    def wrap(self, rate: FloatArray) -> FloatArray:
         """Return the folds nearest to zero; shape kept."""
         if not self.ambiguity:
             return rate
@@ -60,7 +60,7 @@ class RangeRateModel:
         numbers = np.arange(-count, count + 1, dtype=np.float64)
         return self.ambiguity * numbers[np.argsort(np.abs(numbers), kind="stable")]
 
-    def folded(
+    def fold(
         self, error: FloatArray, variance: FloatArray | float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the innovation over all folds, its variance over them, and its log density.
@@ -85,7 +85,7 @@ class RangeRateModel:
         spread is zero. In general, an update with the innovation and with a covariance reduction
         that is smaller by the spread has the mean and the covariance of the mixture of all folds.
         """
-        nearest = self.wrapped(error)
+        nearest = self.wrap(error)
         widest = float(np.sqrt(np.max(variance, initial=0.0)))
         shifts = self.folds(FOLD_SIGMA * widest)
         log_norm = -0.5 * np.log(2.0 * np.pi * np.asarray(variance))
@@ -105,7 +105,7 @@ class RangeRateModel:
     def log_density(self, error: FloatArray, variance: FloatArray | float) -> FloatArray:
         """Return the log density of errors over all folds; 0 for NaN, shape kept."""
         known = np.isfinite(error)
-        density = self.folded(np.where(known, error, 0.0), variance)[2]
+        density = self.fold(np.where(known, error, 0.0), variance)[2]
         return np.where(known, density, 0.0)
 
 

@@ -154,10 +154,10 @@ class Sensor(Protocol):
     def measurement_rate(self, state: FloatArray) -> FloatArray:
         """Return the time derivative of each state's measurement, (N, D) to (N, Z)."""
 
-    def linearised(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the measurements of positions and their Jacobians, (..., Z) and (..., Z, 2)."""
 
-    def wrapped(self, error: FloatArray) -> FloatArray:
+    def wrap(self, error: FloatArray) -> FloatArray:
         """Return differences of measurements, (..., Z), with wrapped angles."""
 
     def reachable(self, measured: FloatArray) -> FloatArray:

@@ -43,7 +43,7 @@ class BirthTerm:
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
-def shifted(points: FloatArray, shift: FloatArray) -> FloatArray:
+def shift_points(points: FloatArray, shift: FloatArray) -> FloatArray:
     """Return points of the unit cube shifted modulo one, kept off the faces; broadcast shape."""
     moved: FloatArray = points + shift
     moved -= np.floor(moved)
@@ -70,7 +70,7 @@ def sample(
     mode : int array of shape (count,)
     """
     size = len(term.mean)
-    uniform = shifted(sobol_points(size + 1, count), rng.random(size + 1))
+    uniform = shift_points(sobol_points(size + 1, count), rng.random(size + 1))
     share = np.cumsum(term.rate) / term.rate.sum()
     mode = np.minimum(np.searchsorted(share, uniform[:, 0], side="right"), len(share) - 1)
     state = ndtri(uniform[:, 1:])

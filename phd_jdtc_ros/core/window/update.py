@@ -168,7 +168,7 @@ def update(
     """
     model = steps.model
     if clutter is not None:
-        report = clutter.informed(report)
+        report = clutter.with_learned_clutter(report)
     prior = steps.prior(rows, report)
     limited = detection_limit.limited(report, prior.measured, float(prior.mass.sum()))
     if limited is not report:
