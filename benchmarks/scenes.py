@@ -141,7 +141,7 @@ def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> 
         poisson=np.full(len(target), 1.0 / count),
         components=sparse.csr_array((len(target), 0)),
         label=np.zeros(0, dtype=np.int64),
-        log_snr=config.model.amplitudes.born(mode, modes, rng),
+        log_snr=config.model.amplitudes.draw(mode, modes, rng),
     )
 
 

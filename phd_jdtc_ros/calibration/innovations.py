@@ -110,12 +110,12 @@ class InnovationMonitor:
     ) -> Iterator[FloatArray]:
         """Yield squared innovations relative to the expected ones, and by axis to the noise."""
         position = tracks.position + since_s * tracks.velocity
-        passed = radar.missable(radar.linearised(position)[0], found.coverage) > 0.5
+        passed = radar.missable(radar.linearise(position)[0], found.coverage) > 0.5
         row, column = _pairs(position, radar.to_world(found.measurement), passed)
         own = found.time_s
         after_s = since_s + (np.zeros(len(found)) if own is None else own)[column]
         after_s = np.maximum(after_s, 0.0)
-        expected, slope = radar.linearised(
+        expected, slope = radar.linearise(
             tracks.position[row] + after_s[:, None] * tracks.velocity[row]
         )
         innovation = found.measurement[column] - expected

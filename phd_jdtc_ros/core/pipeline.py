@@ -270,7 +270,7 @@ class Pipeline:
         """Return the detections of a radar within the region."""
         if isinstance(self._region, Everywhere) or self._tuned is None:
             return detections
-        return self._region.seen(detections, self._tuned[0].radars[radar])
+        return self._region.select_detections(detections, self._tuned[0].radars[radar])
 
     def add_pose(self, radar: int, stamp_ns: int, pose: Pose) -> Iterator[Event] | PoseFault:
         """Add a pose of a radar's platform.

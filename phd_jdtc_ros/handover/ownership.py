@@ -16,7 +16,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.tracks.region import Region
-from phd_jdtc_ros.core.tracks.renumbering import matched
+from phd_jdtc_ros.core.tracks.renumbering import match
 from phd_jdtc_ros.core.types import Attributes, Estimates
 
 # Two tracks belong to one target after this many consecutive stamps near each other, and no longer
@@ -150,7 +150,7 @@ class Handover:
                 np.flatnonzero(depth[own][next_to] >= -self.regions[next_to].margin - REACH)
                 for own, next_to in ((one, other), (other, one))
             )
-            pairs = matched(found[one].take(mine), found[other].take(theirs), moving=True)
+            pairs = match(found[one].take(mine), found[other].take(theirs), moving=True)
             numbers = found[one].track_id[mine[pairs[0]]], found[other].track_id[theirs[pairs[1]]]
             for number, beside in zip(*(column.tolist() for column in numbers), strict=True):
                 near.add(((one, number), (other, beside)))

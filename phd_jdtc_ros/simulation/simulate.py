@@ -106,7 +106,7 @@ def range_rates(
         return None
     noisy = radar.range_rate_of(state) + model.std * rng.standard_normal(len(state))
     uniform = model.clutter_width * (rng.random(clutter) - 0.5)
-    return np.append(model.wrapped(noisy), uniform)
+    return np.append(model.wrap(noisy), uniform)
 
 
 def observe(

@@ -140,7 +140,7 @@ def plots_with_replies(
     if scenario.transponders is None:
         every = slice(0, len(plots.turns))
         found = replace(found, height=_heights(scenario, index, plots, every))
-    _, found = scenario.bias(index).added(0, replace(found, kind=_kind(found)))
+    _, found = scenario.bias(index).apply_to(0, replace(found, kind=_kind(found)))
     rows = np.flatnonzero(plot_times(scenario, index, plots) >= 0.0)
     return plots.take(rows), found.take(rows)
 
@@ -152,7 +152,7 @@ def _generator(seed: int, index: int) -> np.random.Generator:
 
 def _add_bias(report: Report, scenario: Scenario) -> Report:
     """Return a report with the biases of its radar."""
-    stamp_ns, found = scenario.bias(report.radar).added(report.stamp_ns, report.detections)
+    stamp_ns, found = scenario.bias(report.radar).apply_to(report.stamp_ns, report.detections)
     return report._replace(stamp_ns=stamp_ns, detections=found)
 
 

@@ -168,7 +168,7 @@ class _Reader:
         """Extract the filtered estimates, on which the smoothed ones depend too."""
         scan, longest = self._run.scans[index], max(self._estimates)
         found = self._extract(updated, index, 0, self._parts.rule.least, self._rng[0])
-        found = self._states.filtered(
+        found = self._states.report_filtered(
             found, updated.label, (scan.stamp_ns,), scan, self._parts.forward.mapped_model
         )
         self._states.note(found)
@@ -182,7 +182,7 @@ class _Reader:
             if wanted > 0 and (wanted == lag or (run_over and wanted > lag)):
                 least, rng = self._parts.rule.least_smoothed, self._rng[wanted]
                 found = self._extract(smoothed, index, lag, least, rng)
-                self._estimates[wanted][index] = PointSet.of(self._states.smoothed(found))
+                self._estimates[wanted][index] = PointSet.of(self._states.report_smoothed(found))
 
     def _extract(
         self, stored: Any, index: int, lag: int, threshold: float, rng: np.random.Generator

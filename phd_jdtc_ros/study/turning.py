@@ -143,7 +143,7 @@ def _events(
             for topic in config.carried:
                 yield from feed.pose(topic, lambda: known)
         bias = config.inputs[report.radar].bias
-        stamp_ns, detections = bias.removed(report.stamp_ns, report.detections)
+        stamp_ns, detections = bias.remove_from(report.stamp_ns, report.detections)
         yield from feed.report(report.radar, Received(stamp_ns, detections, Counter())) or ()
     yield from feed.flush()
 

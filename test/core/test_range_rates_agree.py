@@ -57,7 +57,7 @@ def scans(radar, seed, count=8):
             scan_at(
                 0.1 * number,
                 np.concatenate([seen, false]),
-                range_rate=np.append(radar.range_rate.wrapped(rate), rng.uniform(-12.0, 12.0, 4)),
+                range_rate=np.append(radar.range_rate.wrap(rate), rng.uniform(-12.0, 12.0, 4)),
             )
         )
     return found

@@ -4,7 +4,7 @@ import estimate_sets
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.tracks.renumbering import matched
+from phd_jdtc_ros.core.tracks.renumbering import match
 from phd_jdtc_ros.handover import checks
 
 
@@ -30,7 +30,7 @@ def test_a_negative_variance_cannot(axis):
     covariance[axis, axis] = -0.5
     found = estimates([3], covariance)
     with pytest.raises(np.linalg.LinAlgError):
-        matched(found, found, moving=True)
+        match(found, found, moving=True)
     assert checks.why_not(found)[0] == "covariance"
     assert "the covariance of track 3" in checks.why_not(found)[1]
 

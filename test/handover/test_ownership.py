@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
 
 from phd_jdtc_ros.core.tracks.region import Region
-from phd_jdtc_ros.core.tracks.renumbering import GATE, matched
+from phd_jdtc_ros.core.tracks.renumbering import GATE, match
 from phd_jdtc_ros.core.types import UNKNOWN, Attributes
 from phd_jdtc_ros.handover.ownership import APART, TOGETHER, Handover
 
@@ -183,7 +183,7 @@ def test_covariances_so_wide_that_rounding_makes_them_singular_are_compared():
     covariance = wide.covariance.copy()
     covariance[0, ::2, ::2] = 1e30
     wide = replace(wide, covariance=covariance)
-    rows, columns = matched(wide, wide, moving=True)
+    rows, columns = match(wide, wide, moving=True)
     assert (rows.tolist(), columns.tolist()) == ([0], [0])
 
 
@@ -194,7 +194,7 @@ def test_matched_pairs_are_those_of_least_total_distance():
             estimates(0, dict(enumerate(rng.uniform(0.0, 500.0, (count, 2)), 1)))
             for count in rng.integers(1, 25, 2)
         )
-        rows, columns = matched(one, other)
+        rows, columns = match(one, other)
         apart = one.position[:, None] - other.position[None]
         cost = (apart**2).sum(axis=2) / (2.0 * 50.0**2 + 1.0)
         limited = np.where(cost <= GATE, cost, 1e6)

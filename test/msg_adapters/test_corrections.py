@@ -38,7 +38,7 @@ LAYOUTS = {
 def test_a_report_is_read_without_its_radars_errors(layout):
     radar = inputs(ERRORS, **layout)
     assert radar.bias.azimuth < 0 if layout.get("azimuth_unit") else radar.bias.azimuth > 0
-    stamp_ns, wrong = radar.bias.added(STAMP_NS, TRUE)
+    stamp_ns, wrong = radar.bias.apply_to(STAMP_NS, TRUE)
     reader = reader_of(radar)
     report = reader.from_cdr(reader.to_cdr(wrong, stamp_ns, radar), radar)
     assert report.stamp_ns == STAMP_NS

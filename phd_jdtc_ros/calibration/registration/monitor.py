@@ -143,7 +143,7 @@ class RegistrationMonitor:
         since_s = time_s + (stamp_ns - tracks.stamp_ns) * 1e-9
         # Rows are tracks, columns detections.
         position = tracks.position[:, None] + since_s[:, None] * tracks.velocity[:, None]
-        expected, slope = radar.linearised(position)
+        expected, slope = radar.linearise(position)
         residual = detections.measurement - expected
         residual[..., 1] = wrap_angle(residual[..., 1])
         noise = radar.detection_noise(detections)

@@ -1,4 +1,4 @@
-"""Storage of what is known of identities and heights in a snapshot, and its restoration."""
+"""Stores beliefs about identities and heights in a snapshot, and restores them."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ SIZES = {"K": CANDIDATES, "W": CANDIDATES + 2, "A": 2, "S": len(SENSORS)}
 
 
 def attributes_to_snapshot(memory: AttributeMemory, snapshot: Snapshot) -> None:
-    """Store what is known."""
+    """Store the memory's records and history."""
     to_snapshot(memory.records, snapshot, f"{NAME}.record")
     to_snapshot(memory.history, snapshot, f"{NAME}.history")
 
 
 def attributes_from_snapshot(snapshot: Snapshot, model: AttributeModel) -> AttributeMemory:
-    """Return what is known; nothing where the snapshot has none.
+    """Return the stored memory; an empty one if the snapshot has none.
 
     Raises
     ------
     ValueError
-        If it is nothing that the tracker could have stored.
+        If the tracker cannot have stored these values.
     """
     memory = AttributeMemory(model)
     if not snapshot.names_below(NAME):

@@ -4,12 +4,12 @@
 
     tracker_model          all models in one value, for an engine
     amplitude_model        use of amplitudes: band, memory, none
-    detection_birth        targets that appear anywhere, born at detections
-    competing_sources      clutter and unknown targets beside the known ones
-    detection_clusters     detections of one object as one
-    detection_limit        the detections of one update that can be afforded
+    detection_birth        births at detections, for targets that appear anywhere
+    competing_sources      intensity of clutter and of unknown targets at detections
+    detection_clusters     merges the detections of one object
+    detection_limit        bounds the number of detections of one update
     stationary             probability that a target is stationary, from its velocity
-    manoeuvre              what a target may do beyond its motion models
-    clutter_learning       what a filter learns of each sensor's clutter
-    clutter_raster         maps of clutter as a picture of the world
+    manoeuvre              deviations from the motion models after a lost track
+    clutter_learning       learns each sensor's clutter from scan to scan
+    clutter_raster         renders clutter maps as a raster of the world
 """

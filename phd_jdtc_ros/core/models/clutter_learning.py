@@ -1,7 +1,7 @@
-"""What a filter learns of every radar's clutter from scan to scan.
+"""Learns each sensor's clutter from scan to scan, from detections that no target claims.
 
-It learns from what no target claims. Births do not count as claims: while the law is wrong, each
-false detection of a new kind looks like a newborn target, and would otherwise never be learned.
+Births do not count as claims: while the learned clutter is wrong, each false detection of a new
+type resembles a newborn target, and would otherwise never be learned.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from .tracker_model import TrackerModel
 
 @dataclass
 class ClutterMemory:
-    """What has been learned of the number, the amplitudes and the places of each radar's clutter.
+    """Learned rate, amplitude law and map of each radar's clutter.
 
     Parameters
     ----------
     laws : dict of name to Learned
-        By radar; of those that have learned something.
+        Amplitude laws by radar, after the first report.
     maps : dict of name to ClutterMap
-        By radar; of those that have learned something.
+        Clutter maps by radar, after the first report.
     counts : dict of name to ClutterCount
-        By radar; of those that have learned something.
+        Clutter rate estimates by radar, after the first report.
     """
 
     laws: dict[str, Learned] = field(default_factory=dict)
     maps: dict[str, ClutterMap] = field(default_factory=dict)
     counts: dict[str, ClutterCount] = field(default_factory=dict)
 
-    def informed(self, report: Report) -> Report:
-        """Return a report whose sensor has the clutter that was learned."""
+    def with_learned_clutter(self, report: Report) -> Report:
+        """Return a report whose sensor has the learned clutter."""
         sensor = report.sensor
         law = self.laws.get(sensor.name) if isinstance(sensor.clutter_amplitude, Learned) else None
         if law is not None and law.threshold != sensor.threshold:
@@ -49,8 +49,8 @@ class ClutterMemory:
             return report
         return replace(report, sensor=sensor.with_clutter(law, places, count))
 
-    def mapped(self, model: TrackerModel) -> TrackerModel:
-        """Return a tracker's model whose radars have the maps that were learned."""
+    def with_learned_maps(self, model: TrackerModel) -> TrackerModel:
+        """Return a tracker's model whose radars have the learned maps."""
         if not self.maps:
             return model
         radars = (
@@ -62,7 +62,7 @@ class ClutterMemory:
         return replace(model, radars=tuple(radars))
 
     def learns(self, report: Report) -> bool:
-        """Return whether there is something to learn from a report; only complete ones tell."""
+        """Return whether the clutter can be learned from a report; it must be complete."""
         sensor = report.sensor
         learning = isinstance(sensor.clutter_amplitude, Learned) or sensor.clutter_map is not None
         return report.complete and (learning or sensor.clutter_count is not None)
@@ -73,12 +73,12 @@ class ClutterMemory:
         Parameters
         ----------
         report : Report
-            Of M detections; its sensor is as `informed`.
+            Of M detections; its sensor is as `with_learned_clutter` returns it.
         claimed : array of shape (M,)
             Probability that a known target is the source of each detection.
         stationary : array of shape (M,)
-            Share of that probability that is of targets slower than `clutter_map_speed`; if their
-            velocities are not known it is a half, see `stationary`.
+            Share of that probability for targets slower than `clutter_map_speed`; one half if their
+            velocities are unknown, see `stationary`.
         """
         radar, detections = report.sensor, report.detections
         law, places, coverage = radar.clutter_amplitude, radar.clutter_map, detections.coverage
@@ -86,7 +86,7 @@ class ClutterMemory:
             law = law.after(detections.amplitude, 1.0 - claimed)
             self.laws = {**self.laws, radar.name: law}
         turns = 1.0 if coverage is None else coverage.turns
-        if not turns:  # who knows how much was looked at
+        if not turns:  # the extent of the covered sector is unknown
             return
         if radar.clutter_count is not None:
             # Unclaimed detections that the clutter map does not explain.

@@ -1,4 +1,4 @@
-"""Sources of a report's detections beside the known targets: clutter and unknown targets."""
+"""Sources of detections that compete with the known targets: clutter and unknown targets."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class CompetingSources:
     Parameters
     ----------
     log_scale : array of shape (M,)
-        Log of what the intensities, and the likelihoods of the known targets, are divided by: the
-        largest of them. The clutter density underflows above an amplitude of 38.
+        Log of the common divisor of the intensities and of the known targets' likelihoods, which is
+        their maximum. The clutter density underflows above an amplitude of 38.
     intensity : array of shape (1 + C, M), or (1, M) without births at detections
-        Of clutter, and of unknown targets by class.
+        Intensities of clutter, and of unknown targets by class.
     """
 
     log_scale: FloatArray
@@ -33,12 +33,12 @@ class CompetingSources:
 
     @property
     def total(self) -> FloatArray:
-        """Intensity of all of them, shape (M,)."""
+        """Sum of the intensities, shape (M,)."""
         total: FloatArray = self.intensity.sum(axis=0)
         return total
 
     def newborn(self, claimed: FloatArray, report: Report, model: TrackerModel) -> Newborn | None:
-        """Return the unknown targets' part of what no known target claims.
+        """Return the probabilities that unclaimed detections are unknown targets.
 
         Parameters
         ----------
@@ -91,7 +91,7 @@ def log_intensities(
 def competing_sources(
     log_other: FloatArray, column: IntArray, log_likelihood: FloatArray
 ) -> CompetingSources:
-    """Return the other sources beside known targets.
+    """Return the competing sources, scaled with the likelihoods of the known targets.
 
     Parameters
     ----------

@@ -1,11 +1,11 @@
-"""Births at detections, for users who do not know where targets appear.
+"""Births at detections, for targets that appear at unknown places.
 
-Unknown targets are a uniform intensity in every sensor's own coordinates. In the update this
+Unknown targets have a uniform intensity in every sensor's own coordinates. In the update this
 intensity competes for each detection with clutter and with the known targets. Its share is the
-newborn mass of the detection. It is added to the intensity at the detection's position, with the
-radar's noise and a broad distribution of velocity. Where the detection has a range rate, that part
-of the velocity is known, up to its ambiguity. Where earlier radars of the scan have looked, only
-the unknown targets that they have missed are left for the next one.
+detection's newborn mass, which is added to the intensity at the detection's position with the
+radar's noise and a broad distribution of velocity. A range rate determines the radial velocity up
+to its ambiguity. Where earlier radars of the scan have coverage, only the unknown targets that they
+missed remain for the next one.
 """
 
 from __future__ import annotations
@@ -20,18 +20,17 @@ from ..arrays import FloatArray, IntArray, read_only, sum_by
 from ..sensors.range_rate import Rates
 from ..sensors.report import Report
 from ..sensors.sensor import Sensor
-from ..targets.birth import shifted
+from ..targets.birth import shift_points
 from ..targets.modes import ModeSpace
 from ..targets.sobol import sobol_points
 from ..types import Detections
 from . import stationary
 
-# The newborn intensity is taken as zero beyond this many standard deviations of velocity and turn
-# rate.
+# Standard deviations of velocity and turn rate beyond which the newborn intensity counts as zero.
 GATE_SIGMA = 8.0
-# With fewer particles a detection is no target to go on with; detections are left out instead.
+# Fewest particles that represent a newborn target; with less capacity, detections are left out.
 LEAST_PARTICLES = 16
-# Rows times detections that are compared at once.
+# Largest product of rows and detections in one chunk; bounds the memory.
 CHUNK_PRODUCT = 1 << 25
 
 
@@ -44,15 +43,15 @@ class DetectionBirthModel:
     rate : array of shape (C,)
         Expected births in a radar's field per nominal interval and class; all zero for none.
     velocity_std : float
-        Metres per second along each axis.
+        Standard deviation of the velocity along each axis, metres per second.
     turn_rate_std : float
-        Radians per second.
+        Standard deviation of the turn rate, radians per second.
     particles : int
-        Per detection; a power of two.
+        Particles per detection; a power of two.
     most : int
-        Particles at the detections of one radar in one scan; at most.
+        Largest number of particles at the detections of one radar in one scan.
     least_mass : float
-        Detections that are newborn targets with a lower probability than this get no particles.
+        Smallest newborn mass with which a detection gets particles.
     """
 
     rate: FloatArray
@@ -67,7 +66,7 @@ class DetectionBirthModel:
 
     @property
     def enabled(self) -> bool:
-        """Whether there are any such births."""
+        """Whether any class has births at detections."""
         return bool(np.any(self.rate > 0.0))
 
     def log_intensity(
@@ -79,18 +78,18 @@ class DetectionBirthModel:
     ) -> FloatArray:
         """Return log of the unknown targets' intensity at each detection, shape (C, M).
 
-        It covers targets that appeared in the preceding `dt` seconds, or since the antenna passed
-        last if the detections are those of a sector. It is the counterpart of the clutter
-        intensity: uniform over the sensor's field of view, times p_D g^tau of each class, times the
-        density of the range rate, and times 1 - p_D of the `earlier` reports of the scan, given by
-        the targets born at their detections.
+        It covers targets that appeared in the preceding `dt` seconds, or, for the detections of a
+        sector, since the antenna's previous pass. It is the counterpart of the clutter intensity:
+        uniform over the sensor's field of view, times p_D g^tau of each class, times the density
+        of the range rate, and times 1 - p_D of the scan's `earlier` reports, which are given by the
+        targets born at their detections.
         """
         sensor, detections = report.sensor, report.detections
         since = dt if detections.coverage is None else sensor.rotation_s or dt
         appeared = self.rate * since / modes.interval_s
         place = sensor.to_world(detections.measurement)
         left = missed_by(earlier, place, modes)
-        # A class that is never born has intensity zero, as where an earlier radar misses nothing.
+        # The intensity is zero for classes without births, and where an earlier radar has p_D = 1.
         with np.errstate(divide="ignore"):
             log_rate = np.log(appeared / sensor.field_size)
             log_left = np.log(left)
@@ -102,10 +101,10 @@ class DetectionBirthModel:
         return intensity
 
     def stationary(self, slower: FloatArray, bound: float) -> FloatArray:
-        """Return the probability of being stationary at even odds, from that of being slow.
+        """Return the probability of being stationary at even prior odds, given that of being slow.
 
-        Without births at detections nobody knows what was likely at birth, and it is left as it is.
-        See `stationary.at_even_odds`.
+        Without births at detections the prior at birth is unknown, and `slower` is returned
+        unchanged. See `stationary.at_even_odds`.
         """
         return stationary.at_even_odds(slower, bound, self.velocity_std) if self.enabled else slower
 
@@ -117,7 +116,7 @@ class DetectionBirthModel:
         toward : array of shape (M, 2)
             Directions from the sensor to the targets, world frame.
         measured : Rates
-            M of them; where a rate is NaN the result is 0.
+            M range rates; for NaN the result is 0.
         sensor : Sensor
         """
         radial = measured.rate + toward @ np.asarray(sensor.velocity)
@@ -148,7 +147,7 @@ class Newborn:
 
 
 def newborn(report: Report, mass: FloatArray, model: DetectionBirthModel) -> Newborn:
-    """Return the detections whose newborn mass, shape (M, C), is not below the model's least."""
+    """Return the detections with at least the model's `least_mass`, given masses (M, C)."""
     kept = np.flatnonzero(mass.sum(axis=1) >= model.least_mass)
     return Newborn(report, mass).take(kept)
 
@@ -156,12 +155,12 @@ def newborn(report: Report, mass: FloatArray, model: DetectionBirthModel) -> New
 def missed_by(earlier: Sequence[Newborn], position: FloatArray, modes: ModeSpace) -> FloatArray:
     """Return the probability that sensors miss a target at each position, (M, 2) to (C, M).
 
-    Each sensor's is the mean over the SNR band of the class.
+    A sensor's probability is its mean over the SNR band of the class.
     """
     missed = np.ones((len(modes.classes), len(position)))
     for found in earlier:
         report, sensor = found.report, found.report.sensor
-        measured, _ = sensor.linearised(position)
+        measured, _ = sensor.linearise(position)
         seen = sensor.missable(measured, report.detections.coverage) * report.share
         log_p_d = sensor.log_class_likelihood(Detections(measured, None), modes.classes)
         missed *= 1.0 - seen * np.exp(log_p_d)
@@ -169,9 +168,10 @@ def missed_by(earlier: Sequence[Newborn], position: FloatArray, modes: ModeSpace
 
 
 def affordable(found: Newborn, model: DetectionBirthModel) -> tuple[Newborn, int]:
-    """Return the newborn targets that the model's `most` allows, and the particles of each.
+    """Return the newborn targets within the model's `most` particles, and the particles of each.
 
-    Every detection gets fewer particles first; then those with the least newborn mass get none.
+    The number of particles per detection is reduced first; then the detections with the least
+    newborn mass are left out.
     """
     count = model.particles
     least = min(LEAST_PARTICLES, count)
@@ -219,7 +219,7 @@ def sample(
     measured_rates = report.range_rates
     dimensions = size + 1 + (measured_rates is not None)
     shift = rng.random((len(found), 1, dimensions))
-    uniform = shifted(sobol_points(dimensions, count), shift)
+    uniform = shift_points(sobol_points(dimensions, count), shift)
     normal = ndtri(uniform[..., 1 : size + 1])
     per_mode = _mode_mass(found, modes)
     share = np.cumsum(per_mode, axis=1) / per_mode.sum(axis=1, keepdims=True)
@@ -236,7 +236,7 @@ def sample(
             *(uniform[..., -1].ravel(), report.sensor, model),
         )
         state[:, list(space.velocity)] = known
-    if report.detections.time_s is not None:  # back to where it was at the scan's stamp
+    if report.detections.time_s is not None:  # predict back to the scan's stamp
         since = report.detections.time_s.repeat(count)[:, None]
         state[:, list(space.position)] -= since * state[:, list(space.velocity)]
     turning = np.array([space.turn_rate in motion.support for motion in modes.motions])[mode]
@@ -255,12 +255,11 @@ def intensity(
 ) -> FloatArray:
     """Return the intensity that `sample` draws from, over each mode's own support; shape (N,).
 
-    Rows are taken in chunks, because in one scan of many detections all pairs would not fit the
-    memory.
+    Rows are processed in chunks: all pairs of a scan with many detections would exceed the memory.
 
     Notes
     -----
-    The measurement has a density over range and azimuth; dividing it by the range gives the density
+    The measurement has a density over range and azimuth; its quotient by the range is the density
     over the plane.
     """
     size = max(CHUNK_PRODUCT // max(len(found), 1), 1)
@@ -313,11 +312,11 @@ def _known_velocity(
     Parameters
     ----------
     position, drawn : arrays of shape (N, 2)
-        At the time of the detection, and velocities drawn from the prior.
+        Positions at the time of the detection, and velocities drawn from the prior.
     measured : Rates
-        Of each row.
+        Range rate of each row.
     uniform : array of shape (N,)
-        In [0, 1); chooses the fold.
+        In [0, 1); selects the fold.
     sensor : Sensor
     model : DetectionBirthModel
     """
@@ -325,7 +324,7 @@ def _known_velocity(
     radial = (drawn * toward).sum(axis=1)
     prior, noise = model.velocity_std**2, measured.std**2
     rates = measured.model
-    value = rates.wrapped(measured.rate + toward @ np.asarray(sensor.velocity))
+    value = rates.wrap(measured.rate + toward @ np.asarray(sensor.velocity))
     value = np.where(np.isfinite(value), value, 0.0)
     shifts = rates.folds(GATE_SIGMA * float(np.sqrt(prior + np.max(noise, initial=0.0))))
     each = value[:, None] + shifts
@@ -333,7 +332,7 @@ def _known_velocity(
     share = np.cumsum(np.exp(log_share - log_share.max(axis=1, keepdims=True)), axis=1)
     fold = (uniform[:, None] * share[:, -1:] >= share[:, :-1]).sum(axis=1)
     gain = prior / (prior + noise)
-    # A draw of the prior, brought to the spread of the posterior and to its mean.
+    # Transforms a draw from the prior to the mean and the standard deviation of the posterior.
     posterior = gain * each[np.arange(len(each)), fold] + radial * np.sqrt(1.0 - gain)
     change = np.where(np.isfinite(measured.rate), posterior - radial, 0.0)
     velocity: FloatArray = drawn + change[:, None] * toward

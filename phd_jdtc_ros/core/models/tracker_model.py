@@ -1,4 +1,4 @@
-"""What is assumed about targets and sensors, in one value."""
+"""The models of targets and sensors of a tracker, in one value."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ..targets.spawn import SpawnModel
 from ..types import Scan
 from .amplitude_model import AmplitudeModel
 from .detection_birth import DetectionBirthModel
-from .detection_clusters import clustered
+from .detection_clusters import merge_clusters
 
 
 @dataclass(frozen=True)
 class TrackerModel:
-    """Assumptions that an engine makes about targets and sensors.
+    """Models of targets and sensors, shared by both engines.
 
-    Rates and probabilities are given for the mode space's nominal interval and converted to the
-    true one.
+    Rates and probabilities refer to the mode space's nominal interval; engines convert them to the
+    true interval.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class TrackerModel:
     radars : tuple of Sensor
         In the order in which their reports update the targets.
     attributes : AttributeModel or None
-        Of identities and heights; None where no radar reports any.
+        Model of identities and heights; None if no radar reports any.
     """
 
     modes: ModeSpace
@@ -50,10 +50,10 @@ class TrackerModel:
     def reports(self, scan: Scan) -> list[Report]:
         """Return the reports of a scan, each with its sensor at its pose, in the configured order.
 
-        Detections of one object are merged, and amplitudes left out if the model ignores them.
+        Detections of one object are merged, and amplitudes are dropped if the model ignores them.
         """
         return [
-            Report(sensor.at(found.pose), self.amplitudes.used(clustered(found, sensor)))
+            Report(sensor.at(found.pose), self.amplitudes.select(merge_clusters(found, sensor)))
             for sensor, found in zip(self.radars, scan.detections, strict=True)
             if found is not None
         ]

@@ -1,6 +1,6 @@
-"""Gates in range and azimuth: around points, as particles are, and around Gaussians.
+"""Gates in range and azimuth: around points (particles), and around Gaussians.
 
-Pure functions of arrays; measurements are (range, azimuth) in metres and radians.
+The module has pure functions of arrays; measurements are (range, azimuth), metres and radians.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ..types import Detections
 from .polar_geometry import LEAST_RANGE
 from .sensor import GatedGaussians
 
-# At six standard deviations the likelihood is 1e-8 of its peak.
+# Radius of the gates in standard deviations; there the likelihood is 1e-8 of its peak.
 GATE_SIGMA = 6.0
 
 
@@ -34,11 +34,11 @@ def gated_pairs(
         Measurements of the particles at the scan's stamp.
     detections : Detections
     noise_std : array of shape (2,)
-        Deviations of the radar.
+        Standard deviations of the radar.
     own_std : array of shape (M, 2) or None
-        Deviations of each detection; None if all have the radar's.
+        Standard deviations of each detection; None for the radar's.
     rate : array of shape (N, 2) or None
-        Time derivatives of `predicted`; needed where detections have times of their own.
+        Time derivatives of `predicted`; required for detections with their own times.
 
     Returns
     -------
@@ -48,9 +48,9 @@ def gated_pairs(
 
     Notes
     -----
-    The cost grows with the number of pairs found and not with N x M; see `pair_search.gating`. To
-    first order, a particle's measurement at the time t of a detection is that at the stamp plus
-    rate times t. At 250 m/s and 5 km the error is 0.1 m after 0.125 s.
+    The cost grows with the number of pairs found and not with N x M; see `pair_search.gating`. A
+    particle's measurement is extrapolated to the time of a detection by its rate, to first order.
+    At 250 m/s and 5 km the error is 0.1 m after 0.125 s.
     """
     std, shift = own_std, detections.time_s if len(predicted) else None
     if std is None and shift is None:
@@ -65,7 +65,7 @@ def gated_pairs(
     widest = std.max(axis=0, initial=0.0) if len(std) else noise_std
     if shift is not None and rate is not None and len(shift):
         fastest = np.abs(rate).max(axis=0) * np.abs(shift).max()
-        # An ellipse this much larger contains the gate wherever the shift moves it.
+        # An ellipse larger by this margin contains every shifted gate.
         widest = widest + 1.5 * fastest / GATE_SIGMA
     lists, gate = _lists(detections, widest)
     particle, detection, _ = kernels.current().near_detections(
@@ -83,7 +83,7 @@ def gated_pairs(
 
 
 def candidates(predicted: FloatArray, detections: Detections, noise_std: FloatArray) -> int:
-    """Return how many pairs `gated_pairs` would look at; about twice those that it finds."""
+    """Return the number of candidate pairs of `gated_pairs`; about twice the pairs in the gate."""
     lists, _ = _lists(detections, noise_std)
     return int(np.diff(lists.start).take(lists.cell_of(predicted)).sum())
 
@@ -105,16 +105,16 @@ def gated_boxes(
     ----------
     gaussians : GatedGaussians
     noise : array of shape (2,)
-        Largest deviations of the detections.
+        Largest standard deviations of the detections.
     detections : Detections
     max_range : float
-        Gaussians whose gates are beyond it are not detected, metres.
+        Gaussians with gates beyond this range are not detected, metres.
 
     Returns
     -------
     row, column : int arrays of shape (P,)
     surrounding : array of shape (H, R)
-        Whether a Gaussian surrounds the radar, which then may see it anywhere.
+        Whether a Gaussian surrounds the radar and can be detected at any azimuth.
     """
     measured, sigma = gaussians.measured, gaussians.sigma
     reach = sigma * np.sqrt(gaussians.covariance[..., [0, 1], [0, 1]] + noise**2)
@@ -123,7 +123,7 @@ def gated_boxes(
         reach[..., 0] += moved
         reach[..., 1] += moved / np.maximum(measured[..., 0], LEAST_RANGE)
     alive = gaussians.alive & (measured[..., 0] - reach[..., 0] <= max_range)
-    # One box around the gates of all motion modes; the first that has weight is its centre.
+    # One box surrounds the gates of all motion modes; its centre is the first mode with weight.
     centre = np.take_along_axis(measured[..., 1], alive.argmax(axis=1)[:, None], axis=1)
     half = np.abs(wrap_angle(measured[..., 1] - centre)) + reach[..., 1]
     half = np.where(alive, half, 0.0).max(axis=1)
@@ -136,7 +136,7 @@ def gated_boxes(
 
 
 def _surrounding(gaussians: GatedGaussians, noise: FloatArray) -> BoolArray:
-    """Return which Gaussians surround the radar, which then may see them anywhere, (H, R)."""
+    """Return a mask of the Gaussians that surround the radar, (H, R)."""
     covariance, sigma = gaussians.covariance, gaussians.sigma
     spread = np.sqrt(covariance[..., 0, 0] + noise[0] ** 2)
     around = gaussians.measured[..., 0] <= sigma * spread

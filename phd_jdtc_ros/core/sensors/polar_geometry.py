@@ -1,7 +1,7 @@
 """Geometry of measurements in range and azimuth: pure functions of arrays.
 
 Positions and velocities are in the world frame, metres and metres per second; measurements are
-(range, azimuth) in metres and radians. `origin` is where the radar is, and `yaw` the direction of
+(range, azimuth) in metres and radians. `origin` is the radar's position, and `yaw` the direction of
 its x axis, radians counter-clockwise.
 """
 
@@ -14,11 +14,11 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray
 from ..types import FULL_TURN, Detections
 
-# At its own position a radar measures no azimuth; divisions by the range are bounded at this one.
+# Smallest range in divisions, metres: the azimuth is undefined at the radar's own position.
 LEAST_RANGE = 1.0
 
 
-def measured(position: FloatArray, origin: Sequence[float], yaw: float) -> FloatArray:
+def measure(position: FloatArray, origin: Sequence[float], yaw: float) -> FloatArray:
     """Return the measurements of positions, shape (N, 2)."""
     east, north = position[:, 0] - origin[0], position[:, 1] - origin[1]
     # Rotated into the sensor's frame first, so that the azimuth needs no wrapping.
@@ -27,7 +27,7 @@ def measured(position: FloatArray, origin: Sequence[float], yaw: float) -> Float
     return np.stack([np.sqrt(ahead**2 + left**2), np.arctan2(left, ahead)], axis=1)
 
 
-def linearised(
+def linearise(
     position: FloatArray, origin: Sequence[float], yaw: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the measurements of positions, and their derivatives by the position.
@@ -81,7 +81,7 @@ def to_plane(measurement: FloatArray, origin: Sequence[float], yaw: float) -> Fl
 def error_axes(
     measurement: FloatArray, std: FloatArray, yaw: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the principal axes of positions' errors and deviations along them, in metres.
+    """Return the principal axes of positions' errors and the standard deviations along them.
 
     Parameters
     ----------
@@ -93,6 +93,7 @@ def error_axes(
     axes : array of shape (M, 2, 2)
         Along the line of sight and across it, unit vectors in columns.
     std : array of shape (M, 2)
+        Metres.
     """
     bearing = measurement[:, 1] + yaw
     along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
@@ -110,7 +111,7 @@ def passes(
     gate: float,
     detections: Detections,
 ) -> BoolArray:
-    """Return whether an antenna may have passed the circles about positions, shape (T,).
+    """Return whether an antenna may have swept the circles around positions, shape (T,).
 
     Parameters
     ----------
@@ -120,9 +121,9 @@ def passes(
     origin : sequence of two floats
     yaw : float
     gate : float
-        How far from its direction the antenna may detect something, radians.
+        Largest offset of a detection from the antenna's direction, radians.
     detections : Detections
-        They say where the antenna was; it was wherever there are some, too.
+        The antenna swept their coverage, and the azimuths of the detections themselves.
     """
     line = position - np.asarray(origin)
     distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), LEAST_RANGE)

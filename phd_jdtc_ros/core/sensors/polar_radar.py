@@ -1,7 +1,4 @@
-"""The polar radar: geometry, detection probability, clutter, and the gated likelihood.
-
-Range rates are in `range_rate`.
-"""
+"""The polar radar: geometry, detection probability, clutter, and the gated likelihood."""
 
 from __future__ import annotations
 
@@ -42,37 +39,37 @@ class RadarModel:
     yaw : float
         Direction of the sensor's x axis in the world frame, radians counter-clockwise.
     range_std, azimuth_std : float
-        Measurement noise, metres and radians.
+        Standard deviations of the measurement noise, metres and radians.
     visibility : Visibility
-        Field of view, and the detection probability where it is given.
+        Field of view, and the detection probability if it is given.
     clutter_rate : float
         Expected false detections per scan.
     clutter_max_range : float
-        False detections are uniform in azimuth and in range up to this range, metres.
+        Largest range of the uniform clutter, metres.
     threshold : float
         Detection threshold tau on the amplitude.
     space : StateSpace
-        Of the states that it measures.
+        Axes of the measured states.
     range_growth : float
-        Standard deviation that the range has in addition, in metres per metre of range.
+        Additional standard deviation of the range, metres per metre of range.
     rotation_s : float
         Time of one turn of the antenna, seconds; 0 if it does not turn.
     clutter_amplitude : ClutterAmplitude
         Law of the amplitudes of false detections.
     clutter_map : ClutterMap or None
-        Where they come from; None if that is not to be learned.
+        Learned map of false detections; None without a map.
     clutter_count : ClutterCount or None
-        What its clutter rate is learned from; None if that is given.
+        Learned clutter rate; None if the rate is given.
     clutter_map_speed : float
-        What targets slower than this claim counts for the map all the same, metres per second.
+        Detections of targets slower than this count as clutter for the map, metres per second.
     range_rate : RangeRateModel or None
-        How it measures range rates; None if it does not, or if they are not to be used.
+        Model of its range rates; None if it has none, or if they are not used.
     velocity : tuple of two floats
         In the world frame, metres per second; range rates are relative to it.
     cluster_distance : float
-        Within which detections are merged, metres; 0 for none. See `detection_clusters`.
+        Distance within which detections are merged, metres; 0 for none. See `detection_clusters`.
     height_reading : HeightReading or None
-        How ranges depend on heights that detections may have; None where they do not.
+        Dependence of ground ranges on heights; None if they do not depend on them.
 
     Notes
     -----
@@ -103,27 +100,27 @@ class RadarModel:
 
     @property
     def max_range(self) -> float:
-        """Targets beyond it are not detected and detections beyond it are rejected, metres."""
+        """Largest range, metres: targets are not detected and detections are rejected beyond."""
         return self.visibility.max_range
 
     def at(self, pose: Pose | None) -> RadarModel:
-        """Return the radar at a pose; None is for where it is."""
+        """Return the radar at a pose; None keeps its pose."""
         if pose is None:
             return self
         return replace(self, position=pose.position, yaw=pose.yaw, velocity=pose.velocity)
 
     @property
     def polar(self) -> bool:
-        """It measures range and azimuth from its position."""
+        """True: it measures range and azimuth from its position."""
         return True
 
     @property
     def field_size(self) -> float:
-        """Radians times metres of its field of view."""
+        """Size of its field of view, radians times metres."""
         return self.visibility.fov.width * self.max_range
 
     def turning_in(self, rotation_s: float) -> RadarModel:
-        """Return the radar with another time of a turn, seconds."""
+        """Return the radar with another period of its antenna, seconds."""
         return replace(self, rotation_s=rotation_s)
 
     def with_clutter(
@@ -132,7 +129,7 @@ class RadarModel:
         places: ClutterMap | None = None,
         count: ClutterCount | None = None,
     ) -> RadarModel:
-        """Return the radar with learned clutter; what is None stays."""
+        """Return the radar with learned clutter; None keeps a model."""
         return replace(
             self,
             clutter_amplitude=self.clutter_amplitude if amplitude is None else amplitude,
@@ -142,25 +139,25 @@ class RadarModel:
         )
 
     def limited(self, threshold: float, clutter_rate: float) -> RadarModel:
-        """Return the radar with another threshold and rate of false detections."""
+        """Return the radar with another threshold and clutter rate."""
         return replace(self, threshold=threshold, clutter_rate=clutter_rate)
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return noise-free (range, azimuth) of each state; shape (N, D) to (N, 2)."""
         position = state[:, list(self.space.position)]
-        return polar_geometry.measured(position, self.position, self.yaw)
+        return polar_geometry.measure(position, self.position, self.yaw)
 
-    def linearised(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (range, azimuth) of positions and Jacobians; see `polar_geometry.linearised`."""
-        return polar_geometry.linearised(position, self.position, self.yaw)
+    def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (range, azimuth) of positions and Jacobians; see `polar_geometry.linearise`."""
+        return polar_geometry.linearise(position, self.position, self.yaw)
 
-    def wrapped(self, error: FloatArray) -> FloatArray:
-        """Return differences of (range, azimuth) with that of the azimuth wrapped; (..., 2)."""
+    def wrap(self, error: FloatArray) -> FloatArray:
+        """Return differences of (range, azimuth) with wrapped azimuths; (..., 2)."""
         wrapped: FloatArray = np.stack([error[..., 0], wrap_angle(error[..., 1])], axis=-1)
         return wrapped
 
     def reachable(self, measured: FloatArray) -> FloatArray:
-        """Return (range, azimuth) with an infinite range where it is beyond the radar's."""
+        """Return (range, azimuth) with ranges beyond the radar's set to infinity."""
         inside: FloatArray = measured.copy()
         inside[inside[:, 0] > self.max_range, 0] = np.inf
         return inside
@@ -198,9 +195,9 @@ class RadarModel:
         return np.array([self.range_std, self.azimuth_std])
 
     def detection_noise(self, detections: Detections) -> FloatArray | None:
-        """Return the deviations of each detection, shape (M, 2); None if all have `noise_std`.
+        """Return the standard deviations of each detection, (M, 2); None if all have `noise_std`.
 
-        Where a detection has none of its own, its range's deviation grows with the range.
+        Without a standard deviation of its own, a detection has one that grows with the range.
         """
         own = detections.noise_std
         if own is None and self.range_growth == 0.0:
@@ -210,12 +207,12 @@ class RadarModel:
         return usual if own is None else np.where(np.isfinite(own), own, usual)
 
     def deviations(self, detections: Detections) -> FloatArray:
-        """Return the deviations of each detection, shape (M, 2), also where all have the same."""
+        """Return the standard deviations of each detection, shape (M, 2)."""
         own = self.detection_noise(detections)
         return np.tile(self.noise_std, (len(detections), 1)) if own is None else own
 
     def rates_of(self, detections: Detections) -> Rates | None:
-        """Return the range rates of detections; None if there are none to be used."""
+        """Return the range rates of detections; None without usable ones."""
         model, rate = self.range_rate, detections.range_rate
         if model is None or rate is None:
             return None
@@ -244,7 +241,7 @@ class RadarModel:
     def log_range_rate(
         self, state: FloatArray, detections: Detections, pairs: tuple[IntArray, IntArray]
     ) -> FloatArray | float:
-        """Return the log likelihood of the range rates of pairs, (P,); 0 where they are unknown.
+        """Return the log likelihood of the range rates of pairs, (P,); 0 for unknown ones.
 
         Parameters
         ----------
@@ -265,11 +262,11 @@ class RadarModel:
         return measured.model.log_density(error, measured.std[column] ** 2)
 
     def given_detection_probability(self, measured: FloatArray) -> FloatArray | None:
-        """Return the p_D that is given for (range, azimuth), (N,); None if none is given."""
+        """Return the configured p_D at (range, azimuth), (N,); None without one."""
         return self.visibility.probability(measured[:, 0]) if self.visibility.given else None
 
     def miss_probability(self, log_snr: FloatArray) -> FloatArray:
-        """Return 1 - p_D of targets of these ln(1 + SNR), at the range of the best; shape kept."""
+        """Return 1 - p_D of targets by ln(1 + SNR), at the range of the best p_D; shape kept."""
         if self.visibility.given:
             return np.full_like(log_snr, 1.0 - max(self.visibility.probabilities))
         missed: FloatArray = -np.expm1(-0.5 * self.threshold**2 * np.exp(-log_snr))
@@ -287,17 +284,17 @@ class RadarModel:
         coverage: Coverage | None,
         azimuth_std: FloatArray | float | None = None,
     ) -> FloatArray:
-        """Return the probability that the antenna passes each target and could report it, (N,).
+        """Return the probability that a report covers each target, (N,).
 
         Parameters
         ----------
         predicted : array of shape (N, 2)
-            `measure` of the targets.
+            Predicted measurements of the targets.
         coverage : Coverage or None
-            Of the report. A plot belongs to the sector in which it is measured.
+            Coverage of the report. A plot belongs to the sector of its measured azimuth.
         azimuth_std : array of shape (N,), float or None
-            Standard deviation of the azimuth that would be measured, radians; None for the radar's
-            own, if the positions are certain.
+            Standard deviation of the predicted azimuth, radians; None for the radar's own noise, if
+            the positions are certain.
         """
         seen = self.visibility.sees(predicted)
         if coverage is not None:
@@ -308,7 +305,7 @@ class RadarModel:
     def log_clutter_intensity(self, detections: Detections) -> FloatArray:
         """Return log kappa(z) over (range, azimuth, range rate, amplitude), shape (M,).
 
-        Where an amplitude or a range rate is unknown it is the intensity over the others.
+        For an unknown amplitude or range rate it is the intensity over the other components.
         """
         area = FULL_TURN * self.clutter_max_range
         log_intensity = np.full(len(detections), np.log(self._rate_of_turn / area))
@@ -326,9 +323,9 @@ class RadarModel:
         return np.where(np.isnan(density), log_intensity, density)
 
     def log_clutter_factor(self, measurement: FloatArray) -> FloatArray:
-        """Return the log density of clutter at (range, azimuth) over the uniform one, (M,).
+        """Return the log ratio of all clutter to the uniform one at (range, azimuth), (M,).
 
-        It is 0 without a map of clutter.
+        It is 0 without a clutter map.
         """
         if self.clutter_map is None:
             return np.zeros(len(measurement))
@@ -337,13 +334,14 @@ class RadarModel:
         return self.clutter_map.log_factor(measurement, world, *uniform)
 
     def neighbourhood_density(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
-        """Return the neighbourhoods of places in the radar's map of clutter, (M,).
+        """Return the detections per turn around places in the radar's clutter map, (M,).
+
+        Places outside the field of view have infinite density, except for a moving radar.
 
         Parameters
         ----------
         measurement, world : arrays of shape (M, 2)
-            See `ClutterMap.about`. Where the radar does not see, nothing is known: infinity. One
-            that moves may have seen any place.
+            See `ClutterMap.about`.
         """
         if self.clutter_map is None:
             return np.zeros(len(measurement))
@@ -355,7 +353,7 @@ class RadarModel:
 
     @property
     def _rate_of_turn(self) -> float:
-        """Expected uniform clutter of a whole turn, of which the radar may see a part; above 0."""
+        """Expected uniform clutter of a whole turn, scaled up from the field of view; above 0."""
         # A rate of zero is allowed; the floor keeps the update's quotient defined.
         rate = max(self.clutter_rate, np.finfo(float).tiny)
         return rate * FULL_TURN / self.visibility.fov.width
@@ -367,8 +365,8 @@ class RadarModel:
 
         Notes
         -----
-        Where p_D follows from the classes' signal-to-noise ratios, the product p_D g^tau is g_c
-        itself. A given p_D is that at the detection's range. Where an amplitude is unknown, the
+        If p_D follows from the classes' signal-to-noise ratios, the product p_D g^tau is g_c
+        itself. A configured p_D is evaluated at the detection's range. For an unknown amplitude the
         result is log p_D,c.
         """
         log_band = np.log(self.class_detection_probability(classes))[:, None]
@@ -407,25 +405,22 @@ class RadarModel:
         return polar_gate.gated_boxes(gaussians, noise, detections, self.max_range)
 
     def candidates(self, predicted: FloatArray, detections: Detections) -> int:
-        """Return how many pairs `gated_pairs` would look at; about twice those that it finds."""
+        """Return the number of candidate pairs of `gated_pairs`."""
         return polar_gate.candidates(predicted, detections, self.noise_std)
 
     def passes(self, position: FloatArray, radius: FloatArray, detections: Detections) -> BoolArray:
-        """Return whether the antenna may have passed the circles about positions, shape (T,).
-
-        It was where it says, and wherever it has detected something.
-        """
+        """Return whether the antenna may have swept the circles around positions, shape (T,)."""
         std = GATE_SIGMA * self.azimuth_std
         return polar_geometry.passes(position, radius, self.position, self.yaw, std, detections)
 
 
 def polar_radars(sensors: Iterable[Sensor]) -> tuple[RadarModel, ...]:
-    """Return sensors that are polar radars, for what serves these alone.
+    """Return the sensors as polar radars, for functions that support only these.
 
     Raises
     ------
     TypeError
-        If one of them is of another kind.
+        If a sensor is not a polar radar.
     """
     radars = []
     for sensor in sensors:

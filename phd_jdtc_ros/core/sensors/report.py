@@ -1,4 +1,4 @@
-"""A report as the update sees it: a sensor at its pose, its detections, and their columns."""
+"""A report for the update: a sensor at its pose, its detections, and values computed from them."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from .sensor import PlanePlots, Sensor
 
 @dataclass(frozen=True)
 class Report:
-    """One sensor's detections, with the sensor as it was then; columns are computed once.
+    """Detections of one sensor, with the sensor at its pose; computed columns are cached.
 
     Parameters
     ----------
     sensor : Sensor
-        At its pose, with what is known of its clutter.
+        At its pose, with its learned clutter.
     detections : Detections
-        M of them; a report without detections is valid.
+        M detections; a report without detections is valid.
     share : float
-        Share of the sensor's detections without amplitudes that `detection_limit` has kept.
+        Share of the detections that `detection_limit` has kept, if they have no amplitudes.
     complete : bool
-        Whether these are all detections that the sensor reported.
+        Whether the report has all detections of the sensor.
     """
 
     sensor: Sensor
@@ -42,7 +42,7 @@ class Report:
         return replace(self, detections=self.detections.take(rows))
 
     def read_as(self, detections: Detections) -> Report:
-        """Return the report with other readings of its detections."""
+        """Return the report with other projections of its detections."""
         return self if detections is self.detections else replace(self, detections=detections)
 
     @cached_property
@@ -63,7 +63,7 @@ class Report:
 
     @cached_property
     def range_rates(self) -> Rates | None:
-        """Range rates of the detections; None if there are none to be used."""
+        """Range rates of the detections; None without usable ones."""
         return self.sensor.rates_of(self.detections)
 
     @cached_property

@@ -1,7 +1,7 @@
-"""What an engine asks of a sensor: measurements of states, coverage, clutter, places in the plane.
+"""Protocol of a sensor for engines: measurements, coverage, clutter, and positions in the plane.
 
-`polar_radar.RadarModel` is the implementation. Engines, births, the region, the clutter's memory
-and the reporting rule see this protocol only.
+`polar_radar.RadarModel` is the implementation. Engines, births, the region, clutter learning and
+the reporting rule depend only on this protocol.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class PlanePlots(NamedTuple):
     position : array of shape (M, 2)
         Metres.
     axes : array of shape (M, 2, 2)
-        Principal axes of their errors, unit vectors in columns.
+        Principal axes of the errors, unit vectors in columns.
     std : array of shape (M, 2)
         Standard deviations along these axes, metres.
     """
@@ -45,7 +45,7 @@ class PlanePlots(NamedTuple):
 
     @property
     def covariance(self) -> FloatArray:
-        """Square metres, shape (M, 2, 2)."""
+        """Covariances of the positions, square metres, shape (M, 2, 2)."""
         covariance = np.zeros_like(self.axes)
         for std, axis in zip(self.std.T, np.moveaxis(self.axes, 2, 0), strict=True):
             covariance += (std**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
@@ -53,27 +53,27 @@ class PlanePlots(NamedTuple):
 
 
 class Sensor(Protocol):
-    """A sensor at its pose, with what is known of its noise, its coverage and its clutter.
+    """A sensor at its pose, with models of its noise, its coverage and its clutter.
 
-    Measurements have shape (..., Z), positions (..., 2) and states (..., D); the latter two are in
-    the world frame.
+    Measurements have shape (..., Z), positions (..., 2) and states (..., D). Positions and states
+    are in the world frame.
     """
 
     @property
     def name(self) -> str:
-        """Also the sensor's frame."""
+        """Name of the sensor and of its frame."""
 
     @property
     def space(self) -> StateSpace:
-        """Axes of the states that it measures."""
+        """Axes of the measured states."""
 
     @property
     def position(self) -> tuple[float, float]:
-        """Where it measures from, metres."""
+        """Position of the sensor, metres."""
 
     @property
     def velocity(self) -> tuple[float, float]:
-        """Metres per second; range rates are relative to it."""
+        """Velocity of the sensor, metres per second; range rates are relative to it."""
 
     @property
     def yaw(self) -> float:
@@ -81,7 +81,7 @@ class Sensor(Protocol):
 
     @property
     def polar(self) -> bool:
-        """Whether it measures range and azimuth from its position, as compiled loops assume."""
+        """Whether it measures range and azimuth from its position, as compiled loops require."""
 
     @property
     def noise_std(self) -> FloatArray:
@@ -89,19 +89,19 @@ class Sensor(Protocol):
 
     @property
     def range_rate(self) -> RangeRateModel | None:
-        """How it measures range rates; None if it does not."""
+        """Model of its range rates; None without any."""
 
     @property
     def rotation_s(self) -> float:
-        """Seconds between two looks at one place, if it turns; else 0."""
+        """Period of a turning antenna, seconds; 0 if it does not turn."""
 
     @property
     def cluster_distance(self) -> float:
-        """Detections within this distance are of one object, metres; 0 for none."""
+        """Distance within which detections are merged, metres; 0 for none."""
 
     @property
     def height_reading(self) -> HeightReading | None:
-        """How its measurements depend on heights of targets; None if they do not."""
+        """Dependence of its measurements on heights of targets; None without any."""
 
     @property
     def clutter_rate(self) -> float:
@@ -113,15 +113,15 @@ class Sensor(Protocol):
 
     @property
     def clutter_map(self) -> ClutterMap | None:
-        """Where false detections come from; None if that is not learned."""
+        """Learned map of false detections; None without a map."""
 
     @property
     def clutter_map_speed(self) -> float:
-        """Claims of targets slower than this are learned as clutter, metres per second."""
+        """Detections of targets slower than this are learned as clutter, metres per second."""
 
     @property
     def clutter_count(self) -> ClutterCount | None:
-        """What its clutter rate is learned from; None if that is given."""
+        """Learned clutter rate; None if the rate is given."""
 
     @property
     def threshold(self) -> float:
@@ -129,13 +129,13 @@ class Sensor(Protocol):
 
     @property
     def field_size(self) -> float:
-        """Size of its field of view in units of the measurement: unknown targets are uniform."""
+        """Size of the field of view, in which unknown targets are uniform, in measurement units."""
 
     def at(self, pose: Pose | None) -> Sensor:
-        """Return the sensor at a pose; None is for where it is."""
+        """Return the sensor at a pose; None keeps its pose."""
 
     def turning_in(self, rotation_s: float) -> Sensor:
-        """Return the sensor with another time of a turn, seconds."""
+        """Return the sensor with another period of its antenna, seconds."""
 
     def with_clutter(
         self,
@@ -143,10 +143,10 @@ class Sensor(Protocol):
         places: ClutterMap | None = None,
         count: ClutterCount | None = None,
     ) -> Sensor:
-        """Return the sensor with learned clutter; what is None stays."""
+        """Return the sensor with learned clutter; None keeps a model."""
 
     def limited(self, threshold: float, clutter_rate: float) -> Sensor:
-        """Return the sensor with another threshold and rate of false detections."""
+        """Return the sensor with another threshold and clutter rate."""
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return the noise-free measurement of each state, (N, D) to (N, Z)."""
@@ -154,14 +154,14 @@ class Sensor(Protocol):
     def measurement_rate(self, state: FloatArray) -> FloatArray:
         """Return the time derivative of each state's measurement, (N, D) to (N, Z)."""
 
-    def linearised(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the measurements of positions and their Jacobians, (..., Z) and (..., Z, 2)."""
 
-    def wrapped(self, error: FloatArray) -> FloatArray:
-        """Return differences of measurements, (..., Z), with those of angles wrapped."""
+    def wrap(self, error: FloatArray) -> FloatArray:
+        """Return differences of measurements, (..., Z), with wrapped angles."""
 
     def reachable(self, measured: FloatArray) -> FloatArray:
-        """Return the measurements of states; those beyond its range are in no detection's gate."""
+        """Return the measurements, changed so that none beyond its range is in any gate."""
 
     def deviations(self, detections: Detections) -> FloatArray:
         """Return the standard deviations of each detection, (M, Z)."""
@@ -172,14 +172,14 @@ class Sensor(Protocol):
         """Return the pairs of points and detections in the gate, with their log likelihoods."""
 
     def candidates(self, predicted: FloatArray, detections: Detections) -> int:
-        """Return how many pairs `gated_pairs` would look at."""
+        """Return the number of candidate pairs of `gated_pairs`."""
 
     def gated_boxes(
         self, gaussians: GatedGaussians, detections: Detections
     ) -> tuple[IntArray, IntArray, BoolArray]:
         """Return the pairs of rows and detections in the boxes around the gates of Gaussians.
 
-        The mask, (H, R), is of Gaussians that the sensor may see anywhere, without a gate.
+        The mask, (H, R), marks Gaussians that can be detected at any azimuth, without a gate.
         """
 
     def missable(
@@ -188,16 +188,16 @@ class Sensor(Protocol):
         coverage: Coverage | None,
         azimuth_std: FloatArray | float | None = None,
     ) -> FloatArray:
-        """Return the probability that the sensor covers each target and could report it, (N,)."""
+        """Return the probability that a report covers each target, (N,)."""
 
     def passes(self, position: FloatArray, radius: FloatArray, detections: Detections) -> BoolArray:
-        """Return whether a report may have swept the circles about positions, (T,)."""
+        """Return whether a report may have swept the circles around positions, (T,)."""
 
     def given_detection_probability(self, measured: FloatArray) -> FloatArray | None:
-        """Return the p_D that is given for measurements, (N,); None if it follows from the SNR."""
+        """Return the configured p_D at measurements, (N,); None if it follows from the SNR."""
 
     def miss_probability(self, log_snr: FloatArray) -> FloatArray:
-        """Return 1 - p_D of targets of these ln(1 + SNR), at best in its range; shape kept."""
+        """Return 1 - p_D of targets by ln(1 + SNR), at the range of the best p_D; shape kept."""
 
     def class_detection_probability(self, classes: tuple[ClassModel, ...]) -> FloatArray:
         """Return p_D of each class from its signal-to-noise ratios, (C,)."""
@@ -208,7 +208,7 @@ class Sensor(Protocol):
         """Return log p_D g(a) of every class and detection, (C, M)."""
 
     def rates_of(self, detections: Detections) -> Rates | None:
-        """Return the range rates of detections; None if there are none to be used."""
+        """Return the range rates of detections; None without usable ones."""
 
     def range_rate_of(self, state: FloatArray, time_s: FloatArray | None = None) -> FloatArray:
         """Return the noise-free range rate of each state, m/s, (N,)."""
@@ -216,7 +216,7 @@ class Sensor(Protocol):
     def log_range_rate(
         self, state: FloatArray, detections: Detections, pairs: tuple[IntArray, IntArray]
     ) -> FloatArray | float:
-        """Return the log likelihood of the range rates of pairs, (P,); 0 where unknown."""
+        """Return the log likelihood of the range rates of pairs, (P,); 0 for unknown ones."""
 
     def line_of_sight(self, position: FloatArray) -> FloatArray:
         """Return unit vectors from the sensor to positions, (N, 2)."""
@@ -225,10 +225,10 @@ class Sensor(Protocol):
         """Return the log intensity of false detections at each detection, (M,)."""
 
     def log_clutter_factor(self, measurement: FloatArray) -> FloatArray:
-        """Return the log density of clutter relative to the uniform one, (M,)."""
+        """Return the log ratio of all clutter to the uniform one, (M,)."""
 
     def neighbourhood_density(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
-        """Return the detections per turn around places in the map of clutter, (M,)."""
+        """Return the detections per turn around places in the clutter map, (M,)."""
 
     def to_world(self, measurement: FloatArray) -> FloatArray:
         """Return the positions of measurements, (M, Z) to (M, 2)."""
@@ -240,11 +240,11 @@ class Sensor(Protocol):
         """Return positions drawn from detections' noise, given (M, K, Z) normals; (M, K, 2)."""
 
     def log_jacobian(self, measured: FloatArray) -> FloatArray:
-        """Return log |dz/dp| at measurements: from a density over them to one over the plane."""
+        """Return log |dz/dp| at measurements: converts their density to one in the plane."""
 
 
 class GatedGaussians(NamedTuple):
-    """Gaussians as a sensor measures them, and the gates around them.
+    """Gaussians in measurement space, and the size of their gates.
 
     Parameters
     ----------

@@ -140,7 +140,7 @@ def _survivors(
     origin = particles.origin[copy]
     if (factor != 1.0).any():
         weight = _of_equal_mass(weight * factor, weight, origin)
-    log_snr = model.amplitudes.moved(particles.log_snr[copy], mode, modes, dt, rng)
+    log_snr = model.amplitudes.diffuse(particles.log_snr[copy], mode, modes, dt, rng)
     return _fresh(state, mode, origin, copy, weight, log_snr)
 
 
@@ -179,7 +179,7 @@ def _spawn(
         state[chosen] = centre
     rate = spawn.rate * dt / model.modes.interval_s
     weight = np.full(len(parent), rate * mass / max(count, 1))
-    log_snr = model.amplitudes.born(mode, model.modes, rng)
+    log_snr = model.amplitudes.draw(mode, model.modes, rng)
     origins_of_spawn = particles.origin[parent]
     if corrector.labelled:
         origins_of_spawn = origin + factorize(origins_of_spawn)[1]
@@ -202,5 +202,5 @@ def _births(
         np.full(count, origin),
         np.full(count, -1),
         np.full(count, expected / count),
-        model.amplitudes.born(mode, model.modes, rng),
+        model.amplitudes.draw(mode, model.modes, rng),
     )

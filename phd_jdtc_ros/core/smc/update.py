@@ -53,7 +53,7 @@ class ParticleSteps:
         count, births = len(weight), len(newborn)
         amplitude = newborn.report.detections.amplitude
         amplitude = None if amplitude is None else amplitude.take(detection)
-        log_snr = model.amplitudes.born(mode, model.modes, rng, amplitude)
+        log_snr = model.amplitudes.draw(mode, model.modes, rng, amplitude)
         own = label + np.arange(births) if self.corrector.labelled else np.full(births, -1)
         added = sparse.csr_array((weight, detection, np.arange(count + 1)), shape=(count, births))
         return ParticleSet(

@@ -27,11 +27,11 @@ def sobol_points(dimension: int, count: int) -> FloatArray:
     Raises
     ------
     ValueError
-        If the count is none of these.
+        If the count is not such a power of two.
     """
     if count < 1 or count & (count - 1) or count > 2**BITS:
         raise ValueError(f"count: {count} given, must be a power of two, at most 2^{BITS}")
-    # Half a second, a third of a live node's start, which only particles are to pay.
+    # Imported here because only the particle engine needs it: it takes half a second.
     from scipy.stats import qmc
 
     points = qmc.Sobol(dimension, scramble=False, bits=BITS).random(count)

@@ -1,8 +1,8 @@
-"""The aircraft that tracks have been of, by their addresses: so that one has one number.
+"""Aircraft known by their addresses: a new track of a known aircraft has the same number.
 
-Number and address of every track are kept with its last place, for a while after its end. A track
-that begins with such an address, where that aircraft may be by then, is of the same aircraft. One
-that is too far away is of another that was given the same address.
+Number, address and last position of every track are stored, and kept for some time after its end. A
+new track with the address, at a place that the aircraft can have reached, belongs to the same
+aircraft. A track that is too far away belongs to another aircraft with the same address.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from ..snapshot import (
 )
 from ..types import CONFIRMED, UNKNOWN, Estimates
 
-# At most so many aircraft are kept, those seen last.
+# Largest number of aircraft that are stored; the most recently detected ones stay.
 MOST_AIRCRAFT = 10_000
-# Deviations of a new target's velocity that the fastest one has.
+# Largest speed, in standard deviations of a new target's velocity.
 FASTEST_SIGMA = 3.0
-# Metres between two places of one aircraft at one time: by what tracks and radars are off.
+# Tolerance of the distance between two tracks of one aircraft, for errors of both, metres.
 MARGIN = 1000.0
 MOST_ADDRESS = (1 << 24) - 1
 
 
 @dataclass(frozen=True)
 class Reach:
-    """How far aircraft may go while they have no track, and for how long they are kept.
+    """Limits within which a new track may belong to an aircraft without a track.
 
     Parameters
     ----------
     kept_s : float
-        Seconds.
+        Time for which aircraft are stored, seconds.
     speed : float
-        Of the fastest, metres per second.
+        Speed of the fastest aircraft, metres per second.
     """
 
     kept_s: float
@@ -52,7 +52,7 @@ class Reach:
 
     @staticmethod
     def of(model: TrackerModel) -> Reach | None:
-        """Return the reach of a model's targets; None where no radar reports identities."""
+        """Return the reach of a model's targets; None if no radar reports identities."""
         if model.attributes is None:
             return None
         speed = FASTEST_SIGMA * model.detection_births.velocity_std
@@ -60,7 +60,7 @@ class Reach:
 
 
 class LastSeen(NamedTuple):
-    """Where the track of a number was when it was confirmed last.
+    """Last confirmed estimate of a track.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class LastSeen(NamedTuple):
     speed: float
 
     def may_be_at(self, position: Sequence[float], stamp_ns: int, reach: Reach) -> bool:
-        """Return whether the aircraft may be at a place at a time, earlier or later."""
+        """Return whether the aircraft can be at a position at an earlier or later time."""
         since_s = abs(stamp_ns - self.stamp_ns) * 1e-9
         moved = float(np.hypot(position[0] - self.position[0], position[1] - self.position[1]))
         allowed = max(reach.speed, self.speed) * since_s + MARGIN
@@ -86,7 +86,7 @@ class LastSeen(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """The numbers of tracks and their `LastSeen`, by columns of R rows, as they are stored."""
+    """Snapshot of track numbers and their `LastSeen`, as columns of R rows."""
 
     number: Annotated[IntArray, integers("R", 1)]
     address: Annotated[IntArray, integers("R", 0, MOST_ADDRESS)]
@@ -97,12 +97,12 @@ class Seen(NamedTuple):
 
 @dataclass
 class KnownAircraft:
-    """The numbers of tracks whose addresses are known, and where they were last.
+    """Numbers and last estimates of the tracks with known addresses.
 
     Parameters
     ----------
     seen : dict of number to LastSeen
-        Those that were seen last are last.
+        In the order of their last confirmed estimates.
     """
 
     seen: dict[int, LastSeen] = field(default_factory=dict)
@@ -118,7 +118,7 @@ class KnownAircraft:
     ) -> int | None:
         """Return the number of the aircraft with an address at a place; None if it is a new one.
 
-        Of several it is that which was seen last, and then the oldest.
+        Among several, the most recent one is returned, and then the one with the smallest number.
         """
         possible = [
             number
@@ -128,7 +128,7 @@ class KnownAircraft:
         return min(possible, key=lambda n: (-self.seen[n].stamp_ns, n), default=None)
 
     def note(self, estimates: Estimates, reach: Reach) -> None:
-        """Keep where the confirmed tracks of a set are, and forget who was not seen for long."""
+        """Store the positions of confirmed tracks, and drop aircraft not seen for too long."""
         if estimates.attributes is None:
             return
         known = (estimates.attributes.address != UNKNOWN) & (estimates.track_id > 0)
@@ -158,7 +158,7 @@ class KnownAircraft:
                 del self._of_address[last.address]
 
     def to_snapshot(self, snapshot: Snapshot) -> None:
-        """Store what is kept in a snapshot."""
+        """Store the aircraft in a snapshot."""
         address, stamp_ns, position, speed = (
             zip(*self.seen.values(), strict=True) if self.seen else ((), (), (), ())
         )
@@ -173,12 +173,12 @@ class KnownAircraft:
 
     @staticmethod
     def from_snapshot(snapshot: Snapshot, count: int) -> KnownAircraft:
-        """Return what a snapshot has kept, of numbers up to `count`.
+        """Return the stored aircraft, with numbers up to `count`.
 
         Raises
         ------
         ValueError
-            If it is nothing that the tracker could have stored.
+            If the tracker cannot have stored these values.
         """
         table = from_snapshot(Seen, snapshot, "aircraft", {"A": 2})
         if table.number.max(initial=0) > count or len(table.number) > MOST_AIRCRAFT:

@@ -1,6 +1,6 @@
 """Track numbers: small, in the order in which tracks are first reported.
 
-A track of an aircraft that had a number before, by its address, has that number again; and of two
+A new track of an aircraft that had a number before, by its address, has that number again. Two
 tracks of one aircraft both have the older number, and the better one is reported.
 """
 
@@ -18,14 +18,15 @@ from ..snapshot import MOST_INDEX, Snapshot, from_snapshot, integers, to_snapsho
 from ..types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
 from .known_aircraft import MARGIN, KnownAircraft, Reach
 
-# Messages have 32 bits for a track's number; half of them are left for what is still to come.
+# Largest restored number: messages have 32 bits for a track number, and half of the range remains
+# for tracks after the restart.
 MOST_TRACKS = 1 << 31
-# Of two tracks of one aircraft that is reported which is confirmed, else which is coasting.
+# Rank of two tracks of one aircraft by their states; the lower one is reported.
 PREFERENCE = {CONFIRMED: 0, COASTING: 1, TENTATIVE: 2}
 
 
 class Numbers(NamedTuple):
-    """The last number given, and the labels and numbers in use, each (T,), as they are stored."""
+    """Snapshot of the last assigned number, and of the labels and numbers in use, each (T,)."""
 
     last: Annotated[int, integers("", 0, MOST_TRACKS)]
     label: Annotated[IntArray, integers("T", 0, MOST_INDEX + 1)]
@@ -40,9 +41,9 @@ class TrackNumbers:
     number : dict of label to number, or None
         The numbers in use.
     count : int
-        The last number given; the first is 1.
+        The last assigned number; the first is 1.
     aircraft : KnownAircraft or None
-        Those of tracks with known addresses.
+        Aircraft with known addresses.
     """
 
     def __init__(
@@ -55,14 +56,14 @@ class TrackNumbers:
         self.count = count
         self.aircraft = aircraft or KnownAircraft()
 
-    def numbered(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
-        """Return the estimates with track numbers for labels, each once; 0 stays 0.
+    def assign(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
+        """Return the estimates with distinct track numbers in the place of labels; 0 stays 0.
 
         Parameters
         ----------
         estimates : Estimates
         reach : Reach or None
-            Of aircraft whose tracks have ended; None where no radar reports identities.
+            Reach of aircraft whose tracks have ended; None if no radar reports identities.
         """
         label = estimates.track_id.tolist()
         if reach is None or estimates.attributes is None:
@@ -95,7 +96,7 @@ class TrackNumbers:
                 self._number.update(dict.fromkeys(labels, min(given)))
 
     def _part(self, estimates: Estimates) -> None:
-        """Take a number from the younger of two confirmed tracks that are not one aircraft."""
+        """Withdraw the number of the younger of two confirmed tracks of different aircraft."""
         confirmed = estimates.track_state == CONFIRMED
         number = [self._number.get(label, 0) for label in estimates.track_id.tolist()]
         for one, other in _pairs(np.where(confirmed, number, 0), 0):
@@ -138,10 +139,10 @@ class TrackNumbers:
 
 
 class NoNumbers(TrackNumbers):
-    """Leaves labels as they are, while it is not known yet which of them have a number."""
+    """Keeps labels as track numbers, while scans are reprocessed."""
 
-    def numbered(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
-        """Return the estimates as they are."""
+    def assign(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
+        """Return the estimates unchanged."""
         return estimates
 
     def forget_all_but(self, labels: list[IntArray]) -> None:
@@ -149,7 +150,7 @@ class NoNumbers(TrackNumbers):
 
 
 def _pairs(value: IntArray, none: int) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of rows that have the same value and not `none`."""
+    """Yield the pairs of rows with the same value, except for the value `none`."""
     known, count = np.unique(value[value != none], return_counts=True)
     for same in known[count > 1]:
         yield from itertools.combinations(np.flatnonzero(value == same).tolist(), 2)
@@ -161,7 +162,7 @@ def _apart(estimates: Estimates, one: int, other: int) -> float:
 
 
 def _best(estimates: Estimates) -> IntArray:
-    """Return the rows of the estimates, of those of one number only the best one."""
+    """Return the rows of the best estimate of each number, and all without a number."""
     number = estimates.track_id
     rank = np.array([PREFERENCE[state] for state in estimates.track_state.tolist()], dtype=np.int64)
     order = np.lexsort((-estimates.weight, rank, number))

@@ -15,7 +15,7 @@ from ..models.clutter_raster import ClutterRaster, raster
 from ..models.tracker_model import TrackerModel
 from ..snapshot import MOST_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from ..tracks import renumbering
-from ..tracks.common_stamp import Schedule, at_stamp, predicted
+from ..tracks.common_stamp import Schedule, at_stamp, predict
 from ..tracks.confirmation import TrackStates
 from ..tracks.known_aircraft import Reach
 from ..tracks.reporting_rule import ReportingRule
@@ -217,15 +217,16 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             states.append(self.save_state())
             steps.append(self.step(scan))
         self.retune(before.model, before.rule)
-        known = renumbering.continued(earlier, numbers.in_use, now, self._latest_targets(), first)
+        latest = self._latest_targets()
+        known = renumbering.continue_numbers(earlier, numbers.in_use, now, latest, first)
         self._tracks, reach = TrackNumbers(known, numbers.count, numbers.aircraft), self._reach
         filtered, smoothed = [], []
         for step in steps:
             if self.schedule.period_ns:
                 due = [found for found in step.filtered if found.stamp_ns > given[0]]
-                filtered += [self._tracks.numbered(found, reach) for found in due]
+                filtered += [self._tracks.assign(found, reach) for found in due]
             due = [found for found in step.smoothed if found.stamp_ns > given[1]]
-            smoothed += [self._tracks.numbered(found, reach) for found in due]
+            smoothed += [self._tracks.assign(found, reach) for found in due]
         own = {"numbers": self._tracks.in_use}
         states = [replace(each, state={**each.state, **own}) for each in states]
         self._tracks.forget_all_but([entry.stored.label for entry in self._window])
@@ -302,7 +303,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         """Store the filtered targets of a scan, and drop those of scans that are fully replaced."""
         current = {rows.entry.stamp_ns for rows in self.forward.current}
         found = self._extract_timed(updated, scan.stamp_ns, 0, self.rule.least)
-        reported = self._states.filtered(
+        reported = self._states.report_filtered(
             found, updated.label, current, scan, self.forward.mapped_model
         )
         every = {**self._filtered, scan.stamp_ns: reported}
@@ -333,13 +334,13 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
                 targets = targets.take(np.flatnonzero(alive))
             parts.append(targets)
         found, time_ns = Estimates.concatenate(parts, 0)
-        return predicted(found, time_ns, stamp_ns, self.forward.model.modes)
+        return predict(found, time_ns, stamp_ns, self.forward.model.modes)
 
     def _describe_and_number(self, found: Estimates, smoothed: bool) -> Estimates:
         """Return targets with their attributes, and with track numbers in the place of labels."""
         if self.forward.attributes is not None:
-            found = self.forward.attributes.described(found, smoothed)
-        return self._tracks.numbered(found, self._reach)
+            found = self.forward.attributes.describe(found, smoothed)
+        return self._tracks.assign(found, self._reach)
 
     @property
     def _reach(self) -> Reach | None:
@@ -373,7 +374,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             self.forward.done("extraction")
         else:
             found = self._empty(stamp_ns, lag)
-        found = self._states.smoothed(found)
+        found = self._states.report_smoothed(found)
         self._given_ns = self._given_ns[0], stamp_ns
         self._stamps = self._stamps[1:]
         self._trim()

@@ -104,7 +104,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     @property
     def mapped_model(self) -> TrackerModel:
         """The model, with the learned clutter maps of its radars."""
-        return self.clutter.mapped(self.model)
+        return self.clutter.with_learned_maps(self.model)
 
     @abstractmethod
     def step(self, scan: Scan, linked: bool) -> Filtered[RowsT, LinkT]:

@@ -163,7 +163,7 @@ def update(
     """
     model = steps.model
     if clutter is not None:
-        report = clutter.informed(report)
+        report = clutter.with_learned_clutter(report)
     prior = steps.prior(rows, report)
     limited = detection_limit.limited(report, prior.measured, float(prior.mass.sum()))
     if limited is not report:
@@ -194,7 +194,7 @@ def _gate_pairs(prior: Prior[RowsT], report: Report, attributes: AttributesAt | 
     """Return the gated pairs of rows and detections."""
     if attributes is None:
         return plain(prior.gate, report.detections)
-    return attributes.paired(prior.gate, prior.label, prior.target, report)
+    return attributes.pair(prior.gate, prior.label, prior.target, report)
 
 
 def _lost(
@@ -251,7 +251,7 @@ def update_scan(
         for newborn in updated.newborns:
             rows, born = steps.with_newborn(rows, newborn, label)
             if known is not None:
-                known.born(label, born.report.detections)
+                known.initiate(label, born.report.detections)
             label += len(born)
             newborns.append(born)
     return Updated(rows, tuple(newborns), approximate)

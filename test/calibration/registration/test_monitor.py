@@ -30,7 +30,7 @@ def monitored(scans, radars=RADARS):
 def off(scan, error):
     """Return a scan whose second radar has an error of (range, azimuth)."""
     first, second = scan.detections
-    _, wrong = RadarBias(error[0], 0.0, error[1]).added(scan.stamp_ns, second)
+    _, wrong = RadarBias(error[0], 0.0, error[1]).apply_to(scan.stamp_ns, second)
     return Scan(scan.stamp_ns, (first, wrong))
 
 

@@ -10,7 +10,7 @@ from runs import ENGINES, equal, restored_after, stepped, stored_and_read
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.models.detection_clusters import clustered
+from phd_jdtc_ros.core.models.detection_clusters import merge_clusters
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
 SCANS, PERIOD = 24, 4.0
@@ -188,7 +188,7 @@ def test_merged_detections_have_the_first_known_identity_and_the_mean_height():
         code=np.array([UNKNOWN, 5, UNKNOWN]),
         address=np.array([7, 8, UNKNOWN]),
     )
-    one = clustered(detections, radar)
+    one = merge_clusters(detections, radar)
     assert one.code.tolist() == [5, UNKNOWN]
     assert one.address.tolist() == [7, UNKNOWN]
     np.testing.assert_array_equal(one.height, [1005.0, np.nan])

@@ -67,7 +67,7 @@ def by_hand(expected, target, detections):
 
 def test_a_plot_of_a_false_height_is_read_at_the_height_of_each_target():
     expected, target, detections = crowd(np.random.default_rng(1))
-    pairs = readings.paired(
+    pairs = readings.pair(
         lambda seen: RADAR.gated_pairs(expected, seen),
         *(target, HEIGHTS, detections, RADAR.deviations(detections), RADAR.height_reading),
         HeightModel(),

@@ -122,7 +122,7 @@ def test_with_a_map_the_rate_is_that_of_what_comes_from_no_place_in_particular()
         answers = quay + rng.standard_normal(quay.shape) * std
         others = rng.uniform([1e3, -np.pi], [95e3, np.pi], (rng.poisson(6.0), 2))
         found = Detections(np.concatenate([answers, others]), None)
-        report = memory.informed(Report(model.radars[0], found))
+        report = memory.with_learned_clutter(Report(model.radars[0], found))
         memory.learn(report, np.zeros(len(found)), np.zeros(len(found)))
     assert memory.counts["radar"].rate == pytest.approx(6.0, rel=0.25)
 

@@ -275,7 +275,7 @@ class Notebook:
     def __init__(self, rate):
         self.rate, self.told = rate, []
 
-    def informed(self, report):
+    def with_learned_clutter(self, report):
         radar = replace(report.sensor, clutter_rate=self.rate, clutter_map_speed=20.0)
         return replace(report, sensor=radar)
 

@@ -58,7 +58,7 @@ class Register:
         self.stamps.append(stamp_ns)
         return self
 
-    def paired(self, gate, origin, target, report):
+    def pair(self, gate, origin, target, report):
         return plain(gate, report.detections)
 
     def lost(self, origin, target, column, detections):
@@ -73,14 +73,14 @@ class Register:
     def learn(self, evidence, mass, existence):
         self.learned.append((evidence.column, mass, existence))
 
-    def born(self, origin, detections):
+    def initiate(self, origin, detections):
         self.newborn.append((origin, detections))
 
 
 class Clutter:
     """Stands for what is known of clutter: there is a hundred times as much."""
 
-    def informed(self, report):
+    def with_learned_clutter(self, report):
         radar = report.sensor
         return replace(report, sensor=radar.limited(radar.threshold, 100.0 * radar.clutter_rate))
 

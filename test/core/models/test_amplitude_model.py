@@ -29,20 +29,20 @@ def test_band_remembers_and_draws_nothing():
     before = rng.bit_generator.state
     mode = np.array([0, 3])
 
-    assert Band().born(mode, MODES, rng).tolist() == [0.0, 0.0]
+    assert Band().draw(mode, MODES, rng).tolist() == [0.0, 0.0]
     assert rng.bit_generator.state == before
 
 
 def test_ignored_takes_the_amplitudes_away():
     report = Detections(np.ones((2, 2)), np.array([5.0, 9.0]))
 
-    assert Ignored().used(report).amplitude is None
-    assert Band().used(report) is report
+    assert Ignored().select(report).amplitude is None
+    assert Band().select(report) is report
 
 
 def test_memory_is_born_uniform_in_the_band_of_its_class():
     mode = np.repeat([0, 2], 4000)
-    born = Memory(0.1).born(mode, MODES, np.random.default_rng(0))
+    born = Memory(0.1).draw(mode, MODES, np.random.default_rng(0))
 
     for class_id, part in enumerate((born[:4000], born[4000:])):
         low, high = BANDS[class_id]
@@ -55,7 +55,7 @@ def test_memory_is_born_uniform_in_the_band_of_its_class():
 def test_memory_moves_by_its_jitter_and_stays_in_the_band():
     memory = np.linspace(*BANDS[0], 5000)
     mode, rng = np.zeros(5000, dtype=int), np.random.default_rng(0)
-    moved = Memory(0.1).moved(memory, mode, MODES, MODES.interval_s, rng)
+    moved = Memory(0.1).diffuse(memory, mode, MODES, MODES.interval_s, rng)
 
     assert moved.min() >= BANDS[0, 0]
     assert moved.max() <= BANDS[0, 1]
@@ -66,7 +66,7 @@ def test_memory_moves_twice_as_far_in_an_interval_four_times_as_long():
     memory = np.full(5000, BANDS[0].mean())
     mode = np.zeros(5000, dtype=int)
     short, long = (
-        Memory(0.1).moved(memory, mode, MODES, dt, np.random.default_rng(0)) - memory
+        Memory(0.1).diffuse(memory, mode, MODES, dt, np.random.default_rng(0)) - memory
         for dt in (MODES.interval_s, 4.0 * MODES.interval_s)
     )
 
@@ -77,7 +77,7 @@ def test_memory_moves_twice_as_far_in_an_interval_four_times_as_long():
 @pytest.mark.parametrize("mode", [0, 2])
 def test_memory_born_of_a_detection_follows_its_amplitude(mode, amplitude):
     count = 20_000
-    born = Memory(0.1).born(
+    born = Memory(0.1).draw(
         np.full(count, mode), MODES, np.random.default_rng(0), np.full(count, amplitude)
     )
 

@@ -265,7 +265,7 @@ def test_missable_is_what_the_antenna_passed_of_the_field_of_view():
 def test_linearised_is_the_measurement_and_its_derivative():
     rng = np.random.default_rng(0)
     position = rng.uniform(-12e3, 12e3, (40, 2))
-    measured, jacobian = RADAR.linearised(position)
+    measured, jacobian = RADAR.linearise(position)
 
     def measure(places):
         state = np.zeros((len(places), 5))
@@ -283,13 +283,13 @@ def test_linearised_is_the_measurement_and_its_derivative():
 
 def test_linearised_keeps_leading_axes():
     position = np.random.default_rng(1).uniform(-9e3, 9e3, (3, 4, 2))
-    measured, jacobian = RADAR.linearised(position)
-    flat, matrix = RADAR.linearised(position.reshape(-1, 2))
+    measured, jacobian = RADAR.linearise(position)
+    flat, matrix = RADAR.linearise(position.reshape(-1, 2))
     np.testing.assert_array_equal(measured, flat.reshape(3, 4, 2))
     np.testing.assert_array_equal(jacobian, matrix.reshape(3, 4, 2, 2))
 
 
 def test_linearised_at_the_radar_is_finite():
-    measured, jacobian = RADAR.linearised(np.array([RADAR.position]))
+    measured, jacobian = RADAR.linearise(np.array([RADAR.position]))
     assert np.isfinite(measured).all()
     assert np.isfinite(jacobian).all()

@@ -26,15 +26,15 @@ AMBIGUOUS = replace(RADAR, range_rate=RangeRateModel(0.2, 30.0), velocity=(4.0, 
 
 def test_wrapped_is_the_fold_nearest_to_zero():
     model = RangeRateModel(0.1, 20.0)
-    np.testing.assert_allclose(model.wrapped(np.array([-33.0, -9.0, 9.0, 29.0])), [7, -9, 9, 9])
-    np.testing.assert_array_equal(RangeRateModel(0.1).wrapped(np.array([-3e3])), [-3e3])
+    np.testing.assert_allclose(model.wrap(np.array([-33.0, -9.0, 9.0, 29.0])), [7, -9, 9, 9])
+    np.testing.assert_array_equal(RangeRateModel(0.1).wrap(np.array([-3e3])), [-3e3])
 
 
 @pytest.mark.parametrize("std", [0.3, 6.0, 25.0])
 def test_folded_has_the_moments_of_all_folds(std):
     model = RangeRateModel(0.1, 20.0)
     error = np.array([0.0, 3.0, 9.5, -51.0])
-    innovation, spread, log_density = model.folded(error, np.full(4, std**2))
+    innovation, spread, log_density = model.fold(error, np.full(4, std**2))
     each = error + 20.0 * np.arange(-40, 41)[:, None]
     density = norm.pdf(each, 0.0, std)
     share = density / density.sum(axis=0)

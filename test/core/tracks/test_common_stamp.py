@@ -9,8 +9,8 @@ from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
 from phd_jdtc_ros.core.tracks.common_stamp import (
     Schedule,
     at_stamp,
-    interpolated,
-    predicted,
+    interpolate,
+    predict,
 )
 from phd_jdtc_ros.core.types import Estimates
 
@@ -41,12 +41,12 @@ def moved(found, dt):
 
 
 def predicted_from(found, stamp_ns):
-    return predicted(found, np.full(len(found), found.stamp_ns), stamp_ns, MODES)
+    return predict(found, np.full(len(found), found.stamp_ns), stamp_ns, MODES)
 
 
 def between(before, after, stamp_ns):
     times = tuple(np.full(len(part), part.stamp_ns) for part in (before, after))
-    return interpolated(before, after, times, stamp_ns)
+    return interpolate(before, after, times, stamp_ns)
 
 
 def test_schedule_without_a_period_has_no_stamps_of_its_own():
@@ -149,7 +149,7 @@ def test_concatenated_estimates_are_in_the_order_of_the_tracks():
 
 def test_predicted_moves_every_target_from_its_own_time():
     parts = [estimates(1.0, [1, 4]), estimates(2.0, [2]), estimates(5.0, [3])]
-    found = predicted(*Estimates.concatenate(parts, 0), 5 * SECOND, MODES)
+    found = predict(*Estimates.concatenate(parts, 0), 5 * SECOND, MODES)
     for part in parts:
         own = np.isin(found.track_id, part.track_id)
         alone = predicted_from(part, 5 * SECOND)

@@ -78,7 +78,7 @@ class Tracks:
         )
         touched = np.array([*given], dtype=np.int64) - 1
         held = [(self.index - back) * INTERVAL for back in range(2)]
-        reported = self.states.filtered(
+        reported = self.states.report_filtered(
             every, touched, held, scan_of(stamp_ns, self.model), self.model
         )
         self.states.note(reported)
@@ -257,8 +257,8 @@ def test_unlabelled_estimates_are_reported_above_one_threshold():
     assert (given.rule.delete == 0.7).all()
     states = TrackStates(config.rule)
     found = estimates(SECOND, {0: 0.6})
-    assert states.filtered(found, np.zeros(0), (), scan_of(SECOND), MODEL) is found
-    assert states.smoothed(found) is found
+    assert states.report_filtered(found, np.zeros(0), (), scan_of(SECOND), MODEL) is found
+    assert states.report_smoothed(found) is found
     assert found.track_state.tolist() == [CONFIRMED]
 
 
@@ -268,7 +268,9 @@ def test_smoothed_targets_are_reported_back_to_where_they_begin_to_exist():
         tracks.add(t1=weight, t2=0.5)
     states = []
     for index, weight in enumerate((0.25, 0.99, 0.99, 0.99, 0.99), start=1):
-        found = tracks.states.smoothed(estimates(index * INTERVAL, {1: weight, 2: 0.99}, lag=4))
+        found = tracks.states.report_smoothed(
+            estimates(index * INTERVAL, {1: weight, 2: 0.99}, lag=4)
+        )
         states.append(dict(zip(found.track_id.tolist(), found.track_state.tolist(), strict=True)))
     # The second track was never confirmed; the first was deleted with the last scan.
     assert states == [{}, {1: TENTATIVE}, {1: CONFIRMED}, {1: COASTING}, {}]
@@ -320,7 +322,7 @@ def test_restored_states_go_on():
     assert first.add(t1=0.4, t2=0.45) == second.add(t1=0.4, t2=0.45)
     stamp_ns = 2 * INTERVAL
     ours, theirs = (
-        t.states.smoothed(estimates(stamp_ns, {1: 0.9, 2: 0.9})) for t in (first, second)
+        t.states.report_smoothed(estimates(stamp_ns, {1: 0.9, 2: 0.9})) for t in (first, second)
     )
     np.testing.assert_array_equal(ours.track_state, theirs.track_state)
 
@@ -350,8 +352,8 @@ def test_forged_states_are_refused(name, value, said):
 def test_records_are_of_the_tracks_in_the_order_of_their_labels():
     first = Records.new(np.array([2, 9]), SECOND, np.array([0.1, 0.2]))
     second = Records.new(np.array([5]), SECOND, np.array([0.3]))
-    assert first.joined(second).label.tolist() == [2, 5, 9]
-    assert first.joined(second).existence.tolist() == [0.1, 0.3, 0.2]
+    assert first.merge(second).label.tolist() == [2, 5, 9]
+    assert first.merge(second).existence.tolist() == [0.1, 0.3, 0.2]
 
 
 def test_missed_by_all_counts_the_radars_that_reported_and_the_azimuths_they_passed():
@@ -422,7 +424,7 @@ def moving(states, model, stamp_ns, speed, std):
     state[:, axes] = [speed, 0.0]
     covariance[:, axes, axes] = std**2
     found = replace(found, state=state, covariance=covariance)
-    reported = states.filtered(found, np.array([0]), [], scan_of(stamp_ns, model), model)
+    reported = states.report_filtered(found, np.array([0]), [], scan_of(stamp_ns, model), model)
     return reported.track_state.tolist()
 
 

@@ -34,7 +34,7 @@ def estimates(seconds, *targets):
 
 
 def numbers(tracks, seconds, *targets):
-    return tracks.numbered(estimates(seconds, *targets), REACH).track_id.tolist()
+    return tracks.assign(estimates(seconds, *targets), REACH).track_id.tolist()
 
 
 def test_address_that_comes_back_within_reach_has_its_number_again():
@@ -69,7 +69,7 @@ def test_place_of_a_coasting_track_is_not_noted():
 def test_two_tracks_that_come_to_one_address_are_the_older_one():
     tracks = TrackNumbers()
     numbers(tracks, 0, (5, 77, 0.0, CONFIRMED), (6, UNKNOWN, 20.0, CONFIRMED))
-    found = tracks.numbered(estimates(4, (5, 77, 0.0, COASTING), (6, 77, 20.0, CONFIRMED)), REACH)
+    found = tracks.assign(estimates(4, (5, 77, 0.0, COASTING), (6, 77, 20.0, CONFIRMED)), REACH)
     assert found.track_id.tolist() == [1]
     assert found.position[0, 0] == 20.0
     assert numbers(tracks, 8, (6, 77, 40.0, CONFIRMED)) == [1]
@@ -79,7 +79,7 @@ def test_track_that_coasts_elsewhere_is_not_reported_beside_its_aircraft():
     tracks = TrackNumbers()
     numbers(tracks, 0, (5, 77, 0.0, CONFIRMED))
     numbers(tracks, 20, (5, 77, 4e3, COASTING))
-    found = tracks.numbered(estimates(24, (5, 77, 5e3, COASTING), (40, 77, -3e3, CONFIRMED)), REACH)
+    found = tracks.assign(estimates(24, (5, 77, 5e3, COASTING), (40, 77, -3e3, CONFIRMED)), REACH)
     assert (found.track_id.tolist(), found.position[0, 0]) == ([1], -3e3)
 
 

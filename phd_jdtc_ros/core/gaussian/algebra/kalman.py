@@ -186,8 +186,8 @@ def iterated_update(
     at, rows = prior, np.arange(len(mean))
     found: list[FloatArray] = []
     for _ in range(iterations):
-        expected, jacobian = sensor.linearised(at)
-        error = sensor.wrapped(measurement - expected)
+        expected, jacobian = sensor.linearise(at)
+        error = sensor.wrap(measurement - expected)
         seen = spread @ _turned(jacobian)
         total = jacobian @ seen
         total[:, 0, 0] += noise[:, 0]

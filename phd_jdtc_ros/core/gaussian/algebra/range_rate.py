@@ -139,12 +139,12 @@ def updated(mean: FloatArray, covariance: FloatArray, found: Expected, measured:
     Notes
     -----
     Where several folds are probable, their mixture is moment-matched by one Gaussian; see
-    `RangeRateModel.folded`.
+    `RangeRateModel.fold`.
     """
     known = np.isfinite(measured.rate)
     error = np.where(known, measured.rate - found.rate, 0.0)
     total = found.variance + measured.std**2
-    innovation, spread, log_density = measured.model.folded(error, total)
+    innovation, spread, log_density = measured.model.fold(error, total)
     gain = found.cross / total[:, None]
     left = np.where(known, total - spread, 0.0)
     later = mean + np.where(known, innovation, 0.0)[:, None] * gain
@@ -158,7 +158,7 @@ def updated(mean: FloatArray, covariance: FloatArray, found: Expected, measured:
 
 def folds_of(measured: Rates, rate: FloatArray, reach: float) -> FloatArray:
     """Return the range rates within `reach` of `rate`, a row per fold, shape (K, M)."""
-    value = rate + measured.model.wrapped(measured.rate - rate)
+    value = rate + measured.model.wrap(measured.rate - rate)
     each: FloatArray = value + measured.model.folds(reach)[:, None]
     return each
 

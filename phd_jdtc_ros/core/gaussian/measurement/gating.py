@@ -34,7 +34,7 @@ class Expected(NamedTuple):
     def of(mixture: Mixture, sensor: Sensor) -> Expected:
         """Return the measurements that a sensor is expected to make of a mixture's Gaussians."""
         place = list(sensor.space.position)
-        measured, jacobian = sensor.linearised(mixture.mean[..., place])
+        measured, jacobian = sensor.linearise(mixture.mean[..., place])
         position = mixture.covariance[..., place, :][..., place]
         return Expected(measured, jacobian @ position @ jacobian.swapaxes(-1, -2))
 
@@ -71,7 +71,7 @@ def gate_pairs(
     error = detections.measurement[column][:, None] - expected.measured[row]
     if rate is not None and times is not None:
         error -= rate[row] * times[column][:, None, None]
-    along, across = np.moveaxis(sensor.wrapped(error), -1, 0)
+    along, across = np.moveaxis(sensor.wrap(error), -1, 0)
     spread, std = expected.covariance[row], report.noise_std[column][:, None]
     a, b = spread[..., 0, 0] + std[..., 0] ** 2, spread[..., 0, 1]
     c = spread[..., 1, 1] + std[..., 1] ** 2
