@@ -111,7 +111,7 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
             reports += reports_of(scenario, index, plots, layout, seed)
         else:
             reports += _still_reports(scenario, index, layout, rng, seed)
-    reports = [_add_bias(report, scenario) for report in reports]
+    reports = [_biased(report, scenario) for report in reports]
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
 
 
@@ -150,7 +150,7 @@ def _generator(seed: int, index: int) -> np.random.Generator:
     return np.random.default_rng([seed, index])
 
 
-def _add_bias(report: Report, scenario: Scenario) -> Report:
+def _biased(report: Report, scenario: Scenario) -> Report:
     """Return a report with the biases of its radar."""
     stamp_ns, found = scenario.bias(report.radar).apply_to(report.stamp_ns, report.detections)
     return report._replace(stamp_ns=stamp_ns, detections=found)
