@@ -80,7 +80,7 @@ def _radars(snapshot: Snapshot, part: str, allowed: Collection[str], which: str)
     names = snapshot.names_below(part)
     for name in names.difference(allowed):
         raise ValueError(
-            f"{part}: that of {name[:40]} given, must be of a radar {which}: "
+            f"{part}: clutter of {name[:40]} given, must be of a radar {which}: "
             f"{', '.join(allowed) or 'there is none'}"
         )
     return sorted(names)
@@ -104,11 +104,12 @@ def _map(snapshot: Snapshot, radar: Sensor) -> ClutterMap:
     stored = from_snapshot(Place, snapshot, name, {"X": 3}).pose.tolist()
     if stored != place:
         raise ValueError(
-            f"{name}: of a radar at {stored} (x, y in m, yaw in rad), expected {place}"
+            f"{name}: map of a radar at {stored} (x, y in m, yaw in rad), expected {place}"
         )
     polar = radar.clutter_map is not None and isinstance(radar.clutter_map.grid, PolarGrid)
     if polar != (f"{name}.grid.columns" in snapshot.arrays):
-        raise ValueError(f"{name}: that of a radar that {'moves' if polar else 'stands'} given")
+        given, own = ("moving", "fixed") if polar else ("fixed", "moving")
+        raise ValueError(f"{name}: map of a {given} radar given, but this radar is {own}")
     kind: type[Grid] = PolarGrid if polar else GroundGrid
     grid = from_snapshot(kind, snapshot, f"{name}.grid", {})
     learned = from_snapshot(ClutterMap, snapshot, name, {}, grid=grid)

@@ -145,7 +145,7 @@ def put(array):
 
 
 FORGERIES = {
-    "another radar": (of_another_radar, "that of mast given, must be of a radar"),
+    "another radar": (of_another_radar, "clutter of mast given, must be of a radar"),
     "another part": (lambda held: held.arrays.update(other_part(held)), "count: missing"),
     "shape": (put(np.zeros(3)), r"shape \(3,\), expected"),
     "whole": (put(np.zeros(CELLS, dtype=np.int64)), "int64 given, expected floats"),
@@ -404,7 +404,7 @@ def test_a_map_of_another_radar_or_place_is_refused_with_the_reason(name, map_st
     ("given", "reason"),
     [
         ({"mast.position": [50.0, 0.0]}, "of a radar at"),
-        ({"mast.pose": "/ship/odometry"}, "that of a radar that stands given"),
+        ({"mast.pose": "/ship/odometry"}, "map of a fixed radar given, but this radar is moving"),
         ({"mast.clutter_map": False}, "must be of a radar whose clutter_map is true"),
     ],
 )
