@@ -274,7 +274,7 @@ def measure_refused() -> Found:
             name = "radar_1.detection_probability"
             node = rig.start("tracker", "--ros-args", *settings(**{name: value}))
             status = node.process.wait(30.0)
-            said = f"{name}: {value} given, must be a finite number, at least 0, at most 0.999"
+            said = f"{name}: {value} given, must be a number from 0 to 0.999"
             found[str(value)] = status if said in node.text else f"{status}, not said why"
         rig.tracker(*settings(**{"radar_1.detection_probability": 0.0}))
     text = ", ".join(f"{value}: status {status}" for value, status in found.items())

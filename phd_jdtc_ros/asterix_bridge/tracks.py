@@ -15,7 +15,6 @@ from phd_jdtc_ros.asterix.writing import tracks as tracks_out
 from phd_jdtc_ros.asterix.writing.tracks import Source, TrackReport
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.state_space import OMEGA, VX, VY, X, Y
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
 from phd_jdtc_ros.core.types import (
     COASTING,
@@ -133,24 +132,27 @@ class TrackOutput:
     def _predict(
         self, estimated: Estimates, time_ns: int, ahead_s: float
     ) -> dict[int, TrackReport]:
-        state = _TURN.mean(estimated.state, ahead_s)
-        position, velocity = state[:, [X, Y]], state[:, [VX, VY]].tolist()
+        space, jacobian = estimated.space, _TURN.jacobian(estimated.state, ahead_s)
+        covariance = jacobian @ estimated.covariance @ jacobian.transpose(0, 2, 1)
+        later = replace(
+            estimated, state=_TURN.mean(estimated.state, ahead_s), covariance=covariance
+        )
+        position, velocity = later.position, later.velocity.tolist()
         geodetic = None
         if self._plane is not None:
             geodetic = np.stack(self._plane.to_geodetic(*position.T), axis=1).tolist()
-        jacobian = _TURN.jacobian(estimated.state, ahead_s)
-        covariance = jacobian @ estimated.covariance @ jacobian.transpose(0, 2, 1)
         std = _deviations(covariance)
-        known = estimated.attributes or _nothing(len(state))
+        position_std, velocity_std = std[:, list(space.position)], std[:, list(space.velocity)]
+        known = estimated.attributes or _nothing(len(later))
         height = self._datum + known.height @ np.array([1.0, ahead_s])
         climbed = np.array([[1.0, ahead_s], [0.0, 1.0]])
         up_std = _deviations(climbed @ known.height_covariance @ climbed.T)
-        ages = _ages(known.seen_ns, len(state), time_ns)
+        ages = _ages(known.seen_ns, len(later), time_ns)
         found: dict[int, TrackReport] = {}
         for row in np.flatnonzero(estimated.track_id > 0).tolist():
             number = int(estimated.track_id[row])
             life, climb = self._lives[number], float(known.height[row, 1])
-            x_std, vx_std, y_std, vy_std, omega_std = std[row].tolist()
+            turn, turn_std = (float(of[row, space.turn_rate]) for of in (later.state, std))
             found[number] = TrackReport(
                 (number - 1) % (TRACK_NUMBERS - 1) + 1,
                 tuple(position[row].tolist()),
@@ -160,7 +162,7 @@ class TrackOutput:
                 climb,
                 int(known.code[row]),
                 int(known.address[row]),
-                _course(float(state[row, OMEGA]), omega_std),
+                _course(turn, turn_std),
                 _vertical(climb),
                 int(estimated.track_state[row]) in (CONFIRMED, COASTING),
                 int(estimated.track_state[row]) == COASTING,
@@ -168,9 +170,9 @@ class TrackOutput:
                 age_s=max(0.0, (time_ns - life.first_ns) * 1e-9),
                 since_s=max(0.0, (time_ns - life.seen_ns) * 1e-9),
                 sensor_ages_s=tuple(ages[row]),
-                position_std=(x_std, y_std),
-                velocity_std=(vx_std, vy_std),
-                covariance=float(covariance[row, X, Y]),
+                position_std=tuple(position_std[row].tolist()),
+                velocity_std=tuple(velocity_std[row].tolist()),
+                covariance=float(later.position_covariance[row, 0, 1]),
                 height_std=float(up_std[row, 0]),
                 climb_std=float(up_std[row, 1]),
                 call_sign=self._call_signs.of(int(known.address[row])),

@@ -65,7 +65,7 @@ def sources_of(kind: str) -> list[Path]:
     package = Path(__file__).parents[2]
     study = package / "study"
     tracker = study / _module_name(kind)
-    folders = ("calibration", "configuration", "core", "evaluation", "simulation")
+    folders = ("calibration", "configuration", "core", "evaluation", "feed", "simulation")
     return [
         *sorted(path for name in folders for path in (package / name).rglob("*.py")),
         package / "quoting.py",
