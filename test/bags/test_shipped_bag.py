@@ -19,7 +19,7 @@ def shipped():
 
 
 def test_the_shipped_bag_is_the_reference_scenario_of_seed_0(tmp_path):
-    config = resolve({})
+    config = resolve({"engine": "particles"})
     fresh = tmp_path / "paper_scenario"
     run = scenario.paper_scenario(config.model.radars)
     simulate.write_bag(fresh, run, config, 0)

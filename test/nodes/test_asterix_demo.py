@@ -204,7 +204,7 @@ def test_radars_send_to_one_address_where_there_are_no_groups(monkeypatch):
     def refused(*_):
         raise OSError(errno.ENODEV, "No such device")
 
-    monkeypatch.setattr(udp, "opened", refused)
+    monkeypatch.setattr(udp, "receiving_socket", refused)
     assert asterix_demo.input_address().host == asterix_demo.LOOPBACK
 
 

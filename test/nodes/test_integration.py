@@ -132,7 +132,7 @@ def second_half_ospa(found):
 
 def offline(changes):
     """Return the filtered estimates of the scene under changed parameters, without a node."""
-    config = resolve({**GIVEN, **changes})
+    config = resolve({**GIVEN, "engine": "particles", **changes})
     grouper, engine, found = config.grouper(), new_engine(config), []
     for index, cloud in SCENE:
         report = detections.from_msg(cloud, config.inputs[index])

@@ -21,7 +21,7 @@ def test_parameters_are_needed_to_compare_with(tmp_path, capsys):
     unknown = tmp_path / "unknown"
     shutil.copytree(BAG, unknown, ignore=shutil.ignore_patterns("parameters.yaml"))
     assert main(["tuning_truth", str(unknown)]) == 2
-    assert "has no parameters.yaml, which the truth is in" in capsys.readouterr().err
+    assert "parameters.yaml is missing" in capsys.readouterr().err
 
 
 def test_bag_that_does_not_exist_is_refused(tmp_path, capsys):
