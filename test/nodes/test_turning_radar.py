@@ -148,7 +148,7 @@ def test_a_turn_that_is_not_configured_is_found_and_said(tracker, peer):
     layout = {"tower.sectors": 0, "tower.rotation_s": 0.0, "tower.fields.sector": ""}
     config, output, found, log = tracker(**layout, **{"tower.clutter_rate": 150.0})
     answered(peer, output, found, clouds(config, 16, clutter=150)[:40])
-    expected = "its antenna turns in "
+    expected = "the estimated time of a turn is "
     assert peer.spin_until(lambda: expected in log.read_text())
 
 
