@@ -139,7 +139,7 @@ def test_window_is_as_long_as_the_lag_and_no_longer(default_run):
 
 
 def test_lag_in_seconds_is_that_of_the_stamps(name):
-    engine, filtered, smoothed = run(name, lag_s=3.0 * ROTATION_S)
+    engine, filtered, smoothed = run(name, lag=f"{3.0 * ROTATION_S:g} s")
     assert len(filtered) - len(smoothed) == len(engine.flush()) == 3
 
 
@@ -148,7 +148,7 @@ def test_flush_gives_the_stamps_that_were_held_back(default_run):
     assert [e.stamp_ns for e in [*smoothed, *engine.flush()]] == [e.stamp_ns for e in filtered]
 
 
-@pytest.mark.parametrize("given", [{}, {"lag_s": 3.0 * ROTATION_S}])
+@pytest.mark.parametrize("given", [{}, {"lag": f"{3.0 * ROTATION_S:g} s"}])
 def test_restored_engine_goes_on_as_if_it_had_never_stopped(name, given):
     restored_after(7 * SECTORS, lambda: engine_of(name, **given), scans(10))
 

@@ -19,9 +19,9 @@ CASES = [
         )
     ),
     *(
-        {"engine": "particles", "lag": lag, "extraction": extraction, "corrector": corrector}
+        {"engine": engine, "lag": lag, "recursion.extraction": extraction}
         for lag, extraction in ((0, "components"), (3, "components"), (2, "clusters"))
-        for corrector in ("bernoulli", "poisson")
+        for engine in ("particles", "phd")
     ),
 ]
 

@@ -32,7 +32,6 @@ from benchmarks import report as tables
 from benchmarks.radars import Reply
 from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
-from phd_jdtc_ros.core.smc.correction import CORRECTORS
 from phd_jdtc_ros.core.smc.kernel import backward_kernel
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.types import Detections
@@ -49,10 +48,10 @@ every_engine = pytest.mark.parametrize("engine", recursion.PARTS)
 every_death_term = pytest.mark.parametrize("death_term", DEATH_TERMS.values(), ids=DEATH_TERMS)
 
 
-@pytest.fixture(scope="module", params=CORRECTORS)
+@pytest.fixture(scope="module", params=("particles", "phd"))
 def window(request):
     """The stored sets of a filter with four targets, about 800 particles."""
-    return recursion.window(targets=4, per_target=200, lag=LAG, seed=3, corrector=request.param)
+    return recursion.window(targets=4, per_target=200, lag=LAG, seed=3, engine=request.param)
 
 
 def of_rows(copies, phd):
@@ -104,7 +103,7 @@ def test_other_forms_are_the_dense_one(window, death_term):
 @pytest.mark.parametrize("place", searches.PLACES)
 @pytest.mark.parametrize("search", [searches.GRID, searches.SWEEP])
 def test_both_searches_build_the_same_kernel(place, search):
-    window = recursion.window(4, 100, 1, seed=0, corrector=searches.PLACES[place])
+    window = recursion.window(4, 100, 1, seed=0, engine=searches.PLACES[place])
     expected = backward_kernel.build(*window.stored, *window.assumed).ratio.toarray()
     with backends.using(backends.NUMPY), searches.searching(search, place):
         found = backward_kernel.build(*window.stored, *window.assumed).ratio.toarray()

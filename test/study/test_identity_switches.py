@@ -55,7 +55,7 @@ def test_identities_make_no_more_switches_than_none(goal):
 def identity_fields(bag):
     """Return the parameters that name the identities of a bag's plots."""
     given = bag_parameters.read(bag) or {}
-    fields = [f"{radar}.fields.{kind}" for radar in given.get("radars", []) for kind in KINDS]
+    fields = [f"{radar}.fields.{kind}" for radar in given.get("sensors", []) for kind in KINDS]
     return [name for name in fields if given.get(name)]
 
 

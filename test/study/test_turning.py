@@ -165,7 +165,7 @@ def test_the_peer_takes_plots_of_several_radars():
     of_first = {k.partition(".")[2]: v for k, v in PARAMETERS.items() if "approach." in k}
     changes = {f"second.{name}": value for name, value in of_first.items()}
     changes |= {"second.rotation_s": 4.8, "second.position": [5e3, 5e3]}
-    found, inputs = scene(EAST, TURNING, radars=["approach", "second"], **changes)
+    found, inputs = scene(EAST, TURNING, sensors=["approach", "second"], **changes)
     one = far_off(*followed(*scene(EAST, TURNING)))
     two = far_off(*followed(found, inputs))
     assert np.sqrt((two**2).mean()) < np.sqrt((one**2).mean())

@@ -16,7 +16,7 @@ from phd_jdtc_ros.simulation.turning_antenna import plots_of, simulate_reports
 
 # Precise, and without noise's false detections.
 RADAR = {
-    "radars": ["mast"],
+    "sensors": ["mast"],
     "mast.position": [5.0, 2.0],
     "mast.yaw_deg": -90.0,
     "mast.range_std": 1e-3,
