@@ -112,7 +112,7 @@ docs: $(VENV)/.ready-study
 	@echo "out/docs/index.html; with its search: python3 -m http.server -d out/docs"
 
 pictures: demo
-	@$(RUN) docs/tools/page_tables.py
+	@PYTHONPATH=. $(RUN) docs/tools/page_tables.py
 	@$(RUN) docs/tools/pictures.py
 
 test: $(VENV)/.ready-test

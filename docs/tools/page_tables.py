@@ -23,11 +23,10 @@ from typing import Any
 
 import yaml
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
+from benchmarks import report
+from phd_jdtc_ros.study.monte_carlo.definition import METRICS
 
-from benchmarks import report  # noqa: E402
-from phd_jdtc_ros.study.monte_carlo.definition import METRICS  # noqa: E402
+ROOT = Path(__file__).parents[2]
 
 PAGES = ("study.md", "performance.md")
 SUMMARIES = {"study": "out/study/summary.json", "bench": "out/bench/summary.json"}

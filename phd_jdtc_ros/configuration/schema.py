@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, fields, replace
 from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any, TypeAlias, TypeVar
@@ -187,14 +187,18 @@ def table(declared: type) -> tuple[Parameter, ...]:
     """Return the parameters that a dataclass declares, in their order."""
     return tuple(
         replace(entry.metadata[_DECLARED], name=entry.metadata[_DECLARED].name or entry.name)
-        for entry in fields(declared)
+        for entry in _entries(declared)
     )
 
 
-def build(declared: Callable[..., T], values: Mapping[str, Any], prefix: str = "") -> T:
+def _entries(declared: type) -> tuple[Field[Any], ...]:
+    return fields(declared)
+
+
+def build(declared: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
     """Return an instance of a dataclass that declares parameters; `prefix` ends with a dot."""
     given: dict[str, Any] = {}
-    for entry in fields(declared):  # type: ignore[arg-type]
+    for entry in _entries(declared):
         own: Parameter = entry.metadata[_DECLARED]
         name = f"{prefix}{own.name or entry.name}"
         if own.keys:

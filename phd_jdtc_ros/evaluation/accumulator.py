@@ -6,6 +6,7 @@ depends on earlier scans, such as those of tracks, keeps its state in `update`.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, TypeAlias
@@ -100,7 +101,7 @@ def if_any(name: str, figure: Figure) -> Figure:
     return lambda run: np.where(run.sum(name) > 0, figure(run), np.nan)
 
 
-class Accumulator:
+class Accumulator(ABC):
     """Computes values of every scan of a run, in order, and defines the metrics derived from them.
 
     Parameters
@@ -126,11 +127,12 @@ class Accumulator:
         self.cutoff, self.order = cutoff, order
 
     def update(self, scan: PairedScan) -> None:
-        """Add the next scan, before its values are computed."""
+        """Add the next scan, before its values are computed; values of one scan need no state."""
+        return
 
+    @abstractmethod
     def values(self, part: Comparison) -> Values:
         """Return the values of a set in the newest scan."""
-        raise NotImplementedError
 
 
 class LabelAccumulator(Accumulator):
@@ -157,13 +159,13 @@ class LabelAccumulator(Accumulator):
         self._newest_ns = scan.stamp_ns
         self._values = self.add(truth, estimate, scan)
 
+    @abstractmethod
     def clear(self) -> None:
         """Reset the state."""
-        raise NotImplementedError
 
+    @abstractmethod
     def add(self, truth: LabelledPoints, estimate: LabelledPoints, scan: PairedScan) -> Values:
         """Add the next scan; return its values."""
-        raise NotImplementedError
 
     def values(self, part: Comparison) -> Values:
         """Return the values of all targets; None for a class."""

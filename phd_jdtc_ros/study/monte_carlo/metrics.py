@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 
 import numpy as np
 
@@ -57,9 +58,9 @@ class RunAccumulator(Accumulator):
         self.index += 1
         self._values = self.of_scan(scan)
 
+    @abstractmethod
     def of_scan(self, scan: PairedScan) -> Values:
         """Return the values of all targets of the next scan."""
-        raise NotImplementedError
 
     def values(self, part: Comparison) -> Values:
         """Return the values of all targets; None for a class."""
