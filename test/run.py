@@ -2,7 +2,7 @@
 
 Live tests wait for other processes most of the time, so several take hardly longer than one. Each
 process has a ROS domain of its own (see conftest.py), and one that crashes takes nothing else with
-it. A file whose process was ended by a signal is run once again, and that is told: once in many
+it. A file whose process was ended by a signal is run once again, with a notice: once in many
 runs the native libraries of ROS crash where a test destroys its own node. Whatever is over makes
 place for the next. Arguments go to every pytest. The last line is the sum of all of theirs, in
 pytest's form, with the number of files that were run again.
@@ -37,7 +37,7 @@ HALF = (
     *("test/calibration", "test/configuration", "test/core", "test/evaluation", "test/handover"),
     *("test/simulation", "test/study"),
 )
-# Most of all tests, of which none is live: conftest.py refuses them there.
+# Folders without live tests, most of all: conftest.py refuses live ones there.
 NEVER_LIVE = [
     f"test/{folder}"
     for folder in (
@@ -79,7 +79,7 @@ def live(file, *arguments):
     if status < 0:
         print(f"{file}: ended by signal {-status}, and run again\n{text}", flush=True)
         status, text = pytest("-m", "live", file, *arguments)
-        # As a plugin of pytest's would say it; the last line is what is counted.
+        # In the words of pytest's plugin; the last line is what is counted.
         *lines, last = text.rstrip().split("\n")
         text = "\n".join([*lines, f"1 rerun, {last}"])
     return status, text
@@ -118,7 +118,7 @@ def counts(status, text):
 
 
 def told(name, status, text):
-    """Return what there is to say of a run: its skips and its last line, or all if it failed."""
+    """Return the summary of a run: its skips and its last line, or all if it failed."""
     if status not in (0, NOTHING):
         return f"{name}: exit status {status}\n{text}"
     *lines, last = text.rstrip().splitlines()

@@ -185,7 +185,7 @@ def test_a_finished_file_without_a_summary_is_whole(bag, tmp_path, use_chunking,
     assert outcome(tmp_path / "cut.mcap")[1].corrupt
 
 
-def test_a_file_that_ends_between_two_chunks_is_said_to_be_unfinished(bag, tmp_path):
+def test_a_file_that_ends_between_two_chunks_is_unfinished(bag, tmp_path):
     file = chunked(tmp_path / "small", bag)
     messages, data = list(BagReader(bag).messages()), file.read_bytes()
 
@@ -204,7 +204,7 @@ def test_a_file_that_ends_between_two_chunks_is_said_to_be_unfinished(bag, tmp_p
     )
 
 
-def test_a_file_cut_in_a_chunk_says_how_many_bytes_are_lost(bag, tmp_path):
+def test_a_file_cut_in_a_chunk_counts_the_lost_bytes(bag, tmp_path):
     file = chunked(tmp_path / "small", bag)
 
     with file.open("rb") as stream:

@@ -116,7 +116,7 @@ def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed()
         ("survival", "survival: unknown parameter"),
     ],
 )
-def test_resolve_tells_which_parameter_is_meant(given, fault):
+def test_resolve_suggests_the_parameter_that_is_meant(given, fault):
     assert faults_of({given: 1.0}) == [fault]
 
 
@@ -431,7 +431,7 @@ def test_answers_of_turning_radars_are_older_than_their_reports(given, expected)
         ),
     ],
 )
-def test_resolve_says_what_a_radars_pose_may_be(given, expected):
+def test_resolve_lists_what_a_radars_pose_may_be(given, expected):
     (fault,) = faults_of(given)
     assert fault.startswith(expected)
 
@@ -445,7 +445,7 @@ def test_radars_on_one_platform_share_its_topic():
 
 @pytest.mark.parametrize("group", ["classes", "motions", "births", "sensors"])
 @pytest.mark.parametrize("count", [300, 3000])
-def test_resolve_tells_of_too_many_names_at_once(group, count):
+def test_resolve_refuses_too_many_names_at_once(group, count):
     begin_s = time.process_time()
     try:
         build.resolve({group: [f"n{index}" for index in range(count)]})

@@ -102,7 +102,7 @@ def test_resolved_values_resolve_again():
         ),
     ],
 )
-def test_resolve_says_what_is_wrong_with_places(changes, expected):
+def test_resolve_reports_what_is_wrong_with_places(changes, expected):
     faults = faults_of({**ONE, **changes})
     assert len(faults) == 1
     assert faults[0].startswith(expected)

@@ -7,7 +7,7 @@ def test_half_is_enough():
     assert used.fault() is None
 
 
-def test_less_than_half_is_said_with_the_biggest_reasons_and_their_parameters():
+def test_less_than_half_is_reported_with_the_main_reasons_and_their_parameters():
     used = UsedDetections()
     used.read(20, {"range": 10, "azimuth": 1, "not_finite": 2})
     used.refused("late", 9)

@@ -13,7 +13,7 @@ FILTERED = names.estimates("filtered")
 
 
 def started(processes, peer, directory, given, types, node="/tracker", source="filtered", ros=()):
-    """Start a tracker with parameters and reliable inputs, and wait until all hear each other.
+    """Start a tracker with parameters and reliable inputs, and wait until all are connected.
 
     `types` has the message type of each input by its topic, and `ros` further ROS arguments.
     Returns the publishers by topic, the estimates that come, and the process.

@@ -124,7 +124,7 @@ def many_estimates(count):
 
 
 def as_sent(message):
-    """Return a message as its receiver has it: colours, say, are of single precision."""
+    """Return a message as received: with colours of single precision, for example."""
     return deserialize_message(serialize_message(message), type(message))
 
 

@@ -289,7 +289,7 @@ def test_from_msg_takes_slant_ranges_to_the_ground():
     assert_allclose(report.detections.measurement, [[500.0, 0.5], [500.0, 0.5]], rtol=1e-12)
 
 
-def test_from_msg_leaves_elevations_alone_unless_told():
+def test_from_msg_ignores_elevations_by_default():
     message = spherical([(1000.0, 0.5, np.radians(60.0))])
     report = adapter.from_msg(message, radar(amplitude_field=""))
     assert_array_equal(report.detections.measurement, [[1000.0, 0.5]])

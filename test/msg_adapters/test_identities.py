@@ -67,7 +67,7 @@ def test_a_configured_field_that_a_cloud_lacks_is_a_doubt():
         *((ADDRESSES, 0.0, 0), (ADDRESSES, 2.0**24, 1)),
     ],
 )
-def test_what_is_no_identity_is_unknown_and_counted_if_it_does_not_say_so(kind, value, unusable):
+def test_invalid_identity_is_unknown_and_counted_unless_flagged(kind, value, unusable):
     found, count = read(np.array([value, 1.0, 4095.0]), np.ones(3, dtype=bool), kind)
     assert_array_equal(found, [UNKNOWN, 1, 4095])
     assert count == unusable

@@ -30,7 +30,7 @@ def test_select_counts_identical_detections_once():
     assert not report.dropped
 
 
-def test_select_says_what_a_repeating_driver_does():
+def test_select_reports_a_repeating_driver():
     report = select(STAMP_NS, radar(), columns(3))
     (text,) = doubts.of(radar(), report.doubts)
     assert text.startswith("2 detections that repeat another one")

@@ -115,7 +115,7 @@ def test_a_sector_that_makes_no_sense_is_a_doubt(values):
     assert len(report.detections) == 2
 
 
-def test_an_empty_cloud_says_no_sector():
+def test_an_empty_cloud_has_no_sector():
     report = read(["sector"], [], sector_field="sector", rotation_s=4.0, sectors=16)
     assert report.sector is None
     assert not report.doubts

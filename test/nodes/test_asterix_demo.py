@@ -189,7 +189,7 @@ def test_detections_on_the_round_earth_go_to_asterix_and_back(recorded, offline,
     config = tracker_params.config(bag_parameters.read(recorded))
     before = places(recorded, config, index)
     after = places(offline / "plots", config, index)
-    # The bridge knows only where the antenna is from the first sectors on.
+    # The bridge has the antenna's position only from the first sectors on.
     assert len(before) - 5 <= len(after) <= len(before)
     nearest = [np.abs(before[:, 1:] - row[1:]).max(axis=1).argmin() for row in after]
     np.testing.assert_allclose(after[:, 0], before[nearest, 0], atol=0.005)

@@ -60,7 +60,7 @@ def test_a_radar_is_not_silent_while_the_bridge_is_not_active():
     assert (found.level, found.message) == (DiagnosticStatus.STALE, "not active")
 
 
-def test_malformed_input_is_said_while_it_comes():
+def test_malformed_input_is_reported_while_it_comes():
     stream, seen = PlotStream({}), Seen()
     assert input_status(stream, seen).level == DiagnosticStatus.OK
     stream.feed(b"no block")

@@ -51,7 +51,7 @@ def test_another_configuration_is_refused_by_name(path):
         checkpoint.read(path, {**CONFIGURATION, "lag": 4, "seed": 1})
 
 
-def test_no_checkpoint_is_said_so(tmp_path):
+def test_no_checkpoint_is_logged(tmp_path):
     with pytest.raises(CheckpointError, match="No such file"):
         checkpoint.read(tmp_path / "none", CONFIGURATION)
 
@@ -150,7 +150,7 @@ class Log:
     error = warning
 
 
-def test_a_checkpoint_that_cannot_be_deleted_is_said_and_no_failure(path):
+def test_a_checkpoint_that_cannot_be_deleted_is_a_warning_and_no_failure(path):
     log = Log()
     kept = checkpoint.Checkpoints(path, 1, 60.0, CONFIGURATION, log)
     path.unlink()
@@ -167,7 +167,7 @@ def test_a_checkpoint_that_cannot_be_looked_for_is_a_cold_start(tmp_path):
     assert "File name too long" in log.lines[0]
 
 
-def test_the_first_start_of_all_says_nothing(tmp_path):
+def test_the_first_start_logs_nothing(tmp_path):
     log = Log()
     checkpoint.Checkpoints(tmp_path / "none", 1, 60.0, CONFIGURATION, log)
     assert log.lines == []

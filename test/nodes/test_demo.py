@@ -315,7 +315,7 @@ def children(pid):
     return found
 
 
-def test_demo_ends_its_nodes_when_it_is_told_to_end(executables, tmp_path):
+def test_demo_ends_its_nodes_when_it_is_terminated(executables, tmp_path):
     out = tmp_path / "out"
     process = executables.start("demo", "--bag", BAG, "--out", out)
     log = out / "logs" / "tracker.log"

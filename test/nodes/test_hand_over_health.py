@@ -14,7 +14,7 @@ LIMIT_S = next(parameter.default for parameter in TABLE if parameter.name == "ma
 
 
 def heard_at(*times):
-    """Return what was heard of a tracker with a filtered and a smoothed cloud at each time."""
+    """Return the history of a tracker with a filtered and a smoothed cloud at each time."""
     heard = health.Heard(LIMIT_S)
     for time_s in times:
         heard.take(FILTERED, time_s)

@@ -94,7 +94,7 @@ def test_radar_that_never_reported_is_stale():
     assert "age_s" not in diagnostics.values_of(found)
 
 
-def test_radar_that_reports_is_well_and_says_how_it_does():
+def test_reporting_radar_is_ok_with_its_figures():
     found = status(radar(1.0), 100.5)
     assert (found.name, found.hardware_id) == ("/site/tracker: north", "/site/tracker/north")
     assert (found.level, found.message) == (OK, "receiving")
@@ -174,7 +174,7 @@ def test_what_came_during_a_pause_is_neither_lost_nor_an_interval():
     assert health.gaps == 2
 
 
-def test_publishers_that_send_in_turns_are_an_error_whatever_the_graph_says():
+def test_publishers_that_alternate_are_an_error_whatever_the_graph_shows():
     health = radar(1.0)
     for k in range(4):
         health.arrived(100.0 + k, 500 + k, 0.0)
@@ -184,7 +184,7 @@ def test_publishers_that_send_in_turns_are_an_error_whatever_the_graph_says():
         ERROR,
         "several publishers on /north/plots, must be one",
     )
-    # Nobody publishes any more: that is another matter.
+    # Without a publisher the case is another one.
     assert status(health, 114.0).level == STALE
 
 
@@ -214,7 +214,7 @@ def test_silent_second_publisher_is_an_error_once_it_outlives_a_killed_one():
     assert status(health, 100.0 + LEASE_S + 1.0).level == OK
 
 
-def test_publisher_that_cannot_be_heard_is_an_error_even_before_anything_came():
+def test_publisher_of_incompatible_qos_is_an_error_before_any_message():
     found = status(radar(), heard=Publishers(frozenset({"driver"}), ("best effort and reliable",)))
     assert found.level == ERROR
     assert found.message == "incompatible QoS on /north/plots: best effort and reliable"
@@ -227,7 +227,7 @@ def test_gaps_are_counted_exactly():
     assert health.gaps == 3 + 2
 
 
-def test_gaps_are_not_counted_where_nobody_numbers():
+def test_gaps_are_not_counted_without_sequence_numbers():
     health = radar()
     for _ in range(3):
         health.arrived(0.0, None, 0.0)
@@ -238,7 +238,7 @@ def test_gaps_are_not_counted_where_nobody_numbers():
     ("worked_s", "why"),
     [(0.9, "the tracker is too slow, see its step time"), (0.1, "on the way to the tracker")],
 )
-def test_lost_messages_are_a_warning_that_says_whose_doing_it_is(worked_s, why):
+def test_lost_messages_are_a_warning_with_the_cause(worked_s, why):
     health = radar(1.0)
     health.arrived(101.0, 9, worked_s)
     assert status(health, 101.0).level == OK
@@ -273,7 +273,7 @@ def test_step_time_before_any_scan_is_stale():
     assert step_status(StepHealth(Rhythm(6.0), Rhythm(6.0))).level == STALE
 
 
-def test_overload_is_a_warning_that_says_what_to_turn_down_though_each_step_is_in_time():
+def test_overload_is_a_warning_with_advice_though_each_step_is_in_time():
     # The scans that are left after the losses are far apart, so each step is fast enough for them.
     pace = stepping(800.0)
     assert step_status(pace).level == OK

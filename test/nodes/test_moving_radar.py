@@ -81,7 +81,7 @@ def test_poses_of_another_frame_are_counted_and_their_scans_too(tracker, peer):
     assert peer.spin_until(lambda: values("mast").get("dropped_pose_missing") == "4")
 
 
-def test_offline_faults_of_poses_are_counted_and_said(tmp_path):
+def test_offline_faults_of_poses_are_counted_and_reported(tmp_path):
     messages = [
         (topic, data, stamp_ns)
         for topic, data, stamp_ns in sent()

@@ -54,7 +54,7 @@ def drift(mean, sigma, count=LEAST, drifts=(False, False)):
         (drift([80.0, 0.0], [4.0, 0.0], count=3), DiagnosticStatus.OK, "judged from 60"),
     ],
 )
-def test_a_status_says_what_is_seen_and_how_sure_it_is(found, level, text):
+def test_a_status_lists_the_bias_and_its_standard_deviation(found, level, text):
     status = registration_health.status(found, "/site/tracker")
     assert status.name == "/site/tracker: registration of mast"
     assert status.level == level

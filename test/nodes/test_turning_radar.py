@@ -144,7 +144,7 @@ def assert_true(heard):
     assert (away.min(axis=0) < 200.0).all()
 
 
-def test_a_turn_that_is_not_configured_is_found_and_said(tracker, peer):
+def test_a_turn_that_is_not_configured_is_found_and_reported(tracker, peer):
     layout = {"tower.sectors": 0, "tower.rotation_s": 0.0, "tower.fields.sector": ""}
     config, output, found, log = tracker(**layout, **{"tower.clutter_rate": 150.0})
     answered(peer, output, found, clouds(config, 16, clutter=150)[:40])

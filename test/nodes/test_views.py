@@ -101,7 +101,7 @@ def values(message, path):
 
 
 class Live:
-    """The tracker, the evaluator and the replay, and what was heard of them."""
+    """The tracker, the evaluator and the replay, and their messages."""
 
     def __init__(self, peer):
         self.peer = peer

@@ -162,7 +162,7 @@ def test_from_arguments_refuses_what_is_no_assignment(assignment):
     assert found == [f"-p {assignment}: must be NAME:=VALUE"]
 
 
-def test_from_arguments_says_how_an_empty_string_is_quoted():
+def test_from_arguments_explains_how_an_empty_string_is_quoted():
     (fault,) = faults(from_arguments.from_arguments, [], ["radar_1.fields.amplitude:="])
     assert fault.startswith("-p radar_1.fields.amplitude:=: must be NAME:=VALUE; ")
     assert fault.endswith("""an empty string is -p "NAME:=''\"""")

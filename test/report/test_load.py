@@ -155,7 +155,7 @@ def test_record_without_estimates_has_the_configured_classes(bag, tmp_path):
     assert (len(run.truth), len(run.plots), run.classes) == (4, 8, 2)
 
 
-def test_record_knows_where_the_radars_stand(bag):
+def test_record_has_the_radar_positions(bag):
     expected = [(model.name, model.position) for model in CONFIG.model.radars]
     sites = load.record(bag, CONFIG).radars
     assert [(site.name, site.position) for site in sites] == expected
@@ -178,7 +178,7 @@ def test_record_refuses_an_optional_topic_of_another_type(bag, tmp_path, topic):
     assert not caught.value.corrupt
 
 
-def test_record_of_a_missing_bag_says_so(tmp_path):
+def test_record_of_a_missing_bag_is_an_error(tmp_path):
     with pytest.raises(BagError, match="no such bag"):
         load.record(tmp_path / "none", CONFIG)
 

@@ -64,7 +64,7 @@ def test_a_repeated_buffer_is_one_target(engine):
     assert figure.reached, (figure.measured, figure.details)
 
 
-def test_long_lists_of_names_are_told_soon():
+def test_long_lists_of_names_are_refused_soon():
     figure = hostile.measure_names()
     assert figure.reached, (figure.measured, figure.details)
 
@@ -161,7 +161,7 @@ def test_decoders_refuse_or_understand_random_clouds():
     assert figure.reached, figure.details
 
 
-def test_bag_reader_says_bag_error_whatever_the_damage():
+def test_bag_reader_raises_bag_error_whatever_the_damage():
     figure = decoders.measure_bags(60)
     assert figure.reached, figure.details
 
@@ -185,7 +185,7 @@ def test_mutated_messages_differ_and_keep_the_stamp():
     ("measure", "reached"),
     [(lambda: ("fine", True, {}), True), (lambda: ("bad", False, {}), False)],
 )
-def test_figure_says_what_was_measured(measure, reached):
+def test_figure_states_what_was_measured(measure, reached):
     figure = figures.measures("name", "goal")(measure)()
     assert figure.reached is reached
     assert figures.all_reached([figure]) is reached
@@ -205,7 +205,7 @@ def raising(error):
     return measure
 
 
-def test_figure_that_cannot_be_measured_says_why_and_is_no_failure():
+def test_figure_that_cannot_be_measured_has_a_reason_and_is_no_failure():
     error = figures.NotMeasurableError("no root")
     figure = figures.measures("name", "goal")(raising(error))()
     assert (figure.measured, figure.reached, figure.reason) == (None, None, "no root")

@@ -1,4 +1,4 @@
-"""What a scenario file may not say, and the words in which it is refused."""
+"""Faults of scenario files, and the messages that refuse them."""
 
 import math
 from dataclasses import replace

@@ -113,7 +113,7 @@ def test_both_searches_build_the_same_kernel(place, search):
 
 
 @pytest.mark.parametrize("name", ["200 targets", "1000 targets"])
-def test_crowds_are_in_range_and_give_as_many_detections_as_their_name_says(name):
+def test_crowds_are_in_range_and_give_the_detections_of_their_name(name):
     crowd = steps.CROWDS[name]
     config = scenes.configuration(crowd.targets, 10, clutter=crowd.clutter)
     scene = scenes.crowd(crowd.targets, 4, config, seed=1)
@@ -274,7 +274,7 @@ def test_summary_holds_every_figure(summary):
             assert figure["reached"] == (within if figure["at_most"] else not within)
 
 
-def test_summary_says_why_a_figure_is_missing(summary):
+def test_summary_explains_why_a_figure_is_missing(summary):
     reasons = {figure["name"]: figure.get("reason") for figure in summary["figures"]}
 
     assert reasons["latency over DDS beyond the step, p99, ms"] == "left out of this run"

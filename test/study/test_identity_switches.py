@@ -1,4 +1,4 @@
-"""Identities make no more switches than none, in any shipped scene whose plots tell some."""
+"""Identities cause no extra switches, in any shipped scene whose plots have some."""
 
 from dataclasses import replace
 from pathlib import Path

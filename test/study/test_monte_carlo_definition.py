@@ -78,7 +78,7 @@ def test_a_case_has_a_cutoff_of_its_own_and_only_the_variants_that_name_it(study
     assert {task.case: task.cutoff for task in tasks} == {"quiet": 1000.0, "near": 20.0}
 
 
-def test_case_may_say_what_its_targets_answer(study_file):
+def test_case_may_define_the_replies_of_its_targets(study_file):
     def change(document):
         document["cases"]["quiet"]["transponders"] = {"share": 0.5, "seed": 3}
 

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def no_pictures(monkeypatch):
-    """Leave out what takes most of the time where nobody looks at it."""
+    """Leave out what takes most of the time and is not looked at."""
     monkeypatch.setattr(figures, "write_all", lambda *_: [])
 
 

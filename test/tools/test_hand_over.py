@@ -35,7 +35,7 @@ def tracks(stamp, lag, rows):
 
 
 def bag(directory, tracker, region=True):
-    """Write what a tracker says of an aircraft that crosses, and of one that stays in the west."""
+    """Write a tracker's estimates of an aircraft that crosses, and one that stays in the west."""
     given = {"region": [*REGIONS[tracker], MARGIN]} if region else {}
     found = []
     for stamp in STAMPS:
@@ -120,7 +120,7 @@ def test_one_bag_is_none_to_join(both, tmp_path, capsys):
     assert capsys.readouterr().err.startswith("hand_over: BAG: one given, must be two or more")
 
 
-def test_what_cannot_be_joined_is_said(both, tmp_path, capsys):
+def test_what_cannot_be_joined_is_reported(both, tmp_path, capsys):
     whole = bag(tmp_path / "whole", "west", region=False)
     assert run("hand_over", [both[0], whole, "--out", str(tmp_path / "joint")]) == 2
     assert "region: not set in" in capsys.readouterr().err

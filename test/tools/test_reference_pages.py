@@ -82,7 +82,7 @@ def rows(node, values):
 
 
 def written_pages(directory):
-    """Return where the pages of now are written; lists in pages are written anew."""
+    """Return where the current pages are written; lists in pages are rewritten."""
     docs = directory / "docs"
     docs.mkdir()
     (directory / "config").mkdir()

@@ -127,7 +127,7 @@ def test_register_overwrites_nothing(bag, tmp_path, capsys):
     ],
     ids=lambda value: str(value)[:40],
 )
-def test_register_says_what_is_wrong_and_what_is_allowed(
+def test_register_reports_what_is_wrong_and_what_is_allowed(
     bag, changed, changes, arguments, reason, capsys
 ):
     try:
@@ -156,7 +156,7 @@ def test_register_names_a_silent_radar(bag, tmp_path, capsys):
     assert "south: silent, no detections on /south/detections; must have some" in said
 
 
-def test_register_refuses_what_targets_on_one_line_do_not_tell(tmp_path, capsys):
+def test_register_refuses_what_targets_on_one_line_do_not_determine(tmp_path, capsys):
     # All of them fly along the line through both radars, as fast as each other.
     document = biased.document(biases={})
     document["parameters"]["sensors"] = ["west", "east"]

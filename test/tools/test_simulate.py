@@ -49,7 +49,7 @@ def test_simulate_writes_detections_that_nothing_is_dropped_of(short_bag):
         assert 120 < sum(len(report.detections) for report in reports) < 220
 
 
-def test_simulate_says_what_it_wrote(simulate, capsys):
+def test_simulate_prints_what_it_wrote(simulate, capsys):
     status, out = simulate("--seed", 3)
     assert status == 0
     assert capsys.readouterr() == (f"{out}: 8 scans, 2 radars, seed 3\n", "")
@@ -177,14 +177,14 @@ def test_simulate_refuses_to_overwrite(simulate, tmp_path, capsys):
     assert [path.name for path in out.iterdir()] == ["mine"]
 
 
-def test_simulate_says_that_it_cannot_write(simulate, tmp_path, capsys):
+def test_simulate_reports_that_it_cannot_write(simulate, tmp_path, capsys):
     (tmp_path / "file").write_text("")
     status, out = simulate(out="file/bag")
     assert status == 2
     assert faults_of(capsys) == [f"{out}: cannot be written: Not a directory"]
 
 
-def test_simulate_of_a_missing_scenario_says_so(simulate, tmp_path, capsys):
+def test_simulate_rejects_a_missing_scenario(simulate, tmp_path, capsys):
     status, out = simulate(scenario=tmp_path / "none.yaml")
     assert status == 2
     assert faults_of(capsys) == [
@@ -194,7 +194,7 @@ def test_simulate_of_a_missing_scenario_says_so(simulate, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("content", [b"targets: [1,", b"\xff\xfe\x00", b"a: b: c"])
-def test_simulate_of_a_scenario_that_is_no_yaml_says_so(simulate, tmp_path, capsys, content):
+def test_simulate_rejects_a_scenario_that_is_no_yaml(simulate, tmp_path, capsys, content):
     (tmp_path / "bad.yaml").write_bytes(content)
     status, out = simulate(scenario=tmp_path / "bad.yaml")
     assert status == 2

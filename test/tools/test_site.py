@@ -69,7 +69,7 @@ def test_equations_of_the_site_are_mathml(site):
     assert page.count("<math ") > 100
     assert page.count('display="block"') > 10
     assert 'class="arithmatex"' not in page
-    # What the converter does not know it leaves as it was written.
+    # The converter leaves what it cannot convert as it was written.
     assert [
         equation
         for equation in re.findall(r"<math .*?</math>", page, re.DOTALL)

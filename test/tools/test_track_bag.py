@@ -358,7 +358,7 @@ def test_track_bag_warns_of_azimuths_in_degrees_with_the_likely_cause(
     short_bag, simulate, track, faults
 ):
     _, bag = simulate("-p", "radar_1.azimuth_unit:=deg", out="degrees")
-    # As somebody else's recording, which says nothing of its radars.
+    # A foreign recording, without parameters of its radars.
     (bag / "parameters.yaml").unlink()
     status, _ = track(bag)
     assert status == 0
@@ -381,7 +381,7 @@ def test_track_bag_counts_duplicates(short_bag, track, tmp_path, capsys):
 # -------------------------------------------------------------------------- what it refuses
 
 
-def test_track_bag_of_a_missing_bag_says_so(track, tmp_path, faults):
+def test_track_bag_rejects_a_missing_bag(track, tmp_path, faults):
     status, out = track(tmp_path / "none")
     assert status == 2
     assert faults() == [f"{tmp_path / 'none'}: no such bag"]
@@ -422,7 +422,7 @@ def test_track_bag_of_another_type_names_topic_and_type(track, tmp_path, faults,
 
 
 @pytest.mark.parametrize("content", [b"", b"no bag", b"\0" * 500])
-def test_track_bag_of_a_corrupt_bag_says_so(track, tmp_path, faults, content):
+def test_track_bag_rejects_a_corrupt_bag(track, tmp_path, faults, content):
     (tmp_path / "bad.mcap").write_bytes(content)
     status, out = track(tmp_path / "bad.mcap")
     assert status == 3
@@ -641,7 +641,7 @@ FILE = "/**/tracker: {ros__parameters: {sensors: [radar_1]}}\n"
     ],
     ids=["file", "assignment"],
 )
-def test_track_bag_says_where_the_given_scene_is_not_the_recorded_one(
+def test_track_bag_reports_where_the_given_scene_is_not_the_recorded_one(
     track, tmp_path, monkeypatch, capsys, given, expected
 ):
     monkeypatch.chdir(tmp_path)
@@ -660,7 +660,7 @@ def test_track_bag_refuses_parameters_beside_the_bag_that_are_none(track, short_
 
 
 @pytest.mark.parametrize("beside", [True, False])
-def test_track_bag_says_that_the_truth_has_more_classes(track, tmp_path, capsys, beside):
+def test_track_bag_reports_that_the_truth_has_more_classes(track, tmp_path, capsys, beside):
     shutil.copytree(ROOT / "bags" / "three_classes", tmp_path / "bag")
     if not beside:
         (tmp_path / "bag" / "parameters.yaml").unlink()

@@ -42,7 +42,7 @@ def test_tune_proposes_what_was_simulated_in_a_file_that_the_tracker_takes(tmp_p
     assert radar.range_std == pytest.approx(300.0, rel=0.2)
     assert config.values["radar_1.azimuth_std_deg"] == pytest.approx(1.0, rel=0.2)
     assert radar.clutter_rate == pytest.approx(20.0, rel=0.5)
-    # All that was given stays, such as birth places and what the SNR bands say.
+    # All given parameters stay, such as birth places and SNR bands.
     assert config.values["north_west.position"] == [-8000.0, 6000.0]
     assert config.values["radar_1.detection_probability"] == 0.0
     (line,) = [line for line in text.splitlines() if "range_std:" in line]
@@ -72,7 +72,7 @@ def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_tune_says_what_a_recording_lacks(short_bag, tmp_path, capsys):
+def test_tune_reports_what_a_recording_lacks(short_bag, tmp_path, capsys):
     assert tune(short_bag) == 2
     said = capsys.readouterr().err
     assert "radar_1: 8 clouds in 42.0 s, must be at least 10" in said
@@ -81,7 +81,7 @@ def test_tune_says_what_a_recording_lacks(short_bag, tmp_path, capsys):
     assert "no such bag" in capsys.readouterr().err
 
 
-def test_tune_uses_what_is_intact_of_a_damaged_bag_and_says_so(tmp_path, capsys):
+def test_tune_uses_the_intact_part_of_a_damaged_bag_with_a_warning(tmp_path, capsys):
     (file,) = SHIPPED.glob("*.mcap")
     whole = file.read_bytes()
     shutil.copytree(SHIPPED, tmp_path / "cut")

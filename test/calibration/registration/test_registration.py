@@ -37,13 +37,13 @@ def test_the_errors_of_one_radar_of_three_are_found_and_those_of_the_others_are_
         off = np.abs(numbers(each.bias) - true)
         told = np.isfinite(each.std)
         assert (off[told] < BOUNDS[told]).all(), each.name
-        # They are as far off as is said: within four deviations, and these are not arbitrary.
+        # Errors are within four standard deviations, and these are not arbitrary.
         assert (off[told] < 4.0 * each.std[told]).all(), each.name
         assert (each.std[told] < BOUNDS[told]).all(), each.name
         assert each.plots > 300
 
 
-def test_a_time_offset_is_told_relative_to_the_reference_only(found, sensors):
+def test_a_time_offset_is_observable_relative_to_the_reference_only(found, sensors):
     assert found.common == ("time_offset_s",)
     assert not found.hidden
     assert np.isnan(found.radars[0].std[3])
@@ -51,7 +51,7 @@ def test_a_time_offset_is_told_relative_to_the_reference_only(found, sensors):
     other = registered(sensors, "east")
     west = other.radars[0].bias.time_offset_s
     assert west == pytest.approx(-found.radars[1].bias.time_offset_s, abs=0.02)
-    # Where a radar stands and looks is told all the same.
+    # A radar's position and yaw are observable all the same.
     assert other.radars[1].bias.azimuth == pytest.approx(found.radars[1].bias.azimuth, abs=1e-4)
 
 
@@ -84,7 +84,7 @@ def test_a_wrong_yaw_is_found_as_an_error_of_the_azimuth(sensors):
     assert again.radars[2].bias.azimuth == pytest.approx(turned, abs=BOUNDS[2])
 
 
-def test_radars_at_one_place_do_not_tell_what_they_have_in_common():
+def test_common_biases_of_radars_at_one_place_are_not_observable():
     given = biased.document(scans=151)
     for name in ("east", "south"):
         given["parameters"][name]["position"] = given["parameters"]["west"]["position"]

@@ -1,4 +1,4 @@
-"""A sector that never comes misses nobody; one that comes empty misses who is in it."""
+"""A lost sector is no miss of its targets; an empty one is."""
 
 import numpy as np
 import pytest

@@ -113,7 +113,7 @@ def test_framings_of_one_recording_give_the_same_bag(bridge, kind):
     assert one == other
 
 
-def test_radars_are_named_and_turned_as_parameters_say(bridge):
+def test_radars_are_named_and_turned_by_the_parameters(bridge):
     data = b"".join(
         part
         for pair in zip(made.turns(2, sic=1), made.turns(2, sic=9), strict=True)
@@ -142,7 +142,7 @@ def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
     assert BagReader(out).counts == {TOPIC: 8}
 
 
-def test_a_port_is_not_asked_of_recordings_that_do_not_say_it(bridge):
+def test_a_port_is_not_required_of_recordings_without_ports(bridge):
     blocks = enumerate(made.turns(1))
     data = b"".join(made.final(block, 1000.0 + k / 8.0) for k, block in blocks)
     status, out, said = bridge(data, "--port", "8600", "-p", "sectors:=8")
@@ -151,7 +151,7 @@ def test_a_port_is_not_asked_of_recordings_that_do_not_say_it(bridge):
     assert BagReader(out).counts == {TOPIC: 8}
 
 
-def test_wrong_clock_and_second_source_are_said(bridge):
+def test_wrong_clock_and_second_source_are_reported(bridge):
     blocks = [*made.turns(1, start_s=1000.0)]
     packets = []
     for k, block in enumerate(blocks):
@@ -172,7 +172,7 @@ def tracks(count):
     return [b"\x3e" + (6).to_bytes(2, "big") + b"\x80\x01\x02"] * count
 
 
-def test_recording_of_tracks_alone_fails_and_says_what_it_holds(bridge):
+def test_recording_of_tracks_alone_fails_with_its_contents(bridge):
     status, _, said = bridge(b"".join(tracks(20)))
     assert status == 3
     assert "0 of 20 records could be used; all records: CAT062 20; CAT062 is tracks" in said.err
@@ -197,7 +197,7 @@ def test_recording_whose_end_is_missing_is_used_and_fails(bridge):
     assert BagReader(out).counts[TOPIC] > 0
 
 
-def test_trailers_of_datagrams_are_said_and_no_faults(bridge):
+def test_trailers_of_datagrams_are_reported_and_no_faults(bridge):
     blocks = [*made.turns(1, seen=SEEN)]
     packets = [
         (round((1000.0 + k / 8.0) * 1e9), made.packet(block + b"\xee\xff\0\1" + bytes([k] * 4)))
@@ -364,7 +364,7 @@ def test_detections_of_a_bag_go_to_asterix_and_back(by_sector, tmp_path, capsys)
         return np.concatenate(found)
 
     before, after = places(by_sector), places(again)
-    # The bag knows only where the antenna is from the first sectors on.
+    # The bag has the antenna's position only from the first sectors on.
     assert len(before) - 5 <= len(after) <= len(before)
     nearest = [np.abs(before[:, 1:] - row[1:]).max(axis=1).argmin() for row in after]
     np.testing.assert_allclose(after[:, 0], before[nearest, 0], atol=0.005)
