@@ -71,11 +71,8 @@ def smooth(
     ----------
     stored : sequence of ParticleSet
         The oldest first.
-    model : TrackerModel
-    corrector : Corrector
     dt : float
         Between consecutive sets, seconds.
-    death_term : DeathTerm
     link : callable
         `dense` or `k_d_tree`.
     """

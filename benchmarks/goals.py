@@ -46,11 +46,8 @@ class Goal(NamedTuple):
 
     Parameters
     ----------
-    name : str
-    bound : float
     at_most : bool
         Whether the bound is an upper one.
-    value : callable
     source : str
         The part of the summary that gives the reason if it was not measured.
     allowance : callable

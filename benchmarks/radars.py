@@ -126,7 +126,6 @@ class Radars:
 
         Parameters
         ----------
-        stamp_ns : int
         length_ns : int
             Time that the report covers until its stamp: the tracker gives the scan of a sector a
             stamp within it.

@@ -41,7 +41,6 @@ class TimedEngine:
 
     Parameters
     ----------
-    config : TrackerConfig
     start : ParticleSet, Mixture or None
         The stored set an interval before the first scan; None for a new start.
     """
@@ -93,8 +92,6 @@ class Window:
     ----------
     stored : tuple of ParticleSet
         The oldest first.
-    model : TrackerModel
-    corrector : Corrector
     dt : float
         Between consecutive sets, seconds.
     """

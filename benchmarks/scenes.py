@@ -36,9 +36,6 @@ def configuration(
 
     Parameters
     ----------
-    targets : int
-    per_target : int
-    engine : str
     clutter : float or None
         Expected false detections per radar and scan. None for half as many as targets: 200 targets
         then give 300 detections per radar.
@@ -82,7 +79,6 @@ def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenari
 
     Parameters
     ----------
-    targets : int
     scans : int
         Every target exists in all of them; half-way through, the targets form the pattern.
     config : TrackerConfig

@@ -111,7 +111,6 @@ def latencies(reports: Sequence[Report], replies: Sequence[Reply], zero_s: float
 
     Parameters
     ----------
-    reports : sequence of Report
     replies : sequence of Reply
         One for each of them.
     zero_s : float

@@ -138,10 +138,8 @@ def gate_error(window: Window, dense: ParticleSet, backend: str) -> dict[str, fl
 
     Parameters
     ----------
-    window : Window
     dense : ParticleSet
         The oldest set's copies, smoothed by `forms.dense`.
-    backend : str
 
     Returns
     -------

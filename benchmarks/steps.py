@@ -28,8 +28,6 @@ class Crowd(NamedTuple):
 
     Parameters
     ----------
-    targets : int
-    engines : tuple of str
     clutter : float or None
         See `scenes.configuration`.
     """

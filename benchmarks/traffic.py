@@ -54,7 +54,6 @@ def scene(turns: int, config: TrackerConfig, seed: int, aircraft: int = AIRCRAFT
         For the radar.
     seed : int
         Of the speeds and the headings.
-    aircraft : int
     """
     rng = np.random.default_rng(seed)
     rotation_s = config.inputs[0].rotation_s

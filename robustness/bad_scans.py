@@ -30,7 +30,6 @@ class BadScan:
 
     Parameters
     ----------
-    name : str
     reason : str
         ``any`` if it may be counted under any reason.
     data : function of a stamp

@@ -21,10 +21,6 @@ class Domain:
     Each holds the lock of a file in the temporary folder, which is released when the process ends
     in any way. ROS processes that do not use these locks are detected by their ports.
 
-    Attributes
-    ----------
-    number : int
-
     Raises
     ------
     RuntimeError

@@ -22,10 +22,8 @@ class Figure:
 
     Parameters
     ----------
-    name, goal : str
     measured : str or None
         As text with numbers; None if it could not be measured.
-    reached : bool or None
     reason : str
         Why it was not measured.
     details : mapping
@@ -70,7 +68,6 @@ def measures(
 
     Parameters
     ----------
-    name : str
     goal : str or callable
         In words, or a function of the same arguments that returns it.
     of_engines : bool

@@ -49,7 +49,6 @@ class Case:
 
     Parameters
     ----------
-    scans : function of the configuration
     values : mapping
         Added to the profile's.
     """

@@ -42,9 +42,6 @@ class Node:
 
     Parameters
     ----------
-    command : sequence of str
-    log : Path
-    domain : int
     environment : mapping
         Added to that of this process.
     """

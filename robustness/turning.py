@@ -75,7 +75,6 @@ class Fault:
         `counted` is the key in the diagnostics, empty if nothing is to be counted.
     change : callable
         Spoils the columns of a good cloud, the target's detection excepted.
-    count : int
     """
 
     name: str

@@ -46,7 +46,6 @@ class Fit(NamedTuple):
 
     Parameters
     ----------
-    radar : str
     seen : int
         Number of innovations, at most `MEMORY`.
     expected : float
@@ -69,12 +68,7 @@ class Fit(NamedTuple):
 
 
 class InnovationMonitor:
-    """Keeps the innovations of each radar's detections; it changes no estimate.
-
-    Parameters
-    ----------
-    model : TrackerModel
-    """
+    """Keeps the innovations of each radar's detections; it changes no estimate."""
 
     def __init__(self, model: TrackerModel) -> None:
         self._kept: list[deque[FloatArray]] = [deque(maxlen=MEMORY) for _ in model.radars]

@@ -35,7 +35,6 @@ class Evaluation:
 
     Parameters
     ----------
-    classes : int
     cutoff : float
         c of OSPA and GOSPA, metres.
     order : float

@@ -36,7 +36,6 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
 
     Parameters
     ----------
-    path : Path
     config : TrackerConfig
         Provides the topics and positions of the radars.
     tracker : str
@@ -106,12 +105,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
 
 
 class _Intact:
-    """Reads the intact messages of a bag and keeps its damage.
-
-    Attributes
-    ----------
-    damage : BagError or None
-    """
+    """Reads the intact messages of a bag and keeps its damage."""
 
     def __init__(self, bag: BagReader) -> None:
         self._bag = bag

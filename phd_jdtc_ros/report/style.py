@@ -36,7 +36,6 @@ def purples(weak: float, strong: float, steps: int) -> FloatArray:
     ----------
     weak, strong : float
         Darkness of low and of high amplitudes, from 0 (white) to 1.
-    steps : int
     """
     shades: FloatArray = colormaps["Purples"](np.linspace(weak, strong, steps))
     return shades

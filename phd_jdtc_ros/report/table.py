@@ -36,7 +36,6 @@ def metrics(
 
     Parameters
     ----------
-    evaluation : Evaluation
     step_ms : array of shape (scans,)
         CPU time of each step, milliseconds; empty if not measured.
     engine : str or None

@@ -90,11 +90,8 @@ def platform(
 
     Parameters
     ----------
-    document : mapping
-    radars : tuple of RadarModel
     legs : callable of (mapping, prefix, faults)
         Returns the legs of a block.
-    faults : list of str
     """
     given = mapping(document, "platform", faults)
     if not given:

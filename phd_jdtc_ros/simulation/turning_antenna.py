@@ -46,7 +46,6 @@ class Report(NamedTuple):
         Index in the scenario.
     stamp_ns : int
         End of the turn or of the sector.
-    detections : Detections
     source : int array of shape (M,)
         The track_id of each detection's target; 0 for clutter.
     """
@@ -97,11 +96,9 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
 
     Parameters
     ----------
-    scenario : Scenario
     inputs : sequence of RadarInput
         One per radar: number of sectors per turn, and whether its messages have times and
         amplitudes. Detections have only the fields of the messages.
-    seed : int
     """
     reports = []
     for index, (radar, layout) in enumerate(zip(scenario.radars, inputs, strict=True)):
@@ -196,7 +193,6 @@ def _plot_turns(
 
     Parameters
     ----------
-    antenna : Antenna
     turns : array of shape (N,)
         Turns at which the antenna points at the true azimuths.
     exact, found : arrays of shape (N, 2)
@@ -343,7 +339,6 @@ def _read(found: Detections, true: FloatArray, layout: RadarInput) -> Detections
         Detections with the ground ranges of their true heights.
     true : array of shape (M,)
         True heights, metres; NaN for clutter.
-    layout : RadarInput
     """
     if layout.site is not None or found.height is None:
         return found
@@ -359,7 +354,6 @@ def to_plane(found: Detections, layout: RadarInput) -> Detections:
     found : Detections
         Slant ranges and azimuths from true east, if the radar has a site; other detections are
         returned unchanged.
-    layout : RadarInput
     """
     if layout.site is None:
         return found

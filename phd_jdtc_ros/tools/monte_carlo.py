@@ -51,7 +51,6 @@ def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> in
 
     Parameters
     ----------
-    study : Study
     plan : Plan
         The study's tasks.
     out : Path

@@ -38,7 +38,6 @@ class Row(NamedTuple):
         The radar, and the parameter without it.
     value : float or None
         What corrects the radar; None where it is not told.
-    std : float
     source : str
         What it is known from, or why it is not told.
     now : float

@@ -84,13 +84,10 @@ def filtered(
 
     Parameters
     ----------
-    sequences : Sequences
-    course : Course
     density : float
         Spectral density of the white acceleration, m^2/s^3.
     weight : array of shape (K, T)
         Weight of each plot, in (0, 1], which divides its standard deviations.
-    radars : int
     """
     length, targets = sequences.radar.shape
     expected, jacobian = kinematics.linearise(course.position, sequences.pose)

@@ -36,7 +36,6 @@ class Drift(NamedTuple):
 
     Parameters
     ----------
-    radar : str
     residuals : int
         Number of residuals so far.
     mean : array of shape (2,)
@@ -84,7 +83,6 @@ class _Tracks(NamedTuple):
     Parameters
     ----------
     number : int array of shape (T,)
-    stamp_ns : int
     position, velocity : arrays of shape (T, 2)
     covariance : array of shape (T, 2, 2)
         Covariances of the positions.
@@ -102,7 +100,6 @@ class RegistrationMonitor:
 
     Parameters
     ----------
-    radars : sequence of RadarModel
     interval_s : float
         The nominal interval, seconds.
     """

@@ -45,7 +45,6 @@ class Sensor:
 
     Parameters
     ----------
-    name : str
     time_s : array of shape (N,)
         Times of its plots since the common reference, seconds.
     measurement : array of shape (N, 2)
@@ -85,8 +84,6 @@ def sensor(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> Senso
 
     Parameters
     ----------
-    plots : Plots
-    radar : RadarModel
     zero_ns : int
         Common reference of all times.
     moving : bool

@@ -41,14 +41,8 @@ class _Round:
 
     Parameters
     ----------
-    targets : sequence of Target
-    biases : tuple of RadarBias
     std : array of shape (P,)
         Standard deviations of the biases, in `UNITS`; NaN if unobservable.
-    judgement : Judgement
-    density : float
-    rows : Sequences
-    course : Course
     """
 
     targets: Sequence[Target]

@@ -35,7 +35,6 @@ class Row:
     ----------
     name : str
         The parameter, or a description if no parameter follows from the figure.
-    value : bool, int, float, str or list
     std : float
         Standard deviation; NaN if there is none.
     source : str

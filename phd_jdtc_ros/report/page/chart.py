@@ -40,7 +40,6 @@ class Chart(NamedTuple):
         Id of the chart's element.
     title, caption : str
         The caption describes the chart and its main message.
-    figure : plotly.graph_objects.Figure
     """
 
     name: str

@@ -31,7 +31,6 @@ class Panel(NamedTuple):
 
     Parameters
     ----------
-    title, colour : str
     series : dict
         Times in the clock's unit and values, by source; no entry without scores.
     """

@@ -53,8 +53,6 @@ def draw_lags(
 
     Parameters
     ----------
-    axes : Axes
-    result : Result
     key : str
         The set, which determines the colour.
     name : str

@@ -21,8 +21,6 @@ def gm_phd(
 
     Parameters
     ----------
-    run : SimulatedRun
-    settings : PhdSettings
     model : TrackerModel or None
         See `Problem.of`.
 

@@ -23,12 +23,10 @@ def gnn(
 
     Parameters
     ----------
-    run : SimulatedRun
     lags : iterable of int
         Lag 0 is the extended Kalman filter. A larger lag L is Stone Soup's
         `ExtendedKalmanSmoother` (Rauch-Tung-Striebel) over the following L scans, fewer at the end
         of the run.
-    settings : TrackSettings
     model : TrackerModel or None
         See `Problem.of`.
 

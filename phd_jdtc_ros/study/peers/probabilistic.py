@@ -27,8 +27,6 @@ def jpda(
 
     Parameters
     ----------
-    run : SimulatedRun
-    settings : TrackSettings
     lags : iterable of int
         See `gnn`, which has the same smoother.
     model : TrackerModel or None
