@@ -10,7 +10,7 @@
       |  slant ranges to the plane               to_plane
     Report: stamp, detections, sources
 
-The plots of a seed do not depend on how they are reported.
+A seed gives the same plots whether they are reported by turn or by sector.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Plots(NamedTuple):
     Parameters
     ----------
     turns : array of shape (M,)
-        Turns of the antenna from the begin of scan 0's turn to the measured azimuth, ascending.
+        Turns of the antenna from the start of scan 0's turn to the measured azimuth, ascending.
     measurement : array of shape (M, 2)
         Range and azimuth; slant range and azimuth from true east for a radar with a site.
     amplitude : array of shape (M,)
@@ -263,7 +263,7 @@ def reports_of(
 ) -> list[Report]:
     """Return one report per turn or sector of a radar, also without plots.
 
-    Incomplete turns at the begin and the end of the run are left out. `seed` is the seed of the
+    Incomplete turns at the start and the end of the run are omitted. `seed` is the seed of the
     replies.
     """
     radar, antenna = scenario.radars[index], scenario.antennas[index]
@@ -282,9 +282,9 @@ def reports_of(
         edge = (number + 1) / parts
         end_s = float(antenna.times_at(np.array(edge - ahead), radar.rotation_s))
         rows = slice(int(begin), int(end))
-        # Change of the antenna's lead over an even rotation between plot and stamp.
-        gained_s = antenna.ahead_s(time_s[rows]) - antenna.ahead_s(np.array(end_s))
-        own_s = (turned[rows] - edge) * radar.rotation_s - gained_s
+        # The lead over a uniform rotation at the plot, minus the lead at the stamp.
+        lead_change_s = antenna.ahead_s(time_s[rows]) - antenna.ahead_s(np.array(end_s))
+        own_s = (turned[rows] - edge) * radar.rotation_s - lead_change_s
         coverage = _coverage(antenna, number % parts, parts) if layout.sectors else None
         detections = _to_detections(plots, rows, own_s, coverage, layout)
         if scenario.transponders is not None:

@@ -20,7 +20,8 @@ from phd_jdtc_ros.core.types import CONFIRMED, Detections, Estimates, Scan
 
 # Effective number of residuals of a mean, and least number for a warning.
 MEMORY, LEAST = 400, 60
-# A warning needs a mean beyond SIGMAS of its standard deviations and beyond SHARE of a plot's.
+# A bias is significant if the mean residual exceeds the sum of SIGMAS standard deviations of the
+# mean and SHARE standard deviations of a single plot.
 SIGMAS, SHARE = 5.0, 0.25
 # Inflation of a mean's standard deviation: residuals of one track are correlated.
 CORRELATED = 1.25

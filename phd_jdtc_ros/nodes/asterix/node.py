@@ -187,7 +187,7 @@ class AsterixBridge(LifecycleNode, RunnableNode):
                     return
                 self._heard_s = time.monotonic()
                 known_ns = None if self._values["replayed"] else received.received_ns
-                self._work = self._stream.work(received.data, known_ns, received.source)
+                self._work = self._stream.iter_reports(received.data, known_ns, received.source)
             for state, report in found or ():
                 self._publish(state, report)
             if time.monotonic() > until_s:

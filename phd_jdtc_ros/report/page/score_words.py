@@ -94,12 +94,13 @@ def _consistency(summary: Mapping[str, Any]) -> str:
         found = (summary.get("consistency") or {}).get(source) or {}
         if found.get("pairs"):
             low, high = found["nees_band_95"]
-            bands.append(f"{source}, {found['pairs']} pairs: {low:.2f} to {high:.2f}")
+            bands.append(f"{source}, {found['pairs']} pairs, {low:.2f} to {high:.2f}")
     if not bands:
         return ""
     note = (
         "Consistency of the covariances of positions, over all pairs and by age of the track in "
-        f"scans. The 95 % band of a NEES of right covariances is, {'; '.join(bands)}."
+        "scans. If the covariances are correct, the mean NEES lies with 95 % probability within: "
+        f"{'; '.join(bands)}."
     )
     return _table(summary, CONSISTENCY, note)
 

@@ -20,12 +20,14 @@ from phd_jdtc_ros.core.targets.amplitude_density import SMALLEST_AMPLITUDE, snr_
 
 from ..checked import mapping, take
 
-LAW = Parameter("law", "rayleigh", "Law.", choices=("rayleigh", "log_normal", "uniform"))
+LAW = Parameter(
+    "law", "rayleigh", "Law of the envelopes.", choices=("rayleigh", "log_normal", "uniform")
+)
 # Parameters that several laws share.
-LEVEL = Parameter("level_db", 0.0, "Mean or, of log_normal, median level, dB.", -100.0, 200.0)
+LEVEL = Parameter("level_db", 0.0, "Mean level; for log_normal the median, dB.", -100.0, 200.0)
 MEMBERS = {
     "rayleigh": (LAW, LEVEL),
-    "log_normal": (LAW, LEVEL, Parameter("std_db", 6.0, "Deviation, dB.", 0.1, 100.0)),
+    "log_normal": (LAW, LEVEL, Parameter("std_db", 6.0, "Standard deviation, dB.", 0.1, 100.0)),
     "uniform": (
         LAW,
         Parameter("lowest_db", 0.0, "Lowest level, dB.", -100.0, 200.0),

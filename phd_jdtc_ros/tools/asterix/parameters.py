@@ -173,7 +173,7 @@ def write(path: Path, head: str, found: Proposal) -> None:
 
 def _layout(found: Proposal, state: RadarState) -> None:
     """Set what a radar's clouds look like."""
-    radar, seen = state.settings.name, state.seen
+    radar, seen = state.settings.name, state.statistics
     found.values |= {
         f"{radar}.topic": settings.topic_of(radar),
         f"{radar}.frame": radar,
@@ -201,7 +201,7 @@ def _layout(found: Proposal, state: RadarState) -> None:
 
 def _ranges(found: Proposal, state: RadarState, own: dict[str, Any]) -> None:
     """Set how near and how far a radar sees, and scale the profile's tables with that."""
-    radar, seen = state.settings.name, state.seen
+    radar, seen = state.settings.name, state.statistics
     if not state.plots or not seen.farthest:
         return
     digit = 10.0 ** (math.floor(math.log10(seen.farthest * BEYOND)) - 1)
@@ -255,7 +255,7 @@ def _placed(found: Proposal, heard: Sequence[RadarState]) -> list[RadarState]:
 def _guess(found: Proposal, state: RadarState) -> None:
     """Put a radar whose place is not known anywhere on the earth."""
     radar = state.settings.name
-    if state.seen.farthest <= SURFACE_RANGE:
+    if state.statistics.farthest <= SURFACE_RANGE:
         found.comments[radar] = "where it stands is not known; over so few km the earth is flat"
         return
     said = "guessed: where it stands is not known"
@@ -278,7 +278,7 @@ def _turns(found: Proposal, together: Sequence[RadarState]) -> None:
 
 def _identities(found: Proposal, together: Sequence[RadarState]) -> None:
     plots = sum(state.plots for state in together)
-    identified = sum(state.seen.identified for state in together)
+    identified = sum(state.statistics.identified for state in together)
     if identified:
         share = min(max(round(identified / plots, 2), 0.01), MOST_EQUIPPED)
         said = f"{identified} of {plots} plots have a code or an address"
