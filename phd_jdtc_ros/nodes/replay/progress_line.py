@@ -35,7 +35,7 @@ class ProgressLine:
         self._progress.start()
 
     def show(self, time_s: float, doing: str, scans: int = 0) -> None:
-        """Show the bag's time and what is being done, and add to the count of scans."""
+        """Show the bag's time and the activity, and add to the count of scans."""
         self._scans += scans
         self._progress.update(
             self._task,
@@ -46,5 +46,5 @@ class ProgressLine:
         )
 
     def stop(self) -> None:
-        """Stop drawing; the line stays as it is."""
+        """Stop drawing; the line stays."""
         self._progress.stop()

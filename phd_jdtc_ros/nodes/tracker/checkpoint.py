@@ -30,24 +30,24 @@ import numpy.typing as npt
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.snapshot import Snapshot
 
-from ..common.runtime import WARNING_PERIOD_S
+from ..common.health import WARNING_PERIOD_S
 
 MAGIC = b"phd_jdtc_ros checkpoint 3\n"
-# Of a file. Its content and its arrays are in memory together, at most 256 MB.
-MOST_BYTES = 120 << 20
-# Of the texts, and of the archive's directory, whose parsing takes some twenty times the memory.
-MOST_TEXT = 2 << 20
-# The record that ends an archive, and what stands before it in one of more than 4 GB.
+# Largest file; its content and its arrays are in memory together, at most 256 MB.
+MAX_BYTES = 120 << 20
+# Largest text, and largest directory of the archive, whose parsing needs some 20 times its size.
+MAX_TEXT = 2 << 20
+# The record that ends an archive, and the one before it in an archive of more than 4 GB.
 _END, _END_64 = b"PK\x05\x06", b"PK\x06\x07"
 _END_SIZE, _END_64_SIZE = 22, 20
-# What a killed tracker left half written is deleted after this time.
+# Incomplete files of a killed tracker are deleted after this time.
 LEFTOVER_S = 60.0
 DIGEST_SIZE = hashlib.sha256().digest_size
 STAMP, FACTS, CONFIGURATION = "stamp_ns", "facts", "configuration"
 
 
 class CheckpointError(Exception):
-    """A checkpoint cannot be used; the message says why."""
+    """A checkpoint cannot be used; the message gives the reason."""
 
 
 def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> None:
@@ -70,15 +70,15 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
         FACTS: snapshot.facts,
         CONFIGURATION: dict(configuration),
     }
-    # Values are Any, because savez has options beside the arrays, which may have any name.
+    # The type is Any, because savez has options beside the arrays, which may have any name.
     stored: dict[str, Any] = {name: _text(value) for name, value in texts.items()}
     stored |= {f"array.{name}": array for name, array in snapshot.arrays.items()}
     payload = io.BytesIO()
     np.savez(payload, **stored)
     body = payload.getvalue()
-    if len(MAGIC) + DIGEST_SIZE + len(body) > MOST_BYTES:
-        raise OSError(errno.EFBIG, f"{len(body) >> 20} MB, at most {MOST_BYTES >> 20} MB")
-    # A name that nobody can foresee, and never through a link that somebody has put there.
+    if len(MAGIC) + DIGEST_SIZE + len(body) > MAX_BYTES:
+        raise OSError(errno.EFBIG, f"{len(body) >> 20} MB, at most {MAX_BYTES >> 20} MB")
+    # The name is unpredictable, and a symbolic link is never followed.
     handle, temporary = tempfile.mkstemp(".tmp", f".{path.name}.", path.parent)
     try:
         with open(handle, "wb") as file:
@@ -122,22 +122,22 @@ def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
     other = sorted(name for name in {*stored, *expected} if stored.get(name) != expected.get(name))
     if other:
         raise CheckpointError(f"{path}: of a tracker with another {', '.join(other)}")
-    held = {name.removeprefix("array."): array for name, array in arrays.items()}
-    return Snapshot(stamp_ns, held, facts)
+    own = {name.removeprefix("array."): array for name, array in arrays.items()}
+    return Snapshot(stamp_ns, own, facts)
 
 
 def _content(path: Path) -> bytes:
-    """Return a regular file's bytes, once it is known not to be too large."""
-    # A pipe would be waited for.
+    """Return a regular file's bytes, after a check of its size."""
+    # Opening a pipe without O_NONBLOCK would block.
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         status = os.fstat(handle)
         if not stat.S_ISREG(status.st_mode):
             raise OSError(errno.EINVAL, "not a regular file")
-        if status.st_size > MOST_BYTES:
-            raise OSError(errno.EFBIG, f"{status.st_size >> 20} MB, at most {MOST_BYTES >> 20} MB")
+        if status.st_size > MAX_BYTES:
+            raise OSError(errno.EFBIG, f"{status.st_size >> 20} MB, at most {MAX_BYTES >> 20} MB")
         with open(handle, "rb", closefd=False) as file:
-            return file.read(MOST_BYTES)
+            return file.read(MAX_BYTES)
     finally:
         os.close(handle)
 
@@ -148,13 +148,13 @@ def _arrays(content: bytes) -> dict[str, npt.NDArray[Any]]:
     Raises
     ------
     ValueError
-        If a member is compressed, or they are larger than the file, or one is no array of numbers
-        of its own length. Decoders raise errors of their own.
+        If a member is compressed or is not an array of numbers of its own length, or if the members
+        are larger than the file. Decoders raise errors of their own.
     """
     end = content[-_END_SIZE:]
     if not end.startswith(_END) or content[-_END_SIZE - _END_64_SIZE :].startswith(_END_64):
         raise ValueError("it does not end as an archive of ours")
-    if int.from_bytes(end[12:16], "little") > MOST_TEXT:
+    if int.from_bytes(end[12:16], "little") > MAX_TEXT:
         raise ValueError("it has too many members")
     # The archive is behind the magic line and the digest, which zip allows.
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -169,14 +169,14 @@ def _arrays(content: bytes) -> dict[str, npt.NDArray[Any]]:
 
 
 def _short(text: npt.NDArray[Any]) -> bytes:
-    """Return a text's bytes."""
-    if text.nbytes > MOST_TEXT:
-        raise ValueError(f"{text.nbytes} bytes of text, at most {MOST_TEXT}")
+    """Return the bytes of a text, unless it is too long."""
+    if text.nbytes > MAX_TEXT:
+        raise ValueError(f"{text.nbytes} bytes of text, at most {MAX_TEXT}")
     return text.tobytes()
 
 
 def _array(data: bytes) -> npt.NDArray[Any]:
-    """Return the array that a member's bytes are."""
+    """Decode a member of the archive."""
     stream = io.BytesIO(data)
     if np.lib.format.read_magic(stream) != (1, 0):
         raise ValueError("an array's header is of another version")
@@ -188,8 +188,8 @@ def _array(data: bytes) -> npt.NDArray[Any]:
     return flat.reshape(shape, order="F" if by_column else "C")
 
 
-def _forget_leftovers(path: Path) -> None:
-    """Delete what killed trackers left half written beside a checkpoint."""
+def _delete_leftovers(path: Path) -> None:
+    """Delete incomplete files of killed trackers beside a checkpoint."""
     with contextlib.suppress(OSError):
         for entry in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
             if time.time() - entry.lstat().st_mtime > LEFTOVER_S:
@@ -216,7 +216,7 @@ class Checkpoints:
         self._configuration, self._log = configuration, log
         self._scans = 0
         self._stored: Snapshot | None = None
-        _forget_leftovers(path)
+        _delete_leftovers(path)
         try:
             self._stored = read(path, configuration)
         except CheckpointError as error:
@@ -251,7 +251,7 @@ class Checkpoints:
             self.save(engine)
 
     def save(self, engine: Engine) -> str | None:
-        """Write a checkpoint; return None, or why it could not be written."""
+        """Write a checkpoint; return None, or the reason if it could not be written."""
         if not self._scans:
             return "no scan has been taken in yet"
         try:
