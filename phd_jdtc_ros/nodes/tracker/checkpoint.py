@@ -1,9 +1,9 @@
 """A tracker's snapshot as a file: written atomically, and checked before it is used.
 
-The file is a magic line, the SHA-256 of the rest, and a numpy archive of arrays. The facts and the
-tracker's configuration are JSON text in two of them. Nothing in the file is executed or unpickled,
-and sizes are checked before they are used: the archive's members are stored uncompressed and are
-together no larger than the file.
+The file is a magic line, the SHA-256 of the rest, the length of a header in four bytes, the header,
+and the bytes of the arrays. The header is JSON: the stamp, the facts, the tracker's configuration,
+and type and shape of each array. Nothing in the file is executed, and sizes are checked before they
+are used.
 """
 
 from __future__ import annotations
@@ -12,14 +12,12 @@ import contextlib
 import errno
 import glob
 import hashlib
-import io
 import json
 import math
 import os
 import stat
 import tempfile
 import time
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -32,18 +30,15 @@ from phd_jdtc_ros.core.snapshot import Snapshot
 
 from ..common.health import WARNING_PERIOD_S
 
-MAGIC = b"phd_jdtc_ros checkpoint 3\n"
+MAGIC = b"phd_jdtc_ros checkpoint 4\n"
 # Largest file; its content and its arrays are in memory together, at most 256 MB.
 MAX_BYTES = 120 << 20
-# Largest text, and largest directory of the archive, whose parsing needs some 20 times its size.
-MAX_TEXT = 2 << 20
-# The record that ends an archive, and the one before it in an archive of more than 4 GB.
-_END, _END_64 = b"PK\x05\x06", b"PK\x06\x07"
-_END_SIZE, _END_64_SIZE = 22, 20
+# Largest header, whose parsing needs some twenty times its size.
+MAX_HEADER = 2 << 20
+LENGTH_SIZE, DIGEST_SIZE = 4, hashlib.sha256().digest_size
 # Incomplete files of a killed tracker are deleted after this time.
 LEFTOVER_S = 60.0
-DIGEST_SIZE = hashlib.sha256().digest_size
-STAMP, FACTS, CONFIGURATION = "stamp_ns", "facts", "configuration"
+STAMP, FACTS, CONFIGURATION, ARRAYS = "stamp_ns", "facts", "configuration", "arrays"
 
 
 class CheckpointError(Exception):
@@ -65,17 +60,15 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
     OSError
         If the file cannot be written.
     """
-    texts = {
+    header = {
         STAMP: snapshot.stamp_ns,
         FACTS: snapshot.facts,
         CONFIGURATION: dict(configuration),
+        ARRAYS: {name: [array.dtype.str, array.shape] for name, array in snapshot.arrays.items()},
     }
-    # The type is Any, because savez has options beside the arrays, which may have any name.
-    stored: dict[str, Any] = {name: _text(value) for name, value in texts.items()}
-    stored |= {f"array.{name}": array for name, array in snapshot.arrays.items()}
-    payload = io.BytesIO()
-    np.savez(payload, **stored)
-    body = payload.getvalue()
+    text = json.dumps(header).encode()
+    arrays = (array.tobytes() for array in snapshot.arrays.values())
+    body = b"".join((len(text).to_bytes(LENGTH_SIZE, "little"), text, *arrays))
     if len(MAGIC) + DIGEST_SIZE + len(body) > MAX_BYTES:
         raise OSError(errno.EFBIG, f"{len(body) >> 20} MB, at most {MAX_BYTES >> 20} MB")
     # The name is unpredictable, and a symbolic link is never followed.
@@ -109,21 +102,18 @@ def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
     if hashlib.sha256(body).digest() != digest:
         raise CheckpointError(f"{path}: damaged, its checksum does not match")
     try:
-        arrays = _arrays(content)
-        stamp_ns, facts, stored = (
-            json.loads(_short(arrays.pop(key))) for key in (STAMP, FACTS, CONFIGURATION)
-        )
+        header, arrays = _decode(body)
+        stamp_ns, facts, stored = (header[key] for key in (STAMP, FACTS, CONFIGURATION))
         if not isinstance(facts, dict) or not isinstance(stored, dict):
             raise ValueError("its facts are no mappings")
-    except Exception as error:  # of any kind: a forged archive makes its decoders raise many
+    except Exception as error:  # of any kind: a forged header makes numpy raise many
         reason = f"{type(error).__name__}: {error}"
         raise CheckpointError(f"{path}: not a checkpoint, {reason[:200]}") from error
     expected = json.loads(json.dumps(dict(configuration)))
     other = sorted(name for name in {*stored, *expected} if stored.get(name) != expected.get(name))
     if other:
         raise CheckpointError(f"{path}: of a tracker with another {', '.join(other)}")
-    own = {name.removeprefix("array."): array for name, array in arrays.items()}
-    return Snapshot(stamp_ns, own, facts)
+    return Snapshot(stamp_ns, arrays, facts)
 
 
 def _content(path: Path) -> bytes:
@@ -142,50 +132,31 @@ def _content(path: Path) -> bytes:
         os.close(handle)
 
 
-def _arrays(content: bytes) -> dict[str, npt.NDArray[Any]]:
-    """Return the arrays of an archive, whose declared sizes are checked before they are read.
+def _decode(body: memoryview) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]:
+    """Return the header, and the arrays that it describes.
 
     Raises
     ------
     ValueError
-        If a member is compressed or is not an array of numbers of its own length, or if the members
-        are larger than the file. Decoders raise errors of their own.
+        If the header is too long, or an array is not of numbers, or the arrays do not fit their
+        bytes. JSON and numpy raise errors of their own.
     """
-    end = content[-_END_SIZE:]
-    if not end.startswith(_END) or content[-_END_SIZE - _END_64_SIZE :].startswith(_END_64):
-        raise ValueError("it does not end as an archive of ours")
-    if int.from_bytes(end[12:16], "little") > MAX_TEXT:
-        raise ValueError("it has too many members")
-    # The archive is behind the magic line and the digest, which zip allows.
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        members = archive.infolist()
-        if any(member.compress_type != zipfile.ZIP_STORED for member in members):
-            raise ValueError("a member is compressed")
-        if sum(member.file_size for member in members) > len(content):
-            raise ValueError("its members are larger than the file")
-        return {
-            member.filename.removesuffix(".npy"): _array(archive.read(member)) for member in members
-        }
-
-
-def _short(text: npt.NDArray[Any]) -> bytes:
-    """Return the bytes of a text, unless it is too long."""
-    if text.nbytes > MAX_TEXT:
-        raise ValueError(f"{text.nbytes} bytes of text, at most {MAX_TEXT}")
-    return text.tobytes()
-
-
-def _array(data: bytes) -> npt.NDArray[Any]:
-    """Decode a member of the archive."""
-    stream = io.BytesIO(data)
-    if np.lib.format.read_magic(stream) != (1, 0):
-        raise ValueError("an array's header is of another version")
-    shape, by_column, kind = np.lib.format.read_array_header_1_0(stream)
-    size = math.prod(shape) * kind.itemsize
-    if kind.kind not in "iuf" or min(shape, default=0) < 0 or len(data) - stream.tell() != size:
-        raise ValueError(f"an array of shape {shape} and type {kind} does not fit its bytes")
-    flat = np.frombuffer(data, kind, offset=stream.tell())
-    return flat.reshape(shape, order="F" if by_column else "C")
+    size = int.from_bytes(body[:LENGTH_SIZE], "little")
+    if size > MAX_HEADER:
+        raise ValueError(f"a header of {size} bytes, at most {MAX_HEADER} are allowed")
+    position = LENGTH_SIZE + size
+    header = json.loads(bytes(body[LENGTH_SIZE:position]))
+    arrays: dict[str, npt.NDArray[Any]] = {}
+    for name, (kind, shape) in header[ARRAYS].items():
+        dtype, count = np.dtype(kind), math.prod(shape)
+        if dtype.kind not in "iuf" or min(shape, default=0) < 0:
+            raise ValueError(f"an array of type {kind} and shape {shape}")
+        # A copy is aligned.
+        arrays[name] = np.frombuffer(body, dtype, count, position).reshape(shape).copy()
+        position += count * dtype.itemsize
+    if position != len(body):
+        raise ValueError("its arrays do not have its length")
+    return header, arrays
 
 
 def _delete_leftovers(path: Path) -> None:
@@ -270,7 +241,3 @@ class Checkpoints:
         except OSError as error:
             text = f"the checkpoint of a run that is over stays: {self._path}: {error.strerror}"
             self._log.error(text, throttle_duration_sec=WARNING_PERIOD_S)
-
-
-def _text(value: Any) -> Any:
-    return np.frombuffer(json.dumps(value).encode(), dtype=np.uint8)
