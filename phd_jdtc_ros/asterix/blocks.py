@@ -12,7 +12,8 @@ from collections.abc import Iterator
 
 from . import records
 from .messages import Message
-from .specification import MalformedError, layouts
+from .rules import MalformedError
+from .specification import layouts
 from .transport.framing import CATEGORIES
 
 HEADER = 3

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 
 from ..clocks import NS_PER_TICK
 from ..messages import DAY
-from ..specification import Fixed, layouts
+from ..rules import Fixed
+from ..specification import layouts
 
 # Largest datagram, bytes, that passes common networks unfragmented.
 MAX_BLOCK = 1400
