@@ -34,12 +34,8 @@ def of_input(
 
     Parameters
     ----------
-    node : str
-        Full name of the bridge.
     lost : int
         Datagrams for which there was no room.
-    inputs : sequence of str
-        Addresses that the bridge receives on.
     active_s : float
         Time for which the bridge has been active, seconds; NaN while it is not.
     """
@@ -117,16 +113,14 @@ def of_output(
 
     Parameters
     ----------
-    node, output : str
-        Full name of the bridge, and the address that it sends to; empty for none.
-    sent, dropped : Counter, mapping
-        Numbers of sent tracks and datagrams, and of clouds left out by reason.
+    output : str
+        Address that the bridge sends to; empty for none.
+    dropped : mapping
+        Numbers of clouds that are not sent, by reason.
     clouds : int
         Received clouds of estimates.
     hint : str
         Fault of a topic without estimates; empty if they are published.
-    active_s : float
-        As in `of_input`.
     """
     counts = {reason: count for reason, count in dropped.items() if reason != "lost"}
     dropping = rises.recent("dropped", sum(counts.values()), now_s)

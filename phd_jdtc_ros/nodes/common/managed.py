@@ -44,13 +44,7 @@ class ManagedNode(LifecycleNode, RunnableNode):
         return self.phase == "active"
 
     def start(self, autostart: bool) -> None:
-        """Configure and activate the node, or log that it waits for transitions.
-
-        Raises
-        ------
-        Exception
-            The fault that a transition has refused.
-        """
+        """Configure and activate the node, or log that it waits; raise the fault of a refusal."""
         if not autostart:
             self.get_logger().info("unconfigured; waiting for a transition")
             return

@@ -96,17 +96,7 @@ def declare(
 def redeclare(
     node: Node, table: Mapping[str, Parameter], values: Mapping[str, Any], changed: Iterable[str]
 ) -> None:
-    """Make a node's parameters, which may all change, those of another table.
-
-    Parameters
-    ----------
-    table : mapping of name to Parameter
-        All parameters; the node's others are removed.
-    values : mapping of name to value
-        Checked.
-    changed : iterable of str
-        Names of the parameters whose values are new.
-    """
+    """Replace a node's parameters, which may all change, by a table; `changed` have new values."""
     own = {name for name in node.get_parameters_by_prefix("") if is_ours(name)}
     # Declared again and not set, because an empty list has another type than one of numbers.
     for name in own.difference(table).union(own.intersection(changed)):
@@ -135,17 +125,8 @@ def resolve(
 ) -> dict[str, Any]:
     """Check a node's parameters against a plain table, declare them, return their values.
 
-    Parameters
-    ----------
-    flags : mapping of name to value
-        From plain command-line flags, which override ROS arguments.
-    old : mapping
-        Hints to present names by former names.
-
-    Raises
-    ------
-    ConfigError
-        With every fault.
+    `flags` are from plain command-line flags and override ROS arguments. `old` has hints by former
+    names. All faults are raised as one `ConfigError`.
     """
     values, faults = check(table, {**given(node, files), **flags}, old)
     if faults:

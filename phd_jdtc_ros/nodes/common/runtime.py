@@ -74,14 +74,7 @@ class StopRequest:
 def run(name: str, make_node: Callable[[], RunnableNode], argv: Sequence[str]) -> int:
     """Run a node until it ends or a signal stops it, and return the exit status.
 
-    Parameters
-    ----------
-    name : str
-        The executable, for messages.
-    make_node : callable
-        Makes the node, once ROS is initialised.
-    argv : sequence of str
-        Command-line arguments, including the ROS arguments.
+    `make_node` is called after the initialisation of ROS. `argv` includes the ROS arguments.
     """
     stop = StopRequest()
     try:

@@ -25,13 +25,7 @@ class _Cause:
 
 
 class StatusLog:
-    """Logs each cause for which a status is not OK once, and the return to OK.
-
-    Parameters
-    ----------
-    clock : callable
-        Returns the time of a steady clock, seconds.
-    """
+    """Logs each cause for which a status is not OK once, and the return to OK."""
 
     def __init__(self, logger: RcutilsLogger, clock: Callable[[], float] = time.monotonic) -> None:
         self._logger = logger

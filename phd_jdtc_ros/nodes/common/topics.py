@@ -36,17 +36,9 @@ def latched(depth: int) -> QoSProfile:
 
 @contextmanager
 def qos_of(topic: str) -> Iterator[None]:
-    """Name the parameter if the QoS of an endpoint that is made in this block is not valid.
+    """Raise `ConfigError` with the parameter if a QoS override is not valid in this block.
 
-    Parameters
-    ----------
-    topic : str
-        Its full name.
-
-    Raises
-    ------
-    ConfigError
-        If the QoS override is not valid.
+    `topic` is the full name of the topic whose endpoint the block creates.
     """
     try:
         yield
@@ -90,12 +82,7 @@ def subscribe(
 ) -> Subscription:
     """Subscribe reliably, unless ``qos_overrides.TOPIC.subscription`` has another reliability.
 
-    `parameter` and `given` are as in `full_name`.
-
-    Raises
-    ------
-    ConfigError
-        If there cannot be a topic of this name, or the QoS override is not valid.
+    `parameter`, `given` and errors are as in `full_name`; invalid QoS overrides are errors too.
     """
     options = QoSOverridingOptions.with_default_policies()
     with qos_of(full_name(node, topic, parameter, given)):
@@ -105,19 +92,9 @@ def subscribe(
 
 
 def publisher_hint(node: Node, topic: str, message_class: type) -> str:
-    """Return the fault of a topic that has no publisher, or only publishers of another type.
+    """Return the fault of a topic, by its full name, that has no publisher of a type; else "".
 
-    Parameters
-    ----------
-    node : Node
-        The subscriber; its own topics are not listed.
-    topic : str
-        Full name.
-
-    Returns
-    -------
-    str
-        Empty if messages of the type are published on the topic.
+    It lists other topics with that type, except for those of the node itself.
     """
     expected = interfaces.type_name(message_class)
     types = {info.topic_type for info in node.get_publishers_info_by_topic(topic)}

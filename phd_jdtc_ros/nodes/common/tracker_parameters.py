@@ -21,12 +21,7 @@ PERIOD_S = 0.1
 class TrackerParameters:
     """Requests a tracker's parameters once, as soon as its services are there.
 
-    Parameters
-    ----------
-    tracker : str
-        The tracker's full name.
-    on_values : callable
-        Receives all values by dotted name. It is never called if the tracker does not reply.
+    `on_values` receives all values by dotted name. Without a reply it is never called.
     """
 
     def __init__(

@@ -24,12 +24,8 @@ class Coverage:
 
     Parameters
     ----------
-    truth : str
-        Topic of the truth.
-    estimates : mapping of source to topic
-
-    Attributes
-    ----------
+    truth, estimates : str, mapping of source to str
+        Their topics.
     received, refused : Counter
         Numbers of valid and invalid clouds by topic.
     """

@@ -23,14 +23,8 @@ KINDS = {
 class MissingRadars:
     """Warns of the tracker's topics of detections or poses that are not recorded.
 
-    The topics are those of the graph and not of the parameters, because they can be remapped.
-
-    Parameters
-    ----------
-    tracker : str
-        The tracker's full name.
-    recorded : collection of str
-        Full names of the recorded topics.
+    They are looked up in the graph and not in the parameters, because topics can be remapped.
+    `recorded` are the full names of the recorded topics.
     """
 
     def __init__(self, node: Node, tracker: str, recorded: Collection[str]) -> None:

@@ -280,13 +280,7 @@ def _check_size(found: Truth | Estimates) -> None:
 
 
 def _recorded_topic(entry: str) -> tuple[str, str]:
-    """Return the topic and the message type of an entry of ``record_topics``.
-
-    Raises
-    ------
-    ConfigError
-        If the entry is not a topic, or a topic and a message of poses.
-    """
+    """Return the topic and the message type of an entry of ``record_topics``."""
     topic, *message = entry.split()
     if not message:
         return topic, names.CLOUD
@@ -301,13 +295,7 @@ def _recorded_topic(entry: str) -> tuple[str, str]:
 
 
 def _report_path(given: str) -> Path | None:
-    """Return the path of the report and create its directory; None if no report is wanted.
-
-    Raises
-    ------
-    ConfigError
-        If the report cannot be written there.
-    """
+    """Return the path of the report and create its directory; None if no report is wanted."""
     if not given:
         return None
     path = Path(given)

@@ -33,9 +33,6 @@ class Recorder:
 
     Parameters
     ----------
-    directory : Path
-        The new bag.
-    topics : mapping of topic to type name
     optional : mapping of topic to type name
         Topics that are in the bag only if they have messages; their types need not be installed.
 
@@ -59,8 +56,9 @@ class Recorder:
         self._bag: BagWriter | None = BagWriter(directory)
         self.written: Counter[str] = Counter()
         self._subscriptions: dict[str, Subscription] = {}
-        self._undeclared = {topic: kind for topic, kind in (optional or {}).items() if _has(kind)}
-        frames = {names.STATIC_FRAMES: names.TRANSFORMS} if _has(names.TRANSFORMS) else {}
+        installed = interfaces.installed_class
+        self._undeclared = {t: kind for t, kind in (optional or {}).items() if installed(kind)}
+        frames = {names.STATIC_FRAMES: names.TRANSFORMS} if installed(names.TRANSFORMS) else {}
         for topic, type_name in (frames | dict(topics)).items():
             latched = topic == names.STATIC_FRAMES
             self._bag.add_topic(Topic(topic, type_name, transient_local=latched))
@@ -118,12 +116,3 @@ class Recorder:
             self._bag.close()
         except BagError as error:
             self._logger.error(f"recording not finished: {error}")
-
-
-def _has(type_name: str) -> bool:
-    """Return whether a message type is installed."""
-    try:
-        interfaces.message_class(type_name)
-    except ImportError:
-        return False
-    return True

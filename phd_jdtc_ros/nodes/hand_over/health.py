@@ -123,8 +123,6 @@ def of_picture(
 
     Parameters
     ----------
-    node : str
-        Full name of the node.
     published : Counter
         Clouds by source.
     parted : int

@@ -6,15 +6,7 @@ import time
 
 
 class BagClock:
-    """A replay's position in its bag, as a time.
-
-    Parameters
-    ----------
-    rate : float
-        Speed relative to the recording.
-    now_ns : int
-        Log time at which it starts.
-    """
+    """A replay's position in its bag as a log time; `rate` is relative to the recording."""
 
     def __init__(self, rate: float, now_ns: int) -> None:
         self._rate = rate

@@ -34,7 +34,6 @@ class Playable:
 
     Parameters
     ----------
-    classes : dict of topic to message class
     scan_topics : tuple of str
         Detections and truth, whose stamps define the scans.
     detections : tuple of str

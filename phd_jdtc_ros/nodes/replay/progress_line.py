@@ -7,13 +7,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 
 class ProgressLine:
-    """A line on the terminal with the bag's time; not drawn if there is no terminal.
-
-    Parameters
-    ----------
-    first_s, last_s : float
-        The part that is played, in the bag's time.
-    """
+    """A line on the terminal with the bag's time; not drawn if there is no terminal."""
 
     def __init__(self, first_s: float, last_s: float) -> None:
         console = Console()

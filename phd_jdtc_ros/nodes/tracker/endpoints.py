@@ -30,13 +30,7 @@ INPUT_DEPTH = 50
 def publisher(
     node: LifecycleNode, message_type: type, topic: str, qos: QoSProfile, health: OutputHealth
 ) -> Any:
-    """Return a publisher that is silent while the node is not active.
-
-    Raises
-    ------
-    ConfigError
-        If the QoS override is not valid.
-    """
+    """Return a publisher that is silent while the node is not active."""
     full = node.resolve_topic_name(topic)
 
     def on_incompatible(event: Any) -> None:
@@ -63,19 +57,8 @@ class Listener:
     present publishers: it is reliable, unless one of them offers best effort only. So the listener
     subscribes again when such a publisher appears, and when all publishers are reliable again.
 
-    In addition to the usual policies, the deadline can be overridden.
-
-    Parameters
-    ----------
-    callback : callable
-        Receives each message and its information.
-    depth : int
-        Depth of its history.
-
-    Raises
-    ------
-    ConfigError
-        If the QoS override is not valid.
+    In addition to the usual policies, the deadline can be overridden. The callback receives each
+    message and its information.
     """
 
     def __init__(

@@ -29,19 +29,10 @@ SUMMED = ("approximate_clusters", "floored_covariances")
 
 
 class Load:
-    """The time that the tracker has worked, by the wall clock.
+    """The time that the tracker has worked, in total and within a window before now.
 
-    CPU time would not show that other processes take the processor.
-
-    Parameters
-    ----------
-    window_s : float
-        Duration that the share of work refers to.
-
-    Attributes
-    ----------
-    worked_s : float
-        In total.
+    It is measured by the wall clock, because CPU time would not show that other processes take the
+    processor.
     """
 
     def __init__(self, window_s: float) -> None:
@@ -72,12 +63,8 @@ class StepHealth:
 
     Parameters
     ----------
-    rhythm : Rhythm
-        Of the scans, by their stamps.
-    pace : Rhythm
-        Of the steps, by the wall clock.
-    engine : str
-        The tracker's, a key of `ADVICE`.
+    rhythm, pace : Rhythm
+        Intervals of the scans, by their stamps, and of the steps, by the wall clock.
     """
 
     rhythm: Rhythm
@@ -99,18 +86,16 @@ class StepHealth:
         targets: int = 0,
         figures: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        """Record a step.
+        """Record a step of a scan.
 
         Parameters
         ----------
-        stamp_ns : int
-            The scan's.
         step_ms : float
             CPU time from receipt to publication.
         targets : int
             Number of reported targets.
         figures : mapping of name to number
-            The engine's.
+            Figures of the engine.
         """
         self.scans += 1
         self.sums.update({name: int(figures[name]) for name in SUMMED if name in figures})
@@ -133,10 +118,8 @@ class StepHealth:
 
         Parameters
         ----------
-        node : str
-            Full name of the tracker.
         limit : float
-            Of the step time, in intervals between scans.
+            Limit of the step time, in intervals between scans.
         lost : int
             Messages of all radars that were lost recently because the tracker is too slow.
         busy : float

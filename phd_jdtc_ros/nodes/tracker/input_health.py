@@ -55,10 +55,7 @@ class InputHealth:
     topic : str
         Its full name, after remapping.
     rhythm : Rhythm
-        Of its usable reports, by the wall clock.
-
-    Attributes
-    ----------
+        Intervals between its usable reports, by the wall clock.
     turn_found_s : float
         Estimated time of a turn that is not configured, seconds; 0 if there is none.
     fit : Fit or None
@@ -146,15 +143,7 @@ class InputHealth:
     def status(
         self, node: str, now_s: float, checked_s: float, publishers: Publishers
     ) -> DiagnosticStatus:
-        """Return the radar's status.
-
-        Parameters
-        ----------
-        node : str
-            Full name of the tracker.
-        checked_s : float
-            See `silent`.
-        """
+        """Return the radar's status; `checked_s` is as in `silent`."""
         self._listed_since_s = {
             identity: self._listed_since_s.get(identity, now_s)
             for identity in publishers.identities

@@ -16,7 +16,6 @@ from msg_adapters import doubts, interfaces, platform_poses
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import Reader, reader_of
 from msg_adapters.selection import Report
-from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tracker_node import Settings
@@ -49,11 +48,6 @@ class Inputs:
         In the configured order.
     platforms : dict of topic to InputHealth
         The poses of platforms that carry radars.
-
-    Raises
-    ------
-    ConfigError
-        If a topic's name is not valid.
     """
 
     def __init__(self, node: LifecycleNode, settings: Settings) -> None:
@@ -62,13 +56,20 @@ class Inputs:
         config = settings.config
         nominal_s = config.model.modes.interval_s
         self.radars = [
-            InputHealth(radar.name, _full_name(node, radar, "topic"), Rhythm(nominal_s))
+            InputHealth(
+                radar.name,
+                topics.full_name(node, radar.topic, f"{radar.name}.topic"),
+                Rhythm(nominal_s),
+            )
             for radar in config.inputs
         ]
         self.platforms = {
-            topic: InputHealth(_pose_name(config, carried), full, Rhythm(nominal_s))
+            topic: InputHealth(
+                f"pose of {', '.join(config.inputs[index].name for index in carried)}",
+                topics.full_name(node, topic, f"{config.inputs[carried[0]].name}.pose"),
+                Rhythm(nominal_s),
+            )
             for topic, carried in config.carried.items()
-            for full in [_full_name(node, config.inputs[carried[0]], "pose")]
         }
         self._now_s = self._checked_s = time.monotonic()
         self._warnings = ThrottledWarnings(node.get_logger())
@@ -113,12 +114,7 @@ class Inputs:
         An executor takes one message of each topic in turn. After a long step several clouds may
         have arrived: the next would overtake the poses of the waiting one, which would then be
         dropped. Other poses stay in the queue: taken early, they could push poses that a later
-        cloud needs out of a platform's memory.
-
-        Parameters
-        ----------
-        awaited : callable
-            Returns the radar whose pose a cloud waits for, or None.
+        cloud needs out of a platform's memory. `awaited` returns the radar of the waiting cloud.
         """
         config = self._settings.config
         poses = dict(zip(self.platforms, self._listeners[len(self.radars) :], strict=True))
@@ -258,17 +254,6 @@ def clouds_of_a_second(radar: RadarInput) -> int:
     """Return the depth of a radar's queue: the messages of a second, or more."""
     clouds = radar.sectors / radar.rotation_s if radar.rotation_s else 0.0
     return max(math.ceil(clouds), endpoints.INPUT_DEPTH)
-
-
-def _full_name(node: LifecycleNode, radar: RadarInput, parameter: str) -> str:
-    """Return the name after remapping of the topic that a radar's parameter names."""
-    topic = radar.topic if parameter == "topic" else radar.pose_topic
-    return topics.full_name(node, topic, f"{radar.name}.{parameter}")
-
-
-def _pose_name(config: TrackerConfig, carried: Sequence[int]) -> str:
-    """Return the name of a platform's poses for diagnostics, by the radars that it carries."""
-    return f"pose of {', '.join(config.inputs[index].name for index in carried)}"
 
 
 def _message_class(radar: RadarInput, reader: Reader) -> Any:

@@ -42,15 +42,7 @@ STEP_TIME_LIMIT = 1.0
 class LiveTracker:
     """Subscribes to every radar, steps the engine scan by scan, and publishes the estimates.
 
-    Attributes
-    ----------
-    inputs : Inputs
-        The subscriptions.
-
-    Raises
-    ------
-    ConfigError
-        If a radar's topic is not a valid name, or a topic's QoS override is not valid.
+    Invalid names of topics, and invalid QoS overrides, raise `ConfigError`.
     """
 
     def __init__(self, node: LifecycleNode, settings: Settings) -> None:
@@ -145,13 +137,7 @@ class LiveTracker:
         self._outputs.retune(settings)
 
     def flush(self) -> int:
-        """Close all scans, publish all smoothed estimates, and begin a new run.
-
-        Returns
-        -------
-        int
-            Number of stamps whose smoothed estimates were pending.
-        """
+        """Publish all pending estimates and begin a new run; return the number of smoothed ones."""
         start, published = time.thread_time(), 0
         for event in self._feed.flush():
             start = self._publish(event, start)

@@ -23,11 +23,6 @@ class ManagerBond:
     """One side of a bond.
 
     The bond has a thread that sends the heartbeats, so that a long step does not delay them.
-
-    Parameters
-    ----------
-    kind : type
-        ``bondpy.bondpy.Bond``.
     """
 
     def __init__(self, node: LifecycleNode, kind: Any) -> None:

@@ -34,12 +34,8 @@ class NameClaim:
     """A node's claim to its full name.
 
     A newcomer gives way to a node that holds the name; of several newcomers the first one stays.
-    After `NEWCOMER_S` a newcomer holds the name and no longer gives way.
-
-    Parameters
-    ----------
-    on_taken : callable
-        Called if another node has the name.
+    After `NEWCOMER_S` a newcomer holds the name and no longer gives way. `on_taken` is called if
+    another node has the name.
     """
 
     def __init__(self, node: Node, on_taken: Callable[[], None]) -> None:

@@ -28,13 +28,7 @@ def _is_wanted(row: Output, values: Mapping[str, Any]) -> bool:
 
 
 class Outputs:
-    """The tracker's publishers; silent while the node is not active.
-
-    Raises
-    ------
-    ConfigError
-        If an output's QoS override is not valid, or its message package is not installed.
-    """
+    """The tracker's publishers; silent while the node is not active."""
 
     def __init__(self, node: LifecycleNode, settings: Settings, health: OutputHealth) -> None:
         self._node, self._health = node, health
@@ -56,11 +50,10 @@ class Outputs:
             raise
 
     def _publisher(self, row: Output) -> Any:
-        try:
-            kind = interfaces.message_class(row.type_name)
-        except ImportError as error:
+        kind = interfaces.installed_class(row.type_name)
+        if kind is None:
             text = f"outputs: {row.switch} given, but its message package is not installed"
-            raise ConfigError([text]) from error
+            raise ConfigError([text])
         qos = topics.latched(LATCHED_DEPTH) if row.latched else topics.reliable(DEPTH)
         return endpoints.publisher(self._node, kind, row.topic, qos, self._health)
 
