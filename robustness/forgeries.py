@@ -6,11 +6,10 @@ They have a process of their own, so that its memory is that of the restart alon
 from __future__ import annotations
 
 import hashlib
-import io
+import json
 import os
 import resource
 import tempfile
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -37,8 +36,6 @@ LEARNING = {
 }
 Change = Callable[[Snapshot], object]
 OLDEST, NEXT, STAMPS = "stored.0", "stored.1", "window.stamps_ns"
-# What an archive of either engine begins with.
-FIRST = (f"array.{OLDEST}.state.npy", f"array.{OLDEST}.mean.npy")
 
 
 class _Log:
@@ -223,36 +220,41 @@ def _lopsided(name: str) -> Change:
     return change
 
 
-def archives(body: bytes) -> dict[str, bytes]:
-    """Return archives that are no honest ones, by name; `body` is one that is."""
-    with zipfile.ZipFile(io.BytesIO(body)) as archive:
-        parts = {name: archive.read(name) for name in archive.namelist()}
-    first = next(name for name in parts if name in FIRST)
+def bodies(body: bytes) -> dict[str, bytes]:
+    """Return forged bodies of a file, by name; `body` is an honest one."""
+    start = checkpoint.LENGTH_SIZE
+    end = start + int.from_bytes(body[:start], "little")
+    honest, data = json.loads(body[start:end]), body[end:]
+    first = next(iter(honest["arrays"]))
 
-    def packed(changes: Mapping[str, bytes], kind: int = zipfile.ZIP_STORED) -> bytes:
-        into = io.BytesIO()
-        with zipfile.ZipFile(into, "w", kind, compresslevel=1) as archive:
-            for name, data in {**parts, **changes}.items():
-                archive.writestr(name, data)
-        return into.getvalue()
+    def packed(text: bytes, data: bytes = data) -> bytes:
+        return len(text).to_bytes(start, "little") + text + data
 
-    def header(shape: str, kind: str = "<f8") -> bytes:
-        text = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
-        return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
+    def described(kind: str, shape: Any, data: bytes = data) -> bytes:
+        arrays = {**honest["arrays"], first: [kind, shape]}
+        return packed(json.dumps({**honest, "arrays": arrays}).encode(), data)
 
-    long = b"[0" + b",0" * 29_999_999 + b"]"
-    swelling = header(f"({1 << 29},)", "|u1") + bytes(1 << 29)
+    def other(**parts: Any) -> bytes:
+        return packed(json.dumps({**honest, **parts}).encode())
+
+    text = json.dumps(honest).encode()
     return {
-        "an archive that swells": packed({"array.more.npy": swelling}, zipfile.ZIP_DEFLATED),
-        "a header of a huge shape": packed({first: header("(1000000000000, 5)")}),
-        "a header of a negative shape": packed({first: header("(-1, 5)")}),
-        "a header that is no header": packed({first: b"\x93NUMPY\x01\x00\xff\xff("}),
-        "an array of objects": packed({first: header("(1,)", "|O") + bytes(8)}),
-        "deep facts": packed({"facts.npy": header("(200000,)", "|u1") + b"[" * 200_000}),
-        "long facts": packed({"facts.npy": header("(60000001,)", "|u1") + long}),
-        "facts that are a list": packed({"facts.npy": header("(2,)", "|u1") + b"[]"}),
-        "very many members": packed({f"{k}.npy": b"" for k in range(100_000)}),
-        "no archive": b"nothing",
+        "an array of a huge shape": described("<f8", [10**12, 5]),
+        "an array of a shape beyond all integers": described("<f8", [10**30, 0]),
+        "an array of a negative shape": described("<f8", [-1, 5]),
+        "an array of a shape that is a text": described("<f8", "5"),
+        "an array of objects": described("|O", [1]),
+        "an array of no type": described("?!", [1]),
+        "arrays that are longer than the file": packed(text, data[:-1]),
+        "arrays that are shorter than the file": packed(text, data + b"0"),
+        "very many arrays": other(arrays={f"{k}": ["<f8", [0]] for k in range(90_000)}),
+        "arrays that are a list": other(arrays=[]),
+        "deep facts": packed(text.replace(b'"facts": {', b'"facts": {"x": ' + b"[" * 200_000, 1)),
+        "a long header": packed(b"[0" + b",0" * 29_999_999 + b"]"),
+        "a header that is longer than the file": b"\xff\xff\x1f\x00" + text,
+        "facts that are a list": other(facts=[]),
+        "a header that is no text": packed(b"\xff" * 99),
+        "no header": b"nothing",
         "nothing": b"",
     }
 
@@ -279,7 +281,7 @@ def _forged(kind: str) -> Iterator[tuple[str, bytes]]:
             yield name, written(snapshot)
         start = len(checkpoint.MAGIC) + checkpoint.DIGEST_SIZE
         honest = written(engine.snapshot())[start:]
-        for name, body in archives(honest).items():
+        for name, body in bodies(honest).items():
             yield name, checkpoint.MAGIC + hashlib.sha256(body).digest() + body
 
 

@@ -123,9 +123,9 @@ def test_a_topic_of_another_encoding_is_named_and_not_called_missing(
     with pytest.raises(BagError) as required:
         reader.require({RADAR: names.CLOUD})
     with pytest.raises(BagError) as played:
-        playable.choose(reader, [])
+        playable.select(reader, [])
     with pytest.raises(BagError) as wanted:
-        playable.choose(reader, [RADAR])
+        playable.select(reader, [RADAR])
 
     for error in (required, played, wanted):
         assert f"{RADAR} is {said}" in str(error.value).replace(f"{RADAR}: is", f"{RADAR} is")

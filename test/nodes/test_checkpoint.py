@@ -13,7 +13,12 @@ CONFIGURATION = {"lag": 5, "sensors": ["north", "south"], "seed": 0}
 
 
 def snapshot():
-    arrays = {"a.state": np.arange(10.0).reshape(2, 5), "a.mode": np.array([1, 2])}
+    arrays = {
+        "a.state": np.arange(10.0).reshape(2, 5).T,
+        "a.mode": np.array([1, 2], dtype=np.uint8),
+        "a.none": np.zeros((0, 3)),
+        "a.count": np.array(7),
+    }
     return Snapshot(42, arrays, {"big": 1 << 127})
 
 
@@ -75,7 +80,7 @@ def test_code_in_a_checkpoint_is_not_executed(tmp_path):
 
 def test_a_checkpoint_of_another_version_is_a_cold_start_with_one_line(path):
     log = Log()
-    path.write_bytes(path.read_bytes().replace(MAGIC, b"phd_jdtc_ros checkpoint 2\n", 1))
+    path.write_bytes(path.read_bytes().replace(MAGIC, b"phd_jdtc_ros checkpoint 3\n", 1))
     checkpoint.Checkpoints(path, 0, 60.0, CONFIGURATION, log)
     (line,) = log.lines
     assert line == f"starting cold: {path}: not a checkpoint of this version"

@@ -219,7 +219,7 @@ def test_wrong_topic_is_reported_with_the_existing_ones(processes, peer):
     peer.node.destroy_publisher(other)
     assert wait_for_level(group, "radar_2", DiagnosticStatus.STALE)
     told = (
-        "nothing received yet; nobody publishes on /plots; sensor_msgs/msg/PointCloud2 is on "
+        "nothing received yet; no publisher on /plots; sensor_msgs/msg/PointCloud2 is on "
         "/radar_2/detections"
     )
     # Its own outputs are of that type too, and the first radar has its topic.

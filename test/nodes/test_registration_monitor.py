@@ -22,7 +22,7 @@ from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.sensors.bias import RadarBias
-from phd_jdtc_ros.nodes.tracker import registration_health
+from phd_jdtc_ros.nodes.tracker.health import registration_status
 
 NODE = "/tracker"
 FEW = {"engine": "gaussian", "lag": 0}
@@ -55,7 +55,7 @@ def drift(mean, sigma, count=LEAST, drifts=(False, False)):
     ],
 )
 def test_a_status_lists_the_bias_and_its_standard_deviation(found, level, text):
-    status = registration_health.status(found, "/site/tracker")
+    status = registration_status(found, "/site/tracker")
     assert status.name == "/site/tracker: registration of mast"
     assert status.level == level
     assert text in status.message

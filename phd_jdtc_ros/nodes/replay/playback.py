@@ -35,7 +35,7 @@ class Group:
 
 
 class Playback:
-    """Reads a chosen part of a bag, scan by scan, one scan ahead.
+    """Reads a selected part of a bag, scan by scan, one scan ahead.
 
     Messages of the scan topics with one stamp are one group, together with all messages recorded
     between them; every other message is a group of its own.
@@ -43,7 +43,7 @@ class Playback:
     Parameters
     ----------
     scan_topics : collection of str
-        The topics whose stamps make the scans.
+        The topics whose stamps define the scans.
     start_s : float
         Seconds to skip.
     duration_s : float
@@ -54,9 +54,9 @@ class Playback:
     upcoming : Group or None
         The next group; None at the end.
     damage : BagError or None
-        What is wrong with the bag, known once the end is reached.
+        The fault of a damaged bag, known once the end is reached.
     first_ns, last_ns : int
-        Log times at which the chosen part begins and ends.
+        Log times at which the selected part begins and ends.
 
     Raises
     ------
@@ -111,7 +111,7 @@ class Playback:
     def _groups(self, from_ns: int) -> Iterator[Group]:
         scan: list[BagMessage] = []
         after: list[BagMessage] = []
-        for message in self._chosen(from_ns):
+        for message in self._read(from_ns):
             of_scan = message.topic in self._scan_topics
             if of_scan and scan and message.stamp_ns == scan[0].stamp_ns:
                 scan += [*after, message]
@@ -126,7 +126,7 @@ class Playback:
                     scan, after = [], []
         yield from _groups_of(scan, after)
 
-    def _chosen(self, from_ns: int) -> Iterator[BagMessage]:
+    def _read(self, from_ns: int) -> Iterator[BagMessage]:
         try:
             for message in self._bag.messages(self._topics, self.last_ns):
                 if from_ns <= message.log_time_ns:

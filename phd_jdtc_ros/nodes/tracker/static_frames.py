@@ -10,11 +10,11 @@ from msg_adapters import frames, names
 from msg_adapters.frames import Mounting
 from phd_jdtc_ros.configuration.tracker_node import Settings
 
-from . import endpoints
+from ..common import topics
 
 
 class StaticFrames:
-    """Publishes the radars' poses once; whoever joins later gets them too."""
+    """Publishes the radars' poses once; late subscribers get them too."""
 
     def __init__(self, node: LifecycleNode, settings: Settings) -> None:
         self._node = node
@@ -34,10 +34,10 @@ class StaticFrames:
         mountings = [
             Mounting(source.frame, model.position, model.yaw)
             for source, model in zip(config.inputs, config.model.radars, strict=True)
-            # Whoever moves a radar publishes its frame.
+            # The frame of a moving radar is published by its platform.
             if not source.pose_topic
         ]
-        publisher = self._node.create_publisher(kind, names.STATIC_FRAMES, endpoints.latched_qos())
+        publisher = self._node.create_publisher(kind, names.STATIC_FRAMES, topics.latched(1))
         stamp_ns = self._node.get_clock().now().nanoseconds
         publisher.publish(frames.to_cdr(mountings, stamp_ns, config.world_frame))
         return publisher
