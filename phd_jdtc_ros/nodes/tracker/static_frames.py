@@ -35,7 +35,7 @@ class StaticFrames:
             Mounting(source.frame, model.position, model.yaw)
             for source, model in zip(config.inputs, config.model.radars, strict=True)
             # Whoever moves a radar publishes its frame.
-            if not source.pose_topic
+            if not source.pose.topic
         ]
         publisher = self._node.create_publisher(kind, names.STATIC_FRAMES, endpoints.latched_qos())
         stamp_ns = self._node.get_clock().now().nanoseconds
