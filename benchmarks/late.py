@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import LATE_REWORKED, Stepped
 from phd_jdtc_ros.core.types import Detections

@@ -105,7 +105,6 @@ def _nodes(context, share):
             {
                 "tracker": tracker_name,
                 "classes": [kind.name for kind in demo.config.model.modes.classes],
-                "world_frame": demo.config.world_frame,
                 "record_topics": recorded_topics(demo.config),
                 # Without truth there is nothing to report.
                 "report": f"{out}/metrics.json" if scans else "",
@@ -124,12 +123,11 @@ def _nodes(context, share):
                 "bag": str(demo.bag),
                 "rate": rate,
                 "flush_service": f"{tracker_name}/flush",
-                "estimates_topic": names.estimates("filtered", tracker_name),
-                "subscriber_timeout_s": 20.0,
-                "truth_timeout_s": 20.0,
+                "subscriber_timeout_s": 60.0,
                 "answer_delay_s": demo.config.answer_delay_s,
             }
         ],
+        remappings=[(names.estimates("filtered"), names.estimates("filtered", tracker_name))],
     )
     # The evaluator ends by itself once it has seen everything.
     finished = OnProcessExit(target_action=evaluator, on_exit=_end_with)

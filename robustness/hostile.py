@@ -23,7 +23,7 @@ from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.tracks.region import Region

@@ -25,7 +25,6 @@ from phd_jdtc_ros.calibration.registration.sensors import RegistrationError, sen
 from phd_jdtc_ros.calibration.registration.solution import registered
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.configuration.radar_build import bias_parameters
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.metrics import assign
@@ -101,9 +100,9 @@ def errors_of_tracks(
     """Return the tracker's root mean square error, metres, by run (`RUNS`) and source."""
     given = {**parameters, "seed": seed}
     plain = resolve(given)
-    corrections: dict[str, float] = {}
+    corrections: dict[str, Any] = {}
     for layout, each in zip(plain.inputs, found.radars, strict=True):
-        corrections |= bias_parameters(layout, each.bias)
+        corrections |= layout.bias_parameters(each.bias)
     runs = (
         (replace(scenario, biases=()), plain),
         (scenario, plain),

@@ -56,7 +56,7 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
     found = []
     for index, rows in enumerate(_rows_of_radars(columns, config.inputs)):
         radar, model = config.inputs[index], config.model.radars[index]
-        stamp_ns = _ends_ns(time_ns[rows], radar) if radar.time_field == TIME else time_ns[rows]
+        stamp_ns = _ends_ns(time_ns[rows], radar) if radar.fields.time == TIME else time_ns[rows]
         own = {name: column[rows] for name, column in columns.items()}
         if not len(rows):
             continue
@@ -67,7 +67,7 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
         for part in np.split(order, starts[1:]):
             report = read.report(int(stamp_ns[part[0]]), sent, part)
             found.append(RadarReport(index, report))
-        if radar.time_field == TIME:
+        if radar.fields.time == TIME:
             quiet = _quiet_ns(stamp_ns[order][starts], _step_ns(radar))
             none = np.arange(0)
             found += [RadarReport(index, read.report(each, sent, none)) for each in quiet]
@@ -154,7 +154,7 @@ class _Reader:
         """Return the columns in the radar's convention."""
         radar = self._radar
         names = sent_columns.names_of(radar)
-        if radar.time_field == TIME:
+        if radar.fields.time == TIME:
             # Reports are split by time here, and not by the radar's sectors.
             names.pop("sector", None)
         found = {
@@ -162,7 +162,7 @@ class _Reader:
             for what, name in names.items()
             if name in columns
         }
-        if radar.range_field not in columns and {*POSITION} <= columns.keys():
+        if radar.fields.range not in columns and {*POSITION} <= columns.keys():
             found |= self._of_positions(columns)
         for what in ("distance", "azimuth"):
             if what not in found:
@@ -174,7 +174,7 @@ class _Reader:
         radar = self._radar
         if radar.site is not None:
             raise ValueError(
-                f"x, y: given, must be {radar.range_field} and {radar.azimuth_field} for "
+                f"x, y: given, must be {radar.fields.range} and {radar.fields.azimuth} for "
                 f"{radar.name}, because it has geodetic"
             )
         x, y = (

@@ -104,7 +104,7 @@ def _document(scenario: Mapping[str, Any] | str | os.PathLike[str] | None) -> An
 def _config(parameters: Mapping[str, Any]) -> TrackerConfig:
     """Return a configuration with absolute detection times, as in tables."""
     config = resolve(parameters, SystemPlane)
-    timed = [radar.name for radar in config.inputs if radar.time_field]
+    timed = [radar.name for radar in config.inputs if radar.fields.time]
     return resolve(
         {
             **config.values,
@@ -149,7 +149,7 @@ def _detections(
         begin += len(rows)
         if len(found):
             sent = sent_columns.of(found, stamp_ns, radar)
-        rows[TIME] = sent[TIME] if radar.time_field and sent else stamp_ns / 1e9
+        rows[TIME] = sent[TIME] if radar.fields.time and sent else stamp_ns / 1e9
         rows["radar"] = radar.name
         own = sent_columns.names_of(radar).values()
         for name in names:

@@ -8,8 +8,8 @@ from typing import Protocol
 
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.selection import Report
-from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Rejection

@@ -9,7 +9,7 @@ from typing import Any
 
 from msg_adapters import names
 from phd_jdtc_ros.configuration import replaced
-from phd_jdtc_ros.configuration.checks import is_region
+from phd_jdtc_ros.configuration.forms import is_region
 from phd_jdtc_ros.configuration.schema import (
     ConfigError,
     Parameter,

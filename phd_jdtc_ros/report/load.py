@@ -94,7 +94,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         radars=tuple(
             RadarSite(radar.name, radar.position, source.height)
             for radar, source in zip(radars, config.inputs, strict=True)
-            if not source.pose_topic
+            if not source.pose.topic
         ),
         damage=intact.damage,
         clutter=next(iter(parts["clutter"]), None),

@@ -291,7 +291,7 @@ def reports_of(
             own = answers.take(np.arange(len(plots.turns))[rows])
             detections = _with_answers(detections, own, layout)
             detections = _read(detections, _heights(scenario, index, plots, rows), layout)
-        elif layout.height_field and layout.site is not None:
+        elif layout.fields.height and layout.site is not None:
             detections = replace(detections, height=_heights(scenario, index, plots, rows))
         detections = to_plane(detections, layout)
         reports.append(Report(index, scenario.ns_after(end_s), detections, plots.source[rows]))
@@ -309,8 +309,8 @@ def _to_detections(
     """Return some plots as detections with the fields of the radar's messages."""
     return Detections(
         plots.measurement[rows],
-        plots.amplitude[rows] if layout.amplitude_field else None,
-        time_s=time_s if layout.time_field else None,
+        plots.amplitude[rows] if layout.fields.amplitude else None,
+        time_s=time_s if layout.fields.time else None,
         coverage=coverage,
         range_rate=None if plots.range_rate is None else plots.range_rate[rows],
     )
@@ -376,10 +376,10 @@ def _with_answers(found: Detections, answers: Detections, layout: RadarInput) ->
     """Return detections with the replies that the radar's messages contain."""
     return replace(
         found,
-        code=answers.code if layout.code_field else None,
-        address=answers.address if layout.address_field else None,
-        height=answers.height if layout.height_field else None,
-        kind=_kind(answers) if layout.kind_field else None,
+        code=answers.code if layout.fields.code else None,
+        address=answers.address if layout.fields.address else None,
+        height=answers.height if layout.fields.height else None,
+        kind=_kind(answers) if layout.fields.kind else None,
     )
 
 
@@ -411,7 +411,7 @@ def _still_reports(
         radar = scenario.radar_at(index, scan * scenario.interval_s)
         laws = scenario.laws(index)
         found, source = detect(truth, snr, radar, rng, *laws, scenario.reflectors)
-        if not layout.amplitude_field:
+        if not layout.fields.amplitude:
             found = replace(found, amplitude=None)
         time_s = np.full(len(source), scan * scenario.interval_s)
         answers = scenario.with_replies(found, source, time_s, (seed, scan, index))

@@ -66,7 +66,7 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST
     inputs = [replace(radar, max_range=math.inf) for radar in config.inputs]
     types = {radar.topic: reader_of(radar).type_name for radar in inputs}
     for topic, carried in config.carried.items():
-        types[topic] = platform_poses.TYPES[inputs[carried[0]].pose_message]
+        types[topic] = platform_poses.TYPES[inputs[carried[0]].pose.message]
     bag.require(types)
     radars = {radar.topic: index for index, radar in enumerate(inputs)}
     posed = PosedReports(config.platforms())
@@ -86,7 +86,7 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST
         try:
             if entry.topic in config.carried:
                 carried = config.carried[entry.topic]
-                kind = inputs[carried[0]].pose_message
+                kind = inputs[carried[0]].pose.message
                 stamp_ns, pose = platform_poses.from_cdr(entry.data, kind, config.world_frame)
                 for index in carried:
                     posed.add_pose(index, stamp_ns, pose)

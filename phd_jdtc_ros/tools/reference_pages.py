@@ -70,8 +70,7 @@ def parameters() -> str:
     parts = [_PARAMETERS.format(count=declared())]
     for title, text, table in _SECTIONS:
         rows = [
-            (f"`{p.name}`{_mark(p)}", f"`{_shown(p.default)}`", p.allowed, p.description)
-            for p in table
+            (f"`{p.name}`{_mark(p)}", f"`{_shown(p)}`", p.allowed, p.description) for p in table
         ]
         head = ("name", "default", "allowed", "meaning")
         parts.append(_section(title, text, head, rows))
@@ -89,7 +88,10 @@ def _mark(parameter: Parameter) -> str:
     return " *" if parameter.mutable else ""
 
 
-def _shown(default: object) -> str:
+def _shown(parameter: Parameter) -> str:
+    default = parameter.default
+    if parameter.keys:
+        default = {key: getattr(default, key) for key in parameter.keys if getattr(default, key)}
     return str(default).replace("'", "") if default != "" else "(empty)"
 
 

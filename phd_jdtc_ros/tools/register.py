@@ -23,7 +23,6 @@ from phd_jdtc_ros.calibration.registration.result import Registration
 from phd_jdtc_ros.calibration.registration.sensors import RegistrationError, sensor
 from phd_jdtc_ros.calibration.registration.solution import registered
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.configuration.radar_build import bias_parameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.bias import RadarBias
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
@@ -59,7 +58,7 @@ class Outcome(NamedTuple):
     """
 
     found: Registration
-    parameters: dict[str, float]
+    parameters: dict[str, list[float]]
     damage: BagError | None
 
 
@@ -171,7 +170,7 @@ def outcome_of(
         raise BagError(f"{source}: radars: {names[0]} alone given, must be at least two to compare")
     found, recorded = _found(source, config, reference or names[0], seconds)
     parameters = _parameters(config, found)
-    if any(r.elevation_field or r.height_field or r.site is not None for r in config.inputs):
+    if any(r.fields.elevation or r.fields.height or r.site is not None for r in config.inputs):
         # Errors are those of slant ranges: what is left over ground is found in a second reading.
         config, first = tracker_params.config({**given, **parameters}), found
         found, recorded = _found(source, config, reference or names[0], seconds)
@@ -197,7 +196,7 @@ def _found(
                     f"{f' (dropped: {said})' if said else ''}; must have some, or be left out of "
                     "radars"
                 )
-            sensors.append(sensor(plots, radar, bag.start_ns, bool(layout.pose_topic)))
+            sensors.append(sensor(plots, radar, bag.start_ns, bool(layout.pose.topic)))
         return registered(sensors, reference), recorded
     except RegistrationError as error:
         raise BagError(f"{source}: {error}") from error
@@ -211,16 +210,13 @@ def _seen_from(first: Registration, second: Registration) -> Registration:
     )
 
 
-def _parameters(config: TrackerConfig, found: Registration) -> dict[str, float]:
-    """Return the parameters of the corrections that are told, with those that are set already."""
-    parameters: dict[str, float] = {}
+def _parameters(config: TrackerConfig, found: Registration) -> dict[str, list[float]]:
+    """Return the corrections of radars with observable biases, with those that are set already."""
+    parameters: dict[str, list[float]] = {}
     for layout, each in zip(config.inputs, found.radars, strict=True):
         bias: RadarBias = layout.bias.followed_by(each.bias)
-        told = registered_table.told(each)
-        own = bias_parameters(layout, bias)
-        parameters |= {
-            name: round(value, registered_table.DIGITS[name.partition(".")[2]]) + 0.0
-            for name, value in own.items()
-            if name.partition(".")[2] in told
-        }
+        for name, biases in layout.bias_parameters(bias).items():
+            chosen = registered_table.corrections(each, biases, config.values[name])
+            if chosen is not None:
+                parameters[name] = chosen
     return parameters

@@ -67,11 +67,11 @@ def check_platform(run: Scenario, config: TrackerConfig) -> None:
     faults = []
     for index, radar in enumerate(config.inputs):
         carried = run.carrier(index) is not None
-        if carried and not radar.pose_topic:
+        if carried and not radar.pose.topic:
             faults.append(f"{radar.name}.pose: fixed given, must be a topic, with a platform")
-        if radar.pose_topic and not carried:
-            faults.append(f"platform: must carry {radar.name}, whose pose is {radar.pose_topic}")
-        if carried and not radar.pose_yaw:
+        if radar.pose.topic and not carried:
+            faults.append(f"platform: must carry {radar.name}, whose pose is {radar.pose.topic}")
+        if carried and not radar.pose.yaw:
             faults.append(f"{radar.name}.pose: stabilised given, must not be: a platform turns it")
     if faults:
         raise ConfigError(faults)

@@ -88,7 +88,7 @@ class OfflineTracker:
             reader = reader_of(radar)
             self._write(self._feed.message(index, lambda: reader.from_cdr(entry.data, radar)) or ())
         else:
-            kind = self._config.inputs[self._config.carried[entry.topic][0]].pose_message
+            kind = self._config.inputs[self._config.carried[entry.topic][0]].pose.message
             frame = self._config.world_frame
             pose = partial(platform_poses.from_cdr, entry.data, kind, frame)
             self._write(self._feed.pose(entry.topic, pose))
@@ -168,7 +168,7 @@ def track_bag(
     """
     types = {radar.topic: reader_of(radar).type_name for radar in config.inputs}
     for topic, carried in config.carried.items():
-        types[topic] = platform_poses.TYPES[config.inputs[carried[0]].pose_message]
+        types[topic] = platform_poses.TYPES[config.inputs[carried[0]].pose.message]
     topics = list(types)
     copied = [*topics, *([names.TRUTH] if names.TRUTH in source.types else [])]
     source.require({topic: types.get(topic, names.CLOUD) for topic in copied})

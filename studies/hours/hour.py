@@ -111,7 +111,7 @@ class Reader:
             Slant ranges, metres; azimuths, radians counter-clockwise from true east; heights,
             metres, NaN if unknown.
         """
-        known = height if self.layout.height_field else None
+        known = height if self.layout.fields.height else None
         own = azimuth - self.radar.yaw if self.layout.site is None else azimuth
         found = self.read(distance, own, None, known, self.layout)
         return np.stack([found.distance, found.azimuth], axis=1), found.possible

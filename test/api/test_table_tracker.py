@@ -10,7 +10,7 @@ import yaml
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import Tracker, evaluate, simulate
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import RunEnded
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params, yaml_files

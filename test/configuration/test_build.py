@@ -165,12 +165,12 @@ def test_resolve_error_reads_as_its_faults():
         (
             {"radar_1.detection_probability": [1e3, 0.9, 2e3]},
             "radar_1.detection_probability",
-            "must be pairs of range and probability",
+            "or pairs of range (m, ascending) and probability",
         ),
         (
             {"radar_1.detection_probability": [1e3, 0.9, 500.0, 0.8]},
             "radar_1.detection_probability",
-            "must rise",
+            "or pairs of range (m, ascending) and probability",
         ),
         (
             {"radar_1.detection_probability": [1e3, 0.0]},
@@ -417,10 +417,11 @@ def test_answers_of_turning_radars_are_older_than_their_reports(given, expected)
     [
         (
             {"radar_1.pose": "tf"},
-            "radar_1.pose: 'tf' given, transforms are not read; must be fixed",
+            "radar_1.pose: 'tf' given, must be fixed or the topic of the platform's poses in the "
+            "world frame (transforms are not read)",
         ),
-        ({"radar_1.pose": ""}, "radar_1.pose: '' given, must be fixed or a topic's name"),
-        ({"radar_1.pose": "Fixed"}, "radar_1.pose: 'Fixed' given, must be fixed or a topic's name"),
+        ({"radar_1.pose": ""}, "radar_1.pose: '' given, must be fixed or the topic"),
+        ({"radar_1.pose": "Fixed"}, "radar_1.pose: 'Fixed' given, must be fixed or the topic"),
         (
             {"radar_1.pose": "/radar_2/detections"},
             "radar_1.pose: '/radar_2/detections' given, radar_2 has its detections there",

@@ -98,7 +98,7 @@ def test_resolved_values_resolve_again():
         ),
         (
             {"world_origin": [math.nan, 4.8, 0.0]},
-            "world_origin: [nan, 4.8, 0.0] given, must be finite numbers",
+            "world_origin: [nan, 4.8, 0.0] given, must be empty or a latitude",
         ),
     ],
 )

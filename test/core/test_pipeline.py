@@ -5,8 +5,7 @@ from antennas import TurningRadar
 from runs import stepped
 from scenes import short_scenario, small
 
-from phd_jdtc_ros.configuration.assembly import new_pipeline
-from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.configuration.engines import new_engine, new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.intake.turns import SLICES
 from phd_jdtc_ros.core.pipeline import RunEnded, Stepped

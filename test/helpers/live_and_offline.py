@@ -6,7 +6,7 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections, estimates, interfaces, names
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 
 FILTERED = names.estimates("filtered")

@@ -80,7 +80,7 @@ def test_to_msg_writes_what_from_msg_reads_in_the_layout_of_the_radar(changes):
     report = adapter.from_msg(adapter.to_msg(given, STAMP_NS, FRAME, layout), layout)
     assert not report.dropped
     assert_allclose(report.detections.measurement, given.measurement, rtol=0.0, atol=1e-6)
-    if layout.amplitude_field:
+    if layout.fields.amplitude:
         assert_allclose(report.detections.amplitude, given.amplitude, rtol=1e-5)
     else:
         assert report.detections.amplitude is None

@@ -8,7 +8,7 @@ from samples import STAMP_NS, radar
 
 from msg_adapters import doubts
 from msg_adapters.selection import Columns, select
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 

@@ -396,7 +396,7 @@ def test_evaluator_never_writes_nothing_over_the_figures_of_an_earlier_run(proce
 def test_evaluator_refuses_clouds_of_another_frame_and_of_classes_that_there_are_not(
     processes, peer
 ):
-    evaluator = processes.start("evaluator", "--ros-args", "-p", "world_frame:=odom")
+    evaluator = processes.start("evaluator")
     source = Source(peer)
     source.send_truth(SECOND, frame="odom")
     source.send_truth(2 * SECOND, frame="map")
@@ -408,7 +408,7 @@ def test_evaluator_refuses_clouds_of_another_frame_and_of_classes_that_there_are
     status, text = ended(evaluator)
 
     assert status == 0
-    assert f"{names.TRUTH}: frame_id is 'map', must be world_frame, 'odom'" in text
+    assert f"{names.TRUTH}: frame_id is 'map', must be 'odom' as in the first cloud" in text
     assert f"2 clouds on {names.TRUTH} did not fit" in text
     assert f"1 clouds on {names.estimates('filtered')} did not fit" in text
     # Only those that fit are of the truth.

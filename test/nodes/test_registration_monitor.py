@@ -18,8 +18,8 @@ from msg_adapters import (
 )
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, Drift, RegistrationMonitor
 from phd_jdtc_ros.configuration import tracker_node
-from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.sensors.bias import RadarBias
 from phd_jdtc_ros.nodes.tracker.health import registration_status
@@ -125,8 +125,8 @@ def test_a_radar_that_is_off_is_warned_of_live_as_offline(processes, peer):
 
 @pytest.mark.live
 def test_corrections_are_made_live(processes, peer):
-    given = {**FEW, "radar_1.time_offset_s": 0.5, "radar_2.time_offset_s": 0.5}
-    given |= {"radar_1.range_bias": 1000.0, "radar_2.range_bias": 1000.0}
+    biases = [1000.0, 0.0, 0.0, 0.5]
+    given = {**FEW, "radar_1.biases": biases, "radar_2.biases": biases}
     config = resolve(given)
     outputs = [peer.publisher(PointCloud2, f"/radar_{k}/detections", 50) for k in (1, 2)]
     seen = peer.collect(PointCloud2, names.detections_in_map(), 100)

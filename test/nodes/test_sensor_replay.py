@@ -366,7 +366,7 @@ def test_replay_waits_for_the_truths_subscribers_for_the_configured_time(process
     clock = peer.collect(Clock, "/clock", QoSProfile(depth=1, reliability=BEST_EFFORT))
     for topic in TOPICS[:2]:
         peer.collect(PointCloud2, topic, DEEP)
-    words = ("-p", "truth_timeout_s:=3600.0")
+    words = ("-p", "subscriber_timeout_s:=3600.0")
     process = processes.start("sensor_replay", BAG, "--rate", "1000", *QUIET, *words)
     # Longer than it would wait otherwise, by its own clock of 100 Hz.
     assert peer.spin_until(lambda: len(clock) > 200)

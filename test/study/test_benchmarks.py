@@ -30,7 +30,7 @@ from benchmarks import (
 )
 from benchmarks import report as tables
 from benchmarks.radars import Reply
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.smc.kernel import backward_kernel
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass

@@ -8,7 +8,7 @@ import pytest
 from msg_adapters import interfaces, names, truth
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params

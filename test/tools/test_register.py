@@ -57,18 +57,18 @@ def test_register_writes_a_file_with_which_the_tracker_removes_the_errors(bag, r
     before = tracker_params.config(from_arguments.load(bag / "parameters.yaml"))
     after = tracker_params.config(from_arguments.load(registered))
     found = {name for name, value in after.values.items() if before.values[name] != value}
-    kinds = ("range_bias", "range_gain", "azimuth_bias_deg", "time_offset_s")
-    assert found <= {f"{radar}.{kind}" for radar in ("west", "east", "south") for kind in kinds}
-    assert "west.time_offset_s" not in found
-    east = [after.values[f"east.{kind}"] for kind in kinds]
+    assert found == {f"{radar}.biases" for radar in ("west", "east", "south")}
+    assert after.values["west.biases"][3] == 0.0
+    east = after.values["east.biases"]
     assert east[0] == pytest.approx(80.0, abs=32.0)
     assert east[1] == pytest.approx(0.0, abs=5e-4)
     assert east[2] == pytest.approx(0.3, abs=0.04)
     assert east[3] == pytest.approx(0.5, abs=0.15)
-    (line,) = [row for row in registered.read_text().splitlines() if "azimuth_bias_deg: 0.3" in row
-               or "azimuth_bias_deg: 0.2" in row]  # fmt: skip
-    assert "# +-0.0" in line
-    assert "common tracks" in line
+    lines = [row for row in registered.read_text().splitlines() if "biases:" in row]
+    assert len(lines) == 3
+    # Each with the deviations; one clock is the reference.
+    assert all("# +-[" in line and "common tracks" in line for line in lines)
+    assert ["-]" in line for line in lines].count(True) == 1
 
 
 def test_register_draws_the_residuals_beside_its_file(registered):
@@ -82,12 +82,9 @@ def test_register_draws_the_residuals_beside_its_file(registered):
 def test_register_finds_nothing_more_once_its_file_is_used(bag, registered, tmp_path, capsys):
     again = tmp_path / "again.yaml"
     assert register(bag, "--params", registered, "--out", again, "--reference", "west") == 0
-    first, second = (from_arguments.load(path) for path in (registered, again))
-    assert second["east.azimuth_bias_deg"] == pytest.approx(
-        first["east.azimuth_bias_deg"], abs=0.005
-    )
-    assert second["east.range_bias"] == pytest.approx(first["east.range_bias"], abs=4.0)
-    assert second["east.time_offset_s"] == pytest.approx(first["east.time_offset_s"], abs=0.02)
+    first, second = (from_arguments.load(path)["east.biases"] for path in (registered, again))
+    for entry, tolerance in ((0, 4.0), (2, 0.005), (3, 0.02)):
+        assert second[entry] == pytest.approx(first[entry], abs=tolerance)
     said = capsys.readouterr().out
     assert "Not to be seen where it is common to all radars: a time offset" in said
     assert "residuals of plots" in said
@@ -175,10 +172,10 @@ def test_register_refuses_what_targets_on_one_line_do_not_determine(tmp_path, ca
     out = tmp_path / "found.yaml"
     assert register(simulated(tmp_path, document), "--out", out) == 0
     said = capsys.readouterr().out
-    assert "range_gain, time_offset_s not told: 3 common tracks with" in said
+    assert "range gain, m/m and time, s not told: 3 common tracks with" in said
     assert "all on one line" in said
     assert "a time offset, a range gain, a range bias; west is taken to be right there" in said
     # Nothing is written of them.
     written = from_arguments.load(out)
-    assert "east.azimuth_bias_deg" in written
-    assert not {"east.range_gain", "east.time_offset_s", "west.range_bias"} & written.keys()
+    assert written["east.biases"][1] == written["east.biases"][3] == 0.0
+    assert written["east.biases"][2] != 0.0

@@ -61,7 +61,7 @@ def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
     config = tracker_params.config(from_arguments.load(out))
     (radar,), (layout,) = config.model.radars, config.inputs
     assert (layout.topic, layout.frame) == ("/radar_1/detections", "radar_1")
-    assert (layout.range_field, layout.azimuth_field) == ("range", "azimuth")
+    assert (layout.fields.range, layout.fields.azimuth) == ("range", "azimuth")
     assert radar.range_std == pytest.approx(300.0, rel=0.2)
     assert config.values["interval_s"] == 6.0
     # It reads what it was made from.

@@ -84,6 +84,7 @@ class Evaluator(RunnableNode):
         self._coverage = Coverage(
             self._truth_topic, {s: names.estimates(s, tracker) for s in SOURCES}
         )
+        self._frame: str | None = None
         self._warned_unmatched = False
         self._step_ms: deque[float] = deque(maxlen=MAX_STEPS)
         self._completion = Completion(self._evaluation, self._values["exit_after_scans"])
@@ -212,10 +213,11 @@ class Evaluator(RunnableNode):
         return PointSet.of(found)
 
     def _check_frame(self, frame: str) -> None:
-        world = self._values["world_frame"]
-        if frame != world:
+        self._frame = self._frame or frame
+        if frame != self._frame:
             raise RejectedMessageError(
-                "frame", f"frame_id is {quote(frame)}, must be world_frame, {world!r}"
+                "frame",
+                f"frame_id is {quote(frame)}, must be {self._frame!r} as in the first cloud",
             )
 
     def _check_classes(self, found: Truth | Estimates) -> None:

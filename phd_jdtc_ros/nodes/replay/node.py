@@ -41,6 +41,8 @@ TICK_S = 0.005
 
 # Endpoints are connected a moment after the graph shows them.
 SETTLE_S = 0.5
+# Wait for subscribers of the truth as a share of the wait for subscribers of the detections.
+TRUTH_SHARE = 0.2
 ACKNOWLEDGE_S = 5.0
 # Longest wait for acknowledgements at a time, because it delays signals.
 POLL_S = 0.05
@@ -69,6 +71,7 @@ class SensorReplay(RunnableNode):
         self._played = playable.select(bag, self._values["topics"])
         for line in self._played.skipped:
             self.get_logger().warning(line)
+        self._estimates = self.resolve_topic_name(names.estimates("filtered"))
         self._outputs = {
             topic: self.create_publisher(
                 message_class,
@@ -109,13 +112,13 @@ class SensorReplay(RunnableNode):
         }.items():
             serve(self, name, action)
         seek_parameter.declare(self, self._seek_fault, self._seek)
-        scene_check.begin(self, path, self._values["estimates_topic"])
+        scene_check.begin(self, path, self._estimates)
         self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
         self.create_timer(TICK_S, self._tick)
 
     def _subscribe_to_replies(self) -> LockStep:
         """Subscribe to the tracker's reply to a scan: estimates, or figures if these come later."""
-        topic, delay_s = self._values["estimates_topic"], self._values["answer_delay_s"]
+        topic, delay_s = self._estimates, self._values["answer_delay_s"]
         reply: Any = PointCloud2
         if delay_s:
             topic, reply = names.cardinality(names.tracker_of(topic)), DiagnosticArray
@@ -160,7 +163,8 @@ class SensorReplay(RunnableNode):
             self._ready_since = self._ready_since or now
             waited_s = now - self._ready_since
             alone = [topic for topic in self._played.truth if not self._is_connected(topic)]
-            if waited_s < max(SETTLE_S, self._values["truth_timeout_s"] if alone else 0.0):
+            longest_s = TRUTH_SHARE * self._values["subscriber_timeout_s"]
+            if waited_s < max(SETTLE_S, longest_s if alone else 0.0):
                 return
             if alone:
                 self._play_without(alone)
@@ -171,8 +175,8 @@ class SensorReplay(RunnableNode):
         """Return the topics that lack a subscriber, or a tracker, to play to."""
         awaited = [t for t in self._played.scan_topics if t not in self._played.truth]
         missing = [t for t in awaited or self._outputs if not self._is_connected(t)]
-        if self._lock_step and not self.count_publishers(self._values["estimates_topic"]):
-            missing.append(self._values["estimates_topic"])
+        if self._lock_step and not self.count_publishers(self._estimates):
+            missing.append(self._estimates)
         return missing
 
     def _is_connected(self, topic: str) -> bool:
@@ -220,7 +224,7 @@ class SensorReplay(RunnableNode):
             return True
         now = time.monotonic()
         if self._lock_step.hopeless(now):
-            self._fail(f"no estimate on {self._values['estimates_topic']} for {GIVE_UP_S:g} s")
+            self._fail(f"no estimate on {self._estimates} for {GIVE_UP_S:g} s")
             return False
         return self._lock_step.may_follow(now)
 

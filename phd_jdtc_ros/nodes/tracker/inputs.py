@@ -103,7 +103,7 @@ class Inputs:
             depth = clouds_of_a_second(radar)
             self._listeners.append(Listener(self._node, kind, radar.topic, take, health, depth))
         for topic, health in self.platforms.items():
-            message = config.inputs[config.carried[topic][0]].pose_message
+            message = config.inputs[config.carried[topic][0]].pose.message
             kind = interfaces.message_class(platform_poses.TYPES[message])
             take = partial(on_pose, topic)
             self._listeners.append(Listener(self._node, kind, topic, take, health, POSE_DEPTH))
@@ -122,7 +122,7 @@ class Inputs:
             radar = awaited()
             if radar is None:
                 return
-            subscription = poses[config.inputs[radar].pose_topic].subscription
+            subscription = poses[config.inputs[radar].pose.topic].subscription
             with subscription.handle:
                 taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
             if taken is None:
@@ -168,7 +168,7 @@ class Inputs:
             text = f"{count} scans rejected: {reason} stamp"
             if reason == POSE_MISSING:
                 text = (
-                    f"{count} scans rejected: no pose on {source.pose_topic} within "
+                    f"{count} scans rejected: no pose on {source.pose.topic} within "
                     f"{source.pose_max_age_s:g} s"
                 )
             self._drop(self.radars[radar], reason, text, count)

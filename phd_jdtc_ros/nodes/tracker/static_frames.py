@@ -35,7 +35,7 @@ class StaticFrames:
             Mounting(source.frame, model.position, model.yaw)
             for source, model in zip(config.inputs, config.model.radars, strict=True)
             # The frame of a moving radar is published by its platform.
-            if not source.pose_topic
+            if not source.pose.topic
         ]
         publisher = self._node.create_publisher(kind, names.STATIC_FRAMES, topics.latched(1))
         stamp_ns = self._node.get_clock().now().nanoseconds

@@ -82,7 +82,7 @@ def run_nodes(
         c of OSPA and GOSPA, metres.
     """
     evaluator = reporting(bag, config, out, cutoff)
-    patient = {"subscriber_timeout_s": START_S, "truth_timeout_s": START_S}
+    patient = {"subscriber_timeout_s": START_S}
     # The evaluator scores the truth and records it; what it records of the radars, the tracker has.
     patient["subscribers"] = 2
     patient["answer_delay_s"] = config.answer_delay_s

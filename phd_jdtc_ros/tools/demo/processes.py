@@ -130,7 +130,6 @@ def reporting(bag: Path, config: TrackerConfig, out: Path, cutoff: float) -> dic
         "record": out / RECORDING,
         "record_topics": f"[{', '.join(recorded_topics(config))}]",
         "classes": f"[{', '.join(kind.name for kind in classes)}]",
-        "world_frame": config.world_frame,
         "exit_after_scans": scans,
         "cutoff": cutoff,
         "least_speed": config.least_speed,
@@ -140,7 +139,7 @@ def reporting(bag: Path, config: TrackerConfig, out: Path, cutoff: float) -> dic
 
 def recorded_topics(config: TrackerConfig) -> list[str]:
     """Return the evaluator's ``record_topics``: those of radars, and of what carries them."""
-    poses = {radar.pose_topic: radar.pose_message for radar in config.inputs if radar.pose_topic}
+    poses = {radar.pose.topic: radar.pose.message for radar in config.inputs if radar.pose.topic}
     return [
         *(radar.topic for radar in config.inputs),
         *(f"{topic} {message}" for topic, message in poses.items()),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sweep
 
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, Detections
 
