@@ -157,6 +157,13 @@ def test_cells_of_tables_have_their_columns_headings(site):
     assert "<td>" not in page
 
 
+def test_figures_in_tables_stay_on_one_line(site):
+    page = (site / "study_details.html").read_text()
+
+    assert ">126.9\N{NO-BREAK SPACE}m</td>" in page
+    assert ">194.5\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}10.4 / " in page
+
+
 def test_report_is_photographed_where_there_is_a_browser(tmp_path):
     if not any(map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))):
         pytest.skip("no Chromium")
