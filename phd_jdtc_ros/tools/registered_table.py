@@ -1,4 +1,4 @@
-"""The tables of `register`: errors with their deviations, and residuals before and after."""
+"""The tables of `register`: errors with standard deviations, and residuals before and after."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from phd_jdtc_ros.calibration.registration.filtering import KINDS
 from phd_jdtc_ros.calibration.registration.result import Found, Registration
 from phd_jdtc_ros.configuration.build import TrackerConfig
 
-# Of the tables, in characters: a line for each error.
+# Smallest width of the tables, characters, at which each error fits a line.
 WIDTH = 110
-# The parameter of each kind of error, its unit there, and the digits that it is written with.
+# The parameter of each kind of error, its number of decimals, and its scale (degrees in radians).
 PARAMETERS = dict(
     zip(KINDS, ("range_bias", "range_gain", "azimuth_bias_deg", "time_offset_s"), strict=True)
 )
@@ -34,14 +34,14 @@ class Row(NamedTuple):
 
     Parameters
     ----------
-    radar, name : str
-        The radar, and the parameter without it.
+    name : str
+        The parameter, without its radar.
     value : float or None
-        What corrects the radar; None where it is not told.
+        The correction; None if it is not observable.
     source : str
-        What it is known from, or why it is not told.
+        Origin of the value, or the reason why it is not observable.
     now : float
-        What is set.
+        Current value.
     """
 
     radar: str
@@ -52,8 +52,8 @@ class Row(NamedTuple):
     now: float
 
 
-def told(found: Found) -> tuple[str, ...]:
-    """Return the parameters of the errors of a radar that are told."""
+def observable(found: Found) -> tuple[str, ...]:
+    """Return the parameters of a radar's observable errors."""
     known = zip(PARAMETERS.values(), found.std, strict=True)
     return tuple(name for name, std in known if np.isfinite(std))
 
@@ -67,7 +67,7 @@ def rows(found: Registration, parameters: Mapping[str, float], now: TrackerConfi
             source = f"{each.tracks} common tracks, {each.plots} plots"
             if not np.isfinite(std):
                 hidden = (each.name, kind) in found.hidden
-                source = "not told" if hidden else "the reference: taken to be right"
+                source = "not observable" if hidden else "the reference: taken to be right"
             every.append(
                 Row(
                     each.name,
@@ -103,7 +103,7 @@ def table(every: Sequence[Row]) -> Table:
 
 
 def residuals(found: Registration) -> Table:
-    """Return how far plots are from the targets as all radars see them, before and after."""
+    """Return the residuals of each radar's plots against the common tracks, before and after."""
     shown = Table(title="residuals of plots, root mean square", title_justify="left")
     for name in ("radar", "range before, m", "after, m", "azimuth before, deg", "after, deg"):
         shown.add_column(name, justify="left" if name == "radar" else "right")
@@ -117,18 +117,18 @@ def residuals(found: Registration) -> Table:
 
 
 def remarks(found: Registration) -> Iterator[str]:
-    """Yield what a recording cannot tell, and why."""
+    """Yield which errors are not observable, and why."""
     words = ", ".join(WORDS[kind] for kind in found.common)
     yield (
-        f"{found.tracks} common tracks. Not to be seen where it is common to all radars: {words}; "
+        f"{found.tracks} common tracks. Not observable where common to all radars: {words}; "
         f"{found.reference} is taken to be right there (--reference)."
     )
     for radar in dict.fromkeys(radar for radar, _ in found.hidden):
         kinds = [kind for name, kind in found.hidden if name == radar]
         names = ", ".join(PARAMETERS[kind] for kind in kinds)
         yield (
-            f"{radar}: {names} not told: {found.hidden[radar, kinds[0]]}. What is set is taken to "
-            "be right, and the other errors rest on that."
+            f"{radar}: {names} not observable: {found.hidden[radar, kinds[0]]}. The current values "
+            "are taken to be right, and the other errors depend on them."
         )
 
 
