@@ -221,16 +221,5 @@ class _Site:
 
 
 def _plot(distance: float, azimuth: float) -> Plot:
-    return Plot(
-        NUMBER,
-        NONE,
-        DAY,
-        float(distance),
-        0.5 * math.pi - float(azimuth),
-        math.nan,
-        NONE,
-        NONE,
-        PRIMARY,
-        math.nan,
-        math.nan,
-    )
+    place = float(distance), 0.5 * math.pi - float(azimuth), math.nan
+    return Plot(NUMBER, NONE, DAY, *place, NONE, NONE, PRIMARY, math.nan, math.nan)

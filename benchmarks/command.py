@@ -55,7 +55,7 @@ def run(quick: bool, parts: Sequence[str], console: Console) -> dict[str, Any]:
         if name in parts:
             console.print(f"{time.monotonic() - begin:4.0f} s  {name} ...", highlight=False)
             summary[name] = measure(quick)
-    summary["figures"] = goals.judged(summary)
+    summary["figures"] = goals.judge(summary)
     summary["elapsed_s"] = time.monotonic() - begin
     return summary
 

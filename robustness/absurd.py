@@ -51,7 +51,7 @@ from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 from . import engines
-from .figures import Found, measures
+from .figures import Found, measures, result, such_as
 
 NS = 10**9
 START_NS = 1_700_000_000 * NS
@@ -90,10 +90,8 @@ def measure() -> Found:
         outcomes[fault and "wrong"] += 1
         if fault:
             wrong[what] = fault
-    text = f"{outcomes.total():,} messages: {len(wrong)} end with an error or NaN"
-    if wrong:
-        text += f", such as {next(iter(wrong.items()))}"
-    return text, not wrong, {"messages": outcomes.total(), "wrong": wrong}
+    text = f"{outcomes.total():,} messages: {len(wrong)} end with an error or NaN{such_as(wrong)}"
+    return result(text, not wrong, messages=outcomes.total(), wrong=wrong)
 
 
 def outcome(use: Callable[[], None]) -> str:

@@ -130,19 +130,8 @@ def _blocks(rng: random.Random) -> list[bytes]:
 def _plot(radar: int, azimuth: float, rng: random.Random) -> Plot:
     code, address = rng.choice([NONE, 0, 0o7777]), rng.choice([NONE, 1, 2**24 - 1])
     distance, height = rng.uniform(0.0, 4e5), rng.choice([math.nan, -304.8, 12_000.0])
-    return Plot(
-        radar,
-        NONE,
-        DAY,
-        distance,
-        azimuth,
-        height,
-        code,
-        address,
-        rng.randrange(1, 8),
-        -60.0,
-        -70.0,
-    )
+    identity = code, address, rng.randrange(1, 8)
+    return Plot(radar, NONE, DAY, distance, azimuth, height, *identity, -60.0, -70.0)
 
 
 def _mutated(good: list[bytes], rng: random.Random) -> bytes:

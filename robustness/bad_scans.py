@@ -15,9 +15,9 @@ from msg_adapters import detections, interfaces
 from phd_jdtc_ros.core.types import Detections
 
 from . import scans
-from .figures import Found, measures
+from .figures import Found, measures, result
 from .radars import REPLY_S, Radars
-from .rig import LIGHT, Node, Rig
+from .rig import LIGHT, Rig
 
 LARGEST = 2**32 - 1
 
@@ -206,10 +206,7 @@ def measure(chosen: list[BadScan] | None = None) -> Found:
     """Send every case between valid scans; count exits, lost valid scans and rejects."""
     chosen = cases() if chosen is None else chosen
     with Rig() as rig:
-        tracker = rig.tracker(*LIGHT)
-        radars = rig.radars
-        if not radars.connected():
-            raise RuntimeError(f"the radars did not find the tracker:\n{tracker.text[-2000:]}")
+        tracker, radars = rig.tracking(*LIGHT)
         exits, lost, wanted = [], [], Counter()
         found: Counter[str] = Counter()
         index = 0
@@ -219,7 +216,7 @@ def measure(chosen: list[BadScan] | None = None) -> Found:
             if not tracker.alive:
                 exits.append(case.name)
                 found += _summary_counts(tracker.text)
-                tracker = _new_tracker(rig)
+                tracker, _ = rig.tracking(*LIGHT)  # its counts start from zero
                 continue
             wanted[case.reason] += case.count
             lost += [] if answered else [case.name]
@@ -233,18 +230,15 @@ def measure(chosen: list[BadScan] | None = None) -> Found:
         f"{len(exits)} exits, {not_finite} with NaN, {len(lost)} good scans lost, "
         f"{len(chosen)} cases; {'every reject counted' if whole else 'rejects not all counted'}"
     )
-    reached = whole and not not_finite and not lost
-    return (
+    return result(
         text,
-        reached,
-        {
-            "cases": len(chosen),
-            "exits": exits,
-            "good_scans_lost": lost,
-            "not_finite": not_finite,
-            "wanted": dict(wanted),
-            "counted": dict(found),
-        },
+        whole and not not_finite and not lost,
+        cases=len(chosen),
+        exits=exits,
+        good_scans_lost=lost,
+        not_finite=not_finite,
+        wanted=dict(wanted),
+        counted=dict(found),
     )
 
 
@@ -256,13 +250,6 @@ def _send(radars: Radars, case: BadScan, index: int) -> bool:
         radars.outputs[1].publish(scans.cloud(index, 1))
         return radars.spin_until(lambda: stamp_ns in radars.answered, REPLY_S)
     return radars.track(index, timeout_s=REPLY_S)
-
-
-def _new_tracker(rig: Rig) -> Node:
-    """Start another tracker after an exit; its counts start from zero."""
-    tracker = rig.tracker(*LIGHT)
-    rig.radars.connected()
-    return tracker
 
 
 def _summary_counts(text: str) -> Counter[str]:

@@ -77,8 +77,7 @@ def measure() -> Found:
 def _longest_log_line() -> int:
     """Return the length of the longest line that a tracker logs of clouds with a huge frame_id."""
     with Rig() as rig:
-        tracker = rig.tracker(*LIGHT)
-        rig.radars.connected()
+        tracker, _ = rig.tracking(*LIGHT)
         cloud = interfaces.decode(scans.cloud(0, 0), names.CLOUD)
         cloud.header.frame_id = FRAME_ID
         rig.radars.outputs[0].publish(cloud)

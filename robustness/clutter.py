@@ -51,9 +51,8 @@ def _run(seed: int, false_detections: int, count: int) -> tuple[float, float, in
     burst = range(FIRST, FIRST + count if false_detections else FIRST)
     counted = range(FIRST + count + SETTLING, FIRST + count + SETTLING + COUNTED)
     with Rig() as rig:
-        tracker = rig.tracker("-p", f"seed:={seed}", *BORN_ANYWHERE)
-        radars, slowest = rig.radars, 0.0
-        radars.connected()
+        tracker, radars = rig.tracking("-p", f"seed:={seed}", *BORN_ANYWHERE)
+        slowest = 0.0
         for index in range(counted.stop):
             if index == FIRST:
                 before = tracker.status("VmHWM")

@@ -77,7 +77,7 @@ def measure() -> Found:
             while time.monotonic() < until_s and bridge.alive:
                 answers.append(_answer_s(radars))
         answers.append(_answer_s(radars))
-        told = radars.spin_until(lambda: lost[0] > 0, 10.0)
+        counted = radars.spin_until(lambda: lost[0] > 0, 10.0)
         memory_mb = bridge.status("VmHWM") / 1024.0 - before_mb
         with _Flood(port):
             time.sleep(1.0)
@@ -88,15 +88,10 @@ def measure() -> Found:
         f"{flood.sent:,} datagrams: answers within {max(answers):.2f} s, stops in {stop_s:.2f} s "
         f"with status {status}, +{memory_mb:.0f} MB, {lost[0]:,} drops counted"
     )
-    reached = (
-        max(answers) <= ANSWER_S
-        and stop_s <= STOP_S
-        and status == 0
-        and memory_mb <= MEMORY_MB
-        and told
-    )
-    details = {"answer_s": max(answers), "stop_s": stop_s, "memory_mb": memory_mb, "lost": lost[0]}
-    return text, reached, details
+    prompt = max(answers) <= ANSWER_S and stop_s <= STOP_S and status == 0
+    reached = prompt and memory_mb <= MEMORY_MB and counted
+    figures = {"answer_s": max(answers), "stop_s": stop_s, "memory_mb": memory_mb, "lost": lost[0]}
+    return text, reached, figures
 
 
 def _answer_s(radars: Radars) -> float:

@@ -33,7 +33,7 @@ from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.tools.asterix import reading
 
 from . import engines
-from .figures import Found, in_own_process, measures
+from .figures import Found, in_own_process, measures, such_as
 
 NS = 10**9
 DAY_NS = 20_779 * 86_400 * NS
@@ -171,9 +171,7 @@ def measure_forged_times() -> Found:
         found[name] = {"empty": empty, "turn_s": turn_s, "off": off}
         if abs(turn_s / ROTATION_S - 1.0) > 0.01 or empty or off != FORGED:
             wrong[name] = str(found[name])
-    text = f"{len(found) + 1} captures: {len(wrong)} wrong"
-    if wrong:
-        text += f", such as {next(iter(wrong.items()))}"
+    text = f"{len(found) + 1} captures: {len(wrong)} wrong{such_as(wrong)}"
     return text, not wrong, {"wrong": wrong, **found}
 
 

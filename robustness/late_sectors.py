@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import stamps
 
 from . import scans
-from .figures import Found, measures
+from .figures import Found, measures, result
 from .radars import Radars
 from .rig import Rig
 from .turning import NEAR_M, ROTATION_S, SECTORS, Antenna, how_far, send, settings
@@ -39,10 +39,7 @@ def measure() -> Found:
     """Send sectors late, leave one out, send a burst of late ones, and count what happens."""
     given = {"late_reports": "rework", "lag": f"{2.0 * ROTATION_S:g} s"}
     with Rig() as rig:
-        tracker = rig.tracker(*settings(**given))
-        radars = rig.radars
-        radars.node.destroy_publisher(radars.outputs.pop())
-        radars.connected()
+        tracker, radars = rig.tracking(*settings(**given), radars=1)
         antenna = Antenna(np.random.default_rng(2))
         late, lost, apart = _send_all(radars, antenna)
         before = _counted(radars)
@@ -60,8 +57,8 @@ def measure() -> Found:
     )
     bounded = answered and sum(in_burst.values()) == BURST and in_burst["late_reworked"] < MOST
     reached = alive and not not_finite and worked_in == late and not lost and bounded
-    details = {"late": late, "worked_in": worked_in, "tracked": tracked, "burst": in_burst}
-    return text, reached and tracked > 0.98, details
+    reached = reached and tracked > 0.98
+    return result(text, reached, late=late, worked_in=worked_in, tracked=tracked, burst=in_burst)
 
 
 def _send_all(radars: Radars, antenna: Antenna) -> tuple[int, int, list[float]]:

@@ -16,8 +16,7 @@ from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.types import Detections, Pose
 
 from . import scans
-from .figures import Found, measures
-from .radars import Radars
+from .figures import Found, measures, result, wrong_counts
 from .rig import Rig
 
 TOPIC, FRAME = "/own_ship/odometry", "map"
@@ -147,10 +146,8 @@ def measure() -> Found:
     settings = [word for name, value in PARAMETERS.items() for word in ("-p", f"{name}:={value}")]
     reliable = ("-p", f"qos_overrides.{TOPIC}.subscription.reliability:=reliable")
     with Rig() as rig:
-        tracker, radars = rig.tracker(*settings, *reliable), rig.radars
-        radars.node.destroy_publisher(radars.outputs.pop())
+        tracker, radars = rig.tracking(*settings, *reliable, radars=1)
         poses = radars.node.create_publisher(Odometry, TOPIC, 50)
-        radars.connected()
         radars.spin_until(lambda: poses.get_subscription_count() > 0, REPLY_S)
         rng, left, lost, away = np.random.default_rng(1), dict(FAULTS), [], []
         wanted = Counter[str]()
@@ -178,28 +175,15 @@ def measure() -> Found:
             if not tracker.alive:
                 raise RuntimeError(f"scan {index}: the tracker ended:\n{tracker.text[-2000:]}")
             if came and index > WARM_UP:
-                away.append(_away(radars))
-        counted, missing = radars.values("pose of radar_1"), radars.values("radar_1")
+                away.append(radars.nearest(lambda then_s: PLACE + VELOCITY * then_s))
+        counted = {**radars.values("radar_1"), **radars.values("pose of radar_1")}
         not_finite = radars.not_finite
-    found = {key: int(counted.get(key, 0)) for key in wanted}
-    found["dropped_pose_missing"] = int(missing.get("dropped_pose_missing", 0))
     wanted["dropped_pose_missing"] = len(SILENT)
-    wrong = {key: (found[key], count) for key, count in wanted.items() if found[key] != count}
+    found, wrong, said = wrong_counts(wanted, counted)
     tracked = float(np.mean(np.array(away) < NEAR_M))
     text = (
         f"0 exits, {not_finite} with NaN, {len(lost)} good scans lost, {len(FAULTS) + 1} faults; "
-        f"{'every one counted' if not wrong else f'counted wrongly: {wrong}'}; the target is "
-        f"within {NEAR_M:g} m in {100.0 * tracked:.1f} % of the estimates"
+        f"{said}; the target is within {NEAR_M:g} m in {100.0 * tracked:.1f} % of the estimates"
     )
     reached = not (lost or wrong or not_finite or left) and tracked == 1.0
-    return text, reached, {"counted": found, "wanted": dict(wanted), "tracked": tracked}
-
-
-def _away(radars: Radars) -> float:
-    """Return how far the nearest of the latest estimates is from the target, m."""
-    stamp_ns, _ = radars.filtered[-1]
-    found = radars.found[stamp_ns]
-    if found is None or not len(found):
-        return math.inf
-    place = PLACE + VELOCITY * (stamp_ns - scans.START_NS) * 1e-9
-    return float(np.hypot(*(found.position - place).T).min())
+    return result(text, reached, counted=found, wanted=dict(wanted), tracked=tracked)

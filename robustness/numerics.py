@@ -23,7 +23,7 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
 from . import engines, scans
-from .figures import Found, measures
+from .figures import Found, measures, result, such_as
 
 PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
 HOUR_S = 3600.0
@@ -131,10 +131,8 @@ def measure(cases: Mapping[str, Case] = CASES) -> Found:
         seconds[name] = time.process_time() - begin
         if fault:
             wrong[name] = fault
-    text = f"{len(cases)} kinds: {len(wrong)} wrong"
-    if wrong:
-        text += f", such as {next(iter(wrong.items()))}"
-    return text, not wrong, {"wrong": wrong, "seconds": seconds}
+    text = f"{len(cases)} kinds: {len(wrong)} wrong{such_as(wrong)}"
+    return result(text, not wrong, wrong=wrong, seconds=seconds)
 
 
 def outcome(case: Case, engine: str) -> str:

@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import diagnostics, names
 
 from . import scans
-from .figures import Found, measures
+from .figures import Found, measures, result
 from .radars import TOPICS, Radars
 from .rig import LIGHT, Rig
 from .stamps_and_time import BAG
@@ -38,24 +38,17 @@ def measure(restarts: int = RESTARTS, run_s: float = RUN_S) -> Found:
         f"{noticed}; {errors} in {len(levels)} reports over {restarts} restarts, up to {listed} "
         f"publishers listed; {gaps + gaps_of_restarted} gaps counted"
     )
-    details = {
-        "scans": needed,
-        "reports": len(levels),
-        "errors": errors,
-        "publishers_listed": listed,
-        "gaps": gaps + gaps_of_restarted,
-    }
     # Unless both publishers were listed, the restarts prove nothing.
-    found = needed is not None and errors == 0 and listed > 1 and gaps + gaps_of_restarted == 0
-    return text, found, details
+    reached = needed is not None and errors == 0 and listed > 1 and gaps + gaps_of_restarted == 0
+    counts = {"scans": needed, "reports": len(levels), "errors": errors}
+    gaps += gaps_of_restarted
+    return result(text, reached, **counts, publishers_listed=listed, gaps=gaps)
 
 
 def _side_by_side() -> tuple[int | None, int]:
     """Return the number of scans until two publishers are an ERROR, and the gaps counted."""
     with Rig() as rig:
-        rig.tracker(*LIGHT)
-        radars = rig.radars
-        radars.connected()
+        _, radars = rig.tracking(*LIGHT)
         for index in range(MOST_SCANS):
             radars.track(index)
         other = radars.node.create_publisher(PointCloud2, TOPICS[0], 50)

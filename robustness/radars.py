@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 
+import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
@@ -14,6 +15,7 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, estimates, names, stamps
 from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.evaluation.metrics import ospa
 
@@ -116,6 +118,18 @@ class Radars:
             raise RuntimeError(f"the estimates of scan {index} cannot be decoded")
         true, estimated = (each.position for each in (scans.truth()[index], found))
         return ospa(true, estimated, CUTOFF_M, ORDER).distance
+
+    def nearest(self, place: Callable[[float], FloatArray]) -> float:
+        """Return the distance of the latest estimates from a target, metres; infinite without any.
+
+        `place` returns the target's position, metres, at a time since `scans.START_NS`, seconds.
+        """
+        stamp_ns, _ = self.filtered[-1]
+        found = self.found[stamp_ns]
+        if found is None or not len(found):
+            return math.inf
+        apart = found.position - place((stamp_ns - scans.START_NS) * 1e-9)
+        return float(np.hypot(*apart.T).min())
 
     def flush(self) -> bool:
         """Let the tracker publish the scans it holds back; return whether it answered."""

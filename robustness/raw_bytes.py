@@ -5,12 +5,11 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Callable
-from typing import Any
 
 from . import scans
-from .figures import Found, measures
-from .radars import REPLY_S, Radars
-from .rig import LIGHT, Node, Rig
+from .figures import Found, measures, result
+from .radars import REPLY_S
+from .rig import LIGHT, Rig
 
 SECONDS = 30.0
 # Mutated messages between two good scans.
@@ -28,8 +27,9 @@ def measure(seconds: float = SECONDS, seed: int = 5) -> Found:
     rng = random.Random(seed)
     exits, lost, good, bad = 0, [], 0, 0
     with Rig() as rig:
-        tracker, radars = _connected(rig)
-        fuzzer = radars.node.create_publisher(*_like(radars))
+        tracker, radars = rig.tracking(*LIGHT)
+        output = radars.outputs[0]
+        fuzzer = radars.node.create_publisher(output.msg_type, output.topic_name, 50)
         radars.spin(1.0)
         index = 0
         radars.track(index)
@@ -44,26 +44,14 @@ def measure(seconds: float = SECONDS, seed: int = 5) -> Found:
             answered = radars.track(index, timeout_s=REPLY_S)
             if not tracker.alive:
                 exits += 1
-                tracker = rig.tracker(*LIGHT)
-                radars.connected()
+                tracker, _ = rig.tracking(*LIGHT)
             elif not answered:
                 lost.append(index)
         not_finite = radars.not_finite
         tracebacks = tracker.text.count("Traceback")
     text = f"{exits} exits, {len(lost)} of {good} good scans lost, {bad} mutated messages"
     reached = not exits and not lost and not not_finite and not tracebacks and good > 0
-    return text, reached, {"good": good, "bad": bad, "exits": exits, "lost": lost}
-
-
-def _connected(rig: Rig) -> tuple[Node, Radars]:
-    tracker = rig.tracker(*LIGHT)
-    rig.radars.connected()
-    return tracker, rig.radars
-
-
-def _like(radars: Radars) -> tuple[Any, str, int]:
-    output = radars.outputs[0]
-    return output.msg_type, output.topic_name, 50
+    return result(text, reached, good=good, bad=bad, exits=exits, lost=lost)
 
 
 def mutated(data: bytes, rng: random.Random) -> bytes:

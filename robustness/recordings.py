@@ -43,7 +43,7 @@ def measure_full() -> Found:
     with Rig() as rig:
         disk = rig.directory / "disk"
         recorder = _evaluator(rig, _mounted(disk, f"size={DISK}"), disk)
-        _connect(rig)
+        rig.tracking(*LIGHT)
         index = 0
         while "No space left" not in recorder.text and index < MOST_SCANS:
             rig.radars.track(index)
@@ -65,7 +65,7 @@ def measure_read_only() -> Found:
     with Rig() as rig:
         disk = rig.directory / "disk"
         recorder = _evaluator(rig, _mounted(disk, "ro"), disk)
-        _connect(rig)
+        rig.tracking(*LIGHT)
         answered = _track(rig)
         alive = recorder.alive
         status = recorder.stop()
@@ -80,11 +80,6 @@ def _evaluator(rig: Rig, prefix: Sequence[str], disk: Path) -> Node:
     # Only then it records what is tracked; on a disk that is read-only it ends instead.
     node.said("waiting for")
     return node
-
-
-def _connect(rig: Rig) -> None:
-    rig.tracker(*LIGHT)
-    rig.radars.connected()
 
 
 def _track(rig: Rig, first: int = 0) -> int:

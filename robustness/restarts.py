@@ -10,7 +10,7 @@ from statistics import median
 
 from phd_jdtc_ros.nodes.tracker.name_claim import NEWCOMER_S
 
-from .figures import Found, measures
+from .figures import Found, measures, result
 from .radars import Radars
 from .rig import LIGHT, RELIABLE, Node, Rig
 from .stamps_and_time import BAG
@@ -149,19 +149,13 @@ def measure_second() -> Found:
         message = second.text.strip().splitlines()[-1:] or [""]
         alive = first.alive
         first.kill()
-        third = rig.tracker(*LIGHT)
-        radars = rig.radars
-        radars.connected()
+        third, radars = rig.tracking(*LIGHT)
         _send_until_answered(radars, 0)
         # For as long as a newcomer gives way, while the graph still lists the killed one.
         radars.spin(NEWCOMER_S)
         restarted = third.alive and bool(radars.answered)
     outcome = "goes on beside the first" if status is None else f"rc {status}: {message[0]}"
     text = f"{outcome}; restarted after kill -9: {'tracks' if restarted else 'held up'}"
-    details = {
-        "status": status,
-        "seconds": seconds,
-        "first_goes_on": alive,
-        "restarted": restarted,
-    }
-    return text, status == 2 and alive and restarted, details
+    times = {"status": status, "seconds": seconds}
+    reached = status == 2 and alive and restarted
+    return result(text, reached, **times, first_goes_on=alive, restarted=restarted)

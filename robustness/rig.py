@@ -170,6 +170,15 @@ class Rig:
             raise RuntimeError(node.why_not("tracking"))
         return node
 
+    def tracking(self, *arguments: object, radars: int = 2) -> tuple[Node, Radars]:
+        """Start a tracker as `tracker` does, and connect one or two radars with it."""
+        tracker = self.tracker(*arguments)
+        while len(self.radars.outputs) > radars:
+            self.radars.node.destroy_publisher(self.radars.outputs.pop())
+        if not self.radars.connected():
+            raise RuntimeError(f"the radars did not find the tracker:\n{tracker.text[-2000:]}")
+        return tracker, self.radars
+
     @property
     def radars(self) -> Radars:
         """The radars in this domain, made at the first use."""

@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from msg_adapters import names
 
 from . import scans
-from .figures import Found, measures
+from .figures import Found, measures, result
 from .radars import REPLY_S, Radars
 from .rig import LIGHT, Rig
 
@@ -42,23 +42,18 @@ def measure_time_faults(loops: int = LOOPS, duration_s: float = 0.0) -> Found:
         f"{shuffled} resets in {SHUFFLED} shuffled scans ({dropped} dropped as late), with "
         f"late_reports rework {ordered} ({late} dropped, {answered} answered in order)"
     )
-    details = {
-        "jumps_back": back_jumps,
-        "resets": looped,
-        "resets_of_shuffled": shuffled,
-        "resets_of_ordered": ordered,
-        "late_of_ordered": late,
-        "answered_of_ordered": answered,
-    }
-    in_order = ordered == late == 0
-    return text, looped == back_jumps == loops and shuffled == 0 and in_order, details
+    return result(
+        text,
+        looped == back_jumps == loops and shuffled == ordered == late == 0,
+        **{"jumps_back": back_jumps, "resets": looped, "resets_of_shuffled": shuffled},
+        **{"resets_of_ordered": ordered, "late_of_ordered": late, "answered_of_ordered": answered},
+    )
 
 
 def _looped(loops: int, duration_s: float) -> tuple[int, int]:
     """Play a bag `loops` times; return the jumps back in the estimates' stamps and the resets."""
     with Rig() as rig:
-        rig.tracker(*LIGHT)
-        radars = rig.radars
+        _, radars = rig.tracking(*LIGHT)
         replay = rig.start(
             "sensor_replay",
             *(BAG, "--rate", RATE, "--loop", "--duration", duration_s),
@@ -82,9 +77,7 @@ def _shuffled(*options: str) -> tuple[int, int, int]:
     is not.
     """
     with Rig() as rig:
-        rig.tracker(*LIGHT, *options)
-        radars = rig.radars
-        radars.connected()
+        _, radars = rig.tracking(*LIGHT, *options)
         radars.send(0)
         for first in range(1, SHUFFLED, 2):
             pair = {radars.send(first + 1), radars.send(first)}
@@ -101,9 +94,7 @@ def _shuffled(*options: str) -> tuple[int, int, int]:
 def measure_gap() -> Found:
     """Insert short and long gaps into both radars' stamps; count the resets."""
     with Rig() as rig:
-        tracker = rig.tracker()
-        radars = rig.radars
-        radars.connected()
+        tracker, radars = rig.tracking()
         whole = all(radars.track(index) for index in range(SHUFFLED))
         index = SHUFFLED + SHORT_GAP_SCANS
         whole &= radars.track(index)
@@ -121,23 +112,16 @@ def measure_gap() -> Found:
         f"{GAP_SCANS}, {seconds:.2f} s for the scan after, "
         f"memory +{growth / 1024:.0f} MiB{'' if whole else ', scans lost'}"
     )
-    details = {
-        "resets": epoch - short,
-        "resets_of_short": short,
-        "seconds": seconds,
-        "memory_kib": growth,
-    }
     reached = whole and short == 0 and epoch == 5 and growth <= 10_000_000 / 1024
-    return text, reached, details
+    resets = {"resets": epoch - short, "resets_of_short": short}
+    return result(text, reached, **resets, seconds=seconds, memory_kib=growth)
 
 
 @measures("silent radar alarm", "2 scans + 0.5 s")
 def measure_silence(repeats: int = 3) -> Found:
     """Stop one radar of two; measure the time until diagnostics report it."""
     with Rig() as rig:
-        rig.tracker(*LIGHT)
-        radars = rig.radars
-        radars.connected()
+        _, radars = rig.tracking(*LIGHT)
         found, index, going_on = [], 0, True
         for _ in range(repeats):
             _at_rate(radars, index, REGULAR, (0, 1))

@@ -14,7 +14,7 @@ from msg_adapters import point_cloud
 from phd_jdtc_ros.core.arrays import FloatArray
 
 from . import scans
-from .figures import Found, measures
+from .figures import Found, measures, result, wrong_counts
 from .radars import REPLY_S, Radars
 from .rig import Rig
 
@@ -202,10 +202,7 @@ def settings(**changes: object) -> list[str]:
 def measure() -> Found:
     """Send every fault in a sector of its own between valid ones."""
     with Rig() as rig:
-        tracker = rig.tracker(*settings())
-        radars = rig.radars
-        radars.node.destroy_publisher(radars.outputs.pop())
-        radars.connected()
+        tracker, radars = rig.tracking(*settings(), radars=1)
         antenna = Antenna(np.random.default_rng(1))
         wanted, lost, away = Counter[str](), [], []
         left = faults()
@@ -230,17 +227,15 @@ def measure() -> Found:
                 raise RuntimeError(f"{name}: the tracker ended:\n{tracker.text[-2000:]}")
         counted = radars.values("radar_1")
         not_finite = radars.not_finite
-    wanted = +Counter({key: count for key, count in wanted.items() if key})
-    found = {key: int(counted.get(key, 0)) for key in wanted}
-    missing = {key: (found[key], count) for key, count in wanted.items() if found[key] != count}
+    del wanted[""]
+    found, wrong, said = wrong_counts(wanted, counted)
     tracked = float(np.mean(np.array(away) < NEAR_M))
     text = (
         f"0 exits, {not_finite} with NaN, {len(lost)} clouds lost, {len(faults()) + 2} faults; "
-        f"{'every one counted' if not missing else f'counted wrongly: {missing}'}; the target is "
-        f"within {NEAR_M:g} m in {100.0 * tracked:.1f} % of the estimates"
+        f"{said}; the target is within {NEAR_M:g} m in {100.0 * tracked:.1f} % of the estimates"
     )
-    reached = not (lost or missing or not_finite) and tracked > 0.98
-    return text, reached, {"counted": found, "wanted": dict(wanted), "tracked": tracked}
+    reached = not (lost or wrong or not_finite) and tracked > 0.98
+    return result(text, reached, counted=found, wanted=dict(wanted), tracked=tracked)
 
 
 def send(radars: Radars, cloud: PointCloud2) -> bool:
@@ -251,14 +246,8 @@ def send(radars: Radars, cloud: PointCloud2) -> bool:
 
 
 def how_far(radars: Radars, time_s: float) -> float:
-    """Return how far the nearest of the latest estimates is from the target, m."""
-    stamp_ns, _ = radars.filtered[-1]
-    found = radars.found[stamp_ns]
-    if found is None or not len(found):
-        return math.inf
-    then_s = (stamp_ns - scans.START_NS) * 1e-9
-    place = PLACE + VELOCITY * min(then_s, time_s)
-    return float(np.hypot(*(found.position - place).T).min())
+    """Return the distance of the latest estimates from the target, which has been seen so far."""
+    return radars.nearest(lambda then_s: PLACE + VELOCITY * min(then_s, time_s))
 
 
 @measures(

@@ -51,15 +51,13 @@ def _run(kills: Sequence[int], counted: Sequence[int], checkpoints: bool) -> flo
         if checkpoints:
             path = rig.directory / "tracker.checkpoint"
             options += ["-p", f"checkpoint.path:={path}", "-p", f"checkpoint.every:={EVERY}"]
-        tracker, radars, index = rig.tracker(*options), rig.radars, 0
-        radars.connected()
+        (tracker, radars), index = rig.tracking(*options), 0
         while index <= counted[-1]:
             if not _tracked(radars, index):
                 raise RuntimeError(f"scan {index} was not answered:\n{tracker.text[-2000:]}")
             if index in kills:
                 tracker.kill()
-                tracker = rig.tracker(*options)
-                radars.connected()
+                tracker, _ = rig.tracking(*options)
                 index += LOST
             index += 1
         return float(np.mean([radars.ospa(index) for index in counted]))
