@@ -35,6 +35,7 @@ from phd_jdtc_ros.core.smc.correction import Corrector, scale_rows
 from phd_jdtc_ros.core.smc.kernel.backward_kernel import GATE_SIGMA, Transition
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_step
+from phd_jdtc_ros.core.targets.motion import whitener
 
 Density = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 Link = Callable[[ParticleSet, ParticleSet, TrackerModel, Corrector, float], Transition]
@@ -324,3 +325,21 @@ def _near_gaussian(
         cKDTree(mean.T), GATE_SIGMA, output_type="ndarray"
     )
     return pairs["i"], pairs["j"], scale * np.exp(-0.5 * pairs["v"] ** 2)
+
+
+def whiten_sort_gather(
+    earlier: ParticleSet, later: ParticleSet, model: TrackerModel, dt: float
+) -> list[FloatArray]:
+    """Whiten, sort and gather for every destination mode: the least work of any search."""
+    gathered = []
+    transition = model.modes.transition(dt)
+    for mode, motion in enumerate(model.modes.motions):
+        matrix, _ = whitener(motion.noise_covariance(dt))
+        support = list(motion.support)
+        sources = np.flatnonzero(transition[earlier.mode, mode] > 0.0)
+        successor = motion.mean(earlier.state[sources], dt)[:, support] @ matrix.T
+        states = later.state[later.mode == mode][:, support] @ matrix.T
+        for points in (successor, states):
+            order = np.argsort(points[:, 0], kind="stable")
+            gathered.append(points[order])
+    return gathered

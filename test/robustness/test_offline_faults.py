@@ -24,7 +24,6 @@ from robustness import (
     hostile,
     numerics,
     raw_bytes,
-    report,
     scans,
 )
 
@@ -227,4 +226,4 @@ def test_summary_and_table_hold_every_figure(tmp_path):
     assert [entry["figure"] for entry in summary["figures"]] == [f.name for f in found]
     assert summary["figures"][1]["measured"] is None
     assert summary["figures"][1]["reason"]
-    assert report.table("faults", found).row_count == len(found)
+    assert command.table("faults", found).row_count == len(found)

@@ -17,7 +17,6 @@ from benchmarks import (
     forms,
     goals,
     late,
-    limit,
     messages,
     recursion,
     scenes,
@@ -140,7 +139,7 @@ def test_engine_tracks_all_targets_of_a_crowd_from_its_first_scan(engine):
 
 def test_limit_goes_over_all_that_the_search_goes_over(window):
     earlier, later = window.stored[-2:]
-    gathered = limit.whiten_sort_gather(earlier, later, window.model, window.dt)
+    gathered = forms.whiten_sort_gather(earlier, later, window.model, window.dt)
 
     # Two motions per class: every earlier particle may change to either motion of its class.
     assert sum(len(points) for points in gathered[0::2]) == 2 * len(earlier)
