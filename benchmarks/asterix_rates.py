@@ -32,7 +32,7 @@ def measure(quick: bool) -> dict[str, Any]:
     datagrams = turn()
     rounds = 3 if quick else 9
     cases = {LIBRARY: _by_library, RECORDS: _to_plots, CLOUDS: _to_clouds}
-    # The library is a hundred times slower: a part of the turn says as much.
+    # The library is a hundred times slower, so that a part of the turn suffices.
     share = {LIBRARY: datagrams[: len(datagrams) // 16]}
     spent: dict[str, list[float]] = {name: [] for name in cases}
     for name, read in cases.items():

@@ -7,7 +7,7 @@ copy in a row of its own (`copies`).
   one block per destination mode. As in the paper, Step 4 is carried out at every lag, so all
   kernels are evaluated again each time. There is no gate, so the error of the smoother's gate is
   measured against this form.
-- Dense products are the dense form as one would write it for speed: each particle once, the
+- Dense products are the dense form written for speed: each particle once, the
   distances of a block by one matrix product, and every kernel kept for the other lags. By origin,
   only particles of one origin are paired, origin by origin.
 - The k-d tree form keeps the pairs within the smoother's gate, found by

@@ -56,7 +56,7 @@ class Goal(NamedTuple):
 def judge(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return every figure as ``{name, value, goal, at_most, reached}``.
 
-    Without a measured value, `value` and `reached` are None, and ``reason`` says why.
+    Without a measured value, `value` and `reached` are None, and ``reason`` gives the reason.
     """
     return [_judge(goal, summary) for goal in GOALS]
 

@@ -100,7 +100,7 @@ FAULTS: tuple[Measure, ...] = (
 
 
 def faults(arguments: argparse.Namespace) -> Iterator[Measure]:
-    """Yield the faults' measurements: all with one engine, and those of engines with the others."""
+    """Yield all measurements with one engine, and those that depend on the engine with others."""
     asked = [each for each in FAULTS if part_of(each) in (arguments.part or PARTS)]
     for measure in asked:
         yield engines.of(arguments.engine, measure)

@@ -51,7 +51,7 @@ class Figure:
 
 
 class NotMeasurableError(Exception):
-    """A figure cannot be measured here; the message says why."""
+    """A figure cannot be measured here; the message gives the reason."""
 
 
 # The result of a measurement: text, whether the goal is reached, and the numbers behind it.
@@ -99,14 +99,14 @@ def measures(
     def decorated(measure: Callable[P, Found]) -> Callable[P, Figure]:
         @wraps(measure)
         def measured(*args: P.args, **kwargs: P.kwargs) -> Figure:
-            said = goal if isinstance(goal, str) else goal(*args, **kwargs)
+            words = goal if isinstance(goal, str) else goal(*args, **kwargs)
             try:
                 text, reached, details = measure(*args, **kwargs)
             except NotMeasurableError as error:
-                return Figure(name, said, None, None, str(error))
+                return Figure(name, words, None, None, str(error))
             except Exception as error:  # of any kind, also a fault of the measurement itself
-                return Figure(name, said, f"failed: {type(error).__name__}: {error}", False)
-            return Figure(name, said, text, reached, details=details)
+                return Figure(name, words, f"failed: {type(error).__name__}: {error}", False)
+            return Figure(name, words, text, reached, details=details)
 
         measured.__dict__["of_engines"] = of_engines
         return measured

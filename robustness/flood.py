@@ -19,7 +19,7 @@ from .rig import Rig
 
 SECONDS, ANSWER_S, STOP_S, MEMORY_MB = 5.0, 2.0, 2.0, 128.0
 NODE = "/asterix_bridge"
-# A plot of a radar with a place and nothing else: the smallest record that is one.
+# The smallest record of a plot: radar, place, and nothing else.
 RECORD = b"\x90\x01\x02\x10\x00\x20\x00"
 BODY = RECORD * (60_000 // len(RECORD))
 DATAGRAM = struct.pack(">BH", 48, len(BODY) + 3) + BODY
@@ -48,7 +48,7 @@ class _Flood:
                 try:
                     sock.sendto(DATAGRAM, ("127.0.0.1", self._port))
                     self.sent += 1
-                except OSError:  # nobody listens any more
+                except OSError:  # the receiver has ended
                     time.sleep(0.01)
 
 
@@ -58,7 +58,7 @@ class _Flood:
     f"{STOP_S:g} s, {MEMORY_MB:g} MB more, drops counted",
 )
 def measure() -> Found:
-    """Flood the bridge, ask it for something all the time, and stop it in another flood."""
+    """Flood the bridge while calling a service, and stop it during another flood."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

@@ -21,9 +21,9 @@ from .rig import Rig
 
 TOPIC, FRAME = "/own_ship/odometry", "map"
 INTERVAL_S, SCANS, WARM_UP = 2.0, 26, 8
-# Of a scan's interval; the poses between two scans are not at the scans' times.
+# Number of poses per scan interval; they are not at the scans' times.
 POSES = 4
-# Scans without poses before them: beyond what is extrapolated, 1 s.
+# Scans without recent poses: the gap is longer than the limit of extrapolation, 1 s.
 SILENT = (14, 15)
 # The ship's velocity, and the target's place and velocity, m and m/s.
 SHIP, PLACE, VELOCITY = np.array([6.0, 2.0]), np.array([700.0, 400.0]), np.array([-5.0, 3.0])
@@ -64,7 +64,7 @@ class Fault:
     counted : str
         The key in the diagnostics.
     shift_s : float
-        What its stamp is later than that of the last good one, seconds.
+        Difference of its stamp to the last good one's, seconds.
     change : callable
         Spoils the message.
     """
@@ -78,7 +78,7 @@ def _frame(message: Odometry) -> None:
     message.header.frame_id = "odom"
 
 
-def _unfilled(message: Odometry) -> None:
+def _zero_orientation(message: Odometry) -> None:
     turn = message.pose.pose.orientation
     turn.x = turn.y = turn.z = turn.w = 0.0
 
@@ -104,7 +104,7 @@ FAULTS: Mapping[str, Fault] = {
     "a position that is NaN": Fault("dropped_not_finite", 0.05, _at(math.nan)),
     "a position of infinity": Fault("dropped_not_finite", 0.05, _at(math.inf)),
     "a position of the other side of the earth": Fault("dropped_range", 0.05, _at(1e8)),
-    "no orientation": Fault("dropped_orientation", 0.05, _unfilled),
+    "no orientation": Fault("dropped_orientation", 0.05, _zero_orientation),
     "an absurd orientation": Fault("dropped_orientation", 0.05, _absurd),
     "a jump of 5 km": Fault("dropped_jump", 0.05, _at(5e3)),
     "late": Fault("dropped_late", -1.3, _nothing),
@@ -124,7 +124,7 @@ def _odometry(time_s: float) -> Odometry:
 
 
 def _cloud(time_s: float, rng: np.random.Generator) -> PointCloud2:
-    """Return what the radar sees of the target, and a false detection."""
+    """Return the detection of the target, and a false one."""
     pose = _ship(time_s)
     east, north = PLACE + VELOCITY * time_s - pose.position
     seen = np.array([math.hypot(east, north), math.atan2(north, east) - pose.yaw])
@@ -151,7 +151,7 @@ def measure() -> Found:
         radars.spin_until(lambda: poses.get_subscription_count() > 0, REPLY_S)
         rng, left, lost, away = np.random.default_rng(1), dict(FAULTS), [], []
         wanted = Counter[str]()
-        # So that the first scan is between two poses.
+        # The first scan must be between two poses.
         poses.publish(_odometry(-0.5 * INTERVAL_S / POSES))
         for index in range(SCANS):
             begin_s, before = index * INTERVAL_S, len(radars.filtered)

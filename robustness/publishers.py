@@ -18,7 +18,7 @@ from .stamps_and_time import BAG
 MOST_SCANS = 6
 PERIOD_S = 0.5
 RESTARTS = 4
-# Of the bag's own rate: five scans per second, which a tracker keeps up with on a busy machine too.
+# Multiple of the bag's rate: five scans per second, which a tracker sustains on a busy machine.
 RATE = 30
 # Time between restarts; a killed publisher stays in the graph for 20 s.
 RUN_S = 8.0
@@ -31,7 +31,7 @@ RUN_S = 8.0
 def measure(restarts: int = RESTARTS, run_s: float = RUN_S) -> Found:
     """Publish on one topic from two publishers, then kill and restart a driver repeatedly."""
     needed, gaps = _side_by_side()
-    levels, listed, gaps_of_restarted = _restarted(restarts, run_s)
+    levels, listed, gaps_of_restarted = _restart_driver(restarts, run_s)
     errors = levels.count(DiagnosticStatus.ERROR)
     noticed = f"ERROR after {needed} scans" if needed else f"no ERROR within {MOST_SCANS} scans"
     text = (
@@ -64,7 +64,7 @@ def _side_by_side() -> tuple[int | None, int]:
         return needed, int(radars.values("radar_1")["gaps"])
 
 
-def _restarted(restarts: int, run_s: float) -> tuple[list[bytes], int, int]:
+def _restart_driver(restarts: int, run_s: float) -> tuple[list[bytes], int, int]:
     """Return both radars' levels, the largest number of publishers listed, and the gaps counted."""
     with Rig() as rig:
         rig.tracker(*LIGHT)
@@ -77,7 +77,7 @@ def _restarted(restarts: int, run_s: float) -> tuple[list[bytes], int, int]:
                 raise RuntimeError(f"no estimate of the driver's scans:\n{driver.text[-2000:]}")
             radars.spin(run_s)
             driver.kill()
-            # The state after each kill counts too, and is not taken for the next publisher's.
+            # Receive the reports of the state after the kill before the next publisher starts.
             radars.spin(1.0)
         lines = [
             _line(found, radar) for _, found in radars.health for radar in ("radar_1", "radar_2")

@@ -35,7 +35,7 @@ class Peer:
     Parameters
     ----------
     domain : int or None
-        ROS domain; None for that of the environment.
+        ROS domain; None takes it from the environment.
     """
 
     def __init__(self, name: str, domain: int | None = None) -> None:

@@ -37,7 +37,7 @@ def measure(seconds: float = SECONDS, seed: int = 5) -> Found:
         while time.monotonic() < deadline:
             for _ in range(BURST):
                 # A mutation that is still a valid scan is then a duplicate.
-                fuzzer.publish(mutated(scans.cloud(index, 0), rng))
+                fuzzer.publish(mutate(scans.cloud(index, 0), rng))
                 bad += 1
             index += 1
             good += 1
@@ -54,17 +54,17 @@ def measure(seconds: float = SECONDS, seed: int = 5) -> Found:
     return result(text, reached, good=good, bad=bad, exits=exits, lost=lost)
 
 
-def mutated(data: bytes, rng: random.Random) -> bytes:
+def mutate(data: bytes, rng: random.Random) -> bytes:
     """Return a message with some bytes changed, cut off, added or moved, but with its stamp kept.
 
     A changed stamp could make it a valid scan of another time.
     """
-    change: Callable[[bytes, random.Random], bytes] = rng.choice((_flipped, _cut, _spliced, _sized))
+    change: Callable[[bytes, random.Random], bytes] = rng.choice((_flip, _cut, _splice, _resize))
     found = change(data, rng)
     return found[: STAMP.start] + data[STAMP] + found[STAMP.stop :]
 
 
-def _flipped(data: bytes, rng: random.Random) -> bytes:
+def _flip(data: bytes, rng: random.Random) -> bytes:
     found = bytearray(data)
     # The header determines how the rest is read, so it is changed more often.
     reach = 300 if rng.random() < 0.7 else len(found)
@@ -77,12 +77,12 @@ def _cut(data: bytes, rng: random.Random) -> bytes:
     return data[: rng.randrange(STAMP.stop, len(data))]
 
 
-def _spliced(data: bytes, rng: random.Random) -> bytes:
+def _splice(data: bytes, rng: random.Random) -> bytes:
     at, size = rng.randrange(STAMP.stop, len(data)), rng.randrange(1, 200)
     return data[:at] + rng.randbytes(size) + data[at + rng.choice((0, size)) :]
 
 
-def _sized(data: bytes, rng: random.Random) -> bytes:
+def _resize(data: bytes, rng: random.Random) -> bytes:
     """Put an extreme number where a length or a step may be."""
     at = ENCAPSULATION + 4 * rng.randrange(2, 75)
     number = rng.choice((0, 1, 2**16, 2**24, 2**31 - 1, 2**31, 2**32 - 1))

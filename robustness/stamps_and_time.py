@@ -19,7 +19,7 @@ from .rig import LIGHT, Rig
 GAP_SCANS, SHORT_GAP_SCANS = 600, 10
 BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
 LOOPS = 3
-# Relative to the bag: about 17 scans per second.
+# Multiple of the bag's rate: about 17 scans per second.
 RATE = 100
 SHUFFLED = 40
 PERIOD_S = 0.25
@@ -34,9 +34,9 @@ REGULAR = 12
 )
 def measure_time_faults(loops: int = LOOPS, duration_s: float = 0.0) -> Found:
     """Loop a bag or its first `duration_s`, then shuffle scans; count the resets."""
-    back_jumps, looped = _looped(loops, duration_s)
-    shuffled, dropped, _ = _shuffled()
-    ordered, late, answered = _shuffled("-p", "late_reports:=rework")
+    back_jumps, looped = _loop_bag(loops, duration_s)
+    shuffled, dropped, _ = _shuffle()
+    ordered, late, answered = _shuffle("-p", "late_reports:=rework")
     text = (
         f"{looped} resets at {back_jumps} returns to the bag's start; "
         f"{shuffled} resets in {SHUFFLED} shuffled scans ({dropped} dropped as late), with "
@@ -50,7 +50,7 @@ def measure_time_faults(loops: int = LOOPS, duration_s: float = 0.0) -> Found:
     )
 
 
-def _looped(loops: int, duration_s: float) -> tuple[int, int]:
+def _loop_bag(loops: int, duration_s: float) -> tuple[int, int]:
     """Play a bag `loops` times; return the jumps back in the estimates' stamps and the resets."""
     with Rig() as rig:
         _, radars = rig.tracking(*LIGHT)
@@ -70,7 +70,7 @@ def _jumps_back(radars: Radars) -> int:
     return sum(later < earlier for earlier, later in pairwise(stamps))
 
 
-def _shuffled(*options: str) -> tuple[int, int, int]:
+def _shuffle(*options: str) -> tuple[int, int, int]:
     """Swap scans with their neighbours.
 
     Return the number of resets, of dropped reports, and of estimates in order before the first that
@@ -81,7 +81,7 @@ def _shuffled(*options: str) -> tuple[int, int, int]:
         radars.send(0)
         for first in range(1, SHUFFLED, 2):
             pair = {radars.send(first + 1), radars.send(first)}
-            # No faster than a tracker on a busy machine; which of them comes is what is tested.
+            # Wait for either of them, so that a busy tracker keeps up.
             radars.spin_until(lambda pair=pair: bool(pair & radars.answered), REPLY_S)
         dropped = int(radars.values("radar_1").get("dropped_late", 0))
         epoch = int(radars.values("step time")["epoch"])
@@ -130,7 +130,7 @@ def measure_silence(repeats: int = 3) -> Found:
             before = len(radars.filtered)
             _at_rate(radars, index, REGULAR, (0,))
             index += REGULAR
-            found.append(_noticed(radars, stopped))
+            found.append(_silence_delay(radars, stopped))
             # Two scans wait for the silent radar; all others are answered.
             going_on &= len(radars.filtered) - before >= REGULAR - 3
     if None in found:
@@ -151,7 +151,7 @@ def _at_rate(radars: Radars, index: int, count: int, sending: tuple[int, ...]) -
         radars.spin(begin + (step + 1) * PERIOD_S - time.monotonic())
 
 
-def _noticed(radars: Radars, stopped: float) -> float | None:
+def _silence_delay(radars: Radars, stopped: float) -> float | None:
     """Return the time from the second radar's last scan to its first status of silence."""
     for arrived, lines in radars.health:
         line = lines[names.health("radar_2")]

@@ -1,4 +1,4 @@
-"""Faults of a radar that turns: what its detections say beside where they are, and its sectors."""
+"""Faults of a turning radar: in the optional fields of its detections, and in its sectors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WARM_UP, TURNS = 5, 20
 # East and north of the target and its velocity, m and m/s; its height.
 PLACE, VELOCITY, HEIGHT = np.array([9e3, 6e3]), np.array([-100.0, 60.0]), 2000.0
 CLUTTER_PER_SECTOR = 3
-# How far the estimate may be off, m.
+# Largest distance of an estimate from the target, m.
 NEAR_M = 250.0
 PARAMETERS = {
     "sensors": "[radar_1]",
@@ -71,10 +71,10 @@ class Fault:
 
     Parameters
     ----------
-    name, counted : str
-        `counted` is the key in the diagnostics, empty if nothing is to be counted.
+    counted : str
+        Key in the diagnostics, empty if nothing is to be counted.
     change : callable
-        Spoils the columns of a good cloud, the target's detection excepted.
+        Spoils the columns of a good cloud, except the target's detection.
     """
 
     name: str
@@ -84,7 +84,7 @@ class Fault:
 
 
 def _values(name: str, value: float) -> Change:
-    """Return what gives the clutter of a cloud another value; the target comes last."""
+    """Return a change of the clutter's values; the target comes last."""
 
     def change(columns: Columns) -> None:
         columns[name][:CLUTTER_PER_SECTOR] = value
@@ -99,7 +99,7 @@ def _all(name: str, value: Callable[[FloatArray], FloatArray]) -> Change:
     return change
 
 
-def _reversed(columns: Columns) -> None:
+def _reverse(columns: Columns) -> None:
     columns.update({name: column[::-1] for name, column in columns.items()})
 
 
@@ -117,7 +117,7 @@ def faults() -> list[Fault]:
         Fault("time before the turn", "dropped_time", _values("time", -50.0)),
         Fault("time NaN", "dropped_time", _values("time", math.nan)),
         Fault("time infinite", "dropped_time", _values("time", math.inf)),
-        Fault("times not in order", "", _reversed),
+        Fault("times not in order", "", _reverse),
         Fault("times of the turn before", "detections_late", _values("time", -ROTATION_S)),
         Fault("no time", "time_missing", _without("time"), 1),
         Fault("height 1e9", "dropped_height", _values("height", 1e9)),
@@ -148,7 +148,7 @@ def faults() -> list[Fault]:
 
 @dataclass
 class Antenna:
-    """The radar's side: makes the clouds of one sector after the other."""
+    """Makes the clouds of one sector after the other."""
 
     rng: np.random.Generator
     time_s: float = 0.0

@@ -118,11 +118,11 @@ def test_faults_of_covariances_are_seen(change, said):
 
 def test_figure_is_named_after_its_engine_which_the_measurement_sees():
     def measure():
-        return figures.Figure("crowd", "goal", engines.chosen(), True)
+        return figures.Figure("crowd", "goal", engines.current(), True)
 
     found = engines.of(engines.GAUSSIAN, measure)()
     assert (found.name, found.measured) == ("gaussian: crowd", "gaussian")
-    assert engines.chosen() == engines.PARTICLES
+    assert engines.current() == engines.PARTICLES
     allowed = "'kalman' given, must be one of particles, gaussian"
     with pytest.raises(ValueError, match=allowed), engines.using("kalman"):
         pass
@@ -175,7 +175,7 @@ def test_stamped_cloud_has_the_stamp_and_nothing_else_changed():
 def test_mutated_messages_differ_and_keep_the_stamp():
     rng = random.Random(0)
     data = scans.cloud(0, 0)
-    made = [raw_bytes.mutated(data, rng) for _ in range(200)]
+    made = [raw_bytes.mutate(data, rng) for _ in range(200)]
     assert all(message[raw_bytes.STAMP] == data[raw_bytes.STAMP] for message in made)
     assert sum(message != data for message in made) > 190
 
