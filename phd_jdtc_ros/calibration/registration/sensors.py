@@ -108,7 +108,7 @@ def sensor(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> Senso
     interval_s = float(np.median(np.diff(plots.cloud_s)))
     if interval_s <= 0.0:
         raise RegistrationError(f"{radar.name}: all clouds have one stamp, must rise")
-    timing = Timing(interval_s, 0.0, radar.rotation_s)
+    timing = Timing(interval_s, radar.rotation_s)
     tracks = _tracks(plots, timing, radar)
     if len(tracks.claimed) < LEAST_PLOTS:
         raise RegistrationError(
