@@ -13,7 +13,7 @@ from . import late
 from .recursion import GAUSSIAN, PARTICLES, PARTS
 from .turning import ONE_CLOUD
 
-# What a step's table counts, by engine.
+# Counts in the table of a step, by engine.
 COUNTS = {
     PARTICLES: {"particles": "particles"},
     GAUSSIAN: {"rows": "hypotheses", "approximate clusters": "approximate clusters"},

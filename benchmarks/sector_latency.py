@@ -44,7 +44,7 @@ def measure(quick: bool, engine: str) -> dict[str, Any]:
 
 
 def of_turns(turns: int, engine: str) -> dict[str, Any]:
-    """Return what `measure` returns, of so many turns."""
+    """Measure the latency over a number of turns, as `measure` does."""
     messages.environment()
     if importlib.util.find_spec("rclpy") is None:
         return {"value": None, "reason": "rclpy is missing"}

@@ -1,6 +1,6 @@
-"""Forged checkpoints: right checksums, wrong contents. Each must be a cold start with a reason.
+"""Forged checkpoints with right checksums. Each must lead to a cold start with a reason.
 
-They have a process of their own, so that its memory is that of the restart alone.
+They run in a separate process, so that the measured memory is that of the restart.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .figures import Found, in_own_process, measures
 
 SCANS = 6
 VALUES: Mapping[str, Any] = {"seed": 0}
-# All that a radar may learn of its clutter.
+# Everything that is learned of a radar's clutter.
 LEARNING = {
     "radar_1.clutter_amplitude": "learned",
     "radar_1.clutter_map": True,
@@ -39,7 +39,7 @@ OLDEST, NEXT, STAMPS = "stored.0", "stored.1", "window.stamps_ns"
 
 
 class _Log:
-    """Keeps what is logged."""
+    """Collects log lines."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -57,7 +57,7 @@ class _Log:
 )
 def measure() -> Found:
     """Start from every forgery and track on."""
-    found = in_own_process(outcomes, engines.chosen())
+    found = in_own_process(outcomes, engines.current())
     wrong = {name: what for name, what in found["outcomes"].items() if what != "cold"}
     text = f"{len(found['outcomes'])} kinds: {len(wrong)} wrong, {found['memory_mb']:.0f} MB"
     return text, not wrong and found["memory_mb"] <= 256.0, {**found, "wrong": wrong}
@@ -110,7 +110,7 @@ def contents(engine: str, honest: Snapshot) -> dict[str, Change]:
 
 
 def _common() -> dict[str, Change]:
-    """Return changes of what is in every engine's snapshot."""
+    """Return changes that apply to the snapshots of both engines."""
     values = {
         "a scan index as a float": ("filter.scan_index", 1e9),
         "a huge scan index": ("filter.scan_index", 1 << 62),
@@ -123,8 +123,8 @@ def _common() -> dict[str, Change]:
         "no window": ("window.entries", "7"),
     }
     return {
-        **{what: _replaced(name, value) for what, (name, value) in values.items()},
-        "stamps backwards": lambda s: _replaced(STAMPS, s.arrays[STAMPS][::-1])(s),
+        **{what: _replace(name, value) for what, (name, value) in values.items()},
+        "stamps backwards": lambda s: _replace(STAMPS, s.arrays[STAMPS][::-1])(s),
         "a huge stamp": _put(STAMPS, 1 << 62),
         "a stamp as a float": _put(STAMPS, 1.0, "f8"),
         "track numbers that are none": lambda s: s.arrays.pop("numbers.number"),
@@ -135,13 +135,13 @@ def _common() -> dict[str, Change]:
     }
 
 
-def _replaced(name: str, value: Any) -> Change:
+def _replace(name: str, value: Any) -> Change:
     """Return a change that replaces an array."""
     return lambda snapshot: snapshot.arrays.update({name: np.array(value)})
 
 
 def _of_another(part: str) -> Change:
-    """Return a change after which what was learned of clutter is that of another radar."""
+    """Return a change that assigns the learned clutter to another radar."""
 
     def change(snapshot: Snapshot) -> None:
         for name in [name for name in snapshot.arrays if name.startswith(f"{part}.radar_1.")]:
@@ -176,7 +176,7 @@ def _of_mixtures(honest: Snapshot) -> dict[str, Change]:
         "means of other axes": _other_axes(f"{OLDEST}.mean"),
         "means as text": _whole(f"{OLDEST}.mean"),
         "covariances with a negative eigenvalue": _against_each_other(f"{OLDEST}.covariance"),
-        "covariances that are not symmetric": _lopsided(f"{OLDEST}.covariance"),
+        "covariances that are not symmetric": _asymmetric(f"{OLDEST}.covariance"),
         "survival above one": _put(f"{link}.survival", 1.5),
         "a share above one": _put(f"{link}.share", 3.0),
         **values,
@@ -198,7 +198,7 @@ def _whole(name: str) -> Change:
 
 
 def _against_each_other(name: str) -> Change:
-    """Return a change after which three axes are all against each other, as no three can be."""
+    """Return a change that makes the correlations of three axes impossibly negative."""
 
     def change(snapshot: Snapshot) -> None:
         matrix = np.array(snapshot.arrays[name])
@@ -210,7 +210,7 @@ def _against_each_other(name: str) -> Change:
     return change
 
 
-def _lopsided(name: str) -> Change:
+def _asymmetric(name: str) -> Change:
     def change(snapshot: Snapshot) -> None:
         matrix = np.array(snapshot.arrays[name])
         matrix[..., 0, 1] *= -0.5
@@ -263,7 +263,7 @@ def _new(engine: str) -> Engine:
     return new_engine(resolve({"engine": engine, **LEARNING}))
 
 
-def _forged(kind: str) -> Iterator[tuple[str, bytes]]:
+def _forgeries(kind: str) -> Iterator[tuple[str, bytes]]:
     """Yield forged files of an engine, by name."""
     engine = _new(kind)
     for scan in scans.reference()[:SCANS]:
@@ -286,7 +286,7 @@ def _forged(kind: str) -> Iterator[tuple[str, bytes]]:
 
 
 def outcome(path: Path, kind: str) -> str:
-    """Start from a file and track on; return ``cold``, or what was wrong."""
+    """Start from a file and track on; return ``cold``, or the fault."""
     log, engine = _Log(), _new(kind)
     following = scans.reference()[SCANS : SCANS + 2]
     try:
@@ -305,7 +305,7 @@ def outcome(path: Path, kind: str) -> str:
 
 
 def _covariances(found: Estimates) -> bool:
-    """Return whether the estimates' covariances are ones."""
+    """Return whether the estimates' covariances are finite and positive semidefinite."""
     finite = np.isfinite(found.covariance).all()
     return bool(finite and (np.linalg.eigvalsh(found.covariance) > -1e-6).all())
 
@@ -314,9 +314,9 @@ def outcomes(kind: str) -> dict[str, Any]:
     """Return the outcomes and the memory of all starts."""
     with tempfile.TemporaryDirectory() as directory:
         paths = []
-        child = os.fork()  # what makes the forgeries takes memory of its own
+        child = os.fork()  # the forgeries are made elsewhere, because that takes memory
         if not child:
-            for index, (name, data) in enumerate(_forged(kind)):
+            for index, (name, data) in enumerate(_forgeries(kind)):
                 (Path(directory) / f"{index:03} {name}").write_bytes(data)
             os._exit(0)
         os.waitpid(child, 0)

@@ -1,4 +1,4 @@
-"""The tables of `register`: errors with their deviations, and residuals before and after."""
+"""The tables of `register`: errors with standard deviations, and residuals before and after."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from phd_jdtc_ros.calibration.registration.filtering import KINDS
 from phd_jdtc_ros.calibration.registration.result import Found, Registration
 from phd_jdtc_ros.configuration.build import TrackerConfig
 
-# Of the tables, in characters: a line for each error.
+# Smallest width of the tables, characters, at which each error fits a line.
 WIDTH = 110
-# The entries of the parameter `biases`: their digits, and factors from the units of `KINDS`.
+# The entries of the parameter `biases`: their names, digits, and scales (degrees in radians).
 NAMES = dict(zip(KINDS, ("range, m", "range gain, m/m", "azimuth, deg", "time, s"), strict=True))
 DIGITS, SCALES = (1, 6, 4, 4), (1.0, 1.0, math.degrees(1.0), 1.0)
 WORDS = {
@@ -76,7 +76,7 @@ def rows(
             source = f"{each.tracks} common tracks, {each.plots} plots"
             if not np.isfinite(std):
                 hidden = (each.name, kind) in found.hidden
-                source = "not told" if hidden else "the reference: taken to be right"
+                source = "not observable" if hidden else "the reference: taken to be right"
             every.append(
                 Row(
                     each.name,
@@ -113,7 +113,7 @@ def table(every: Sequence[Row]) -> Table:
 
 
 def residuals(found: Registration) -> Table:
-    """Return how far plots are from the targets as all radars see them, before and after."""
+    """Return the residuals of each radar's plots against the common tracks, before and after."""
     shown = Table(title="residuals of plots, root mean square", title_justify="left")
     for name in ("radar", "range before, m", "after, m", "azimuth before, deg", "after, deg"):
         shown.add_column(name, justify="left" if name == "radar" else "right")
@@ -127,18 +127,18 @@ def residuals(found: Registration) -> Table:
 
 
 def remarks(found: Registration) -> Iterator[str]:
-    """Yield what a recording cannot tell, and why."""
+    """Yield which errors are not observable, and why."""
     words = ", ".join(WORDS[kind] for kind in found.common)
     yield (
-        f"{found.tracks} common tracks. Not to be seen where it is common to all radars: {words}; "
+        f"{found.tracks} common tracks. Not observable where common to all radars: {words}; "
         f"{found.reference} is taken to be right there (--reference)."
     )
     for radar in dict.fromkeys(radar for radar, _ in found.hidden):
         kinds = [kind for name, kind in found.hidden if name == radar]
         names = " and ".join(NAMES[kind] for kind in kinds)
         yield (
-            f"{radar}: {names} not told: {found.hidden[radar, kinds[0]]}. What is set is taken to "
-            "be right, and the other errors rest on that."
+            f"{radar}: {names} not observable: {found.hidden[radar, kinds[0]]}. The current values "
+            "are taken to be right, and the other errors depend on them."
         )
 
 

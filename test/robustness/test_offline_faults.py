@@ -24,7 +24,6 @@ from robustness import (
     hostile,
     numerics,
     raw_bytes,
-    report,
     scans,
 )
 
@@ -119,11 +118,11 @@ def test_faults_of_covariances_are_seen(change, said):
 
 def test_figure_is_named_after_its_engine_which_the_measurement_sees():
     def measure():
-        return figures.Figure("crowd", "goal", engines.chosen(), True)
+        return figures.Figure("crowd", "goal", engines.current(), True)
 
     found = engines.of(engines.GAUSSIAN, measure)()
     assert (found.name, found.measured) == ("gaussian: crowd", "gaussian")
-    assert engines.chosen() == engines.PARTICLES
+    assert engines.current() == engines.PARTICLES
     allowed = "'kalman' given, must be one of particles, gaussian"
     with pytest.raises(ValueError, match=allowed), engines.using("kalman"):
         pass
@@ -176,7 +175,7 @@ def test_stamped_cloud_has_the_stamp_and_nothing_else_changed():
 def test_mutated_messages_differ_and_keep_the_stamp():
     rng = random.Random(0)
     data = scans.cloud(0, 0)
-    made = [raw_bytes.mutated(data, rng) for _ in range(200)]
+    made = [raw_bytes.mutate(data, rng) for _ in range(200)]
     assert all(message[raw_bytes.STAMP] == data[raw_bytes.STAMP] for message in made)
     assert sum(message != data for message in made) > 190
 
@@ -227,4 +226,4 @@ def test_summary_and_table_hold_every_figure(tmp_path):
     assert [entry["figure"] for entry in summary["figures"]] == [f.name for f in found]
     assert summary["figures"][1]["measured"] is None
     assert summary["figures"][1]["reason"]
-    assert report.table("faults", found).row_count == len(found)
+    assert command.table("faults", found).row_count == len(found)

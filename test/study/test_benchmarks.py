@@ -17,7 +17,6 @@ from benchmarks import (
     forms,
     goals,
     late,
-    limit,
     messages,
     recursion,
     scenes,
@@ -140,7 +139,7 @@ def test_engine_tracks_all_targets_of_a_crowd_from_its_first_scan(engine):
 
 def test_limit_goes_over_all_that_the_search_goes_over(window):
     earlier, later = window.stored[-2:]
-    gathered = limit.whiten_sort_gather(earlier, later, window.model, window.dt)
+    gathered = forms.whiten_sort_gather(earlier, later, window.model, window.dt)
 
     # Two motions per class: every earlier particle may change to either motion of its class.
     assert sum(len(points) for points in gathered[0::2]) == 2 * len(earlier)
@@ -205,13 +204,13 @@ def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(
 def test_latency_by_sectors_may_be_longer_by_a_step(cost):
     latency = {"latency_s": {"p99": 0.31}, "step_ms": {"p99": 20.0}}
     of_turning = {"turning": {"latency": {recursion.PARTICLES: latency}, "cost": cost}}
-    figures = {figure["name"]: figure for figure in goals.judged(of_turning)}
+    figures = {figure["name"]: figure for figure in goals.judge(of_turning)}
     of_sectors = figures["latency of a detection by sectors over DDS, p99, s"]
 
     assert of_sectors["goal"] == pytest.approx(0.32)
     assert of_sectors["reached"] is True
     latency["step_ms"]["p99"] = 5.0
-    figures = {figure["name"]: figure for figure in goals.judged(of_turning)}
+    figures = {figure["name"]: figure for figure in goals.judge(of_turning)}
     of_sectors = figures["latency of a detection by sectors over DDS, p99, s"]
     assert of_sectors["reached"] is False
     assert figures["turn of 50 aircraft (NumPy), ms"]["value"] > 0.0
@@ -238,7 +237,7 @@ def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
         "step_ms": {"p50": 11.0, "p99": 20.0, "most": 22.0},
     }
     of_turning = {"turning": {"latency": {recursion.GAUSSIAN: latency}, "cost": cost}}
-    page = tables.markdown(tables.tables({**of_turning, "figures": goals.judged(of_turning)}))
+    page = tables.markdown(tables.tables({**of_turning, "figures": goals.judge(of_turning)}))
 
     assert "| to the estimates of its sector | 0.150 s | 0.277 s | 0.290 s |" in page
     assert "555 detections, 50 aircraft tracked" in page
@@ -246,7 +245,7 @@ def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
         assert f"| {form} | " in page
     why = {"value": None, "reason": "rclpy is missing"}
     missing = {"turning": {"latency": {recursion.PARTICLES: why}, "cost": cost}}
-    figures = goals.judged(missing)
+    figures = goals.judge(missing)
     assert "in real time" not in tables.markdown(tables.tables({**missing, "figures": figures}))
     reasons = {figure["name"]: figure.get("reason") for figure in figures}
     assert reasons["latency of a detection by sectors over DDS, p99, s"] == "rclpy is missing"
@@ -281,7 +280,7 @@ def test_summary_explains_why_a_figure_is_missing(summary):
     assert reasons["step, 200 targets (NumPy), ms"] == "left out of the quick run"
     assert reasons["largest error of a weight"] is None
     without_ros = {"live": {"value": None, "reason": "rclpy is missing"}}
-    reasons = {figure["name"]: figure.get("reason") for figure in goals.judged(without_ros)}
+    reasons = {figure["name"]: figure.get("reason") for figure in goals.judge(without_ros)}
     assert reasons["latency over DDS beyond the step, p99, ms"] == "rclpy is missing"
 
 
@@ -345,7 +344,7 @@ def test_figures_of_asterix_are_judged():
         "plots_per_s": {asterix_rates.CLOUDS: 25_000.0},
         "live": {"latency_s": {"p50": 0.2, "p99": 0.375, "most": 0.5}},
     }
-    figures = {figure["name"]: figure for figure in goals.judged({"asterix": measured})}
+    figures = {figure["name"]: figure for figure in goals.judge({"asterix": measured})}
     rate = figures["ASTERIX plots to clouds, per second"]
     assert (rate["value"], rate["reached"]) == (25_000.0, True)
     late = figures["ASTERIX in to ASTERIX out, 100 aircraft, p99, s beyond a sector"]

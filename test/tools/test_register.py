@@ -86,7 +86,7 @@ def test_register_finds_nothing_more_once_its_file_is_used(bag, registered, tmp_
     for entry, tolerance in ((0, 4.0), (2, 0.005), (3, 0.02)):
         assert second[entry] == pytest.approx(first[entry], abs=tolerance)
     said = capsys.readouterr().out
-    assert "Not to be seen where it is common to all radars: a time offset" in said
+    assert "Not observable where common to all radars: a time offset" in said
     assert "residuals of plots" in said
 
 
@@ -120,7 +120,7 @@ def test_register_overwrites_nothing(bag, tmp_path, capsys):
         ({"east.range_std": 0.01, "east.azimuth_std_deg": 1e-5}, (), "range_std and azimuth_std"),
         ({}, ("--reference", "north"), "north given, must be one of west, east, south"),
         ({}, ("--seconds", "25"), "must be"),
-        ({}, ("--seconds", "soon"), "soon given, must be at least 1 s"),
+        ({}, ("--seconds", "soon"), "soon given, must be a number of at least 1 s"),
     ],
     ids=lambda value: str(value)[:40],
 )
@@ -172,7 +172,7 @@ def test_register_refuses_what_targets_on_one_line_do_not_determine(tmp_path, ca
     out = tmp_path / "found.yaml"
     assert register(simulated(tmp_path, document), "--out", out) == 0
     said = capsys.readouterr().out
-    assert "range gain, m/m and time, s not told: 3 common tracks with" in said
+    assert "range gain, m/m and time, s not observable: 3 common tracks with" in said
     assert "all on one line" in said
     assert "a time offset, a range gain, a range bias; west is taken to be right there" in said
     # Nothing is written of them.

@@ -106,8 +106,8 @@ def test_tune_overwrites_nothing(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (("one_radar", "--seconds", "0"), "0 given, must be at least 1 s"),
-        (("one_radar", "--seconds", "soon"), "soon given, must be at least 1 s"),
+        (("one_radar", "--seconds", "0"), "0 given, must be a number of at least 1 s"),
+        (("one_radar", "--seconds", "soon"), "soon given, must be a number of at least 1 s"),
     ],
 )
 def test_tune_refuses_a_part_that_is_none(arguments, reason, capsys):

@@ -29,11 +29,6 @@ def gm_phd(
     Tracks
         Components with a weight above ``settings.extract``; all of class 0.
 
-    Raises
-    ------
-    ImportError
-        Without Stone Soup.
-
     Notes
     -----
     Stone Soup's updater applies survival once per radar; here only the first radar of a scan

@@ -37,11 +37,6 @@ def jpda(
     Tracks
         The tracks reported by `at_lag`; all of class 0.
 
-    Raises
-    ------
-    ImportError
-        Without Stone Soup.
-
     Notes
     -----
     The association probabilities are exact (`JPDAwithEHM`). Tentative tracks are associated by

@@ -57,8 +57,8 @@ def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
         "left out: none",
         "where radar_1_2 stands is not known: shapes and distances are right on the round earth, "
         "latitudes and longitudes are not; set radar_1_2.geodetic and world_origin",
-        "radar_1_2: 300 s of its plots do not tell its noise; that of the profile air_traffic is "
-        "used",
+        "radar_1_2: its noise cannot be estimated from 300 s of plots; that of the profile "
+        "air_traffic is used",
     ]
     found = reports(out)
     assert [report.stamp_ns - DAY_NS for report in found] == [
