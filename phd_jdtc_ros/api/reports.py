@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_geometry import LEAST_RANGE
 
-from .tables import Columns, numbers, require_column, stamps_ns
+from .tables import Columns, numbers, require_column, rows_by_stamp, stamps_ns
 
 # Columns of positions, and of their standard deviation, which replace ranges and azimuths.
 POSITION, POSITION_STD = ("x", "y"), "position_std"
@@ -62,13 +63,10 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
             continue
         read = _Reader(radar, model.position, model.yaw, float(model.noise_std[0]))
         sent = read.columns(own)
-        order = np.argsort(stamp_ns, kind="stable")
-        starts = np.flatnonzero(np.diff(stamp_ns[order], prepend=-1))
-        for part in np.split(order, starts[1:]):
-            report = read.report(int(stamp_ns[part[0]]), sent, part)
-            found.append(RadarReport(index, report))
+        parts = {int(stamp_ns[part[0]]): part for part in rows_by_stamp(stamp_ns)}
+        found += [RadarReport(index, read.report(ns, sent, part)) for ns, part in parts.items()]
         if radar.fields.time == TIME:
-            quiet = _quiet_ns(stamp_ns[order][starts], _step_ns(radar))
+            quiet = _quiet_ns([*parts], _step_ns(radar))
             none = np.arange(0)
             found += [RadarReport(index, read.report(each, sent, none)) for each in quiet]
     return sorted(found, key=lambda each: (each.report.stamp_ns, each.radar))
@@ -122,10 +120,10 @@ def _ends_ns(time_ns: IntArray, radar: RadarInput) -> IntArray:
     return ends
 
 
-def _quiet_ns(ends_ns: IntArray, step_ns: int) -> list[int]:
+def _quiet_ns(ends_ns: Sequence[int], step_ns: int) -> list[int]:
     """Return the ends of the parts without detections; gaps longer than a turn are left out."""
     quiet: list[int] = []
-    for begin, end in zip(ends_ns[:-1].tolist(), ends_ns[1:].tolist(), strict=True):
+    for begin, end in pairwise(ends_ns):
         if end - begin < PARTS_OF_A_TURN * step_ns:
             quiet += range(begin + step_ns, end, step_ns)
     return quiet

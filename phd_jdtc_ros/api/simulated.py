@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -60,10 +61,6 @@ def simulate(
         scenario such as ``one_radar``; None for the reference scenario.
     seed : int
         Equal seeds give equal tables, which match the output of the executable ``simulate``.
-
-    Returns
-    -------
-    Simulated
 
     Raises
     ------
@@ -128,14 +125,8 @@ def _detections(
     reports: Sequence[tuple[int, int, Detections]], inputs: Sequence[RadarInput]
 ) -> Column:
     """Return reports as a table with the columns of all radars."""
-    names = list(
-        dict.fromkeys(
-            name
-            for radar in inputs
-            for name in sent_columns.names_of(radar).values()
-            if name != TIME
-        )
-    )
+    own = [sent_columns.names_of(radar).values() for radar in inputs]
+    names = [name for name in dict.fromkeys(chain.from_iterable(own)) if name != TIME]
     dtype = [
         (TIME, np.float64),
         ("radar", f"U{max(len(radar.name) for radar in inputs)}"),
@@ -151,9 +142,8 @@ def _detections(
             sent = sent_columns.of(found, stamp_ns, radar)
         rows[TIME] = sent[TIME] if radar.fields.time and sent else stamp_ns / 1e9
         rows["radar"] = radar.name
-        own = sent_columns.names_of(radar).values()
         for name in names:
-            rows[name] = _number(sent[name]) if name in own and sent else np.nan
+            rows[name] = _number(sent[name]) if name in own[index] and sent else np.nan
     return table
 
 

@@ -26,15 +26,7 @@ _MESSAGE_COST = 2**8  # bytes of a waiting message in addition to its data
 
 @dataclass(frozen=True)
 class BagMessage:
-    """One recorded message.
-
-    Parameters
-    ----------
-    topic : str
-    log_time_ns : int
-    data : bytes
-        CDR.
-    """
+    """One recorded message; its data is CDR."""
 
     topic: str
     log_time_ns: int
@@ -52,10 +44,6 @@ class BagMessage:
 
 class BagReader:
     """Reads a bag: a rosbag2 directory with one MCAP file, or such a file alone.
-
-    Parameters
-    ----------
-    path : Path
 
     Attributes
     ----------
@@ -172,20 +160,13 @@ class BagReader:
                         f"{self._file}: its messages are too far out of order: more than "
                         f"{MAX_WAITING // 2**20} MiB of them would have to wait at once"
                     )
-        # The statistics cannot be checked if chunks were left unread.
         self._require_all(read, lost, partly=until_ns is not None and until_ns < self.end_ns)
 
     def _require_all(self, read: Counter[int], lost: Sequence[str], partly: bool) -> None:
         """Raise `BagError` if messages were lost.
 
-        Parameters
-        ----------
-        read : Counter
-            Messages read, by channel id.
-        lost : sequence of str
-            Reasons of the lost chunks.
-        partly : bool
-            Whether chunks were left unread on purpose, so that the statistics cannot be checked.
+        `read` are the messages by channel id, and `lost` the reasons of the lost chunks. The
+        statistics cannot be checked if chunks were left unread on purpose (`partly`).
         """
         damage = lost[-1] if lost else self._index.damage
         # The number of messages per channel is optional in a file.

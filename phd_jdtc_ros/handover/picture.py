@@ -38,9 +38,6 @@ class _Run:
 
     Parameters
     ----------
-    gathered : mapping of source to Gathering
-    series : SeriesOfAll
-    numbers : Numbers
     smoothed : list of Gathered
         Smoothed estimates that wait for their numbers.
     reached_ns : float

@@ -1,6 +1,7 @@
 """The health of the hand-over."""
 
 from collections import Counter
+from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
@@ -53,7 +54,8 @@ def test_a_tracker_whose_clouds_are_refused_is_not_called_silent():
 
 def picture(alive=("west", "east"), parted=0, published=3):
     counts = Counter({FILTERED: published} if published else {})
-    return health.of_picture("/hand_over", counts, 4, 1, parted, alive)
+    joint = SimpleNamespace(handed_over=1, parted=parted, overflow=0)
+    return health.of_picture("/hand_over", joint, counts, 4, alive)
 
 
 def test_picture_of_trackers_that_are_all_there_is_well():

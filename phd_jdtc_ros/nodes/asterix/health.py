@@ -12,7 +12,7 @@ from msg_adapters import diagnostics, names
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 
-from ..common.health import Condition, Rises, first
+from ..common.health import Rises, first
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 # A radar without messages for this time is silent, seconds.
@@ -50,10 +50,10 @@ def of_input(
     malformed = rises.recent("faults", sum(faults.values()), now_s)
     condition = first(
         _inactive(active_s),
-        (WARN, quiet if inputs and quiet_s > SILENT_S else ""),
-        (WARN, f"{lost} datagrams lost: they come too fast" if losing else ""),
-        (WARN, f"malformed: {_listed(faults)}" if malformed else ""),
-        (OK, f"{stream.datagrams} datagrams"),
+        (WARN, inputs and quiet_s > SILENT_S, quiet),
+        (WARN, losing, f"{lost} datagrams lost: they come too fast"),
+        (WARN, malformed, f"malformed: {_enumerate(faults)}"),
+        (OK, True, f"{stream.datagrams} datagrams"),
     )
     trailers = sum(stream.blocks.known_trailers().values())
     values = {"datagrams": stream.datagrams, "lost": lost, "trailers": trailers, **counts}
@@ -89,11 +89,11 @@ def of_radar(
     arriving_late = rises.recent(f"{name} late", late, now_s)
     condition = first(
         _inactive(active_s),
-        (WARN, quiet if quiet_s > SILENT_S else ""),
-        (WARN, f"two sources: {sources} is used, {state.other_source} is not" if second else ""),
-        (WARN, f"its clock is {-offset_s:+.1f} s off; its times are shifted" if shift_s else ""),
-        (WARN, f"{late} plots came after their cloud was sent" if arriving_late else ""),
-        (OK, f"{state.plots} plots in {state.reports} clouds"),
+        (WARN, quiet_s > SILENT_S, quiet),
+        (WARN, second, f"two sources: {sources} is used, {state.other_source} is not"),
+        (WARN, shift_s, f"its clock is {-offset_s:+.1f} s off; its times are shifted"),
+        (WARN, arriving_late, f"{late} plots came after their cloud was sent"),
+        (OK, True, f"{state.plots} plots in {state.reports} clouds"),
     )
     return diagnostics.status(name, values, *condition, f"{number >> 8}/{number & 255}")
 
@@ -127,19 +127,19 @@ def of_output(
     quiet_s = min(rises.unchanged_s("estimates", clouds, now_s), active_s)
     quiet = "; ".join(filter(None, (f"no estimates for {quiet_s:.0f} s", hint)))
     condition = first(
-        (OK, "" if output else "nowhere to send tracks"),
+        (OK, not output, "nowhere to send tracks"),
         _inactive(active_s),
-        (WARN, _listed(counts) if dropping else ""),
-        (WARN, quiet if quiet_s > SILENT_S else ""),
-        (OK, f"{sent['tracks']} tracks sent to {output}"),
+        (WARN, dropping, _enumerate(counts)),
+        (WARN, quiet_s > SILENT_S, quiet),
+        (OK, True, f"{sent['tracks']} tracks sent to {output}"),
     )
     values = {**sent, **counts}
     return diagnostics.status(names.health("output", node), values, *condition, node)
 
 
-def _inactive(active_s: float) -> Condition:
-    return DiagnosticStatus.STALE, "not active" if math.isnan(active_s) else ""
+def _inactive(active_s: float) -> tuple[bytes, bool, str]:
+    return DiagnosticStatus.STALE, math.isnan(active_s), "not active"
 
 
-def _listed(counts: Mapping[str, int]) -> str:
+def _enumerate(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{reason} {count}" for reason, count in sorted(counts.items()))

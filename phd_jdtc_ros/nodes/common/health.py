@@ -37,9 +37,9 @@ DEPTH = 10
 Condition = tuple[bytes, str]
 
 
-def first(*conditions: Condition) -> Condition:
-    """Return the first condition that has a message."""
-    return next(condition for condition in conditions if condition[1])
+def first(*conditions: tuple[bytes, object, str]) -> Condition:
+    """Return level and message of the first condition whose second member is true."""
+    return next((level, text) for level, holds, text in conditions if holds)
 
 
 class Rhythm:

@@ -23,7 +23,7 @@ class ManagedNode(LifecycleNode, RunnableNode):
         service = self._service_change_state
         change = service.callback
 
-        def guarded(request: Any, response: Any) -> Any:
+        def change_state(request: Any, response: Any) -> Any:
             try:
                 return change(request, response)
             except Exception as error:  # rclpy's own type for this is private
@@ -31,7 +31,7 @@ class ManagedNode(LifecycleNode, RunnableNode):
                 response.success = False
                 return response
 
-        service.callback = guarded
+        service.callback = change_state
 
     @property
     def phase(self) -> str:

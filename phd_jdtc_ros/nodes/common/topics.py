@@ -92,9 +92,9 @@ def subscribe(
 
 
 def publisher_hint(node: Node, topic: str, message_class: type) -> str:
-    """Return the fault of a topic, by its full name, that has no publisher of a type; else "".
+    """Return the fault of a topic without publishers of a type, empty if it has some.
 
-    It lists other topics with that type, except for those of the node itself.
+    It lists other topics of that type, except for the node's own. `topic` is a full name.
     """
     expected = interfaces.type_name(message_class)
     types = {info.topic_type for info in node.get_publishers_info_by_topic(topic)}
@@ -102,13 +102,13 @@ def publisher_hint(node: Node, topic: str, message_class: type) -> str:
         return ""
     if types:
         return f"{topic} is published as {', '.join(sorted(types))}, must be {expected}"
-    found = _published(node, expected)
+    found = _topics_of(node, expected)
     listed = ", ".join(map(short, found[:MAX_LISTED])) + (", ..." if found[MAX_LISTED:] else "")
     where = f"is on {listed}" if found else "is on no other topic"
     return f"no publisher on {topic}; {expected} {where}"
 
 
-def _published(node: Node, type_name: str) -> list[str]:
+def _topics_of(node: Node, type_name: str) -> list[str]:
     """Return the topics on which other nodes publish messages of a type."""
     name, namespace = node.get_name(), node.get_namespace()
     own = {

@@ -37,7 +37,7 @@ class Coverage:
     _first_ns: dict[str, int] = field(default_factory=dict)
     _numbers: dict[str, SequenceNumbers] = field(default_factory=dict)
 
-    def arrived(self, topic: str, sequence: int | None) -> None:
+    def count_losses(self, topic: str, sequence: int | None) -> None:
         """Count the clouds lost before this one, by its publisher's number for it."""
         if sequence is not None:
             self._numbers.setdefault(topic, SequenceNumbers()).add(sequence)
@@ -47,12 +47,12 @@ class Coverage:
         self.received[topic] += 1
         self._first_ns.setdefault(topic, stamp_ns)
 
-    def unmatched(self, evaluation: Evaluation) -> str | None:
+    def mismatch(self, evaluation: Evaluation) -> str | None:
         """Return the warning that no stamps fit, once there are enough of both; None otherwise."""
         few = min(self.received[self.truth], max(map(self._count, SOURCES))) < UNMATCHED
         return None if few or any(evaluation.scored.values()) else self._no_common_time()
 
-    def nothing_scored(self) -> str:
+    def no_score_reason(self) -> str:
         """Return the reason for which no scan has been scored."""
         found = sum(map(self._count, SOURCES))
         if not self.received[self.truth] and not found:

@@ -160,7 +160,7 @@ class Evaluator(RunnableNode):
     def _warn_of_no_score(self) -> None:
         """Log the reasons, and fail if scores were requested."""
         wanted = self._report is not None or self._values["exit_after_scans"]
-        reasons = [self._coverage.nothing_scored(), *self._coverage.gaps(self._evaluation)]
+        reasons = [self._coverage.no_score_reason(), *self._coverage.gaps(self._evaluation)]
         if wanted:
             self.get_logger().error("; ".join(reasons))
             self.exit_status = FAILED
@@ -199,7 +199,7 @@ class Evaluator(RunnableNode):
         read: Callable[[PointCloud2], Truth | Estimates],
     ) -> PointSet | None:
         """Return a cloud's points; None if it is not valid, which is counted and logged."""
-        self._coverage.arrived(topic, info.get("publication_sequence_number"))
+        self._coverage.count_losses(topic, info.get("publication_sequence_number"))
         try:
             found = read(cloud)
             self._check_frame(cloud.header.frame_id)
@@ -266,7 +266,7 @@ class Evaluator(RunnableNode):
             self._unconnected = [sub for sub in self._unconnected if not sub.get_publisher_count()]
             if not self._unconnected:
                 self.get_logger().info(f"connected to {self._values['tracker']}")
-        if not self._warned_unmatched and (text := self._coverage.unmatched(self._evaluation)):
+        if not self._warned_unmatched and (text := self._coverage.mismatch(self._evaluation)):
             self._warned_unmatched = True
             self.get_logger().warning(text)
         if self._completion.is_reached(time.monotonic()):

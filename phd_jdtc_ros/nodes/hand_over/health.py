@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics, names
 from phd_jdtc_ros.core.types import FILTERED
-from phd_jdtc_ros.handover.picture import LATEST_STAMPS
+from phd_jdtc_ros.handover.picture import LATEST_STAMPS, JointPicture
 
 from ..common.health import Rhythm, Rises, first
 
@@ -101,23 +101,21 @@ class TrackerHealth:
         refused = self._rises.recent("refused", self.refused.total(), now_s)
         left_out = refused or (silent and self.left_out)
         condition = first(
-            (WARN, "; ".join(filter(None, ("never heard", hint))) if self.last_s is None else ""),
-            (WARN, f"silent for {quiet_s:.1f} s{without}" if self.is_quiet(now_s) else ""),
-            (WARN, f"left out: {self.reasons}{without}" if left_out else ""),
-            (WARN, f"silent: its estimates are {behind_s:.1f} s behind{without}" if silent else ""),
-            (OK, f"{self.clouds[FILTERED]} stamps"),
+            (WARN, self.last_s is None, "; ".join(filter(None, ("never heard", hint)))),
+            (WARN, self.is_quiet(now_s), f"silent for {quiet_s:.1f} s{without}"),
+            (WARN, left_out, f"left out: {self.reasons}{without}"),
+            (WARN, silent, f"silent: its estimates are {behind_s:.1f} s behind{without}"),
+            (OK, True, f"{self.clouds[FILTERED]} stamps"),
         )
         return diagnostics.status(name, values, *condition, node)
 
 
 def of_picture(
     node: str,
+    picture: JointPicture,
     published: Counter[str],
     tracks: int,
-    handed_over: int,
-    parted: int,
     alive: Sequence[str],
-    overflow: int = 0,
 ) -> DiagnosticStatus:
     """Return the status of the joint picture.
 
@@ -125,29 +123,26 @@ def of_picture(
     ----------
     published : Counter
         Clouds by source.
-    parted : int
-        Number of the latest `LATEST_STAMPS` that lack a tracker which is not silent.
     alive : sequence of str
         Names of the trackers that are in the picture and not quiet.
-    overflow : int
-        Number of stamps published incomplete, because too many waited.
     """
+    parted = picture.parted
     values = {
         **published,
         "tracks": tracks,
-        "handed_over": handed_over,
+        "handed_over": picture.handed_over,
         "parted_stamps": parted,
-        "stamps_overflow": overflow,
+        "stamps_overflow": picture.overflow,
     }
     uncommon = (
         f"stamps are not common: {parted} of the last {LATEST_STAMPS} are of some trackers only; "
         "set estimates_period_s of all trackers to the same"
     )
     condition = first(
-        (WARN, "" if published else "nothing published"),
-        (WARN, "" if alive else "no tracker is heard any more"),
-        (WARN, f"of one tracker alone: {alive[0]}" if len(alive) == 1 else ""),
-        (WARN, uncommon if parted > LATEST_STAMPS // 2 else ""),
-        (OK, f"{tracks} tracks, {handed_over} changes from one tracker to another"),
+        (WARN, not published, "nothing published"),
+        (WARN, not alive, "no tracker is heard any more"),
+        (WARN, len(alive) == 1, f"of one tracker alone: {', '.join(alive)}"),
+        (WARN, parted > LATEST_STAMPS // 2, uncommon),
+        (OK, True, f"{tracks} tracks, {picture.handed_over} changes from one tracker to another"),
     )
     return diagnostics.status(names.health("picture", node), values, *condition, node)

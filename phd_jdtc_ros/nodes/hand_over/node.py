@@ -200,8 +200,7 @@ class HandOver(RunnableNode):
             found.append(own.status(line, full, behind_s, silent, now_s, self._hint(tracker)))
             if not (silent or own.is_quiet(now_s)):
                 alive.append(name)
-        counts = self._tracks, picture.handed_over, picture.parted
-        return [*found, health.of_picture(node, self._published, *counts, alive, picture.overflow)]
+        return [*found, health.of_picture(node, picture, self._published, self._tracks, alive)]
 
 
 def main(argv: Sequence[str]) -> int:

@@ -34,13 +34,13 @@ class LockStep:
         """Restart the time until giving up: during a pause no other stamp could be published."""
         self._running_since_s = now_s
 
-    def published(self, stamp_ns: int, now_s: float) -> None:
+    def expect(self, stamp_ns: int, now_s: float) -> None:
         """Await the estimate of a stamp."""
         if not self._outstanding:
             self._since_s = now_s
         self._outstanding.append(stamp_ns)
 
-    def replied(self, stamp_ns: int, now_s: float) -> None:
+    def receive(self, stamp_ns: int, now_s: float) -> None:
         """Take in an estimate, which is the reply to its own stamp and all earlier ones.
 
         An estimate of a stamp after the awaited ones is a late one from before `begin`, for
@@ -58,7 +58,7 @@ class LockStep:
             self._waited_s(now_s) > PATIENCE_S and len(self._outstanding) < MAX_OUTSTANDING
         )
 
-    def settled(self, now_s: float) -> bool:
+    def is_settled(self, now_s: float) -> bool:
         """Return whether no more replies are expected unless another stamp is published."""
         return not self._outstanding or self._waited_s(now_s) > PATIENCE_S
 

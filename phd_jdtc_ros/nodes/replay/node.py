@@ -212,7 +212,7 @@ class SensorReplay(RunnableNode):
         if not self._values["loop"]:
             self._enter(State.DRAINING)
         # In lock-step, the first scan of the next pass waits for the last scan of this one too.
-        elif self._settled():
+        elif self._is_settled():
             self._playback.rewind()
             self._begin()
 
@@ -228,8 +228,8 @@ class SensorReplay(RunnableNode):
             return False
         return self._lock_step.may_follow(now)
 
-    def _settled(self) -> bool:
-        return self._lock_step is None or self._lock_step.settled(time.monotonic())
+    def _is_settled(self) -> bool:
+        return self._lock_step is None or self._lock_step.is_settled(time.monotonic())
 
     def _publish_group(self, group: Group) -> None:
         self._bag_clock.now_ns = group.log_time_ns
@@ -242,7 +242,7 @@ class SensorReplay(RunnableNode):
         self._show(0 if group.stamp_ns is None else 1)
         awaited = any(message.topic in self._played.detections for message in group.messages)
         if self._lock_step and awaited and group.stamp_ns is not None:
-            self._lock_step.published(group.stamp_ns, time.monotonic())
+            self._lock_step.expect(group.stamp_ns, time.monotonic())
 
     def _show(self, scans: int = 0) -> None:
         doing = "paused" if self._paused else "playing"
@@ -250,7 +250,7 @@ class SensorReplay(RunnableNode):
 
     def _drain(self) -> None:
         """Wait until all messages have arrived, then flush the tracker if requested."""
-        if not self._settled():
+        if not self._is_settled():
             return
         waited_s = time.monotonic() - self._since
         poll = Duration(seconds=POLL_S)
@@ -292,7 +292,7 @@ class SensorReplay(RunnableNode):
 
     def _on_reply(self, reply: Any) -> None:
         if self._lock_step:
-            self._lock_step.replied(stamps.to_ns(reply.header.stamp), time.monotonic())
+            self._lock_step.receive(stamps.to_ns(reply.header.stamp), time.monotonic())
         self._tick()
 
     def _pause(self) -> tuple[bool, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from itertools import takewhile
 
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
@@ -73,7 +74,7 @@ class Playback:
         duration_s: float,
     ) -> None:
         self._bag = bag
-        self._topics = list(topics)
+        self._topics = topics
         self._scan_topics = frozenset(scan_topics)
         # Clipped to the bag's length, because very large values would overflow in nanoseconds.
         longest_s = (bag.end_ns - bag.start_ns) / 1e9 + 1.0
@@ -111,7 +112,9 @@ class Playback:
     def _groups(self, from_ns: int) -> Iterator[Group]:
         scan: list[BagMessage] = []
         after: list[BagMessage] = []
-        for message in self._read(from_ns):
+        for message in self._read(self._topics, self.last_ns):
+            if message.log_time_ns < from_ns:
+                continue
             of_scan = message.topic in self._scan_topics
             if of_scan and scan and message.stamp_ns == scan[0].stamp_ns:
                 scan += [*after, message]
@@ -126,21 +129,13 @@ class Playback:
                     scan, after = [], []
         yield from _groups_of(scan, after)
 
-    def _read(self, from_ns: int) -> Iterator[BagMessage]:
-        try:
-            for message in self._bag.messages(self._topics, self.last_ns):
-                if from_ns <= message.log_time_ns:
-                    yield message
-        except BagError as error:
-            self.damage = error
-
     def before(self, time_ns: int, topics: Collection[str]) -> Iterator[BagMessage]:
-        """Yield the messages of `topics` recorded before `time_ns`; stop reading there."""
+        """Return the messages of `topics` recorded before `time_ns`; stop reading there."""
+        return takewhile(lambda message: message.log_time_ns < time_ns, self._read(topics))
+
+    def _read(self, topics: Collection[str], until_ns: int | None = None) -> Iterator[BagMessage]:
         try:
-            for message in self._bag.messages(list(topics)):
-                if message.log_time_ns >= time_ns:
-                    return
-                yield message
+            yield from self._bag.messages(list(topics), until_ns)
         except BagError as error:
             self.damage = error
 

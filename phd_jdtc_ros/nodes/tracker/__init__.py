@@ -10,5 +10,4 @@
     checkpoint             warm restart
     name_claim             at most one tracker per name
     manager_bond           bond to a lifecycle manager
-    static_frames          the radars' frames
 """

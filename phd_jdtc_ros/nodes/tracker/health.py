@@ -24,6 +24,7 @@ ADVICE = {
     "particles": "turn down accuracy, particles_per_target or lag",
     "gaussian": "turn down accuracy or lag",
 }
+ADVISED = "record a bag and run register"
 # Figures of a step whose sums are in the diagnostics, if the engine has them.
 SUMMED = ("approximate_clusters", "floored_covariances")
 
@@ -133,12 +134,12 @@ class StepHealth:
         # Once there were targets, their absence is not suspicious.
         missing = self.overdue and not self._targets_seen
         condition = first(
-            (DiagnosticStatus.STALE, "no scan yet" if self.step_ms is None else ""),
-            (WARN, lost_text if lost else ""),
-            (WARN, f"too slow for the scan interval: {advice}" if slow else ""),
-            (WARN, busy_text if at_limit else ""),
-            (WARN, doubts.no_targets(self.overdue) if missing else ""),
-            (OK, "in time"),
+            (DiagnosticStatus.STALE, self.step_ms is None, "no scan yet"),
+            (WARN, lost, lost_text),
+            (WARN, slow, f"too slow for the scan interval: {advice}"),
+            (WARN, at_limit, busy_text),
+            (WARN, missing, doubts.no_targets(self.overdue)),
+            (OK, True, "in time"),
         )
         values = {
             **({} if self.step_ms is None else {"step_ms": self.step_ms}),
@@ -186,15 +187,9 @@ def registration_status(drift: Drift, node: str) -> DiagnosticStatus:
     azimuths = f"azimuths {azimuth_deg:+.3g} degrees to the left (sigma {azimuth_sigma_deg:.2g})"
     biased = [text for text, found in zip((ranges, azimuths), drift.drifts, strict=True) if found]
     condition = first(
-        (OK, few if drift.residuals < LEAST else ""),
-        (
-            WARN,
-            f"off the tracks that other radars see too: {', '.join(biased)}; record a bag and run "
-            "register"
-            if biased
-            else "",
-        ),
-        (OK, "agrees with the other radars"),
+        (OK, drift.residuals < LEAST, few),
+        (WARN, biased, f"off the tracks that other radars see too: {', '.join(biased)}; {ADVISED}"),
+        (OK, True, "agrees with the other radars"),
     )
     line = names.health(f"registration of {drift.radar}", node)
     return diagnostics.status(line, values, *condition, names.hardware(drift.radar, node))

@@ -174,13 +174,12 @@ class InputHealth:
 
         A silent radar is STALE and not ERROR, because tracking goes on without it.
         """
-        listed = len(publishers.identities)
-        several = (
-            f"{listed} publishers listed on {self.topic}, must be one; a killed one disappears by "
-            "itself"
-            if listed > 1
-            else ""
-        )
+        listed, several = len(publishers.identities), ""
+        if listed > 1:
+            several = (
+                f"{listed} publishers listed on {self.topic}, must be one; a killed one disappears "
+                "by itself"
+            )
         age = "nothing received yet"
         if self._last_s is not None:
             age = f"silent for {now_s - self._last_s:.1f} s"
@@ -189,27 +188,22 @@ class InputHealth:
         shared = self._shared(now_s, silent)
         warned = self._rises.recent("warnings", self._warnings, now_s)
         dropped = self._rises.recent("dropped", self.dropped.total() + self.deadlines_missed, now_s)
-        return first(
-            (ERROR, f"several publishers on {self.topic}, must be one" if shared else ""),
-            (ERROR, incompatible if publishers.incompatible else ""),
-            (ERROR, publishers.hint if publishers.identities else ""),
-            (STALE, silence if silent else ""),
-            (WARN, several),
-            (WARN, self._warning if warned else ""),
-            (WARN, self._losses(now_s)),
-            (WARN, "input was dropped or missed its deadline" if dropped else ""),
-            (WARN, "" if self.fit is None else doubts.of_noise(self.fit) or ""),
-            (DiagnosticStatus.OK, "receiving"),
-        )
-
-    def _losses(self, now_s: float) -> str:
-        lost = self._rises.recent("lost", self._lost, now_s)
-        if not lost:
-            return ""
-        where = "on the way to the tracker"
+        lost, where = self._rises.recent("lost", self._lost, now_s), "on the way to the tracker"
         if self.lost_by_overload(now_s):
             where = "the tracker is too slow, see its step time"
-        return f"{lost} messages lost in the last {WARNING_MEMORY_S:g} s: {where}"
+        noise = None if self.fit is None else doubts.of_noise(self.fit)
+        return first(
+            (ERROR, shared, f"several publishers on {self.topic}, must be one"),
+            (ERROR, publishers.incompatible, incompatible),
+            (ERROR, publishers.identities and publishers.hint, publishers.hint),
+            (STALE, silent, silence),
+            (WARN, several, several),
+            (WARN, warned, self._warning),
+            (WARN, lost, f"{lost} messages lost in the last {WARNING_MEMORY_S:g} s: {where}"),
+            (WARN, dropped, "input was dropped or missed its deadline"),
+            (WARN, noise, noise or ""),
+            (DiagnosticStatus.OK, True, "receiving"),
+        )
 
     def _shared(self, now_s: float, silent: bool) -> bool:
         """Return whether several publishers are alive, by their numbers or by the graph."""

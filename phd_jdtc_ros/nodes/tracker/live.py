@@ -31,7 +31,6 @@ from .checkpoint import Checkpoints
 from .health import Load, OutputHealth, StepHealth, registration_status
 from .inputs import Inputs
 from .outputs import Outputs
-from .static_frames import StaticFrames
 
 # An older checkpoint is not used, seconds: its targets have moved on.
 CHECKPOINT_MAX_AGE_S = 60.0
@@ -61,7 +60,6 @@ class LiveTracker:
         self._active = False
         self._cpu_s = 0.0
         self._outputs = Outputs(node, settings, self._output_health)
-        self._frames = StaticFrames(node, settings)
         self._patience = self._make_patience(settings.node["max_wait_s"])
         try:
             self._checkpoints = self._make_checkpoints()
@@ -112,7 +110,6 @@ class LiveTracker:
         if self._patience is not None:
             self._node.destroy_timer(self._patience)
             self._patience = None
-        self._frames.destroy()
         self._outputs.destroy()
 
     def start(self) -> None:

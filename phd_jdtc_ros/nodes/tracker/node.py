@@ -119,8 +119,8 @@ class Tracker(ManagedNode):
             f"{radar.name} on {self.resolve_topic_name(radar.topic)}" for radar in config.inputs
         ]
         return (
-            f"tracking {_counted('class', 'classes', classes)} with "
-            f"{_counted('radar', 'radars', radars)}, {self._source}"
+            f"tracking {_count_and_list('class', 'classes', classes)} with "
+            f"{_count_and_list('radar', 'radars', radars)}, {self._source}"
         )
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -258,7 +258,7 @@ class Tracker(ManagedNode):
         ]
 
 
-def _counted(one: str, several: str, names: Sequence[str]) -> str:
+def _count_and_list(one: str, several: str, names: Sequence[str]) -> str:
     return f"{len(names)} {one if len(names) == 1 else several} ({', '.join(names)})"
 
 

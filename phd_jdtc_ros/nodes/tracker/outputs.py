@@ -7,7 +7,8 @@ from typing import Any
 
 from rclpy.lifecycle import LifecycleNode
 
-from msg_adapters import interfaces
+from msg_adapters import frames, interfaces, names
+from msg_adapters.frames import Mounting
 from msg_adapters.outputs import Output, View, table
 from msg_adapters.trails import Trails
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -34,20 +35,23 @@ class Outputs:
         self._node, self._health = node, health
         self._values = settings.node
         config = settings.config
-        names = tuple(c.name for c in config.model.modes.classes)
+        classes = tuple(c.name for c in config.model.modes.classes)
         trails = Trails(PATH_LENGTH)
-        self._view = View(config.world_frame, names, config.model.radars, config.plane, trails)
+        self._view = View(config.world_frame, classes, config.model.radars, config.plane, trails)
         self._publishers: dict[Output, Any] = {}
+        self._frames: Any = None
         # Stamps of the last messages of periodic outputs.
         self._last_ns: dict[Output, int] = {}
         try:
-            for row in table(len(names), config.engine):
+            for row in table(len(classes), config.engine):
                 # An output that may be switched on later has its publisher from the start.
                 if row.needs(self._view) and (row.clear or _is_wanted(row, self._values)):
                     self._publishers[row] = self._publisher(row)
         except Exception:
             self.destroy()
             raise
+        if "frames" in self._values["outputs"]:
+            self._frames = self._publish_frames(settings)
 
     def _publisher(self, row: Output) -> Any:
         kind = interfaces.installed_class(row.type_name)
@@ -57,10 +61,38 @@ class Outputs:
         qos = topics.latched(LATCHED_DEPTH) if row.latched else topics.reliable(DEPTH)
         return endpoints.publisher(self._node, kind, row.topic, qos, self._health)
 
+    def _publish_frames(self, settings: Settings) -> Any:
+        """Publish the poses of the fixed radars once; return the publisher, None without tf2_msgs.
+
+        The frame of a moving radar is published by its platform.
+        """
+        kind = frames.message_class()
+        if kind is None:
+            self._node.get_logger().info(
+                "tf2_msgs is not installed: the radars' frames are not published on "
+                f"{names.STATIC_FRAMES}; ~/detections needs none of them",
+                once=True,
+            )
+            return None
+        config = settings.config
+        mountings = [
+            Mounting(source.frame, model.position, model.yaw)
+            for source, model in zip(config.inputs, config.model.radars, strict=True)
+            if not source.pose.topic
+        ]
+        qos = topics.latched(LATCHED_DEPTH)
+        publisher = self._node.create_publisher(kind, names.STATIC_FRAMES, qos)
+        stamp_ns = self._node.get_clock().now().nanoseconds
+        publisher.publish(frames.to_cdr(mountings, stamp_ns, config.world_frame))
+        return publisher
+
     def destroy(self) -> None:
         """Destroy all publishers."""
         while self._publishers:
             self._node.destroy_lifecycle_publisher(self._publishers.popitem()[1])
+        if self._frames is not None:
+            self._node.destroy_publisher(self._frames)
+            self._frames = None
 
     def begin_run(self) -> None:
         """Begin a new run."""
