@@ -22,6 +22,7 @@ Value: TypeAlias = "bool | int | float | str | list[float] | list[str]"
 INFINITY = math.inf
 # Lower bound of parameters that must be positive.
 SMALL = 1e-9
+POSITIVE, NOT_NEGATIVE, UNBOUNDED = (SMALL, INFINITY), (0.0, INFINITY), (-INFINITY, INFINITY)
 # Similarity above which a name is taken for a misspelt one, and the number of unknown names up to
 # which similar names are looked for: each takes time, and more belong to another program.
 LIKENESS, MISSPELT = 0.8, 20
@@ -177,8 +178,7 @@ class Parameter:
 def parameter(
     default: Any,
     description: str,
-    low: float = -INFINITY,
-    high: float = INFINITY,
+    bounds: tuple[float, float] = UNBOUNDED,
     name: str = "",
     **more: Any,
 ) -> Any:
@@ -186,12 +186,12 @@ def parameter(
 
     The parameter has the name of the field, unless it is given: a dotted one.
     """
-    declared = Parameter(name, default, description, low, high, **more)
+    declared = Parameter(name, default, description, *bounds, **more)
     usual = default if declared.form is None else declared.form.value(default)
     return field(default_factory=lambda: usual, metadata={_DECLARED: declared})
 
 
-def _declared(declared: Any) -> Iterator[tuple[str, Parameter]]:
+def _parameters_of(declared: Any) -> Iterator[tuple[str, Parameter]]:
     """Yield each field of a dataclass that is a parameter, with the parameter."""
     for entry in fields(declared):
         own = entry.metadata.get(_DECLARED)
@@ -201,7 +201,7 @@ def _declared(declared: Any) -> Iterator[tuple[str, Parameter]]:
 
 def table(declared: type) -> tuple[Parameter, ...]:
     """Return the parameters that a dataclass declares, in their order."""
-    return tuple(own for _, own in _declared(declared))
+    return tuple(own for _, own in _parameters_of(declared))
 
 
 def build(declared: type[T], values: Mapping[str, Any], prefix: str = "", /, **others: Any) -> T:
@@ -217,7 +217,7 @@ def build(declared: type[T], values: Mapping[str, Any], prefix: str = "", /, **o
         Fields that are not parameters, and fields whose value is not the parameter's.
     """
     given: dict[str, Any] = {}
-    for attribute, own in _declared(declared):
+    for attribute, own in _parameters_of(declared):
         name = f"{prefix}{own.name}"
         if own.keys:
             named = {key: values[f"{name}.{key}"] for key in own.keys if f"{name}.{key}" in values}
@@ -240,7 +240,7 @@ def expand(
     top : iterable of Parameter
         The parameters without a prefix, the lists of names among them.
     groups : mapping of str to iterable of Parameter
-        By the list's name, what each name in it has: ``NAME.PARAMETER``.
+        By the list's name, the parameters ``NAME.PARAMETER`` of each name in it.
     given : mapping of dotted name to value
         A faulty list is replaced by its default.
     usual : callable of (full name, Parameter)
@@ -303,7 +303,7 @@ class ConfigError(ValueError):
     Attributes
     ----------
     faults : tuple of str
-        One line each: dotted name, value, what is allowed; without the middle of what is too long.
+        One line each: dotted name, value, allowed values; shortened in its middle.
     """
 
     def __init__(self, faults: Sequence[str]) -> None:
@@ -311,7 +311,7 @@ class ConfigError(ValueError):
         super().__init__("\n".join(self.faults))
 
 
-def refused(
+def name_faults(
     given: Iterable[str],
     known: Collection[str],
     old: Mapping[str, str] = _NO_NAMES,
@@ -354,9 +354,9 @@ def check(
     old_members: Mapping[str, str] = _NO_NAMES,
     similar: Iterable[str] = (),
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the values of all parameters, and every fault of the given ones; see `refused`."""
+    """Return the values of all parameters, and every fault of the given ones; see `name_faults`."""
     by_name = {parameter.name: parameter for parameter in table}
     found = {name: given.get(name, own.default) for name, own in by_name.items()}
     values = {name: own.coerce(found[name]) for name, own in by_name.items()}
     faults = [own.fault(found[name]) for name, own in by_name.items() if values[name] is None]
-    return values, faults + refused(given, by_name, old, old_members, similar)
+    return values, faults + name_faults(given, by_name, old, old_members, similar)

@@ -11,6 +11,7 @@ from msg_adapters import names
 from phd_jdtc_ros.configuration import replaced
 from phd_jdtc_ros.configuration.forms import is_region
 from phd_jdtc_ros.configuration.schema import (
+    NOT_NEGATIVE,
     ConfigError,
     Parameter,
     check,
@@ -33,36 +34,35 @@ MOST_TRACKERS = 50
 
 @dataclass(frozen=True)
 class OfTracker:
-    """What each tracker has."""
+    """Parameters of each tracker."""
 
-    node: str = parameter("", "Full name of the tracker's node; /NAME/tracker if empty.")
+    node: str = parameter("", "Full name of the tracker's node; empty for /NAME/tracker.")
     region: list[float] = parameter(
-        [], "The tracker's region: [x_min, y_min, x_max, y_max, margin], world frame, m."
+        [], "Region of the tracker: [x_min, y_min, x_max, y_max, margin] in the world frame, m."
     )
 
 
 @dataclass(frozen=True)
 class HandOver:
-    """What the node is told."""
+    """Parameters of the node."""
 
     trackers: list[str] = parameter(
         [],
-        "Names of the trackers that part the area, two or more, each with its region.",
+        "Names of two or more trackers that share the area, each with its region.",
         element=str,
         most=MOST_TRACKERS,
     )
     hysteresis: float = parameter(
         0.0,
-        "How far beyond a seam a target changes over, m; at most the smallest margin, and 0 for a "
-        "fifth of that.",
-        0.0,
+        "Distance beyond a boundary at which a target is handed over, m, at most the smallest "
+        "margin; 0 for a fifth of that margin.",
+        NOT_NEGATIVE,
     )
     max_delay_s: float = parameter(
         5.0,
-        "How long a stamp waits for a tracker, by the stamps of the others, s. Once the newest is "
-        "later by more the picture goes on without those that have not reached it.",
-        0.1,
-        LONGEST_S,
+        "Longest time for which a stamp waits for a tracker, s by the stamps of the others. Set "
+        "it above the differences between the trackers' latencies.",
+        (0.1, LONGEST_S),
     )
 
 
