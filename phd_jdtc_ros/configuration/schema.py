@@ -146,7 +146,10 @@ class Parameter:
             valid = isinstance(value, str) and (not self.choices or value in self.choices)
             return value if valid else None
         if isinstance(self.default, list):
-            return self._names(value) if self.element is str else self._numbers(value)
+            if self.element is str:
+                return self._names(value)
+            listed = numbers(value, self.low, self.high)
+            return listed if self.length in (None, len(listed or ())) else None
         if self.words and isinstance(value, str):
             return value if value in self.words else None
         found = number(value, self.low, self.high)
@@ -158,21 +161,16 @@ class Parameter:
         """Return the fault of a value that is not allowed."""
         return f"{self.name}: {value!r} given, must be {self.allowed}"
 
-    def _numbers(self, value: Any) -> list[float] | None:
-        found = numbers(value, self.low, self.high)
-        wrong = found is not None and self.length is not None and len(found) != self.length
-        return None if wrong else found
-
     def _names(self, value: Any) -> list[str] | None:
         if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
             return None
-        if self.most is not None and len(value) > self.most:
+        if len(value) > (self.most or INFINITY):
             return None
         names = list(value)
         if not all(isinstance(name, str) and name for name in names):
             return None
-        allowed = len(set(names)) == len(names) and set(names) <= set(self.choices or names)
-        return names if allowed else None
+        distinct = len(set(names)) == len(names)
+        return names if distinct and set(names) <= set(self.choices or names) else None
 
 
 def parameter(
@@ -242,7 +240,7 @@ def expand(
     groups : mapping of str to iterable of Parameter
         By the list's name, the parameters ``NAME.PARAMETER`` of each name in it.
     given : mapping of dotted name to value
-        A faulty list is replaced by its default.
+        Instead of a faulty list its default is used.
     usual : callable of (full name, Parameter)
         Returns the default of a member's parameter.
     """
@@ -255,12 +253,9 @@ def expand(
                 full = f"{name}.{member.name}"
                 if not member.keys:
                     found[full] = replace(member, name=full, default=usual(full, member))
-                for key in member.keys:
-                    if f"{full}.{key}" in given:
-                        default = getattr(member.default, key)
-                        found[f"{full}.{key}"] = Parameter(
-                            f"{full}.{key}", default, member.description
-                        )
+                for key in (key for key in member.keys if f"{full}.{key}" in given):
+                    entry, default = f"{full}.{key}", getattr(member.default, key)
+                    found[entry] = Parameter(entry, default, member.description)
     return found
 
 
@@ -298,13 +293,7 @@ def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 class ConfigError(ValueError):
-    """Every fault of a configuration at once.
-
-    Attributes
-    ----------
-    faults : tuple of str
-        One line each: dotted name, value, allowed values; shortened in its middle.
-    """
+    """Every fault of a configuration at once: a line each with name, value and allowed values."""
 
     def __init__(self, faults: Sequence[str]) -> None:
         self.faults = tuple(map(short, faults))
@@ -358,5 +347,5 @@ def check(
     by_name = {parameter.name: parameter for parameter in table}
     found = {name: given.get(name, own.default) for name, own in by_name.items()}
     values = {name: own.coerce(found[name]) for name, own in by_name.items()}
-    faults = [own.fault(found[name]) for name, own in by_name.items() if values[name] is None]
+    faults = [by_name[name].fault(found[name]) for name in by_name if values[name] is None]
     return values, faults + name_faults(given, by_name, old, old_members, similar)
