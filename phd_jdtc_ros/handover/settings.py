@@ -23,8 +23,9 @@ from phd_jdtc_ros.core.tracks.region import Region
 
 # Default distance beyond a seam at which a target changes over, as a share of the smallest margin.
 HYSTERESIS = 0.2
-# How much later than a smoothed estimate's stamp its track may have got its number, seconds: the
-# smoother knows a target before the filter is sure of it. Up to the trackers' lag nothing waits.
+# A smoothed estimate waits until the filtered picture is SMOOTHED_WAIT_S seconds ahead of it,
+# because the smoother reports a target before the filter has confirmed and numbered it. If the
+# smoother's lag is longer than this, no estimate has to wait.
 SMOOTHED_WAIT_S = 8.0
 # Upper bound of every waiting time, seconds.
 LONGEST_S = 600.0
@@ -36,32 +37,32 @@ MOST_TRACKERS = 50
 class OfTracker:
     """Parameters of each tracker."""
 
-    node: str = parameter("", "Full name of the tracker's node; empty for /NAME/tracker.")
+    node: str = parameter("", "Full name of the tracker's node; /NAME/tracker if empty.")
     region: list[float] = parameter(
-        [], "Region of the tracker: [x_min, y_min, x_max, y_max, margin] in the world frame, m."
+        [], "The tracker's region: [x_min, y_min, x_max, y_max, margin], world frame, m."
     )
 
 
 @dataclass(frozen=True)
 class HandOver:
-    """Parameters of the node."""
+    """Parameters of the hand-over node."""
 
     trackers: list[str] = parameter(
         [],
-        "Names of two or more trackers that share the area, each with its region.",
+        "Names of the trackers that share the area, two or more, each with its region.",
         element=str,
         most=MOST_TRACKERS,
     )
     hysteresis: float = parameter(
         0.0,
-        "Distance beyond a boundary at which a target is handed over, m, at most the smallest "
-        "margin; 0 for a fifth of that margin.",
+        "Distance beyond a seam at which a target changes over, m; at most the smallest margin; 0 "
+        "for a fifth of it.",
         NOT_NEGATIVE,
     )
     max_delay_s: float = parameter(
         5.0,
-        "Longest time for which a stamp waits for a tracker, s by the stamps of the others. Set "
-        "it above the differences between the trackers' latencies.",
+        "Longest time that a stamp waits for a tracker, measured by the other trackers' stamps, s. "
+        "A tracker that is further behind the newest stamp is left out until it has caught up.",
         (0.1, LONGEST_S),
     )
 

@@ -12,7 +12,7 @@ from typing import Any
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.parameters import GROUPS, schema
 
-from . import sections, writing
+from . import proposed_file, sections
 
 NAME = sections.BAG_PARAMETERS
 _HEAD = "The tracker's parameters for this recording; the other parameters have their defaults."
@@ -35,7 +35,7 @@ def read(bag: Path) -> dict[str, Any] | None:
     return sections.read(path).values("/tracker") if path.is_file() else None
 
 
-def write(path: Path, values: Mapping[str, Any], section: str = writing.ANY_TRACKER) -> None:
+def write(path: Path, values: Mapping[str, Any], section: str = proposed_file.ANY_TRACKER) -> None:
     """Write a parameter file of the values that are not the defaults, and of all lists of names.
 
     Parameters
@@ -56,6 +56,6 @@ def write(path: Path, values: Mapping[str, Any], section: str = writing.ANY_TRAC
         if name in values and (name in GROUPS or values[name] != parameter.default)
     }
     try:
-        writing.write(path, _HEAD, kept, section=section)
+        proposed_file.write(path, _HEAD, kept, section=section)
     except OSError as error:
         raise BagError(f"{path}: cannot be written: {error.strerror}") from error

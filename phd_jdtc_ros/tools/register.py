@@ -30,8 +30,8 @@ from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import (
     bag_parameters,
     from_arguments,
+    proposed_file,
     tracker_params,
-    writing,
 )
 from phd_jdtc_ros.report.pictures import registration as picture
 
@@ -119,7 +119,7 @@ def _work(arguments: argparse.Namespace) -> int:
         return status
     proposed = {**given, **outcome.parameters}
     head = f"Registered from {source}\nand {where}.\nA comment says what a correction rests on."
-    writing.write(out, head, proposed, registered_table.comments(rows))
+    proposed_file.write(out, head, proposed, registered_table.comments(rows))
     # What is written is what a tracker reads.
     tracker_params.config(from_arguments.load(out))
     print(f"{out}: written; the tracker takes it as its --params-file")

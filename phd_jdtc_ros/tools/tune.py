@@ -27,8 +27,8 @@ from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import (
     bag_parameters,
     from_arguments,
+    proposed_file,
     tracker_params,
-    writing,
 )
 
 from . import command, recorded_plots
@@ -93,7 +93,7 @@ def _work(arguments: argparse.Namespace) -> int:
     if path is None:
         print("nothing is written without --out FILE")
         return status
-    writing.write(path, _head(source, where), proposed, _comments(rows, where is None))
+    proposed_file.write(path, _head(source, where), proposed, _comments(rows, where is None))
     # What is written is what a tracker reads.
     tracker_params.config(from_arguments.load(path))
     print(f"{path}: written; the tracker takes it as its --params-file")

@@ -22,7 +22,7 @@ from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.core.sensors.site import MOST_FROM_ORIGIN
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.parameter_files import from_arguments, tracker_params, writing
+from phd_jdtc_ros.parameter_files import from_arguments, proposed_file, tracker_params
 
 from .. import recorded_plots
 
@@ -161,13 +161,13 @@ def write(path: Path, head: str, found: Proposal) -> None:
         If a tracker would not take it.
     """
     tracker_params.config(found.values)
-    writing.write(path, head, found.values, found.comments)
+    proposed_file.write(path, head, found.values, found.comments)
     with path.open("a", encoding="utf-8") as stream:
         for name, values in found.apart.items():
             stream.write(
                 f"    # {name} cannot be placed relative to the others; its section would be\n"
             )
-            lines = writing.lines("", values, found.comments)
+            lines = proposed_file.lines("", values, found.comments)
             stream.writelines(f"    # {line[4:]}\n" for line in lines if line.startswith("    "))
 
 

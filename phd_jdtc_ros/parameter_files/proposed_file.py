@@ -1,4 +1,4 @@
-"""Writes parameter files, with comments."""
+"""Writes parameter files: beside recordings, and with a comment behind each proposed value."""
 
 from __future__ import annotations
 
