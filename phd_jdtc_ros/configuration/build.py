@@ -24,7 +24,7 @@ from .models import on_earth, platform_of, tracker_model, watch_of
 from .parameters import LABELLED, Parts, Tracking, engine_of, entries, parts_of, schema
 from .radar_input import RadarInput
 from .schema import ConfigError, build, check
-from .schema import refused as schema_refused
+from .schema import name_faults as schema_faults
 
 # Former parameters with their replacements: without a prefix, and of each sensor.
 _FORMER = ({**replaced.TRACKER, **replaced.NODE}, replaced.RADAR)
@@ -76,7 +76,7 @@ class Recursion(NamedTuple):
     extraction: str = "components"
 
 
-# By the value of ``engine``, for filters without labels.
+# Filters without labels, by the value of ``engine``.
 RECURSIONS = {
     "phd": Recursion("poisson"),
     "phd_as_printed": Recursion("poisson", "paper", "clusters"),
@@ -230,9 +230,9 @@ def resolve(
     return _config(values, parts, plane_about(origin) if plane_about and origin else None)
 
 
-def refused(given: Mapping[str, Any], table: Collection[str]) -> list[str]:
-    """Return a fault for each parameter that is not in the table; see `schema.refused`."""
-    return schema_refused(given, table, *_FORMER, similar=entries(given))
+def name_faults(given: Mapping[str, Any], table: Collection[str]) -> list[str]:
+    """Return a fault for each parameter that is not in the table; see `schema.name_faults`."""
+    return schema_faults(given, table, *_FORMER, similar=entries(given))
 
 
 def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> TrackerConfig:

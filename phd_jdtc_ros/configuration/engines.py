@@ -83,7 +83,7 @@ ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {
 def new_pipeline(
     config: TrackerConfig, begin: Callable[[Engine, int], None] = start_cold
 ) -> Pipeline:
-    """Return a pipeline with a new engine; `begin` is that of `Pipeline`."""
+    """Return a pipeline with a new engine; see `Pipeline` for `begin`."""
     engine, turns, platforms = new_engine(config), config.turns(), config.platforms()
     histories = {}
     if config.late_reports == "rework" and not any(platforms):

@@ -79,7 +79,7 @@ STABILISED = "stabilised"
 
 
 class PoseSource(NamedTuple):
-    """Where the poses of a radar's platform are published.
+    """The topic of the poses of a radar's platform, and their use.
 
     Parameters
     ----------

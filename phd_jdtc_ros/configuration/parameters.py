@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.tracks.region import Region
 
 from . import forms
 from .radar_input import RadarInput
-from .schema import SMALL, Parameter, build, expand, parameter, table
+from .schema import INFINITY, POSITIVE, SMALL, Parameter, build, expand, parameter, table
 
 # Largest numbers of names: every class needs a matrix logarithm and every name has parameters, so
 # that more names would delay the start by seconds.
@@ -62,22 +62,19 @@ class Tracking:
         6.0,
         "Nominal interval of rates, probabilities and mode matrices, s. They are converted to the "
         "true intervals between scans.",
-        1e-3,
-        1e4,
+        (1e-3, 1e4),
     )
     max_gap_scans: float = parameter(
         15.0,
         "Longest gap between scans within a run, in intervals or in turns if these are longer. A "
         "longer gap starts a new run.",
-        2.0,
-        1e6,
+        (2.0, 1e6),
     )
     reorder_s: float = parameter(
         0.0,
         "Longest time for which detections wait for other radars' detections of the same time, s. "
         "Set it to rotation_s for unsynchronised radars that report whole turns.",
-        0.0,
-        1e3,
+        (0.0, 1e3),
     )
     late_reports: str = parameter(
         "drop",
@@ -95,8 +92,7 @@ class Tracking:
     estimates_period_s: float = parameter(
         0.0,
         "Period of estimates, s, all predicted to a common stamp; 0 for estimates with every scan.",
-        0.0,
-        1e4,
+        (0.0, 1e4),
     )
     engine: str = parameter(
         "gaussian",
@@ -118,24 +114,21 @@ class Tracking:
         "Existence probability above which a track is confirmed and reported, and above which a "
         "PHD filter reports a target. 0 derives it from the detection probabilities (0.5 for a PHD "
         "filter).",
-        0.0,
-        1.0,
+        (0.0, 1.0),
         mutable=True,
     )
     delete_probability: float = parameter(
         0.0,
         "Existence probability below which a confirmed track is deleted; not used by PHD filters. "
         "0 derives it from the detection probabilities and the track's missed detections.",
-        0.0,
-        1.0,
+        (0.0, 1.0),
         mutable=True,
     )
     coasting_scans: float = parameter(
         10.0,
         "Time for which a track outside all coverage is reported, in intervals or in turns if "
         "these are longer; not used by PHD filters. It keeps its number if it is detected later.",
-        0.0,
-        1e6,
+        (0.0, 1e6),
         mutable=True,
     )
     amplitude: str = parameter(
@@ -144,53 +137,49 @@ class Tracking:
         "target's SNR as well, none ignores amplitudes.",
         choices=("band", "memory", "none"),
     )
-    seed: int = parameter(0, "Seed of the random generator.", 0, 2**31 - 1)
+    seed: int = parameter(0, "Seed of the random generator.", (0, 2**31 - 1))
     particles_per_target: int = parameter(
-        0, "Particles per target after resampling; 0 for those of accuracy.", 0, 10**6
+        0, "Particles per target after resampling; 0 for those of accuracy.", (0, 10**6)
     )
     particles_per_birth: int = parameter(
-        0, "Particles per birth term, a power of two; 0 for those of accuracy.", 0, 2**20
+        0, "Particles per birth term, a power of two; 0 for those of accuracy.", (0, 2**20)
     )
     birth_rates: list[float] = parameter(
         [],
         "Expected births per interval anywhere in the coverage, one number per class; the targets "
         "start at detections. Empty for births at the birth terms only.",
-        0.0,
-        1e3,
+        (0.0, 1e3),
         name="detection_births.rates",
     )
     birth_velocity_std: float = parameter(
         40.0,
         "Standard deviation of the velocity of a target born at a detection, per axis, m/s.",
-        SMALL,
+        POSITIVE,
         name="detection_births.velocity_std",
     )
     birth_turn_rate_std: float = parameter(
         1e-3,
         "Standard deviation of the turn rate of a target born at a detection, rad/s.",
-        SMALL,
+        POSITIVE,
         name="detection_births.turn_rate_std",
     )
     birth_particles: int = parameter(
         0,
         "Particles per target born at a detection, a power of two; 0 for those of accuracy.",
-        0,
-        2**16,
+        (0, 2**16),
         name="detection_births.particles",
     )
     birth_least_probability: float = parameter(
         1e-4,
         "Least probability that a detection is of a new target for a birth there. A larger value "
         "starts fewer targets near established ones.",
-        1e-12,
-        0.5,
+        (1e-12, 0.5),
         name="detection_births.least_probability",
     )
     equipped_probability: float = parameter(
         0.9,
         "Probability that a target has a transponder, if radars report codes or addresses.",
-        0.001,
-        0.999,
+        (0.001, 0.999),
         mutable=True,
     )
     shared_codes: list[str] = parameter(
@@ -202,12 +191,11 @@ class Tracking:
     height_std: float = parameter(
         7.6,
         "Standard deviation of measured heights, m; 7.6 corresponds to steps of 100 ft.",
-        1e-3,
-        1e4,
+        (1e-3, 1e4),
         mutable=True,
     )
     spawn_rate: float = parameter(
-        0.01, "Expected spawned targets per target and interval.", 0.0, 1.0, name="spawn.rate"
+        0.01, "Expected spawned targets per target and interval.", (0.0, 1.0), name="spawn.rate"
     )
 
 
@@ -216,18 +204,17 @@ class TargetClass:
     """The parameters of a class of targets."""
 
     snr_band_db: list[float] = parameter(
-        [10.0, 50.0], "Lowest and highest mean SNR, dB.", -100.0, 200.0, length=2
+        [10.0, 50.0], "Lowest and highest mean SNR, dB.", (-100.0, 200.0), length=2
     )
     motions: list[str] = parameter(["cv", "ct"], "Motion models of the class.", element=str)
     mode_transition: list[float] = parameter(
         [0.95, 0.05, 0.1, 0.9],
         "Transition probabilities between the motion models per interval, row by row. A matrix "
         "without a rate matrix applies to whole intervals.",
-        0.0,
-        1.0,
+        (0.0, 1.0),
     )
     survival_probability: float = parameter(
-        0.99, "Probability that a target survives an interval.", SMALL, 1.0
+        0.99, "Probability that a target survives an interval.", (SMALL, 1.0)
     )
 
 
@@ -242,12 +229,12 @@ class Motion:
         choices=tuple(MOTIONS),
     )
     noise_density: float = parameter(
-        1.0, "Spectral density of the white acceleration, m^2/s^3.", SMALL
+        1.0, "Spectral density of the white acceleration, m^2/s^3.", POSITIVE
     )
     turn_noise_density: float = parameter(
         1e-4,
         "Spectral density of the white turn acceleration, rad^2/s^3; for coordinated turns only.",
-        1e-15,
+        (1e-15, INFINITY),
     )
 
 
@@ -262,19 +249,18 @@ class Birth:
         [0.0, 0.0], "Mean velocity of births in the world frame, x and y, m/s.", length=2
     )
     position_std: float = parameter(
-        200.0, "Standard deviation of a birth's position per axis, m.", SMALL
+        200.0, "Standard deviation of a birth's position per axis, m.", POSITIVE
     )
     velocity_std: float = parameter(
-        40.0, "Standard deviation of a birth's velocity per axis, m/s.", SMALL
+        40.0, "Standard deviation of a birth's velocity per axis, m/s.", POSITIVE
     )
     turn_rate_std: float = parameter(
-        1e-3, "Standard deviation of a birth's turn rate, rad/s.", SMALL
+        1e-3, "Standard deviation of a birth's turn rate, rad/s.", POSITIVE
     )
     rates: list[float] = parameter(
         [0.005, 0.005],
         "Expected births per interval, one number per class.",
-        0.0,
-        1e3,
+        (0.0, 1e3),
         mutable=True,
     )
 

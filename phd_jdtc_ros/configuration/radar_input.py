@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.sensors.bias import RadarBias
 from phd_jdtc_ros.core.sensors.site import Site
 
 from . import forms
-from .schema import SMALL, parameter
+from .schema import NOT_NEGATIVE, POSITIVE, SMALL, parameter
 
 # The clutter rate of a radar that learns it.
 AUTO = "auto"
@@ -80,8 +80,7 @@ class RadarInput:
         0.0,
         "Direction of the radar's x axis, degrees counter-clockwise from the x axis of the world "
         "frame, or from true east with geodetic.",
-        -360.0,
-        360.0,
+        (-360.0, 360.0),
     )
     pose: forms.PoseSource = parameter(
         forms.FIXED,
@@ -94,43 +93,39 @@ class RadarInput:
         1.0,
         "Longest time between a detection and the nearest pose, s: the platform is extrapolated "
         "and detections wait for a pose for at most this long.",
-        0.0,
-        60.0,
+        (0.0, 60.0),
     )
     range_std: float = parameter(
-        300.0, "Standard deviation of measured ranges, m.", SMALL, mutable=True
+        300.0, "Standard deviation of measured ranges, m.", POSITIVE, mutable=True
     )
     azimuth_std_deg: float = parameter(
-        1.0, "Standard deviation of measured azimuths, degrees.", SMALL, 180.0, mutable=True
+        1.0, "Standard deviation of measured azimuths, degrees.", (SMALL, 180.0), mutable=True
     )
     range_std_growth: float = parameter(
         0.0,
         "Standard deviation of the range per metre of range, m/m, added in quadrature to "
         "range_std. Set it if errors grow with the range.",
-        0.0,
-        1.0,
+        (0.0, 1.0),
         mutable=True,
     )
     max_range: float = parameter(
-        17e3, "Range beyond which targets and detections are ignored, m.", SMALL
+        17e3, "Range beyond which targets and detections are ignored, m.", POSITIVE
     )
     min_range: float = parameter(
-        0.0, "Range below which the radar detects no targets, m.", 0.0, mutable=True
+        0.0, "Range below which the radar detects no targets, m.", NOT_NEGATIVE, mutable=True
     )
     fov_deg: list[float] = parameter(
         [0.0, 360.0],
         "First and last azimuth of the field of view, degrees, counted as the radar counts "
         "azimuths.",
-        -360.0,
-        720.0,
+        (-360.0, 720.0),
         length=2,
     )
     blind_sectors_deg: list[float] = parameter(
         [],
         "First and last azimuth of each blind sector in the field of view, degrees, counted as in "
         "fov_deg.",
-        -360.0,
-        720.0,
+        (-360.0, 720.0),
     )
     detection_probability: tuple[tuple[float, float], ...] = parameter(
         0.0,
@@ -143,37 +138,33 @@ class RadarInput:
         0.0,
         "Approximate time of a turn of the antenna, s; 0 for an antenna that does not turn, or to "
         "estimate it.",
-        0.0,
-        1e3,
+        (0.0, 1e3),
     )
     sectors: int = parameter(
         0,
         "Number of clouds per turn; 0 if a cloud is a whole turn or detections have times of their "
         "own.",
-        0,
-        256,
+        (0, 256),
     )
     cluster_distance: float = parameter(
         0.0,
         "Distance within which detections of a scan with consistent range rates are merged, m. Set "
         "it for radars with several detections per vehicle; 0 merges none.",
-        0.0,
-        1e4,
+        (0.0, 1e4),
         mutable=True,
     )
     clutter_rate: float | str = parameter(
         START_RATE,
         "Expected false detections per scan or turn, with clutter_map those outside the map. auto "
         f"estimates it from the last 30 scans, starting from {START_RATE:g}.",
-        0.0,
-        1e6,
+        (0.0, 1e6),
         words=(AUTO,),
         mutable=True,
     )
     clutter_max_range: float = parameter(
         15e3,
         "Range up to which false detections are uniformly distributed in range and azimuth, m.",
-        SMALL,
+        POSITIVE,
         mutable=True,
     )
     clutter_map: bool = parameter(
@@ -185,8 +176,7 @@ class RadarInput:
         2.5,
         "Speed below which targets are not reported and count as clutter of the map, m/s; 0 keeps "
         "stationary targets.",
-        0.0,
-        1e3,
+        (0.0, 1e3),
         mutable=True,
     )
     clutter_amplitude: tuple[str, float] = parameter(
@@ -198,8 +188,7 @@ class RadarInput:
     false_alarm_probability: float = parameter(
         1e-3,
         "Probability that noise exceeds the detection threshold; it determines the threshold.",
-        1e-30,
-        0.999,
+        (1e-30, 0.999),
         mutable=True,
     )
     fields: Fields = parameter(
@@ -222,13 +211,12 @@ class RadarInput:
         form=forms.HEIGHT,
     )
     range_rate_std: float = parameter(
-        0.1, "Standard deviation of range rates, m/s.", 1e-3, 1e3, mutable=True
+        0.1, "Standard deviation of range rates, m/s.", (1e-3, 1e3), mutable=True
     )
     range_rate_ambiguity: float = parameter(
         0.0,
         "Interval modulo which range rates are measured, m/s; 0 for unambiguous range rates.",
-        0.0,
-        1e4,
+        (0.0, 1e4),
         mutable=True,
     )
     amplitude_unit: str = parameter(
@@ -241,8 +229,7 @@ class RadarInput:
         0.0,
         "Correction added to every amplitude, dB. Set it if the driver's reference level is not "
         "the noise.",
-        -300.0,
-        300.0,
+        (-300.0, 300.0),
         mutable=True,
     )
     azimuth_convention: str = parameter(

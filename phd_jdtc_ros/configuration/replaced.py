@@ -50,7 +50,7 @@ TRACKER: Mapping[str, str] = {
     "spawn.class_transition": DERIVED,
     "spawn.mode_transition": DERIVED,
 }
-# Of each name in `sensors`.
+# Parameters of each name in `sensors`.
 RADAR: Mapping[str, str] = {
     "pose_message": "use pose, with pose_stamped after the topic",
     "pose_yaw": "use pose, with stabilised after the topic",

@@ -53,7 +53,7 @@ def differences(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> list[s
             pairs += [
                 (f"{name}.{own}", _value(recorded, name, own), _value(given, name, own))
                 for own in members
-                if _known(given, name, own) and _known(recorded, name, own)
+                if _has_value(given, name, own) and _has_value(recorded, name, own)
             ]
     return [
         f"{name}: {_text(before)} recorded, {_text(now)} given"
@@ -69,7 +69,7 @@ def other_places(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> dict[
     return {name: recorded[name] for name in names if recorded[name] != given[name]}
 
 
-def _known(values: Mapping[str, Any], part: str, member: str) -> bool:
+def _has_value(values: Mapping[str, Any], part: str, member: str) -> bool:
     """Return whether a parameter has a value; a field that is not given has its usual name."""
     whole = member.startswith("fields.") and f"{part}.topic" in values
     return whole or f"{part}.{member}" in values

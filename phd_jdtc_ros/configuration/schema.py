@@ -22,6 +22,7 @@ Value: TypeAlias = "bool | int | float | str | list[float] | list[str]"
 INFINITY = math.inf
 # Lower bound of parameters that must be positive.
 SMALL = 1e-9
+POSITIVE, NOT_NEGATIVE, UNBOUNDED = (SMALL, INFINITY), (0.0, INFINITY), (-INFINITY, INFINITY)
 # Similarity above which a name is taken for a misspelt one, and the number of unknown names up to
 # which similar names are looked for: each takes time, and more belong to another program.
 LIKENESS, MISSPELT = 0.8, 20
@@ -145,7 +146,10 @@ class Parameter:
             valid = isinstance(value, str) and (not self.choices or value in self.choices)
             return value if valid else None
         if isinstance(self.default, list):
-            return self._names(value) if self.element is str else self._numbers(value)
+            if self.element is str:
+                return self._names(value)
+            listed = numbers(value, self.low, self.high)
+            return listed if self.length in (None, len(listed or ())) else None
         if self.words and isinstance(value, str):
             return value if value in self.words else None
         found = number(value, self.low, self.high)
@@ -157,28 +161,22 @@ class Parameter:
         """Return the fault of a value that is not allowed."""
         return f"{self.name}: {value!r} given, must be {self.allowed}"
 
-    def _numbers(self, value: Any) -> list[float] | None:
-        found = numbers(value, self.low, self.high)
-        wrong = found is not None and self.length is not None and len(found) != self.length
-        return None if wrong else found
-
     def _names(self, value: Any) -> list[str] | None:
         if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
             return None
-        if self.most is not None and len(value) > self.most:
+        if len(value) > (self.most or INFINITY):
             return None
         names = list(value)
         if not all(isinstance(name, str) and name for name in names):
             return None
-        allowed = len(set(names)) == len(names) and set(names) <= set(self.choices or names)
-        return names if allowed else None
+        distinct = len(set(names)) == len(names)
+        return names if distinct and set(names) <= set(self.choices or names) else None
 
 
 def parameter(
     default: Any,
     description: str,
-    low: float = -INFINITY,
-    high: float = INFINITY,
+    bounds: tuple[float, float] = UNBOUNDED,
     name: str = "",
     **more: Any,
 ) -> Any:
@@ -186,12 +184,12 @@ def parameter(
 
     The parameter has the name of the field, unless it is given: a dotted one.
     """
-    declared = Parameter(name, default, description, low, high, **more)
+    declared = Parameter(name, default, description, *bounds, **more)
     usual = default if declared.form is None else declared.form.value(default)
     return field(default_factory=lambda: usual, metadata={_DECLARED: declared})
 
 
-def _declared(declared: Any) -> Iterator[tuple[str, Parameter]]:
+def _parameters_of(declared: Any) -> Iterator[tuple[str, Parameter]]:
     """Yield each field of a dataclass that is a parameter, with the parameter."""
     for entry in fields(declared):
         own = entry.metadata.get(_DECLARED)
@@ -201,7 +199,7 @@ def _declared(declared: Any) -> Iterator[tuple[str, Parameter]]:
 
 def table(declared: type) -> tuple[Parameter, ...]:
     """Return the parameters that a dataclass declares, in their order."""
-    return tuple(own for _, own in _declared(declared))
+    return tuple(own for _, own in _parameters_of(declared))
 
 
 def build(declared: type[T], values: Mapping[str, Any], prefix: str = "", /, **others: Any) -> T:
@@ -217,7 +215,7 @@ def build(declared: type[T], values: Mapping[str, Any], prefix: str = "", /, **o
         Fields that are not parameters, and fields whose value is not the parameter's.
     """
     given: dict[str, Any] = {}
-    for attribute, own in _declared(declared):
+    for attribute, own in _parameters_of(declared):
         name = f"{prefix}{own.name}"
         if own.keys:
             named = {key: values[f"{name}.{key}"] for key in own.keys if f"{name}.{key}" in values}
@@ -240,9 +238,9 @@ def expand(
     top : iterable of Parameter
         The parameters without a prefix, the lists of names among them.
     groups : mapping of str to iterable of Parameter
-        By the list's name, what each name in it has: ``NAME.PARAMETER``.
+        By the list's name, the parameters ``NAME.PARAMETER`` of each name in it.
     given : mapping of dotted name to value
-        A faulty list is replaced by its default.
+        Instead of a faulty list its default is used.
     usual : callable of (full name, Parameter)
         Returns the default of a member's parameter.
     """
@@ -255,12 +253,9 @@ def expand(
                 full = f"{name}.{member.name}"
                 if not member.keys:
                     found[full] = replace(member, name=full, default=usual(full, member))
-                for key in member.keys:
-                    if f"{full}.{key}" in given:
-                        default = getattr(member.default, key)
-                        found[f"{full}.{key}"] = Parameter(
-                            f"{full}.{key}", default, member.description
-                        )
+                for key in (key for key in member.keys if f"{full}.{key}" in given):
+                    entry, default = f"{full}.{key}", getattr(member.default, key)
+                    found[entry] = Parameter(entry, default, member.description)
     return found
 
 
@@ -298,20 +293,14 @@ def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 class ConfigError(ValueError):
-    """Every fault of a configuration at once.
-
-    Attributes
-    ----------
-    faults : tuple of str
-        One line each: dotted name, value, what is allowed; without the middle of what is too long.
-    """
+    """Every fault of a configuration at once: a line each with name, value and allowed values."""
 
     def __init__(self, faults: Sequence[str]) -> None:
         self.faults = tuple(map(short, faults))
         super().__init__("\n".join(self.faults))
 
 
-def refused(
+def name_faults(
     given: Iterable[str],
     known: Collection[str],
     old: Mapping[str, str] = _NO_NAMES,
@@ -354,9 +343,9 @@ def check(
     old_members: Mapping[str, str] = _NO_NAMES,
     similar: Iterable[str] = (),
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the values of all parameters, and every fault of the given ones; see `refused`."""
+    """Return the values of all parameters, and every fault of the given ones; see `name_faults`."""
     by_name = {parameter.name: parameter for parameter in table}
     found = {name: given.get(name, own.default) for name, own in by_name.items()}
     values = {name: own.coerce(found[name]) for name, own in by_name.items()}
-    faults = [own.fault(found[name]) for name, own in by_name.items() if values[name] is None]
-    return values, faults + refused(given, by_name, old, old_members, similar)
+    faults = [by_name[name].fault(found[name]) for name in by_name if values[name] is None]
+    return values, faults + name_faults(given, by_name, old, old_members, similar)

@@ -11,6 +11,7 @@ from msg_adapters import names
 from phd_jdtc_ros.configuration import replaced
 from phd_jdtc_ros.configuration.forms import is_region
 from phd_jdtc_ros.configuration.schema import (
+    NOT_NEGATIVE,
     ConfigError,
     Parameter,
     check,
@@ -56,14 +57,13 @@ class HandOver:
         0.0,
         "Distance beyond a seam at which a target changes over, m; at most the smallest margin; 0 "
         "for a fifth of it.",
-        0.0,
+        NOT_NEGATIVE,
     )
     max_delay_s: float = parameter(
         5.0,
         "Longest time that a stamp waits for a tracker, measured by the other trackers' stamps, s. "
         "A tracker that is further behind the newest stamp is left out until it has caught up.",
-        0.1,
-        LONGEST_S,
+        (0.1, LONGEST_S),
     )
 
 

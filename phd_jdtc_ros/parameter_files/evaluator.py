@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from msg_adapters import names
 from phd_jdtc_ros.configuration.parameters import MOST_CLASSES
-from phd_jdtc_ros.configuration.schema import SMALL, parameter, table
+from phd_jdtc_ros.configuration.schema import POSITIVE, parameter, table
 
 
 @dataclass(frozen=True)
@@ -17,15 +17,14 @@ class Evaluator:
     classes: list[str] = parameter(
         ["class_0", "class_1"], "Names of the target classes.", element=str, most=MOST_CLASSES
     )
-    cutoff: float = parameter(1000.0, "Cut-off c of OSPA and GOSPA, m.", SMALL)
+    cutoff: float = parameter(1000.0, "Cut-off c of OSPA and GOSPA, m.", POSITIVE)
     least_speed: float = parameter(
         0.0,
         "Speed below which targets and the estimates of them are not scored, m/s. Set it to the "
         "tracker's clutter_map_speed.",
-        0.0,
-        1e3,
+        (0.0, 1e3),
     )
-    order: float = parameter(2.0, "Order p of OSPA and GOSPA.", 1.0, 100.0)
+    order: float = parameter(2.0, "Order p of OSPA and GOSPA.", (1.0, 100.0))
     report: str = parameter("", "Path of the final report (JSON); empty for none.")
     record: str = parameter("", "Directory of a bag of everything published; empty for none.")
     record_topics: list[str] = parameter(
@@ -38,8 +37,7 @@ class Evaluator:
         0,
         "Number of scored stamps after which the node ends; 0 for never. With estimates_period_s "
         "it is a number of stamps of the truth.",
-        0,
-        10**9,
+        (0, 10**9),
     )
 
 

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from phd_jdtc_ros.configuration.schema import ConfigError, Form, number, parameter, table
+from phd_jdtc_ros.configuration.schema import (
+    NOT_NEGATIVE,
+    ConfigError,
+    Form,
+    number,
+    parameter,
+    table,
+)
 from phd_jdtc_ros.exit_status import ArgumentParser
 
 _PURPOSE = (
@@ -20,6 +27,10 @@ def _rate(value: Any) -> float | None:
     return None if found is not None and 0.0 < found < SLOWEST_RATE else found
 
 
+BAG = Form(
+    "the path of a bag or the name of a shipped one",
+    lambda value: value if isinstance(value, str) and value else None,
+)
 RATE = Form(f"0, or a number from {SLOWEST_RATE:g} to {FASTEST_RATE:g}", _rate)
 
 
@@ -37,8 +48,8 @@ class Replay:
         form=RATE,
     )
     loop: bool = parameter(False, "Start again at the end.")
-    start_s: float = parameter(0.0, "Length of the bag's beginning to skip, s.", 0.0)
-    duration_s: float = parameter(0.0, "Length of the part to play, s; 0 for all.", 0.0)
+    start_s: float = parameter(0.0, "Length of the bag's beginning to skip, s.", NOT_NEGATIVE)
+    duration_s: float = parameter(0.0, "Length of the part to play, s; 0 for all.", NOT_NEGATIVE)
     start_paused: bool = parameter(False, "Start paused and wait for ~/resume or ~/step.")
     topics: list[str] = parameter(
         [],
@@ -50,22 +61,19 @@ class Replay:
         1,
         "Number of subscribers to wait for on each topic of detections or truth, so that none of "
         "them misses the beginning.",
-        1,
-        100,
+        (1, 100),
     )
     subscriber_timeout_s: float = parameter(
         5.0,
         "Longest wait for subscribers of the detections, s, and a fifth of it for those of the "
         "truth, which a tracker does not need.",
-        0.0,
-        3600.0,
+        (0.0, 3600.0),
     )
     answer_delay_s: float = parameter(
         0.0,
         "Largest age of the tracker's last scan relative to a published cloud, s, in lock-step "
         "with a tracker of turning radars, whose scans have stamps of their own.",
-        0.0,
-        1e3,
+        (0.0, 1e3),
     )
     flush_service: str = parameter("", "Service called at the end, such as /tracker/flush.")
 
@@ -78,25 +86,13 @@ class Seek:
         0.0,
         "Position to continue from, s from the bag's start, set during the replay; rejected "
         "outside the part that is played.",
-        0.0,
+        NOT_NEGATIVE,
     )
 
 
 AT_THE_START = table(Replay)
 (SEEK,) = table(Seek)
 TABLE = (*AT_THE_START, SEEK)
-
-
-def check(values: Mapping[str, Any]) -> None:
-    """Check that there is a bag to play.
-
-    Raises
-    ------
-    ConfigError
-        If there is none.
-    """
-    if not values["bag"]:
-        raise ConfigError(["bag: '' given, must be the path of a bag or the name of a shipped one"])
 
 
 def rate(given: Any) -> float:

@@ -16,7 +16,7 @@ from phd_jdtc_ros.configuration.parameters import TOP, schema
 from phd_jdtc_ros.configuration.schema import Parameter
 from phd_jdtc_ros.evaluation.metric_table import GROUPS, PLOTTED, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
-from phd_jdtc_ros.parameter_files import bag_parameters, evaluator, sensor_replay
+from phd_jdtc_ros.parameter_files import evaluator, proposed_file, sensor_replay
 from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
 
 # --- parameters -----------------------------------------------------------------------------------
@@ -252,7 +252,7 @@ def defaults() -> str:
                 parameter.description, 100, initial_indent=mark, subsequent_indent=mark
             )
         described.add(parameter.description)
-        lines.append(f"{indent}{last}: {bag_parameters.scalar(parameter.default)}")
+        lines.append(f"{indent}{last}: {proposed_file.scalar(parameter.default)}")
     return "\n".join(lines) + "\n"
 
 

@@ -189,7 +189,7 @@ def test_smoothed_estimates_follow_every_target(demo):
 
 def test_demo_records_everything_published(demo):
     reader = BagReader(demo / "estimates")
-    expected = set(outputs.default_topics(2)) | {
+    expected = set(outputs.default_topics(2, engine="particles")) | {
         names.TRUTH,
         *map(names.detections, ("radar_1", "radar_2")),
     }

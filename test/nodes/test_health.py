@@ -276,8 +276,7 @@ def test_overload_is_a_warning_with_advice_though_each_step_is_in_time():
     found = step_status(pace, lost=453, busy=0.99)
     assert found.level == WARN
     assert found.message == (
-        "overloaded, 453 messages lost in the last 10 s: turn down accuracy, "
-        "particles_per_target or lag"
+        "overloaded, 453 messages lost in the last 10 s: turn down accuracy or lag"
     )
     assert diagnostics.values_of(found)["busy"] == "0.99"
 
@@ -292,7 +291,7 @@ def test_advice_on_slow_steps_names_parameters_of_the_engine(engine):
 
 
 def test_approximations_are_counted_where_the_engine_has_them():
-    pace = StepHealth(Rhythm(2.0), Rhythm(2.0), "gaussian")
+    pace = StepHealth(Rhythm(2.0), Rhythm(2.0))
     for index, count in enumerate((0, 2, 0, 1)):
         figures = {"approximate_clusters": count, "floored_covariances": 1, "origins": 9}
         pace.stepped(index * 10**9, float(index), 1.0, 1, figures)

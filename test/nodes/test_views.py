@@ -37,11 +37,7 @@ SERIES = {
 DETECTIONS = names.detections_in_map()
 # The least contrast of graphics to their background, by the accessibility guidelines WCAG 2.
 VISIBLE = 3.0
-NUMBERS = [
-    topic
-    for topic, kind in outputs.default_topics(2, engine="gaussian").items()
-    if kind == names.NUMBER
-]
+NUMBERS = [topic for topic, kind in outputs.default_topics(2).items() if kind == names.NUMBER]
 SHOWN = {
     DETECTIONS,
     names.TRUTH,

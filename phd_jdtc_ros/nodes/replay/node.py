@@ -65,7 +65,6 @@ class SensorReplay(RunnableNode):
         self._values = parameters.resolve(
             self, sensor_replay.AT_THE_START, flags, files, replaced.REPLAY
         )
-        sensor_replay.check(self._values)
         path = resources.bag(self._values["bag"])
         bag = BagReader(path)
         self._played = playable.select(bag, self._values["topics"])

@@ -70,7 +70,7 @@ class StepHealth:
 
     rhythm: Rhythm
     pace: Rhythm
-    engine: str = "particles"
+    engine: str = "gaussian"
     step_ms: float | None = None
     scans: int = 0
     epoch: int = 0

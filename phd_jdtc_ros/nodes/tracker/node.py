@@ -186,7 +186,7 @@ class Tracker(ManagedNode):
         if self._live is None:
             return self._edit(others, changes)
         try:
-            changed = tracker_node.changed(self._settings, changes)
+            changed = tracker_node.change(self._settings, changes)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.faults))
         # The checked values: whole numbers given for real parameters have become real numbers.
@@ -202,7 +202,7 @@ class Tracker(ManagedNode):
     def _edit(self, others: list[Parameter], changes: dict[str, Any]) -> SetParametersResult:
         """Change parameters for the next configure; the reply names those that do not fit yet."""
         try:
-            table, values = tracker_node.edited(self._values, changes)
+            table, values = tracker_node.edit(self._values, changes)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.faults))
         if others:

@@ -33,7 +33,12 @@ from phd_jdtc_ros.configuration.parameters import LABELLED
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
-from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import (
+    bag_parameters,
+    from_arguments,
+    proposed_file,
+    tracker_params,
+)
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.table import metrics
 
@@ -104,7 +109,7 @@ def _places(profile: Path, bag: Path) -> list[str]:
     places = scene.other_places(recorded, given)
     if places:
         print(f"demo: {', '.join(places)} as in {bag_parameters.path_of(bag)}", file=sys.stderr)
-    return [f"{name}:={bag_parameters.scalar(value)}" for name, value in places.items()]
+    return [f"{name}:={proposed_file.scalar(value)}" for name, value in places.items()]
 
 
 def other_engine(config: TrackerConfig) -> TrackerConfig | None:
