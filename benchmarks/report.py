@@ -9,6 +9,8 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from phd_jdtc_ros.report.table import simple_table
+
 from . import late
 from .recursion import GAUSSIAN, PARTICLES, PARTS
 from .turning import ONE_CLOUD
@@ -64,24 +66,11 @@ def markdown(given: Iterable[Table]) -> str:
         ]
         header, *rows = zip(*columns, strict=True)
         rule = ["---", *["---:"] * (len(header) - 1)]
+        caption = Text.from_markup(str(table.caption or "")).plain
         lines += [f"**{table.title}**", ""]
         lines += [f"| {' | '.join(row)} |" for row in (header, rule, *rows)]
-        lines += ["", *([f"{table.caption}", ""] if table.caption else [])]
+        lines += ["", *([caption, ""] if caption else [])]
     return "\n".join(lines)
-
-
-def _table(
-    title: str,
-    headings: Sequence[str],
-    rows: Iterable[Sequence[str]] = (),
-    caption: str | None = None,
-) -> Table:
-    table = Table(title=title, caption=caption)
-    for index, heading in enumerate(headings):
-        table.add_column(escape(heading), justify="right" if index else "left")
-    for row in rows:
-        table.add_row(*map(escape, row))
-    return table
 
 
 def _ms(value: float) -> str:
@@ -108,7 +97,7 @@ def _smoother(title: str, sizes: Mapping[str, Any]) -> Table:
         extra = f", {megabytes:.0f} MB" if megabytes else ""
         return f"{_ms(median)} ({_number(median / best)}x{extra})"
 
-    return _table(
+    return simple_table(
         title,
         ["form", *(f"N = {size}" for size in sizes)],
         (
@@ -127,7 +116,7 @@ def _growth(growth: Mapping[str, Any]) -> Table:
         return [name, *("-" if slope is None else f"{slope:.2f}" for slope in slopes)]
 
     headings = ("form", "in particles per target", "in targets")
-    return _table("growth: exponents", headings, map(row, ladders[0]))
+    return simple_table("growth: exponents", headings, map(row, ladders[0]))
 
 
 def _steps(scenes: Mapping[str, Any]) -> Iterator[Table]:
@@ -140,7 +129,7 @@ def _steps(scenes: Mapping[str, Any]) -> Iterator[Table]:
             for backend, times in found["engines"][engine]["backends"].items()
         }
         title = f"the whole step, engine {engine}, CPU medians in ms"
-        table = _table(title, ["part", *columns], caption=STEPS_CAPTIONS[engine])
+        table = simple_table(title, ["part", *columns], caption=STEPS_CAPTIONS[engine])
         for part in ("step", *parts):
             cells = [f"{times[part]['median_ms']:.1f}" for *_, times in columns.values()]
             table.add_row(part, *cells, end_section=part == "step")
@@ -162,7 +151,7 @@ def _step_growth(growth: Mapping[str, Any]) -> Table:
         cells = (_ms(times[size]["median_ms"]) if size in times else "-" for size in sizes)
         return [name, *cells, f"{form['exponent']:.2f}"]
 
-    return _table(
+    return simple_table(
         "the whole step against targets, CPU medians",
         ["engine", *map(str, sizes), "exponent"],
         (row(name, form) for name, form in growth["forms"].items()),
@@ -171,7 +160,7 @@ def _step_growth(growth: Mapping[str, Any]) -> Table:
 
 
 def _searches(found: Mapping[str, Any]) -> Table:
-    table = _table(
+    table = simple_table(
         "a backward kernel by each search",
         ("search", "pairs", "targets", "CPU"),
         caption="within origins: the default corrector; anywhere: the PHD filter's, with spawning",
@@ -194,12 +183,12 @@ def _peers(peers: Mapping[str, Any]) -> Table:
 
     title = "a scan of the reference scenario, both radars"
     rows = (row(name, found) for name, found in peers.items())
-    return _table(title, ("tracker", "CPU", "times particles"), rows)
+    return simple_table(title, ("tracker", "CPU", "times particles"), rows)
 
 
 def _messages(messages: Mapping[str, Any]) -> Table:
     rows = [(name, _ms(found["median_ms"])) for name, found in messages["parts"].items()]
-    table = _table("a scan of 1000 detections and 200 estimates", ("message", "CPU"), rows)
+    table = simple_table("a scan of 1000 detections and 200 estimates", ("message", "CPU"), rows)
     table.add_row("the node in total", _ms(messages["total_ms"]), style="bold")
     return table
 
@@ -219,7 +208,7 @@ def _live(engine: str, live: Mapping[str, Any]) -> Table:
         "step_ms": "the step (CPU)",
         "beyond_step_ms": "to the last message, less the step",
     }
-    return _table(
+    return simple_table(
         f"engine {engine} over DDS, {live['scans']} scans, wall time",
         ("from last detection", *PERCENTILES),
         ([label, *(_ms(live[key][each]) for each in PERCENTILES)] for key, label in labels.items()),
@@ -243,7 +232,7 @@ def _turning(found: Mapping[str, Any]) -> Iterator[Table]:
             median = of_forms[form]["median_ms"]
             yield f"{_ms(median)} ({_number(median / of_forms[ONE_CLOUD]['median_ms'])}x)"
 
-    yield _table(
+    yield simple_table(
         "a turn of 50 aircraft, CPU medians",
         ("reports", *cost),
         (list(row(form)) for form in next(iter(cost.values()))),
@@ -263,7 +252,7 @@ def _late(found: Mapping[str, Any]) -> Table:
         median = found[engine]["steps"][name]["median_ms"]
         return f"{_ms(median)} ({_number(late.ratio(found, engine, name))}x)"
 
-    return _table(
+    return simple_table(
         "a scan of the reference scenario, CPU medians",
         ("late reports", *found),
         (
@@ -277,7 +266,7 @@ def _late(found: Mapping[str, Any]) -> Table:
 
 def _sector_latency(engine: str, found: Mapping[str, Any]) -> Table:
     latency, step = found["latency_s"], found["step_ms"]
-    return _table(
+    return simple_table(
         f"a turning radar over DDS, engine {engine}, {found['sectors']} sectors in real time",
         ("of a detection", *PERCENTILES),
         (
@@ -300,11 +289,11 @@ def _asterix(found: Mapping[str, Any]) -> Table:
         )
     rates = [(f"plots, {name}", f"{r:,.0f} per s") for name, r in found["plots_per_s"].items()]
     rows = [*rates, ("100 tracks to CAT062", _ms(found["tracks_ms"]))]
-    return _table("ASTERIX on one core", ("what", "speed"), rows, caption)
+    return simple_table("ASTERIX on one core", ("what", "speed"), rows, caption)
 
 
 def _goals(figures: Sequence[Mapping[str, Any]]) -> Table:
-    table = _table("goals", ("figure", "value", "goal", "reached"))
+    table = simple_table("goals", ("figure", "value", "goal", "reached"))
     for figure in figures:
         sign = "at most" if figure["at_most"] else "at least"
         value = figure.get("reason") or _number(figure["value"])
