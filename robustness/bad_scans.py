@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -61,9 +62,12 @@ def _change(change: Change) -> Callable[[int], bytes]:
 
 
 def _set(**values: Any) -> Callable[[int], bytes]:
+    """Return a function that sets members of a cloud; ``__`` stands for the dot in a path."""
+
     def change(cloud: PointCloud2) -> None:
-        for name, value in values.items():
-            setattr(cloud, name, value)
+        for path, value in values.items():
+            *parents, name = path.split("__")
+            setattr(reduce(getattr, parents, cloud), name, value)
 
     return _change(change)
 
@@ -86,25 +90,15 @@ def _without(name: str) -> Callable[[int], bytes]:
 
 
 def _frame(frame: str) -> Callable[[int], bytes]:
-    def change(cloud: PointCloud2) -> None:
-        cloud.header.frame_id = frame
-
-    return _change(change)
+    return _set(header__frame_id=frame)
 
 
 def _data(change: Callable[[bytes], bytes]) -> Callable[[int], bytes]:
-    def changed(cloud: PointCloud2) -> None:
-        cloud.data = change(bytes(cloud.data))
-
-    return _change(changed)
+    return _change(lambda cloud: setattr(cloud, "data", change(bytes(cloud.data))))
 
 
 def _stamp(seconds: int, nanoseconds: int) -> Callable[[int], bytes]:
-    def change(cloud: PointCloud2) -> None:
-        cloud.header.stamp.sec = seconds
-        cloud.header.stamp.nanosec = nanoseconds
-
-    return _change(change)
+    return _set(header__stamp__sec=seconds, header__stamp__nanosec=nanoseconds)
 
 
 def _points(distance: float, azimuth: float, amplitude: float) -> Callable[[int], bytes]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -98,11 +98,17 @@ def _engines(summary: dict[str, Any], compared: dict[str, Any]) -> Table:
     """Return a table of both engines: the live one, and the other one offline."""
     headings = ("engine", "filter", "smoother", "reduction", "right\nclass", "CPU per\nscan")
     title = "both engines on these detections: OSPA of all targets"
-    return _simple(title, headings, engine_rows(summary, compared))
+    return simple_table(title, headings, engine_rows(summary, compared))
 
 
-def _simple(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    table = Table(title=title)
+def simple_table(
+    title: str,
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str]] = (),
+    caption: str | None = None,
+) -> Table:
+    """Return a table of plain texts, the first column aligned left and the others right."""
+    table = Table(title=escape(title), caption=caption and escape(caption))
     for index, heading in enumerate(headings):
         table.add_column(escape(heading), justify="right" if index else "left")
     for row in rows:
@@ -226,7 +232,7 @@ def confusion_rows(
 def _confusion(matrix: Sequence[Sequence[int]], sets: Sets) -> Table:
     """Return the smoother's confusion matrix, counts over the run."""
     title = "smoother: true against estimated class"
-    return _simple(title, *confusion_rows(matrix, sets, "none (false)"))
+    return simple_table(title, *confusion_rows(matrix, sets, "none (false)"))
 
 
 def _cells(columns: Columns, figures: dict[str, Any]) -> list[str]:
