@@ -5,15 +5,14 @@ import numpy as np
 import pytest
 import tower
 import yaml
+from bag_content import messages, write
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import detections as plots
-from msg_adapters import diagnostics, estimates, interfaces, names
+from msg_adapters import diagnostics, estimates, names
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections
@@ -142,24 +141,17 @@ def of_run(clouds):
 def joined_offline(said, directory):
     """Return the clouds that the offline tool makes of the trackers' estimates, by source."""
     for tracker in REGIONS:
-        with BagWriter(directory / tracker) as bag:
-            for source in SOURCES:
-                bag.add_topic(Topic(names.estimates(source), names.CLOUD))
-            for source in SOURCES:
-                for cloud in said[tracker, source]:
-                    stamp_ns = cloud.header.stamp.sec * NS
-                    bag.write(names.estimates(source), interfaces.encode(cloud), stamp_ns)
+        entries = [
+            (names.estimates(source), cloud, cloud.header.stamp.sec * NS)
+            for source in SOURCES
+            for cloud in said[tracker, source]
+        ]
+        write(directory / tracker, map(names.estimates, SOURCES), entries)
         values = resolve(parameters(tracker)).values
         bag_parameters.write(directory / tracker / bag_parameters.NAME, values)
     bags, out = [str(directory / tracker) for tracker in REGIONS], directory / "joint"
     assert run("hand_over", [*bags, "--out", str(out)]) == 0
-    return {
-        source: [
-            interfaces.decode(entry.data, names.CLOUD)
-            for entry in BagReader(out).messages([names.estimates(source)])
-        ]
-        for source in SOURCES
-    }
+    return {source: messages(out, names.estimates(source)) for source in SOURCES}
 
 
 @pytest.mark.live
