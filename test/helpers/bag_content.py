@@ -49,6 +49,14 @@ def rewrite(source, out, change=lambda entry: [entry], drop=(), add=()):
     return write(out, [Topic(*item) for item in kinds.items()], itertools.chain(added, kept))
 
 
+def first(count, source, out):
+    """Write the first stamps of a bag and the parameters beside it, and return its path."""
+    stamps_ns = sorted({entry.log_time_ns for entry in BagReader(source).messages()})
+    rewrite(source, out, lambda entry: [entry] if entry[2] < stamps_ns[count] else [])
+    (out / "parameters.yaml").write_bytes((source / "parameters.yaml").read_bytes())
+    return out
+
+
 def edited(edit, chosen):
     """Return a change for `rewrite`: `edit` edits the clouds of the `chosen` (topic, log time)."""
 

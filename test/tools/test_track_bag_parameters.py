@@ -4,19 +4,28 @@ import shutil
 from pathlib import Path
 
 import pytest
+from bag_content import first
 
 from msg_adapters import names
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 ROOT = Path(__file__).parents[2]
+BAGS = ROOT / "bags"
 
 
-def test_track_bag_takes_the_parameters_beside_the_bag(track, tmp_path, same_files, capsys):
-    bag = ROOT / "bags" / "one_radar"
+@pytest.fixture(scope="module")
+def one_radar(tmp_path_factory):
+    """Return the first scans of the bag of one radar."""
+    return first(8, BAGS / "one_radar", tmp_path_factory.mktemp("first") / "one_radar")
+
+
+def test_track_bag_takes_the_parameters_beside_the_bag(
+    one_radar, track, tmp_path, same_files, capsys
+):
     scenario = ROOT / "config" / "scenarios" / "one_radar.yaml"
-    _, alone = track(bag, out="a/one")
-    _, told = track(bag, "--scenario", scenario, out="b/one")
+    _, alone = track(one_radar, out="a/one")
+    _, told = track(one_radar, "--scenario", scenario, out="b/one")
     assert same_files(alone, told)
     assert "recorded" not in capsys.readouterr().err
     # What it wrote is tracked and reported by one argument too.
@@ -29,8 +38,8 @@ def test_track_bag_finds_a_shipped_bag_by_its_name(track, tmp_path, monkeypatch)
     assert (status, BagReader(out).counts[names.estimates("smoothed")]) == (0, 60)
 
 
-def test_track_bag_changes_single_parameters_of_those_beside_the_bag(track):
-    _, out = track(ROOT / "bags" / "one_radar", "-p", "lag:=2")
+def test_track_bag_changes_single_parameters_of_those_beside_the_bag(one_radar, track):
+    _, out = track(one_radar, "-p", "lag:=2")
     found = bag_parameters.read(out)
     assert (found["sensors"], found["lag"]) == (["radar_1"], "2")
 
@@ -54,15 +63,14 @@ FILE = "/**/tracker: {ros__parameters: {sensors: [radar_1]}}\n"
     ids=["file", "assignment"],
 )
 def test_track_bag_reports_where_the_given_scene_is_not_the_recorded_one(
-    track, tmp_path, monkeypatch, capsys, given, expected
+    one_radar, track, tmp_path, monkeypatch, capsys, given, expected
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.yaml").write_text(FILE)
-    bag = ROOT / "bags" / "one_radar"
-    status, _ = track(bag, *given)
+    status, _ = track(one_radar, *given)
     said = [line for line in capsys.readouterr().err.splitlines() if "recorded" in line]
     assert status == 0
-    assert said == [f"{bag / 'parameters.yaml'}: {line}" for line in expected]
+    assert said == [f"{one_radar / 'parameters.yaml'}: {line}" for line in expected]
 
 
 def test_track_bag_refuses_parameters_beside_the_bag_that_are_none(track, short_bag, tmp_path):
@@ -73,10 +81,10 @@ def test_track_bag_refuses_parameters_beside_the_bag_that_are_none(track, short_
 
 @pytest.mark.parametrize("beside", [True, False])
 def test_track_bag_reports_that_the_truth_has_more_classes(track, tmp_path, capsys, beside):
-    shutil.copytree(ROOT / "bags" / "three_classes", tmp_path / "bag")
+    bag = first(5, BAGS / "three_classes", tmp_path / "bag")
     if not beside:
-        (tmp_path / "bag" / "parameters.yaml").unlink()
-    assert track(tmp_path / "bag")[0] == 0
+        (bag / "parameters.yaml").unlink()
+    assert track(bag)[0] == 0
     said = (
         "track_bag: the truth has class_id 2, and the tracker 2 classes" in capsys.readouterr().err
     )
