@@ -4,8 +4,7 @@ import numpy as np
 import yaml
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections, estimates, interfaces, names
-from phd_jdtc_ros.bags.reader import BagReader
+from msg_adapters import detections, estimates, names
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 
@@ -57,12 +56,6 @@ def tracked_live(processes, peer, radar, clouds, *arguments):
     peer.meet()
     answered(peer, output, filtered, clouds)
     return [estimates.from_msg(message) for message in filtered]
-
-
-def recorded(path, source="filtered"):
-    """Return the estimates in a bag."""
-    entries = BagReader(path).messages([names.estimates(source)])
-    return [estimates.from_msg(interfaces.decode(entry.data, names.CLOUD)) for entry in entries]
 
 
 def assert_alike(clouds, expected):

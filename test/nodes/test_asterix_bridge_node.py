@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from asterix_reference import decoded, value
+from bag_content import messages
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
@@ -184,9 +185,7 @@ def test_clouds_of_a_radar_without_crossings_are_those_of_the_file(unicast, tmp_
     recording, bag = tmp_path / "recording.ast", tmp_path / "bag"
     recording.write_bytes(b"".join(blocks))
     assert run("asterix_bridge", [str(recording), "--out", str(bag)]) == 0
-    expected = [
-        interfaces.decode(entry.data, names.CLOUD) for entry in BagReader(bag).messages([TOPIC])
-    ]
+    expected = messages(bag, TOPIC)
     unicast.start("-p", "replayed:=true")
     radar = unicast.radar()
     for block in blocks:

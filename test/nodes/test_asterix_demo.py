@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from asterix_reference import decoded, value
+from bag_content import messages
 
-from msg_adapters import interfaces, names
+from msg_adapters import names
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.__main__ import run
@@ -70,8 +71,7 @@ def offline(recorded, tmp_path_factory):
 def clouds(path, topic):
     return [
         (cloud.header.stamp.sec, cloud.header.stamp.nanosec, bytes(cloud.data))
-        for entry in BagReader(path).messages([topic])
-        for cloud in [interfaces.decode(entry.data, names.CLOUD)]
+        for cloud in messages(path, topic)
     ]
 
 

@@ -5,17 +5,16 @@ import numpy as np
 import pytest
 import tower
 import yaml
+from bag_content import messages, write
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from refusals import faults_of
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import detections as plots
-from msg_adapters import diagnostics, estimates, interfaces, names
+from msg_adapters import diagnostics, estimates, names
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections
 from phd_jdtc_ros.handover import settings
 from phd_jdtc_ros.parameter_files import bag_parameters
@@ -142,24 +141,17 @@ def of_run(clouds):
 def joined_offline(said, directory):
     """Return the clouds that the offline tool makes of the trackers' estimates, by source."""
     for tracker in REGIONS:
-        with BagWriter(directory / tracker) as bag:
-            for source in SOURCES:
-                bag.add_topic(Topic(names.estimates(source), names.CLOUD))
-            for source in SOURCES:
-                for cloud in said[tracker, source]:
-                    stamp_ns = cloud.header.stamp.sec * NS
-                    bag.write(names.estimates(source), interfaces.encode(cloud), stamp_ns)
+        entries = [
+            (names.estimates(source), cloud, cloud.header.stamp.sec * NS)
+            for source in SOURCES
+            for cloud in said[tracker, source]
+        ]
+        write(directory / tracker, map(names.estimates, SOURCES), entries)
         values = resolve(parameters(tracker)).values
         bag_parameters.write(directory / tracker / bag_parameters.NAME, values)
     bags, out = [str(directory / tracker) for tracker in REGIONS], directory / "joint"
     assert run("hand_over", [*bags, "--out", str(out)]) == 0
-    return {
-        source: [
-            interfaces.decode(entry.data, names.CLOUD)
-            for entry in BagReader(out).messages([names.estimates(source)])
-        ]
-        for source in SOURCES
-    }
+    return {source: messages(out, names.estimates(source)) for source in SOURCES}
 
 
 @pytest.mark.live
@@ -379,17 +371,13 @@ def test_one_wrong_stamp_of_a_tracker_that_dies_does_not_end_the_picture(process
     ],
 )
 def test_parameters_that_do_not_fit_are_reported(changes, words):
-    with pytest.raises(ConfigError) as error:
-        settings.resolve(given(**changes))
-    assert any(fault.startswith(words) for fault in error.value.faults)
+    assert any(fault.startswith(words) for fault in faults_of(settings.resolve, given(**changes)))
 
 
 def test_two_trackers_of_one_name_are_one_fault():
-    with pytest.raises(ConfigError) as error:
-        settings.resolve(given(trackers=["west", "west"]))
-    assert error.value.faults == (
-        "trackers: ['west', 'west'] given, must be a list of distinct names, at most 50",
-    )
+    assert faults_of(settings.resolve, given(trackers=["west", "west"])) == [
+        "trackers: ['west', 'west'] given, must be a list of distinct names, at most 50"
+    ]
 
 
 def test_invalid_node_name_is_reported_with_its_parameter(processes):

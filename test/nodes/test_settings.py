@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
+from refusals import faults_of
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.parameters import schema
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tracker_node import NAMES, TABLE, change, edit, resolve
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -12,12 +12,6 @@ USUAL = resolve({})
 SMALL = {"particles_per_target": 100, "particles_per_birth": 64, "lag": 2}
 # Values of parameters whose bounds leave out those that the others can have.
 OTHERS = {"shared_codes": ["7000"]}
-
-
-def faults(function, *arguments):
-    with pytest.raises(ConfigError) as caught:
-        function(*arguments)
-    return list(caught.value.faults)
 
 
 def test_table_describes_every_parameter_and_no_name_of_the_tracker():
@@ -34,7 +28,7 @@ def test_resolve_keeps_the_nodes_own_apart():
 
 
 def test_resolve_lists_the_faults_of_both():
-    assert faults(resolve, {"autostart": 1, "lag": -1, "survival": 0.9}) == [
+    assert faults_of(resolve, {"autostart": 1, "lag": -1, "survival": 0.9}) == [
         "autostart: 1 given, must be true or false",
         "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
         "'20 s'",
@@ -61,12 +55,12 @@ def test_changed_gives_what_a_start_with_it_gives():
 
 
 def test_changed_outputs_are_refused_but_for_markers():
-    (fault,) = faults(change, USUAL, {"outputs": ["markers", "paths"]})
+    (fault,) = faults_of(change, USUAL, {"outputs": ["markers", "paths"]})
     assert fault == "outputs: only markers may come and go while the tracker is configured"
 
 
 def test_outputs_by_latitude_and_longitude_need_an_origin():
-    assert faults(resolve, {"outputs": ["navsat", "geojson"]}) == [
+    assert faults_of(resolve, {"outputs": ["navsat", "geojson"]}) == [
         "outputs: navsat given, needs world_origin",
         "outputs: geojson given, needs world_origin",
     ]
@@ -81,11 +75,11 @@ def test_edited_checks_every_value_and_not_yet_the_whole():
     )
     assert values["start_1.rates"] == [0.005, 0.005]  # too few, which `resolve` says
     assert not {name for name in values if name.startswith("class_")}
-    assert any(fault.startswith("start_1.rates: ") for fault in faults(resolve, values))
+    assert any(fault.startswith("start_1.rates: ") for fault in faults_of(resolve, values))
 
 
 def test_edited_lists_every_fault():
-    assert faults(edit, USUAL.values, {"lag": -1, "class_0.survival": 0.9, "sensors": "x"}) == [
+    assert faults_of(edit, USUAL.values, {"lag": -1, "class_0.survival": 0.9, "sensors": "x"}) == [
         "sensors: 'x' given, must be a list of distinct names, at most 100",
         "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
         "'20 s'",
@@ -95,16 +89,16 @@ def test_edited_lists_every_fault():
 
 def test_changed_lists_every_fault_in_the_words_of_the_start():
     changes = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "confirm_probability": 2.0}
-    assert faults(change, USUAL, changes) == [
+    assert faults_of(change, USUAL, changes) == [
         "lag: cannot change while the tracker is configured, clean it up before",
         "survival: unknown parameter",
-        *faults(resolve, {"radar_1.clutter_rate": -1.0, "confirm_probability": 2.0}),
+        *faults_of(resolve, {"radar_1.clutter_rate": -1.0, "confirm_probability": 2.0}),
     ]
 
 
 def test_changed_checks_the_changed_whole():
     # Each number is allowed; one target a scan at the most is what they add up to.
-    (fault,) = faults(change, USUAL, {"start_1.rates": [0.7, 0.7]})
+    (fault,) = faults_of(change, USUAL, {"start_1.rates": [0.7, 0.7]})
     assert fault.startswith("start_1.rates: [0.7, 0.7] given, must sum to at most 1")
 
 

@@ -1,12 +1,12 @@
 """The shipped RViz configuration and Foxglove layout against what the running nodes publish."""
 
 import json
-import re
 from pathlib import Path
 
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
+from message_paths import values
 from rclpy.qos import (
     DurabilityPolicy,
     LivelinessPolicy,
@@ -81,19 +81,6 @@ def rviz_qos(display):
         }[topic["Durability Policy"]],
         liveliness=LivelinessPolicy.AUTOMATIC,
     )
-
-
-def values(message, path):
-    """Return what a Foxglove message path without its topic leads to in a message."""
-    found = [message]
-    for name, field, wanted in re.findall(r'\.(\w+)|\[:\]|\{(\w+)=="([^"]*)"\}', path):
-        if name:
-            found = [getattr(entry, name) for entry in found]
-        elif field:
-            found = [entry for entry in found if getattr(entry, field) == wanted]
-        else:
-            found = [inner for entry in found for inner in entry]
-    return found
 
 
 class Live:

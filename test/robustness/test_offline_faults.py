@@ -8,9 +8,9 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from estimate_sets import estimates
 
 from msg_adapters import interfaces, names, stamps
-from phd_jdtc_ros.core.types import Estimates
 from robustness import (
     absurd,
     asterix_bytes,
@@ -30,53 +30,41 @@ from robustness import (
 every_engine = pytest.mark.parametrize("engine", engines.ALL)
 
 
-def test_bags_are_recovered():
-    figure = bags.measure_recovery(100)
-    assert figure.reached, (figure.measured, figure.details)
-
-
-def test_a_bomb_is_refused_within_its_memory():
-    figure = bags.measure_bomb()
-    assert figure.reached, figure.measured
-
-
-@every_engine
-def test_a_scan_of_very_many_detections_takes_bounded_time_and_memory_and_spoils_no_later_one(
-    engine,
-):
-    with engines.using(engine):
-        figure = crowd.measure(10_000, seeds=1)
-    assert figure.reached, (figure.measured, figure.details)
-
-
-@every_engine
-def test_absurd_numbers_in_any_field_of_any_input_end_nothing(engine):
-    with engines.using(engine):
-        figure = absurd.measure()
+@pytest.mark.parametrize(
+    ("measure", "bounds"),
+    [
+        (bags.measure_recovery, (100,)),
+        (bags.measure_bomb, ()),
+        (hostile.measure_names, ()),
+        (hostile.measure_forged_times, ()),
+        (asterix_bytes.measure, (300,)),
+        (decoders.measure, (200,)),
+        (decoders.measure_bags, (60,)),
+    ],
+    ids=[
+        *("recovered bags", "a bomb", "long lists of names", "forged times of a capture"),
+        *("hostile ASTERIX", "random clouds", "damaged bags"),
+    ],
+)
+def test_fault_outside_an_engine_reaches_its_goal(measure, bounds):
+    figure = measure(*bounds)
     assert figure.reached, (figure.measured, figure.details)
 
 
 @every_engine
-def test_a_repeated_buffer_is_one_target(engine):
+@pytest.mark.parametrize(
+    ("measure", "bounds"),
+    [
+        (crowd.measure, {"detections": 10_000, "seeds": 1}),
+        (absurd.measure, {}),
+        (hostile.measure_repeated, {}),
+        (forgeries.measure, {}),
+    ],
+    ids=["crowd", "absurd numbers", "a repeated buffer", "forged checkpoints"],
+)
+def test_fault_in_an_engine_reaches_its_goal(measure, bounds, engine):
     with engines.using(engine):
-        figure = hostile.measure_repeated()
-    assert figure.reached, (figure.measured, figure.details)
-
-
-def test_long_lists_of_names_are_refused_soon():
-    figure = hostile.measure_names()
-    assert figure.reached, (figure.measured, figure.details)
-
-
-def test_captures_with_forged_times_become_whole_bags():
-    figure = hostile.measure_forged_times()
-    assert figure.reached, (figure.measured, figure.details)
-
-
-@every_engine
-def test_forged_checkpoints_are_cold_starts_with_a_reason(engine):
-    with engines.using(engine):
-        figure = forgeries.measure()
+        figure = measure(**bounds)
     assert figure.reached, (figure.measured, figure.details)
 
 
@@ -84,20 +72,6 @@ def test_forged_checkpoints_are_cold_starts_with_a_reason(engine):
 @pytest.mark.parametrize("case", numerics.CASES)
 def test_no_covariance_that_is_none_leaves_an_engine(case, engine):
     assert numerics.outcome(numerics.CASES[case], engine) == ""
-
-
-def estimates(covariance):
-    size = len(covariance)
-    return Estimates(
-        stamp_ns=0,
-        lag=0,
-        state=np.zeros((1, size)),
-        covariance=np.array([covariance]),
-        weight=np.ones(1),
-        class_probability=np.ones((1, 1)),
-        class_id=np.zeros(1, dtype=np.int64),
-        track_id=np.zeros(1, dtype=np.int64),
-    )
 
 
 @pytest.mark.parametrize(
@@ -112,7 +86,7 @@ def estimates(covariance):
     ],
 )
 def test_faults_of_covariances_are_seen(change, said):
-    found = numerics.fault_of(estimates(change(np.eye(5))), 1e-12)
+    found = numerics.fault_of(estimates(np.zeros((1, 5)), change(np.eye(5))), 1e-12)
     assert found.startswith(said) if said else found == ""
 
 
@@ -148,21 +122,6 @@ def test_faults_are_of_both_engines_unless_one_is_asked_for():
     # Two of overload, with each engine.
     alone = named({"engine": "particles", "only": False, "part": ["overload"]})
     assert alone == {"particles": 2, "gaussian": 2}
-
-
-def test_hostile_asterix_is_used_or_counted():
-    figure = asterix_bytes.measure(300)
-    assert figure.reached, figure.details
-
-
-def test_decoders_refuse_or_understand_random_clouds():
-    figure = decoders.measure(200)
-    assert figure.reached, figure.details
-
-
-def test_bag_reader_raises_bag_error_whatever_the_damage():
-    figure = decoders.measure_bags(60)
-    assert figure.reached, figure.details
 
 
 def test_stamped_cloud_has_the_stamp_and_nothing_else_changed():

@@ -23,6 +23,7 @@ from benchmarks import (
     searches,
     sector_latency,
     smoothing,
+    step_growth,
     steps,
     timing,
     turning,
@@ -39,8 +40,6 @@ from phd_jdtc_ros.simulation.simulate import simulate
 from phd_jdtc_ros.simulation.turning_antenna import Report
 
 LAG = 3
-BORN_ANYWHERE = {"detection_births.rates": [0.01, 0.01], "detection_births.particles": 64}
-FEW = {"particles_per_target": 100, "budget.least": 20, "particles_per_birth": 64}
 WITHOUT_ROS = ("peers", "steps", "step_growth", "growth", "smoother", "paper_smoother")
 every_backend = pytest.mark.parametrize("backend", backends.available())
 every_engine = pytest.mark.parametrize("engine", recursion.PARTS)
@@ -253,8 +252,12 @@ def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
 
 @pytest.fixture(scope="module")
 def summary():
-    """The quick run of all that needs no ROS."""
-    return command.run(True, WITHOUT_ROS, Console(quiet=True))
+    """The quick run of all that needs no ROS, with few targets where the cost grows with them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(step_growth, "QUICK_LADDER", dict.fromkeys(recursion.PARTS, (4, 8)))
+        patch.setattr(step_growth, "QUICK_MEMORY_TARGETS", 4)
+        patch.setattr(step_growth, "STEPS", 2)
+        return command.run(True, WITHOUT_ROS, Console(quiet=True))
 
 
 def test_summary_holds_every_figure(summary):

@@ -1,6 +1,7 @@
 from pathlib import Path
 
 import pytest
+from refusals import faults_of
 
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.study import monte_carlo
@@ -12,9 +13,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def faults(study_file, change, assigned=None):
-    with pytest.raises(ConfigError) as caught:
-        load_study(study_file(change), assigned or {})
-    return list(caught.value.faults)
+    return faults_of(load_study, study_file(change), assigned or {})
 
 
 def test_resolve_takes_the_published_study():

@@ -95,7 +95,7 @@ def test_estimates_of_slow_targets_are_left_out_and_false_ones_stay():
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("sectors", [0, 16])
 def test_the_tracker_follows_targets_by_turn_and_by_sector(sectors, engine):
-    found, _ = scene(EAST, TURNING)
+    found, _ = scene(EAST, TURNING, seconds=72)
     run = turning_run(found, 1)
     given = {**PARAMETERS, "approach.sectors": sectors, "engine": engine}
     tracked = track(run, given, [0, 3])

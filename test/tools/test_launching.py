@@ -5,19 +5,13 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from refusals import faults_of
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import CORRUPT, FAILED, OK, USAGE
 from phd_jdtc_ros.tools.launching import arguments
 
 ROOT = Path(__file__).parents[2]
-
-
-def faults(function, *arguments):
-    with pytest.raises(ConfigError) as caught:
-        function(*arguments)
-    return list(caught.value.faults)
 
 
 def test_booleans_follow_one_rule():
@@ -26,7 +20,7 @@ def test_booleans_follow_one_rule():
 
 
 def test_booleans_lists_every_fault():
-    assert faults(arguments.booleans, {"rviz": "yes", "frames": "1", "respawn": ""}) == [
+    assert faults_of(arguments.booleans, {"rviz": "yes", "frames": "1", "respawn": ""}) == [
         "rviz: 'yes' given, must be one of true, True, 1, false, False, 0",
         "respawn: '' given, must be one of true, True, 1, false, False, 0",
     ]
@@ -35,7 +29,7 @@ def test_booleans_lists_every_fault():
 @pytest.mark.parametrize("text", ["", "-1", "2.5", "many", "9" * 5000])
 def test_whole_refuses_what_is_none(text):
     assert arguments.whole("retries", "10") == 10
-    assert len(faults(arguments.whole, "retries", text)) == 1
+    assert len(faults_of(arguments.whole, "retries", text)) == 1
 
 
 @pytest.mark.parametrize(
@@ -60,7 +54,7 @@ def test_load_takes_the_file_for_the_tracker_alone(tmp_path):
     path.write_text("/s1/tracker: {ros__parameters: {lag: 2, max_wait_s: 9.0}}\n")
 
     assert arguments.load(str(path), "/s1/tracker").lag.scans == 2
-    assert faults(arguments.load, str(path), "/tracker") == [
+    assert faults_of(arguments.load, str(path), "/tracker") == [
         f"{path}: has no section for this node, /tracker; it has /s1/tracker"
     ]
     assert arguments.load("", "/tracker").lag.scans == 5
@@ -89,7 +83,7 @@ def test_launch_files_compile(path):
 @pytest.mark.parametrize("text", ["-1", "0.05", "nan", "fast", "", "1001"])
 def test_rate_refuses_what_the_replay_would_refuse(text):
     assert [arguments.rate(good) for good in ("0", "0.1", "2")] == [0.0, 0.1, 2.0]
-    (fault,) = faults(arguments.rate, text)
+    (fault,) = faults_of(arguments.rate, text)
     assert fault.startswith("rate: ")
 
 

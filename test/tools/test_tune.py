@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bag_content import write
 
-from msg_adapters import interfaces, names, point_cloud, recognised
+from msg_adapters import point_cloud, recognised
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.tools import recorded_plots
 
@@ -118,10 +118,8 @@ def test_tune_refuses_a_part_that_is_none(arguments, reason, capsys):
 
 
 def test_tune_names_the_fields_of_clouds_that_it_does_not_recognise(tmp_path, capsys):
-    with BagWriter(tmp_path / "points") as bag:
-        bag.add_topic(Topic("/lidar/points", names.CLOUD))
-        cloud = point_cloud.encode(10**9, "lidar", {"x": np.ones(3), "ring": np.ones(3)})
-        bag.write("/lidar/points", interfaces.encode(cloud), 10**9)
+    cloud = point_cloud.encode(10**9, "lidar", {"x": np.ones(3), "ring": np.ones(3)})
+    write(tmp_path / "points", ["/lidar/points"], [("/lidar/points", cloud, 10**9)])
     assert tune(tmp_path / "points") == 2
     assert "it has /lidar/points (ring, x). Name them" in capsys.readouterr().err
 

@@ -190,8 +190,8 @@ def test_times_never_change_and_coverages_follow_the_antenna(hour):
 
 
 @pytest.mark.parametrize("guess", [0.03, -0.03, -1.0])
-def test_an_hour_of_an_approach_radar_is_cut_where_the_antenna_was(guess):
-    length_s = 3600.0 if guess > 0.0 else 900.0
+def test_turns_of_an_approach_radar_are_cut_where_the_antenna_was(guess):
+    length_s = 1800.0 if guess > 0.0 else 900.0
     hour = Hour(seed=1, length_s=length_s, guess=guess, clouds_per_turn=16.0, jitter_s=0.05)
     turns = turns_of(hour)
     rejected, covered = run(hour, turns)

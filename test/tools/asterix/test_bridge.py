@@ -6,12 +6,12 @@ import estimate_sets
 import numpy as np
 import pytest
 from asterix_reference import decoded, value
+from bag_content import messages, write
 
 from msg_adapters import detections, estimates, interfaces, names
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.types import SOURCES, Detections
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
@@ -324,21 +324,18 @@ TRUE = {1: (-10e3, 10e3, 200.0, 50.0), 2: (20e3, -5e3, 0.0, 200.0)}
 def with_estimates(by_sector):
     """Return a bag with estimates of two aircraft every 4 s, 2 m off in x."""
     out = by_sector.parent / "tracked"
-    with BagWriter(out) as bag:
-        for source in SOURCES:
-            bag.add_topic(Topic(names.estimates(source), names.CLOUD))
-        for time_s in range(1000, 1044, 4):
-            since_s = time_s - 1000.0
-            true = np.array([*TRUE.values()])
-            found = estimate_sets.estimates(
-                estimate_sets.states(true[:, :2] + since_s * true[:, 2:] + [2.0, 0.0], true[:, 2:]),
-                np.diag([900.0, 4.0, 400.0, 1.0, 1e-6]),
-                stamp_ns=time_s * 10**9,
-                track_id=np.array([*TRUE]),
-            )
-            data = interfaces.encode(estimates.to_msg(found, "map"))
-            for source in SOURCES:
-                bag.write(names.estimates(source), data, found.stamp_ns)
+    topics, entries = [names.estimates(source) for source in SOURCES], []
+    for time_s in range(1000, 1044, 4):
+        since_s = time_s - 1000.0
+        true = np.array([*TRUE.values()])
+        found = estimate_sets.estimates(
+            estimate_sets.states(true[:, :2] + since_s * true[:, 2:] + [2.0, 0.0], true[:, 2:]),
+            np.diag([900.0, 4.0, 400.0, 1.0, 1e-6]),
+            stamp_ns=time_s * 10**9,
+            track_id=np.array([*TRUE]),
+        )
+        entries += [(topic, estimates.to_msg(found, "map"), found.stamp_ns) for topic in topics]
+    write(out, topics, entries)
     (out / "parameters.yaml").write_bytes((by_sector / "parameters.yaml").read_bytes())
     return out
 
@@ -374,10 +371,8 @@ def test_detections_of_a_bag_go_to_asterix_and_back(by_sector, tmp_path, capsys)
 def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
     bag, out = tmp_path / "bag", tmp_path / "plots.ast"
     measured = np.array([[400e3, 0.5], [474.2e3, 1.0]])
-    with BagWriter(bag) as written:
-        written.add_topic(Topic("/far/detections", names.CLOUD))
-        cloud = detections.to_msg(Detections(measured, np.ones(2)), 10**12, "far")
-        written.write("/far/detections", interfaces.encode(cloud), 10**12)
+    cloud = detections.to_msg(Detections(measured, np.ones(2)), 10**12, "far")
+    write(bag, ["/far/detections"], [("/far/detections", cloud, 10**12)])
     values = {"sensors": ["far"], "far.max_range": 5e5, "far.clutter_max_range": 5e5}
     bag_parameters.write(bag / bag_parameters.NAME, tracker_params.config(values).values)
     assert run("asterix_bridge", [str(bag), "--plots", "--out", str(out)]) == 0
@@ -446,17 +441,18 @@ def test_tracks_come_with_each_cloud_where_asked(with_estimates, tmp_path):
 
 def test_tracks_of_a_recording_that_begins_again_are_written_too(with_estimates, tmp_path):
     topic = names.estimates("filtered")
-    entries = list(BagReader(with_estimates).messages([topic]))
-    clouds = [interfaces.decode(entry.data, names.CLOUD) for entry in entries]
+    clouds = messages(with_estimates, topic)
 
     def tracks(begins):
         bag, out = tmp_path / f"bag_{len(begins)}", tmp_path / f"{len(begins)}.ast"
         received_ns = itertools.count(10**18, 10**9)
-        with BagWriter(bag) as written:
-            written.add_topic(Topic(topic, names.CLOUD))
+
+        def restamped():
             for begin, (index, cloud) in itertools.product(begins, enumerate(clouds)):
                 cloud.header.stamp.sec = begin + index
-                written.write(topic, interfaces.encode(cloud), next(received_ns))
+                yield topic, cloud, next(received_ns)
+
+        write(bag, [topic], restamped())
         assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
         return [r for r in decoded(out.read_bytes()) if r["category"] == 62]
 
@@ -467,13 +463,10 @@ def test_tracks_of_a_recording_that_begins_again_are_written_too(with_estimates,
 def test_outputs_do_not_go_on_through_a_gap_of_the_estimates(with_estimates, tmp_path):
     bag, out = tmp_path / "gap", tmp_path / "tracks.ast"
     topic = names.estimates("filtered")
-    first = next(iter(BagReader(with_estimates).messages([topic])))
-    with BagWriter(bag) as written:
-        written.add_topic(Topic(topic, names.CLOUD))
-        for time_s in (1, 2_000_000_000):
-            cloud = interfaces.decode(first.data, names.CLOUD)
-            cloud.header.stamp.sec = time_s
-            written.write(topic, interfaces.encode(cloud), time_s * 10**9)
+    ends = messages(with_estimates, topic)[:2]
+    for cloud, time_s in zip(ends, (1, 2_000_000_000), strict=True):
+        cloud.header.stamp.sec = time_s
+    write(bag, [topic], [(topic, cloud, cloud.header.stamp.sec * 10**9) for cloud in ends])
     assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
     records = decoded(out.read_bytes())
     # Predicted for 10 s, then ended, and there again.
@@ -493,10 +486,8 @@ def test_bag_of_which_less_than_half_becomes_asterix_fails(tmp_path, capsys):
     """Estimates that are no such clouds, as of another program on the topic."""
     bag, out = tmp_path / "bag", tmp_path / "tracks.ast"
     topic = names.estimates("filtered")
-    with BagWriter(bag) as written:
-        written.add_topic(Topic(topic, names.CLOUD))
-        for k in range(3):
-            cloud = detections.to_msg(Detections(np.ones((1, 2)), np.ones(1)), 10**9 * k, "map")
-            written.write(topic, interfaces.encode(cloud), 10**9 * k)
+    stamps_ns = [10**9 * k for k in range(3)]
+    none = Detections(np.ones((1, 2)), np.ones(1))
+    write(bag, [topic], [(topic, detections.to_msg(none, ns, "map"), ns) for ns in stamps_ns])
     assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 3
     assert "0% of its clouds could be used; dropped: schema 3" in capsys.readouterr().err
