@@ -7,7 +7,7 @@ from phd_jdtc_ros.configuration import build, models, replaced, tracker_node
 from phd_jdtc_ros.configuration.schema import ConfigError, check
 from phd_jdtc_ros.core.attributes.height import HeightModel
 from phd_jdtc_ros.handover import settings as hand_over
-from phd_jdtc_ros.nodes.tracker import inputs, live
+from phd_jdtc_ros.nodes.tracker import input_health, live
 from phd_jdtc_ros.nodes.tracker import outputs as live_outputs
 from phd_jdtc_ros.parameter_files import evaluator, sensor_replay
 
@@ -92,7 +92,7 @@ def test_changes_of_a_running_tracker_are_refused_alike():
         ("range_rate_span", models.RANGE_RATE_SPAN),
         ("checkpoint.max_age_s", live.CHECKPOINT_MAX_AGE_S),
         ("path_length", live_outputs.PATH_LENGTH),
-        ("silent_after_scans", inputs.SILENT_AFTER_SCANS),
+        ("silent_after_scans", input_health.SILENT_AFTER_SCANS),
         ("step_time_limit", live.STEP_TIME_LIMIT),
         ("max_prediction_s", bridge.MAX_PREDICTION_S),
         ("smoothed_wait_s", hand_over.SMOOTHED_WAIT_S),
