@@ -6,6 +6,7 @@ import heapq
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -65,7 +66,7 @@ class BagReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file = _mcap_file(path)
-        with self._guard(), self._file.open("rb") as stream:
+        with _guard(self._file), self._file.open("rb") as stream:
             self._index = mcap_index.index(stream)
         self.start_ns, self.end_ns = self._index.start_ns, self._index.end_ns
         self.types: dict[str, str] = {}
@@ -127,7 +128,7 @@ class BagReader:
         lost: list[str] = []
         read: Counter[int] = Counter()
         waiting = 0
-        with self._guard(), self._file.open("rb") as stream:
+        with _guard(self._file), self._file.open("rb") as stream:
             # The queue holds pieces, ordered by their earliest message, and messages, ordered by
             # time.
             queue: list[tuple[int, int, int, Any]] = [
@@ -195,33 +196,27 @@ class BagReader:
         channel = self._index.channels[message.channel_id]
         return channel.topic in self.types if topics is None else channel.topic in topics
 
-    def _guard(self) -> _CorruptionGuard:
-        return _CorruptionGuard(self._file)
 
-
-class _CorruptionGuard:
-    """Converts every exception of the MCAP reader on damaged bytes to one `BagError`.
+@contextmanager
+def _guard(path: Path) -> Iterator[None]:
+    """Convert every exception of the MCAP reader on damaged bytes to one `BagError`.
 
     There are many types, among them struct, zlib, Unicode and key errors.
     """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: type | None, error: BaseException | None, _: object) -> None:
+    try:
+        yield
+    except BagError:
+        raise
+    except Exception as error:
         if isinstance(error, OSError) and error.errno is not None:
-            raise BagError(f"{self._path}: cannot be read: {error.strerror}") from error
-        if isinstance(error, Exception) and not isinstance(error, BagError):
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise BagError(f"{self._path}: is damaged: {reason}", corrupt=True) from error
+            raise BagError(f"{path}: cannot be read: {error.strerror}") from error
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise BagError(f"{path}: is damaged: {reason}", corrupt=True) from error
 
 
 def _mcap_file(path: Path) -> Path:
     """Return the MCAP file of a bag."""
-    with _CorruptionGuard(path):
+    with _guard(path):
         is_file, is_directory = path.is_file(), path.is_dir()
     if is_file:
         if path.suffix != ".mcap":
@@ -240,5 +235,5 @@ def _mcap_file(path: Path) -> Path:
 
 
 def _foreign_fault(path: Path) -> str:
-    with _CorruptionGuard(path):
+    with _guard(path):
         return foreign.file_fault(path)
