@@ -254,10 +254,15 @@ def test_replay_waits_for_its_subscribers(processes, peer):
     assert peer.spin_until(lambda: process.poll() is not None and late.scans == 80)
 
 
-def test_replay_in_lock_step_publishes_a_stamp_once_the_estimate_came_back(processes, peer):
+@pytest.mark.parametrize("tracker", [names.TRACKER, "/west/tracker"])
+def test_replay_in_lock_step_publishes_a_stamp_once_the_estimate_came_back(
+    processes, peer, tracker
+):
     listener = Listener(peer)
-    estimates = peer.publisher(PointCloud2, names.estimates("filtered"))
-    processes.start("sensor_replay", BAG, "--rate", "0", *QUIET)
+    topic = names.estimates("filtered", tracker)
+    estimates = peer.publisher(PointCloud2, topic)
+    remapped = ("-r", f"{names.estimates('filtered')}:={topic}")
+    processes.start("sensor_replay", BAG, "--rate", "0", *QUIET, *remapped)
     assert peer.spin_until(lambda: listener.scans == 1)
     peer.ticks(10)
     assert listener.scans == 1
