@@ -32,7 +32,6 @@ SCENARIO = (
 )
 # Help of arguments that name a bag.
 BAG = "rosbag2 directory, MCAP file, or the name of a shipped bag"
-LEAST_SECONDS = 1.0
 
 
 def guarded(name: str, work: Callable[[], int]) -> int:
@@ -124,7 +123,7 @@ def add_proposal_arguments(parser: argparse.ArgumentParser, files: str, seconds:
     parser.add_argument("--out", type=Path, help="parameter file to write; it must not exist")
     parser.add_argument(
         "--seconds",
-        type=at_least(LEAST_SECONDS, "s"),
+        type=at_least(1.0, "s"),
         default=seconds,
         help=f"how much of the recording is read, from its beginning ({seconds:g})",
     )

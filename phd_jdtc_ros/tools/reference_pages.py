@@ -180,7 +180,7 @@ def topics(page: str) -> str:
 _TOPICS = re.compile(
     r"( +)<topics (?:publish|subscribe)=\"ALLOW\">\n(.*?)(?= +</topics>)", re.DOTALL
 )
-# What a tracker publishes besides its outputs.
+# The tracker's topics other than its outputs.
 _OTHERS = ("/tracker/_instance", "/tracker/transition_event")
 
 
@@ -239,7 +239,7 @@ _DEFAULTS = """\
 
 
 def defaults() -> str:
-    """Return a parameter file of the tracker with all defaults, and what each of them is."""
+    """Return a parameter file of the tracker with all defaults and their descriptions."""
     lines, described, group = [_DEFAULTS.rstrip()], set(), ""
     for name, parameter in schema({}).items():
         prefix, _, last = name.rpartition(".")
@@ -266,7 +266,7 @@ LISTS = {
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write all pages into the given directory, that of the documentation."""
+    """Write all pages into the directory of the documentation."""
     (directory,) = map(Path, argv)
     for name, page in PAGES.items():
         (directory / name).write_text(page(), encoding="utf-8")

@@ -21,7 +21,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.registration.result import Registration
 from phd_jdtc_ros.calibration.registration.sensors import RegistrationError, sensor
-from phd_jdtc_ros.calibration.registration.solution import registered
+from phd_jdtc_ros.calibration.registration.solution import register
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.bias import RadarBias
@@ -146,7 +146,7 @@ def outcome_of(
         config, first = tracker_params.config({**given, **parameters}), found
         found, recorded = _found(source, config, reference or names[0], seconds)
         parameters = {**parameters, **_parameters(config, found)}
-        found = _joined(first, found)
+        found = _join(first, found)
     return Outcome(found, parameters, recorded.damage)
 
 
@@ -168,12 +168,12 @@ def _found(
                     "radars"
                 )
             sensors.append(sensor(plots, radar, bag.start_ns, bool(layout.pose.topic)))
-        return registered(sensors, reference), recorded
+        return register(sensors, reference), recorded
     except RegistrationError as error:
         raise BagError(f"{source}: {error}") from error
 
 
-def _joined(first: Registration, second: Registration) -> Registration:
+def _join(first: Registration, second: Registration) -> Registration:
     """Return the registration of a second reading, with the residuals before the first."""
     pairs = zip(second.radars, first.radars, strict=True)
     return replace(

@@ -49,7 +49,7 @@ class Judgement:
     hidden: tuple[int, ...]
 
 
-def judged(information: FloatArray, one_plot: FloatArray, reference: int) -> Judgement:
+def judge(information: FloatArray, one_plot: FloatArray, reference: int) -> Judgement:
     """Return the biases that can be estimated.
 
     Parameters
@@ -117,7 +117,7 @@ def require_common(sensors: Sequence[Sensor], targets: Sequence[Target]) -> None
     )
 
 
-def require_told(
+def require_observable(
     sensors: Sequence[Sensor], free: BoolArray, reference: int, rows: Sequences
 ) -> None:
     """Raise `RegistrationError` if no bias of a radar but the reference is observable."""

@@ -138,13 +138,13 @@ def _tracks(plots: Plots, timing: Timing, radar: RadarModel) -> Tracks:
         return Tracks((), 0.0)
     part = plots.until(LOOKS * timing.look_s)
 
-    def tried(some: Plots, speed: float) -> Tracks:
+    def link(some: Plots, speed: float) -> Tracks:
         guess = guess_of(some, timing, radar.range_std, radar.azimuth_std, speed)
         return link_plots(some, timing, guess, np.zeros(len(some)))
 
     usable = part if len(part) else plots
-    best = max(SPEEDS, key=lambda speed: tried(usable, speed).score)
-    return tried(plots, best)
+    best = max(SPEEDS, key=lambda speed: link(usable, speed).score)
+    return link(plots, best)
 
 
 class RegistrationError(ValueError):

@@ -73,7 +73,7 @@ def guessed(origin: Sequence[float]) -> bool:
     return tuple(origin) == NOWHERE
 
 
-def proposed(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
+def propose(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
     """Return a tracker's parameters for the radars that sent reports; None without any.
 
     Parameters
@@ -281,6 +281,6 @@ def _identities(found: Proposal, together: Sequence[RadarState]) -> None:
 
 
 def _part(found: Proposal, radar: str) -> None:
-    """Move a radar's parameters to those that are not used."""
+    """Set a radar's parameters apart, which are not used."""
     names = [name for name in found.values if name.startswith(f"{radar}.")]
     found.apart[radar] = {name: found.values.pop(name) for name in names}

@@ -157,7 +157,7 @@ def convert(
                     _write(bag, known, done, bridge, state, report)
     except RecordingError as error:
         raise BagError(f"{path}: {error}") from error
-    found = parameters.proposed([*done.stream.radars.values()], done.disorder_ns * 1e-9)
+    found = parameters.propose([*done.stream.radars.values()], done.disorder_ns * 1e-9)
     if found is not None:
         parameters.measure(found, out)
         head = (

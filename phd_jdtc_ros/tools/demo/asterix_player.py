@@ -108,7 +108,7 @@ class AsterixPlayer(RunnableNode):
 
     def _play(self, steps: Iterator[pace.Step]) -> Iterator[None]:
         """Play the recording; each `yield` waits for the next tick or answer."""
-        yield from self._wait(self._unconnected, START_S)
+        yield from self._wait(self._missing_node, START_S)
         connected_s = time.monotonic()
         while time.monotonic() - connected_s < SETTLE_S:
             yield
@@ -116,10 +116,10 @@ class AsterixPlayer(RunnableNode):
         for step in steps:
             # Plots may go ahead, because they belong to the next sector.
             if step.clouds:
-                yield from self._wait(partial(self._unanswered, scans))
+                yield from self._wait(partial(self._missing_answer, scans))
             self._send(step)
             scans += step.scans
-        yield from self._wait(self._undelivered)
+        yield from self._wait(self._missing_sectors)
         service, flushed = self._flush.srv_name, self._flush.call_async(Trigger.Request())
         silent = f"service {service} did not answer"
         yield from self._wait(lambda: "" if flushed.done() else silent)
@@ -142,7 +142,7 @@ class AsterixPlayer(RunnableNode):
                 raise PlayerError(reason)
             yield
 
-    def _unconnected(self) -> str:
+    def _missing_node(self) -> str:
         connected = (
             self._truth.get_subscription_count() >= TRUTH_SUBSCRIBERS
             and self.count_publishers(names.cardinality()) > 0
@@ -150,11 +150,11 @@ class AsterixPlayer(RunnableNode):
         )
         return "" if connected else "no tracker or no evaluator was found"
 
-    def _unanswered(self, scans: int) -> str:
+    def _missing_answer(self, scans: int) -> str:
         silent = f"no answer on {names.cardinality()} for {GIVE_UP_S:g} s"
         return "" if self._answers >= scans else silent
 
-    def _undelivered(self) -> str:
+    def _missing_sectors(self) -> str:
         received, sent = self._received.total(), self._expected.total()
         missing = f"the tracker has received only {received} of {sent} sectors"
         return "" if self._received == self._expected else missing

@@ -192,7 +192,7 @@ def main(argv: Sequence[str]) -> int:
         bag = resources.bag(given)
         if not bag.exists():
             raise BagError(f"{bag}: no such bag")
-        # With another bag, the profile's parameters are used with the bag's radars.
+        # The profile's parameters are combined with the radars of another bag.
         if arguments.profile and (given != shown or asterix.recording(bag) is None):
             arguments.assignments[:0] = _places(path, bag)
             arguments.params_file.insert(0, path)

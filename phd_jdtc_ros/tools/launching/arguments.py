@@ -80,10 +80,7 @@ def load(params_file: str, tracker: str) -> TrackerConfig:
 
 
 def outputs(params_file: str, tracker: str, frames: bool) -> list[str]:
-    """Return the tracker's ``outputs`` with or without the radars' frames, whatever its file says.
-
-    `load` must have accepted the file.
-    """
+    """Return the ``outputs`` in a file that `load` accepts, with or without the radars' frames."""
     given = sections.read(Path(params_file)).values(tracker) if params_file else {}
     others = given.get("outputs", tracker_node.Node().outputs)
     return [*(name for name in others if name != "frames"), *(["frames"] if frames else [])]
