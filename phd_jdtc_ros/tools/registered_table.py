@@ -10,7 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from phd_jdtc_ros.calibration.registration.filtering import KINDS
-from phd_jdtc_ros.calibration.registration.result import Found, Registration
+from phd_jdtc_ros.calibration.registration.result import RadarEstimate, Registration
 from phd_jdtc_ros.configuration.build import TrackerConfig
 
 # Of the tables, in characters: a line for each error.
@@ -53,7 +53,7 @@ class Row(NamedTuple):
     now: float
 
 
-def told(found: Found) -> tuple[str, ...]:
+def told(found: RadarEstimate) -> tuple[str, ...]:
     """Return the parameters of the errors of a radar that are told."""
     known = zip(PARAMETERS.values(), found.std, strict=True)
     return tuple(name for name, std in known if np.isfinite(std))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.types import Detections
 
 # More plots take longer and hardly sharpen the estimates.
@@ -79,6 +79,41 @@ class Plots:
             amplitude=None if self.amplitude is None else self.amplitude[rows],
             pose=self.pose[rows],
         )
+
+
+@dataclass(frozen=True)
+class PlotSequences:
+    """The plots of T tracks or targets by time, at most K each, padded with the last plot.
+
+    Parameters
+    ----------
+    valid : bool array of shape (K, T)
+        False for padding.
+    time_s : array of shape (K, T)
+        Ascending, seconds.
+    measurement : array of shape (K, T, 2)
+    pose : array of shape (K, T, 3)
+        Pose of the radar at each plot.
+    """
+
+    valid: BoolArray
+    time_s: FloatArray
+    measurement: FloatArray
+    pose: FloatArray
+
+
+def padded(rows: Sequence[IntArray]) -> tuple[IntArray, BoolArray]:
+    """Return T rows as columns, padded with their last entry, and the mask of valid entries.
+
+    Returns
+    -------
+    columns, valid : arrays of shape (K, T)
+    """
+    length = np.array([len(row) for row in rows])
+    step = np.arange(length.max())[:, None]
+    place = np.cumsum(length) - length + np.minimum(step, length - 1)
+    columns: IntArray = np.concatenate(rows)[place]
+    return columns, step < length
 
 
 def limit_plots(plots: Plots, most: int = MOST_PLOTS) -> Plots:

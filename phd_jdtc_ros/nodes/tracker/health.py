@@ -247,7 +247,7 @@ class InputHealth:
         values |= dict(sorted(self.doubts.items()))
         if self.turn_found_s:
             values["turn_found_ms"] = round(1e3 * self.turn_found_s)
-        if self.fit is not None and self.fit.seen:
+        if self.fit is not None and self.fit.innovations:
             ranges, azimuths = map(float, self.fit.axes)
             values |= {"range_innovation": ranges, "azimuth_innovation": azimuths}
         return diagnostics.status(

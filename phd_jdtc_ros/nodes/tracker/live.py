@@ -21,7 +21,7 @@ from msg_adapters import doubts, platform_poses
 from msg_adapters.outputs import SCAN, STEP, Done
 from msg_adapters.readers import Reader
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
-from phd_jdtc_ros.calibration.registration.monitor import Drift, RegistrationMonitor
+from phd_jdtc_ros.calibration.registration.monitor import MeanResidual, RegistrationMonitor
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.engine import Engine
@@ -302,11 +302,11 @@ class LiveTracker:
             *self._inputs.statuses(now),
             self._pace.status(name, STEP_TIME_LIMIT, self._inputs.lost(now), self._load.share(now)),
             self._served.status(name, now),
-            *(registration_health.status(drift, name) for drift in self._drifts()),
+            *(registration_health.status(found, name) for found in self._mean_residuals()),
         ]
 
-    def _drifts(self) -> list[Drift]:
-        return [] if self._monitor is None else self._monitor.drifts()
+    def _mean_residuals(self) -> list[MeanResidual]:
+        return [] if self._monitor is None else self._monitor.mean_residuals()
 
     def summary(self) -> str:
         """Return the numbers of received, lost and dropped clouds as text."""

@@ -40,8 +40,8 @@ class Corrected(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Sensor:
-    """A radar with its tracks.
+class TrackedRadar:
+    """The plots of a radar, linked to tracks.
 
     Parameters
     ----------
@@ -80,13 +80,11 @@ class Sensor:
         )
 
 
-def sensor(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> Sensor:
-    """Return a radar with its tracks.
+def tracked_radar(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> TrackedRadar:
+    """Link a radar's plots to tracks.
 
     Parameters
     ----------
-    plots : Plots
-    radar : RadarModel
     zero_ns : int
         Common reference of all times.
     moving : bool
@@ -123,12 +121,12 @@ def sensor(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> Senso
             f"{LEAST_PLOTS} plots in tracks: record longer, or check its range_std and "
             "azimuth_std_deg"
         )
-    standing = np.tile([*radar.position, radar.yaw], (len(plots), 1))
-    return Sensor(
+    stationary = np.tile([*radar.position, radar.yaw], (len(plots), 1))
+    return TrackedRadar(
         radar.name,
         plots.time_s + (plots.zero_ns - zero_ns) * 1e-9,
         plots.measurement,
-        plots.pose if moving else standing,
+        plots.pose if moving else stationary,
         radar.noise_std,
         timing.look_s,
         tracks.plots,
@@ -141,13 +139,13 @@ def _tracks(plots: Plots, timing: Timing, radar: RadarModel) -> Tracks:
         return Tracks((), 0.0)
     part = plots.until(LOOKS * timing.look_s)
 
-    def tried(some: Plots, speed: float) -> Tracks:
-        guess = guess_of(some, timing, radar.range_std, radar.azimuth_std, speed)
-        return link_plots(some, timing, guess, np.zeros(len(some)))
+    def link(some: Plots, speed: float) -> Tracks:
+        model = guess_of(some, timing, radar.range_std, radar.azimuth_std, speed)
+        return link_plots(some, timing, model, np.zeros(len(some)))
 
     usable = part if len(part) else plots
-    best = max(SPEEDS, key=lambda speed: tried(usable, speed).score)
-    return tried(plots, best)
+    best = max(SPEEDS, key=lambda speed: link(usable, speed).score)
+    return link(plots, best)
 
 
 class RegistrationError(ValueError):
