@@ -20,9 +20,10 @@ from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Detections
+from phd_jdtc_ros.simulation.plots import plot_times
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.sending import Sending
-from phd_jdtc_ros.simulation.turning_antenna import plot_times, plots_with_replies
+from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 
 # SAC of the radars; their SIC is their place, from 1.
 SAC = 1
