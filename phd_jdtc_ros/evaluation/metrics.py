@@ -117,7 +117,6 @@ class Gospa:
 
     Parameters
     ----------
-    distance : float
     localization : float
         Part of the assigned pairs, not divided by their number.
     missed, false : int

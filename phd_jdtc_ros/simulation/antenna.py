@@ -24,7 +24,6 @@ class Antenna:
     bearing : float
         Direction at scan 0: radians from the sensor's y axis in the sense of rotation, from 0 to
         2 pi. A turn, and its first sector, begins at the y axis.
-    clockwise : bool
     wobble : float
         Largest relative deviation from the mean rotation rate, as by wind; below 1.
     wobble_period_s : float

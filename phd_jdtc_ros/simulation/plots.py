@@ -93,7 +93,6 @@ def _plot_turns(
 
     Parameters
     ----------
-    antenna : Antenna
     turns : array of shape (N,)
         Turns at which the antenna points at the true azimuths.
     exact, found : arrays of shape (N, 2)

@@ -102,7 +102,6 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         see `gaps`, and ``mirrors`` surfaces that reflect replies, see `mirrors`. ``parameters`` (of
         the tracker and the radars), ``sites`` and ``sending`` (timing of messages) are ignored
         here.
-    radars : tuple of RadarModel
 
     Raises
     ------

@@ -82,10 +82,8 @@ class Transponders:
 
     Parameters
     ----------
-    share, reply_probability, mode_s_share, code_garbled, height_garbled, address_garbled : float
     shared_code_share : float
         See `TRANSPONDERS`.
-    seed : int
     """
 
     share: float = 1.0
@@ -102,8 +100,6 @@ class Transponders:
 
         Parameters
         ----------
-        number : int
-        flight : Flight
         duration_s : float
             Length of the run, seconds.
         """
@@ -148,8 +144,6 @@ class Transponders:
             The number of each detection's target; 0 for clutter, which does not reply.
         time_s : array of shape (M,)
             Seconds after scan 0.
-        cards : mapping of number to Card
-        rng : numpy.random.Generator
         """
         count = len(found)
         code, address = np.full(count, UNKNOWN), np.full(count, UNKNOWN)

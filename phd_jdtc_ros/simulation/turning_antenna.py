@@ -45,7 +45,6 @@ class SimulatedReport(NamedTuple):
         Index in the scenario.
     stamp_ns : int
         End of the turn or of the sector.
-    detections : Detections
     source : int array of shape (M,)
         The track_id of each detection's target; 0 for clutter.
     """
@@ -63,11 +62,9 @@ def simulate_reports(
 
     Parameters
     ----------
-    scenario : Scenario
     inputs : sequence of RadarInput
         One per radar: number of sectors per turn, and whether its messages have times and
         amplitudes. Detections have only the fields of the messages.
-    seed : int
     """
     reports = []
     for index, (radar, layout) in enumerate(zip(scenario.radars, inputs, strict=True)):
@@ -206,7 +203,6 @@ def _with_decoded_ranges(found: Detections, true: FloatArray, layout: RadarInput
         Detections with the ground ranges of their true heights.
     true : array of shape (M,)
         True heights, metres; NaN for clutter.
-    layout : RadarInput
     """
     if layout.site is not None or found.height is None:
         return found
@@ -222,7 +218,6 @@ def to_plane(found: Detections, layout: RadarInput) -> Detections:
     found : Detections
         Slant ranges and azimuths from true east, if the radar has a site; other detections are
         returned unchanged.
-    layout : RadarInput
     """
     if layout.site is None:
         return found

@@ -32,7 +32,6 @@ class RadarEstimate:
 
     Parameters
     ----------
-    name : str
     bias : RadarBias
         Zero for unobservable biases.
     std : array of shape (4,)
@@ -40,7 +39,6 @@ class RadarEstimate:
     tracks, plots : int
         Number of common tracks with its plots, and number of these plots. A target that is lost and
         found again is another track.
-    residuals : Residuals
     """
 
     name: str

@@ -112,7 +112,7 @@ def tracked_radar(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -
         raise RegistrationError(
             f"{radar.name}: all clouds have the same stamp; stamps must increase"
         )
-    timing = Timing(interval_s, 0.0, radar.rotation_s)
+    timing = Timing(interval_s, radar.rotation_s)
     tracks = _tracks(plots, timing, radar)
     if len(tracks.claimed) < LEAST_PLOTS:
         raise RegistrationError(

@@ -55,8 +55,6 @@ class Echoes:
         ----------
         state : array of shape (N, D)
             States of the detected targets.
-        space : StateSpace
-        rng : numpy.random.Generator
 
         Returns
         -------

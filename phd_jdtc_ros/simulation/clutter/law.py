@@ -66,12 +66,7 @@ class RayleighClutter:
 
 @dataclass(frozen=True)
 class LogNormalClutter:
-    """Clutter whose level in dB is Gaussian.
-
-    Parameters
-    ----------
-    median_db, std_db : float
-    """
+    """Clutter whose level in dB is Gaussian."""
 
     median_db: float
     std_db: float
@@ -85,12 +80,7 @@ class LogNormalClutter:
 
 @dataclass(frozen=True)
 class UniformClutter:
-    """Clutter whose level is uniform in dB.
-
-    Parameters
-    ----------
-    lowest_db, highest_db : float
-    """
+    """Clutter whose level is uniform in dB."""
 
     lowest_db: float
     highest_db: float

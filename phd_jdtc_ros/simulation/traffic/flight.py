@@ -21,7 +21,6 @@ class Leg:
 
     Parameters
     ----------
-    duration_s : float
     turn_rate : float
         Radians per second, counter-clockwise.
     acceleration : float
@@ -47,7 +46,6 @@ class Flight:
 
     Parameters
     ----------
-    class_id : int
     snr : float
         Mean signal-to-noise ratio, linear.
     start_s : float

@@ -60,10 +60,8 @@ def of_targets(
 
     Parameters
     ----------
-    document : mapping
     flights : sequence of Flight
         All targets, from number 1.
-    faults : list of str
     """
     if "gaps" not in document:
         return ()

@@ -38,7 +38,6 @@ class TargetScript:
 
     Parameters
     ----------
-    class_id : int
     snr : float
         Mean signal-to-noise ratio, linear.
     position : tuple of two floats

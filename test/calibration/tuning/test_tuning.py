@@ -180,7 +180,7 @@ def one_target(count=60, missed=(), clutter=0, seed=2):
 
 
 GUESS = LinkModel(20.0, 0.01, (0.01, 1.0), 20.0, 0.9, 1.0)
-SECONDS = Timing(2.0, 0.0)
+SECONDS = Timing(2.0)
 
 
 def test_one_target_is_one_track_through_misses():
