@@ -146,7 +146,7 @@ def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
     assert (values["range_innovation"], values["azimuth_innovation"]) == ("40.0", "1.5")
     health.fit = Fit("north", 99, 0.04, 0.09, np.array([0.3, 0.3]), noise_too_large=True)
     assert status(health).message.startswith("innovations are 5 times smaller than")
-    health.fit = health.fit._replace(smaller=False)
+    health.fit = health.fit._replace(noise_too_large=False)
     assert status(health).level == OK
 
 

@@ -104,8 +104,7 @@ class Innovation(NamedTuple):
     def distance2(self) -> FloatArray:
         """Squared Mahalanobis distances, shape (...)."""
         scaled = np.einsum("...ij,...j->...i", self.inverse, self.value)
-        squared: FloatArray = (scaled * self.value).sum(axis=-1)
-        return squared
+        return np.asarray((scaled * self.value).sum(axis=-1))
 
     @property
     def gain(self) -> FloatArray:
@@ -122,13 +121,7 @@ def innovation(
 ) -> Innovation:
     """Return the innovations of plots, linearised at the predicted means.
 
-    Parameters
-    ----------
-    mean, covariance : arrays of shapes (..., 4) and (..., 4, 4)
-    measured : array of shape (..., 2)
-    pose : array of shape (..., 3)
-    variance : array of shape (..., 2)
-        Variances of range and azimuth, square metres and square radians.
+    `variance`, shape (..., 2), has the variances of range and azimuth, m^2 and rad^2.
     """
     expected, jacobian = linearise(mean[..., :2], pose)
     return innovation_of(residual(measured, expected), covariance, jacobian, variance)

@@ -124,7 +124,7 @@ def _max_range(found: Findings, limit: float | None) -> Row:
 
 def _clutter(found: Findings, now: Now, max_range: Any) -> Iterator[Row]:
     rate, given = found.clutter, now("clutter_rate")
-    source = f"{rate.count} plots outside tracks"
+    source = f"{rate.count} untracked plots"
     value = rounded(rate.value, rate.std)
     # A learned clutter rate stays learned.
     yield Row("clutter_rate", value, source, given, rate.std, given != AUTO)
@@ -147,7 +147,7 @@ def _detection(found: Findings, now: Now, by_band: bool) -> Row:
         given = f"table, {np.mean(shares):.3g}"
     elif by_band:
         given = "from SNR bands"
-    return Row(name, value, f"{rate.count} opportunities", given, rate.std, proposed)
+    return Row(name, value, f"{rate.count} looks", given, rate.std, proposed)
 
 
 def _amplitudes(found: Findings, now: Now) -> Iterator[Row]:
@@ -164,7 +164,7 @@ def _amplitudes(found: Findings, now: Now) -> Iterator[Row]:
         noise = 1.0 / NOISE_FACTOR <= levels.excess <= NOISE_FACTOR
         law, name = "rayleigh" if noise else "learned", "clutter_amplitude"
         # A configured clutter law stays if the recording shows only noise.
-        source = f"{levels.clutter} plots outside tracks"
+        source = f"{levels.clutter} untracked plots"
         yield Row(name, law, source, now(name), proposed=not noise)
     low, high = levels.target_db
     if math.isfinite(low):

@@ -29,16 +29,16 @@ def detection_probability(plots: Plots, timing: Timing, tracks: Tracks) -> Rate:
     -----
     The first and the last plot do not count: a track exists only between them.
     """
-    opportunities = hits = 0
+    looks = hits = 0
     for own in tracks.plots:
         first, last = own[0], own[-1]
         elapsed = plots.time_s[last] - plots.time_s[first], plots.cloud[last] - plots.cloud[first]
         between = max(int(np.round(timing.looks(*elapsed))) - 1, 0)
-        opportunities += between
+        looks += between
         hits += min(len(own) - 2, between)
     # Laplace's rule: one hit and one miss are added.
-    value = (hits + 1.0) / (opportunities + 2.0)
-    return Rate(value, float(np.sqrt(value * (1.0 - value) / (opportunities + 3.0))), opportunities)
+    value = (hits + 1.0) / (looks + 2.0)
+    return Rate(value, float(np.sqrt(value * (1.0 - value) / (looks + 3.0))), looks)
 
 
 def looks_of(plots: Plots, timing: Timing) -> float:

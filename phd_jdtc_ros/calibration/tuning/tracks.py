@@ -179,8 +179,7 @@ class _Linker:
         self._end(float(self._plots.time_s[batch].min()), float(self._plots.cloud[batch].min()))
         confirmed = self._tracks.hits >= LEAST_HITS
         for rows in (np.flatnonzero(confirmed), np.flatnonzero(~confirmed)):
-            assigned = self._assign(rows, batch)
-            batch = np.setdiff1d(batch, assigned[self._hits_of(assigned) >= OWNING_HITS])
+            batch = np.setdiff1d(batch, self._assign(rows, batch))
         self._tracks = self._tracks.append(self._new(batch))
 
     def finish(self) -> Tracks:
@@ -197,15 +196,6 @@ class _Linker:
                 total += score
         return Tracks(tuple(accepted), total)
 
-    def _hits_of(self, assigned: IntArray) -> IntArray:
-        """Return, for each of some plots, the number of plots of the track that took it."""
-        hits = dict.fromkeys(assigned.tolist(), 0)
-        for number, count in zip(self._tracks.number, self._tracks.hits, strict=True):
-            last = self._plots_of[number][-1]
-            if last in hits:
-                hits[last] = max(hits[last], int(count))
-        return np.array([hits[plot] for plot in assigned.tolist()], dtype=np.int64)
-
     def _end(self, now_s: float, cloud: float) -> None:
         """End the tracks with too many consecutive misses before a time and a cloud."""
         tracks = self._tracks
@@ -218,7 +208,10 @@ class _Linker:
         self._tracks = tracks.take(np.flatnonzero(~ended))
 
     def _assign(self, rows: IntArray, batch: IntArray) -> IntArray:
-        """Update tracks with the assignment of the largest total score; return its plots."""
+        """Update tracks with the assignment of the largest total score.
+
+        Return the plots of the tracks that have at least `OWNING_HITS` plots with them.
+        """
         row, plot = self._candidates(rows, batch)
         if not len(row):
             return plot
@@ -248,7 +241,7 @@ class _Linker:
         tracks.hits[row] += 1
         for number, index in zip(tracks.number[row], plot.tolist(), strict=True):
             self._plots_of[number].append(index)
-        return plot
+        return plot[tracks.hits[row] >= OWNING_HITS]
 
     def _candidates(self, rows: IntArray, batch: IntArray) -> tuple[IntArray, IntArray]:
         """Return the pairs (row, plot) that may be within the gate, by a coarse upper bound."""
