@@ -18,8 +18,8 @@ from .sets import Sets
 
 
 @dataclass(frozen=True)
-class Plot:
-    """One radar's detections at one stamp, in the world frame.
+class RadarPlots:
+    """The detections of one radar at one stamp, in the world frame.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Record:
     ----------
     truth : tuple of Truth
         Empty if the truth is unknown.
-    plots : tuple of Plot
+    plots : tuple of RadarPlots
     filtered, smoothed : tuple of Estimates
         Empty if not recorded.
     classes : int
@@ -81,7 +81,7 @@ class Record:
     """
 
     truth: tuple[Truth, ...]
-    plots: tuple[Plot, ...]
+    plots: tuple[RadarPlots, ...]
     filtered: tuple[Estimates, ...]
     smoothed: tuple[Estimates, ...]
     classes: int
