@@ -137,7 +137,8 @@ def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
     sizes = [len(found) for _, found in ordered]
     cloud = np.repeat(np.arange(len(ordered)), sizes)
     timed = any(
-        found.time_s is not None and np.ptp(found.time_s) > 0.0 for _, found in _full(ordered)
+        len(found) and found.time_s is not None and np.ptp(found.time_s) > 0.0
+        for _, found in ordered
     )
     offset = np.concatenate(
         [np.zeros(len(found)) if found.time_s is None else found.time_s for _, found in ordered]
@@ -162,10 +163,6 @@ def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
         pose=np.concatenate([_poses(found) for _, found in ordered])[order],
         timed=timed,
     )
-
-
-def _full(reports: Sequence[tuple[int, Detections]]) -> list[tuple[int, Detections]]:
-    return [(stamp_ns, found) for stamp_ns, found in reports if len(found)]
 
 
 def _poses(found: Detections) -> FloatArray:
