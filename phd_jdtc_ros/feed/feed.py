@@ -48,7 +48,7 @@ class Notices(Protocol):
 class Monitor(Protocol):
     """Watches the scans that are stepped."""
 
-    def stepped(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
+    def add_scan(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
         """Take a scan and its filtered estimates."""
 
     def forget_tracks(self) -> None:
@@ -135,7 +135,7 @@ class Feed:
                 if isinstance(event, RunEnded):
                     monitor.forget_tracks()
                 else:
-                    monitor.stepped(event.scan, event.step.filtered)
+                    monitor.add_scan(event.scan, event.step.filtered)
             yield event
         for radar in range(self._radars):
             self._notices.lost_later(radar, self.pipeline.take_drops(radar))

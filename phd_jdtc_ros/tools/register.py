@@ -20,8 +20,8 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.registration.result import Registration
-from phd_jdtc_ros.calibration.registration.sensors import RegistrationError, sensor
 from phd_jdtc_ros.calibration.registration.solution import register
+from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError, tracked_radar
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.bias import RadarBias
@@ -167,7 +167,7 @@ def _found(
                     f"{f' (dropped: {said})' if said else ''}; must have some, or be left out of "
                     "radars"
                 )
-            sensors.append(sensor(plots, radar, bag.start_ns, bool(layout.pose.topic)))
+            sensors.append(tracked_radar(plots, radar, bag.start_ns, bool(layout.pose.topic)))
         return register(sensors, reference), recorded
     except RegistrationError as error:
         raise BagError(f"{source}: {error}") from error

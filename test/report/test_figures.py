@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.report.clock import Clock
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.pictures.figures import write_all
-from phd_jdtc_ros.report.record import Plot, Record
+from phd_jdtc_ros.report.record import RadarPlots, Record
 
 SCORED = {"number_error", "ospa", "ospa_parts"}
 EVERYTHING = {"scenario", "measurements", "trajectories"} | SCORED
@@ -68,7 +68,7 @@ def test_write_all_skips_measurements_without_plots(tmp_path):
 
 
 def test_write_all_skips_measurements_when_every_scan_is_empty(tmp_path):
-    nothing = Plot(START_NS, "radar_1", np.zeros((0, 2)), np.zeros(0))
+    nothing = RadarPlots(START_NS, "radar_1", np.zeros((0, 2)), np.zeros(0))
 
     assert "measurements" not in written(record_of(plots=(nothing,)), tmp_path)
 
@@ -101,7 +101,9 @@ def test_write_all_draws_a_single_scan(tmp_path):
 
 
 def test_write_all_draws_plots_of_unknown_amplitude(tmp_path):
-    unknown = Plot(START_NS, "radar_1", np.array([[0.0, 0.0], [1e3, 1e3]]), np.array([np.nan, 0.0]))
+    unknown = RadarPlots(
+        START_NS, "radar_1", np.array([[0.0, 0.0], [1e3, 1e3]]), np.array([np.nan, 0.0])
+    )
 
     assert "measurements" in written(record_of(plots=(unknown,)), tmp_path)
 

@@ -12,7 +12,7 @@ from records import SCANS, estimates_of, record_of, stamp_ns, truth_of
 from phd_jdtc_ros.core.types import UNKNOWN, Attributes
 from phd_jdtc_ros.report.page import charts
 from phd_jdtc_ros.report.page.html import write_report
-from phd_jdtc_ros.report.record import Plot
+from phd_jdtc_ros.report.record import RadarPlots
 
 DUMPING = ("--virtual-time-budget=20000", "--enable-logging=stderr", "--dump-dom")
 PHONE = 390
@@ -265,7 +265,7 @@ def test_page_is_no_wider_than_a_phone(opened, tmp_path, record):
 @pytest.mark.parametrize("width", [PHONE, 1200])
 def test_the_shown_scan_is_summarised_in_one_line(opened, tmp_path, width):
     nothing = np.zeros((0, 2)), np.zeros(0)
-    plots = tuple(Plot(stamp_ns(k), "radar_1", *nothing) for k in range(1075))
+    plots = tuple(RadarPlots(stamp_ns(k), "radar_1", *nothing) for k in range(1075))
     record = record_of(1, plots=plots, truth=(), filtered=(), smoothed=())
     said = (
         "() => { show(1059);"

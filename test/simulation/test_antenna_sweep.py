@@ -12,9 +12,11 @@ from phd_jdtc_ros.core.sensors.visibility import within
 from phd_jdtc_ros.core.types import FULL_TURN
 from phd_jdtc_ros.simulation.antenna import Antenna
 from phd_jdtc_ros.simulation.looks import passes
-from phd_jdtc_ros.simulation.scenario import Scenario, TargetScript
+from phd_jdtc_ros.simulation.plots import plots_of
+from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
-from phd_jdtc_ros.simulation.turning_antenna import plots_of, simulate_reports
+from phd_jdtc_ros.simulation.traffic.target_script import TargetScript
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 ROTATION_S = 4.0
 # Precise, and nothing is missed.

@@ -37,7 +37,7 @@ from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.simulate import simulate
-from phd_jdtc_ros.simulation.turning_antenna import Report
+from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport
 
 LAG = 3
 WITHOUT_ROS = ("peers", "steps", "step_growth", "growth", "smoother", "paper_smoother")
@@ -172,7 +172,7 @@ def cost():
 def test_latency_is_from_the_time_of_a_detection_to_the_estimates_of_its_sector():
     found = [Detections(np.ones((n, 2)), None, -0.1 * np.arange(n)) for n in (2, 0, 1)]
     reports = [
-        Report(0, (1000 + k) * 10**9, each, np.zeros(len(each), dtype=np.int64))
+        SimulatedReport(0, (1000 + k) * 10**9, each, np.zeros(len(each), dtype=np.int64))
         for k, each in enumerate(found)
     ]
     replies = [Reply(estimate_s=7.02), Reply(estimate_s=8.5), Reply(estimate_s=9.03)]

@@ -17,7 +17,8 @@ class Residuals:
     time_s : array of shape (N,)
         Ascending only within a target, seconds.
     before, after : array of shape (N, 2)
-        Residuals with and without the biases; range and azimuth, metres and radians.
+        Residuals of the plots as reported, and after removal of the estimated biases; range and
+        azimuth, metres and radians.
     """
 
     time_s: FloatArray
@@ -26,7 +27,7 @@ class Residuals:
 
 
 @dataclass(frozen=True)
-class Found:
+class RadarEstimate:
     """The estimated biases of one radar.
 
     Parameters
@@ -66,7 +67,7 @@ class Registration:
         Spectral density of the targets' white acceleration, m^2/s^3.
     """
 
-    radars: tuple[Found, ...]
+    radars: tuple[RadarEstimate, ...]
     reference: str
     common: tuple[str, ...]
     hidden: dict[tuple[str, str], str]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.intake.antenna import SHORTEST_S, Antenna, AntennaTrack
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
 from phd_jdtc_ros.core.types import FULL_TURN
@@ -22,7 +22,7 @@ PLOTS, PERIOD_S = 12, 1.0
 MOST_PLOTS = 1000
 # Over a gap of more turns their number is ambiguous.
 MOST_TURNS = 3.0
-# If a turn differs from the mean by more than this share, the antenna changed its speed.
+# If a turn differs from the mean by more than this share, the antenna has changed its speed.
 SWITCHED = 0.1
 
 
@@ -35,9 +35,9 @@ class Timing:
     cloud_interval_s : float
         Median time between clouds, seconds.
     rotation_s : float
-        Time of one turn; 0 if no rotation is observable in the plots.
+        Rotation period; 0 if no rotation is observable in the plots.
     rotation_std_s : float
-        Standard error of the mean time of a turn, seconds.
+        Standard error of the mean rotation period, seconds.
     sectors : int
         Number of clouds per turn; 0 if a cloud is a whole turn.
     clockwise : bool
@@ -58,6 +58,10 @@ class Timing:
         """Time between two looks at a target, seconds."""
         return self.rotation_s or self.cloud_interval_s
 
+    def looks(self, seconds: FloatArray, clouds: FloatArray) -> FloatArray:
+        """Return the number of looks in times, given also in clouds; turns are not rounded."""
+        return seconds / self.rotation_s if self.rotation_s else clouds
+
 
 def timing(plots: Plots) -> Timing:
     """Return the times of a radar's looks.
@@ -73,7 +77,7 @@ def timing(plots: Plots) -> Timing:
         return still
     clouds = _by_cloud(plots)
     azimuth = plots.measurement[:, 1] + plots.pose[:, 2]
-    # Plots without times of their own are known to a cloud's sector only, which suffices for turns
+    # Plots without individual times are located only to a cloud's sector, which suffices for turns
     # of two clouds or more.
     turns = PlotTurns(max(SHORTEST_S, interval_s * (0.8 if plots.timed else 1.9)))
     if not plots.timed:
@@ -105,12 +109,12 @@ def _by_cloud(plots: Plots) -> list[IntArray]:
 
 
 class PlotTurns:
-    """Follows the antenna as the tracker does, and counts its turns for their mean.
+    """Follows the antenna as the tracker does, and estimates its mean rotation period.
 
     Parameters
     ----------
     shortest_s : float
-        Shortest time of a turn, seconds.
+        Shortest rotation period, seconds.
     """
 
     def __init__(self, shortest_s: float = SHORTEST_S) -> None:
@@ -123,7 +127,7 @@ class PlotTurns:
 
     @property
     def turn_s(self) -> float:
-        """Mean time of a turn, seconds; 0 if unknown."""
+        """Mean rotation period, seconds; 0 if unknown."""
         _, passed_s, turned, _ = self._counted
         if turned < FULL_TURN:
             return self._track.rotation_s
@@ -131,7 +135,7 @@ class PlotTurns:
 
     @property
     def turn_std_s(self) -> float:
-        """Standard error of `turn_s` by the scatter of the steps, seconds; infinite by too few."""
+        """Standard error of `turn_s` from the scatter of the steps, s; infinite below two steps."""
         count, passed_s, turned, squares = self._counted
         if count < 2:
             return math.inf

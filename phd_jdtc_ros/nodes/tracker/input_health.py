@@ -161,7 +161,7 @@ class InputHealth:
         }
         if self.turn_found_s:
             values["turn_found_ms"] = round(1e3 * self.turn_found_s)
-        if self.fit is not None and self.fit.seen:
+        if self.fit is not None and self.fit.innovations:
             ranges, azimuths = map(float, self.fit.axes)
             values |= {"range_innovation": ranges, "azimuth_innovation": azimuths}
         condition = self._condition(now_s, self.silent(checked_s), publishers)

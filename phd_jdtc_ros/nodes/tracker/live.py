@@ -266,10 +266,10 @@ class LiveTracker:
         for health, fit in zip(self.inputs.radars, self._innovations.fits(), strict=True):
             health.fit = fit
         lost, busy = self.inputs.lost_by_overload(now_s), self._load.share(now_s)
-        drifts = [] if self._monitor is None else self._monitor.drifts()
+        residuals = [] if self._monitor is None else self._monitor.mean_residuals()
         return [
             *self.inputs.statuses(now_s),
             self._pace.status(name, STEP_TIME_LIMIT, lost, busy),
             self._output_health.status(name, now_s),
-            *(registration_status(drift, name) for drift in drifts),
+            *(registration_status(found, name) for found in residuals),
         ]

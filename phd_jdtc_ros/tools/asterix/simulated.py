@@ -20,9 +20,10 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
+from phd_jdtc_ros.simulation.plots import plot_times
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.sending import Sending
-from phd_jdtc_ros.simulation.turning_antenna import plot_times, plots_with_replies
+from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 
 from .writing import OWN_SAC, column, plots_of
 

@@ -15,7 +15,7 @@ from phd_jdtc_ros.calibration.tuning.noise import Noise, fit_noise
 from phd_jdtc_ros.calibration.tuning.plots import Plots, limit_plots, plots_of
 from phd_jdtc_ros.calibration.tuning.rates import clutter_rate, detection_probability
 from phd_jdtc_ros.calibration.tuning.rotation import Timing, timing
-from phd_jdtc_ros.calibration.tuning.tracks import Guess, Tracks, link_plots
+from phd_jdtc_ros.calibration.tuning.tracks import LinkModel, Tracks, link_plots
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
@@ -179,7 +179,7 @@ def one_target(count=60, missed=(), clutter=0, seed=2):
     return plots_of(reports)
 
 
-GUESS = Guess(20.0, 0.01, (0.01, 1.0), 20.0, 0.9, 1.0)
+GUESS = LinkModel(20.0, 0.01, (0.01, 1.0), 20.0, 0.9, 1.0)
 SECONDS = Timing(2.0)
 
 
@@ -243,7 +243,7 @@ def test_likelihood_of_one_motion_is_that_of_a_kalman_filter():
     (found,) = noise._log_likelihood(sequences, calm, 20.0)
     first, second = plots.measurement
     mean, covariance = kinematics.initial_state(
-        first, np.zeros(3), np.array(20.0**2), np.array(0.01**2), 20.0
+        first, np.zeros(3), np.array([20.0**2, 0.01**2]), 20.0
     )
     mean, covariance = kinematics.predict(mean, covariance, np.array(2.0), np.array(0.0))
     expected, jacobian = kinematics.linearise(mean[:2], np.zeros(3))
@@ -251,7 +251,7 @@ def test_likelihood_of_one_motion_is_that_of_a_kalman_filter():
     error = second - expected
     exact = -0.5 * error @ np.linalg.solve(spread, error)
     exact -= 0.5 * np.log(np.linalg.det(2.0 * np.pi * spread))
-    assert found == pytest.approx(exact + np.log1p(-noise.WRONG), abs=1e-3)
+    assert found == pytest.approx(exact + np.log1p(-noise.OUTLIER_PROBABILITY), abs=1e-3)
 
 
 def test_amplitudes_separate_targets_from_clutter_if_there_are_some():
