@@ -187,8 +187,6 @@ def registration_status(found: MeanResidual, node: str) -> DiagnosticStatus:
     azimuths = f"azimuths {azimuth_deg:+.3g} degrees to the left (sigma {azimuth_sigma_deg:.2g})"
     shown = zip((ranges, azimuths), found.significant, strict=True)
     biased = [text for text, significant in shown if significant]
-        text for text, found in zip((ranges, azimuths), found.significant, strict=True) if found
-    ]
     condition = first(
         (OK, found.residuals < LEAST, few),
         (WARN, biased, f"off the tracks that other radars see too: {', '.join(biased)}; {ADVISED}"),
