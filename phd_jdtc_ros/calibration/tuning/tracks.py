@@ -253,10 +253,9 @@ class _Linker:
             row, plot, dt = row[fresh], plot[fresh], dt[fresh]
         expected = tracks.mean[row, :2] + dt[:, None] * tracks.mean[row, 2:]
         distance2 = ((self._position[plot] - expected) ** 2).sum(axis=1)
-        covariance = tracks.covariance[row]
-        trace = covariance[:, 0, 0] + covariance[:, 1, 1]
-        trace += dt**2 * (covariance[:, 2, 2] + covariance[:, 3, 3])
-        trace *= 2.0
+        variance = np.diagonal(tracks.covariance, axis1=1, axis2=2)
+        place, speed = variance[:, :2].sum(axis=1), variance[:, 2:].sum(axis=1)
+        trace = 2.0 * (place[row] + dt**2 * speed[row])
         trace += model.densities[1] * dt**3 + model.range_std**2
         # The azimuth's standard deviation in metres, at the plot's range.
         trace += (plots.measurement[plot, 0] * model.azimuth_std) ** 2
