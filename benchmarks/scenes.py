@@ -113,7 +113,7 @@ def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenari
 def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> ParticleSet:
     """Return the set of a filter that tracks all targets, one interval before the scene begins.
 
-    Every target has its own origin, and ``particles_per_target`` rows with a total mass of one,
+    Every target has its own row_label, and ``particles_per_target`` rows with a total mass of one,
     about half of them in each motion of its class.
     """
     before: Truth = truth_at(scene, 0)
@@ -131,8 +131,8 @@ def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> 
     return ParticleSet(
         state=state,
         mode=mode,
-        # Negative, because the origins of births count from 0.
-        origin=-1 - target,
+        # Below those of births, which are counted from 0.
+        row_label=-1 - target,
         parent=np.full(len(target), -1),
         multiplicity=np.ones(len(target), dtype=np.int64),
         poisson=np.full(len(target), 1.0 / count),

@@ -104,7 +104,7 @@ class InnovationMonitor:
     ) -> Iterator[FloatArray]:
         """Yield squared innovations relative to the expected ones, and by axis to the noise."""
         position = tracks.position + since_s * tracks.velocity
-        passed = radar.missable(radar.linearise(position)[0], found.coverage) > 0.5
+        passed = radar.coverage_probability(radar.linearise(position)[0], found.coverage) > 0.5
         row, column = _pairs(position, radar.to_world(found.measurement), passed)
         own = found.time_s
         after_s = since_s + (np.zeros(len(found)) if own is None else own)[column]
@@ -114,7 +114,7 @@ class InnovationMonitor:
         )
         innovation = found.measurement[column] - expected
         innovation[:, 1] = wrap_angle(innovation[:, 1])
-        noise = radar.deviations(found)[column]
+        noise = radar.noise_std_of(found)[column]
         variance = np.broadcast_to(noise**2, innovation.shape)
         predicted = slope @ self._predicted(tracks, row, after_s) @ slope.swapaxes(-1, -2)
         innovation_covariance = predicted + variance[:, :, None] * np.eye(2)

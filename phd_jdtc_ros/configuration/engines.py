@@ -9,7 +9,7 @@ from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
 from phd_jdtc_ros.core.gaussian.filter import GaussianFilter
 from phd_jdtc_ros.core.intake.input_checks import ResultWatch
-from phd_jdtc_ros.core.intake.out_of_sequence import LATE_REPORTS
+from phd_jdtc_ros.core.intake.out_of_sequence import POLICIES
 from phd_jdtc_ros.core.intake.turn_history import TurnHistory
 from phd_jdtc_ros.core.pipeline import EVERYWHERE, Pipeline, start_cold
 from phd_jdtc_ros.core.smc.correction import CORRECTORS
@@ -96,7 +96,7 @@ def new_pipeline(
         config.watches(),
         ResultWatch(config.model.modes.interval_s),
         platforms,
-        LATE_REPORTS[config.late_reports](engine, len(turns)),
+        POLICIES[config.late_reports](engine, len(turns)),
         histories,
         config.region or EVERYWHERE,
         (config.model, config.rule),

@@ -31,6 +31,7 @@ against bounds that are declared with their fields. `backend` selects the inner 
 The packages import downwards only, see the contracts in ``pyproject.toml``::
 
     pipeline
+    events
     gaussian, smc
     window
     intake

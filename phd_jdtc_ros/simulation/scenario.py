@@ -11,7 +11,7 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.types import UNKNOWN, Detections, Pose, Truth
@@ -55,7 +55,7 @@ class Scenario:
         A ship with radars, whose positions and directions are in its frame.
     transponders : Transponders or None
         Targets' transponders; None for none.
-    biases : tuple of RadarBias
+    biases : tuple of SensorBias
         The biases of each radar; empty for none. Only for turning radars.
     gaps : tuple of Gap
         Times in which targets are out of sight of turning radars.
@@ -75,7 +75,7 @@ class Scenario:
     reflectors: tuple[Reflectors, ...] = ()
     platform: MovingPlatform | None = None
     transponders: Transponders | None = None
-    biases: tuple[RadarBias, ...] = ()
+    biases: tuple[SensorBias, ...] = ()
     gaps: tuple[Gap, ...] = ()
     mirrors: tuple[Mirror, ...] = ()
 
@@ -102,7 +102,7 @@ class Scenario:
         """Return the clutter law and the echoes of the radar with this index."""
         return self.law(radar), self.echoes[radar] if self.echoes else None
 
-    def bias(self, radar: int) -> RadarBias:
+    def bias(self, radar: int) -> SensorBias:
         """Return the biases of a radar, by the radar's index."""
         return self.biases[radar] if self.biases else NO_BIAS
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Parameter
-from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 from .antenna import Antenna, usual_antenna
@@ -211,13 +211,13 @@ def _antennas(
 
 def _biases(
     document: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
-) -> tuple[RadarBias, ...]:
+) -> tuple[SensorBias, ...]:
     """Return every radar's biases; empty if none are given; add faults to `faults`."""
     every = values_by_radar(BIAS, document, "biases", radars, faults)
     biases = tuple(
         NO_BIAS
         if values is None
-        else RadarBias(
+        else SensorBias(
             values["range_bias"],
             values["range_gain"],
             -math.radians(values["azimuth_bias_deg"]),

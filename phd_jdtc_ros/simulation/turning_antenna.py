@@ -24,7 +24,7 @@ import numpy as np
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
-from phd_jdtc_ros.core.sensors.slant_range import HeightReading, over_ground
+from phd_jdtc_ros.core.sensors.slant_range import HeightProjection, over_ground
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 
 from .antenna import Antenna
@@ -206,7 +206,7 @@ def _with_decoded_ranges(found: Detections, true: FloatArray, layout: RadarInput
     """
     if layout.site is not None or found.height is None:
         return found
-    reading = HeightReading(layout.height)
+    reading = HeightProjection(layout.height)
     return replace(found, measurement=reading.at(found.measurement, true, found.height))
 
 

@@ -24,7 +24,7 @@ from phd_jdtc_ros.calibration.registration.solution import register
 from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError, tracked_radar
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
@@ -185,7 +185,7 @@ def _parameters(config: TrackerConfig, found: Registration) -> dict[str, list[fl
     """Return the corrections of radars with observable biases, with those that are set already."""
     parameters: dict[str, list[float]] = {}
     for layout, each in zip(config.inputs, found.radars, strict=True):
-        bias: RadarBias = layout.bias.followed_by(each.bias)
+        bias: SensorBias = layout.bias.followed_by(each.bias)
         for name, biases in layout.bias_parameters(bias).items():
             chosen = registered_table.corrections(each, biases, config.values[name])
             if chosen is not None:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phd_jdtc_ros.core.sensors.visibility import within
+from phd_jdtc_ros.core.sensors.visibility import sector_probability
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 START_NS = 1_700_000_000_000_000_000
@@ -89,7 +89,7 @@ def covered(pieces):
     """Return how often each azimuth of `GRID` is covered by pieces."""
     times = np.zeros(len(GRID))
     for _, piece in pieces:
-        times += 1.0 if piece.coverage is None else within(GRID, piece.coverage)
+        times += 1.0 if piece.coverage is None else sector_probability(GRID, piece.coverage)
     return times
 
 

@@ -119,7 +119,7 @@ def test_radar_in_trouble_is_a_warning_for_a_while(trouble):
     assert status(health, 100.0 + 1.1 * WARNING_MEMORY_S).level == OK
 
 
-def test_doubts_are_counted_and_a_warning_for_a_while():
+def test_anomalies_are_counted_and_a_warning_for_a_while():
     health = radar(60.0)
     health.warn(Counter(azimuths_beyond_a_turn=3), "3 azimuths, probably degrees")
     health.warn(Counter(azimuths_beyond_a_turn=4, time_missing=1), "4 azimuths")

@@ -21,13 +21,13 @@ from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.nodes.tracker.health import registration_status
 
 NODE = "/tracker"
 FEW = {"engine": "gaussian", "lag": 0}
 # Of the second radar; its noise is 300 m and 1 degree.
-ERROR = RadarBias(range_bias=1000.0)
+ERROR = SensorBias(range_bias=1000.0)
 USED = 45
 WORLD = dict.fromkeys("xy", point_cloud.FLOATS)
 

@@ -78,7 +78,7 @@ def test_weights_are_those_of_the_dense_form_within_the_gate(window, death_term,
 def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch, backend):
     exact = dense(window)
     good = smoothing.gate_error(window, exact, backend)
-    monkeypatch.setattr(backward_kernel, "GATE_SIGMA", 3.0)
+    monkeypatch.setattr(backward_kernel, "KERNEL_GATE_SIGMA", 3.0)
     bad = smoothing.gate_error(window, exact, backend)
 
     assert good["largest_relative"] < 1e-3

@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 
 from .tracked_radars import TrackedRadar
 
@@ -53,13 +53,13 @@ class _SampledTracks:
 
 
 def common_targets(
-    radars: Sequence[TrackedRadar], biases: Sequence[RadarBias], known: bool
+    radars: Sequence[TrackedRadar], biases: Sequence[SensorBias], known: bool
 ) -> list[Target]:
     """Return the targets that several radars have tracked.
 
     Parameters
     ----------
-    biases : sequence of RadarBias
+    biases : sequence of SensorBias
         Current estimate of each radar's biases.
     known : bool
         Whether the biases are estimated already, so that the tracks of a target are close.
@@ -91,7 +91,7 @@ def _times(radars: Sequence[TrackedRadar]) -> FloatArray:
     return np.linspace(begin, end, count)
 
 
-def _sample_tracks(radar: TrackedRadar, bias: RadarBias, times: FloatArray) -> _SampledTracks:
+def _sample_tracks(radar: TrackedRadar, bias: SensorBias, times: FloatArray) -> _SampledTracks:
     corrected = radar.corrected(bias)
     position = np.full((len(radar.tracks), len(times), 2), np.nan)
     plot_std, reach = np.zeros(len(radar.tracks)), np.zeros(len(radar.tracks))

@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from ..tuning import kinematics
 from .sequences import Sequences
 
-# The biases of one radar, in the order of a `RadarBias`, and the unit of each in the equations.
+# The biases of one radar, in the order of a `SensorBias`, and the unit of each in the equations.
 KINDS = ("range_bias", "range_gain", "azimuth", "time_offset_s")
 UNITS = np.array([100.0, 1e-3, 1e-3, 0.1])
 # Standard deviations of position and velocity before the first plot, m and m/s.

@@ -143,8 +143,7 @@ class RegistrationMonitor:
         expected, slope = radar.linearise(position)
         residual = detections.measurement - expected
         residual[..., 1] = wrap_angle(residual[..., 1])
-        noise = radar.detection_noise(detections)
-        variance = (radar.noise_std if noise is None else noise) ** 2
+        variance = radar.noise_std_of(detections) ** 2
         predicted = slope @ tracks.covariance[:, None] @ slope.swapaxes(-1, -2)
         limit = GATE * np.sqrt(np.diagonal(predicted, axis1=-2, axis2=-1) + variance)
         near = (np.abs(residual) < limit).all(axis=-1)

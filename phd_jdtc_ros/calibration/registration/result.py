@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,17 @@ class RadarEstimate:
 
     Parameters
     ----------
-    bias : RadarBias
+    bias : SensorBias
         Zero for unobservable biases.
     std : array of shape (4,)
-        Standard deviations in the order and units of a `RadarBias`; NaN for unobservable biases.
+        Standard deviations in the order and units of a `SensorBias`; NaN for unobservable biases.
     tracks, plots : int
         Number of common tracks with its plots, and number of these plots. A target that is lost and
         found again is another track.
     """
 
     name: str
-    bias: RadarBias
+    bias: SensorBias
     std: FloatArray
     tracks: int
     plots: int

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 
 from ..tuning.plots import PlotSequences, padded
 from .common import Target
@@ -38,7 +38,7 @@ class Sequences(PlotSequences):
 
 
 def sequences(
-    radars: Sequence[TrackedRadar], biases: Sequence[RadarBias], targets: Sequence[Target]
+    radars: Sequence[TrackedRadar], biases: Sequence[SensorBias], targets: Sequence[Target]
 ) -> Sequences:
     """Return the plots of common targets with known biases removed."""
     corrected = [each.corrected(bias) for each, bias in zip(radars, biases, strict=True)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 
 from ..tuning import kinematics
 from .common import Target, common_targets
@@ -55,7 +55,7 @@ class _Iteration:
     """
 
     targets: Sequence[Target]
-    biases: tuple[RadarBias, ...]
+    biases: tuple[SensorBias, ...]
     std: FloatArray
     observability: Observability
     density: float
@@ -79,7 +79,7 @@ def register(radars: Sequence[TrackedRadar], reference: str) -> Registration:
         If no bias of some radar is observable; the message has the reason.
     """
     index = [each.name for each in radars].index(reference)
-    biases: tuple[RadarBias, ...] = (NO_BIAS,) * len(radars)
+    biases: tuple[SensorBias, ...] = (NO_BIAS,) * len(radars)
     density = _first_density(radars)
     for number in range(ROUNDS):
         targets = common_targets(radars, biases, known=number > 0)
@@ -96,7 +96,7 @@ def register(radars: Sequence[TrackedRadar], reference: str) -> Registration:
 def _iterate(
     radars: Sequence[TrackedRadar],
     targets: Sequence[Target],
-    biases: Sequence[RadarBias],
+    biases: Sequence[SensorBias],
     density: float,
     reference: int,
 ) -> _Iteration:
@@ -121,11 +121,11 @@ def _iterate(
     return _Iteration(targets, tuple(biases), std, observability, density, rows, trajectories)
 
 
-def _add_correction(biases: Sequence[RadarBias], correction: FloatArray) -> list[RadarBias]:
+def _add_correction(biases: Sequence[SensorBias], correction: FloatArray) -> list[SensorBias]:
     """Return the biases after a correction in `UNITS`."""
     rest = correction.reshape(-1, len(KINDS)) * UNITS
     return [
-        bias.followed_by(RadarBias(*row.tolist())) for bias, row in zip(biases, rest, strict=True)
+        bias.followed_by(SensorBias(*row.tolist())) for bias, row in zip(biases, rest, strict=True)
     ]
 
 
@@ -204,13 +204,13 @@ def _best_density(
     return best
 
 
-def _change(before: Sequence[RadarBias], found: _Iteration) -> float:
+def _change(before: Sequence[SensorBias], found: _Iteration) -> float:
     """Return the largest change of a bias, in its standard deviations."""
     change = (_numbers(found.biases) - _numbers(before)) / UNITS
     return float(np.nanmax(np.abs(change.ravel() / found.std)))
 
 
-def _numbers(biases: Sequence[RadarBias]) -> FloatArray:
+def _numbers(biases: Sequence[SensorBias]) -> FloatArray:
     """Return the biases of radars, shape (R, 4)."""
     return np.array([[getattr(bias, kind) for kind in KINDS] for bias in biases])
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 from ..tuning.plots import Plots
@@ -66,7 +66,7 @@ class TrackedRadar:
     look_s: float
     tracks: tuple[IntArray, ...]
 
-    def corrected(self, bias: RadarBias) -> Corrected:
+    def corrected(self, bias: SensorBias) -> Corrected:
         """Return the plots with these biases removed."""
         distance = np.maximum(bias.true_range(self.measurement[:, 0]), 0.0)
         azimuth = wrap_angle(self.measurement[:, 1] - bias.azimuth)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.intake.antenna import SHORTEST_S, Antenna, AntennaTrack
+from phd_jdtc_ros.core.intake.antenna import MIN_PERIOD_S, Antenna, AntennaTrack
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
 from phd_jdtc_ros.core.types import FULL_TURN
 
@@ -79,7 +79,7 @@ def timing(plots: Plots) -> Timing:
     azimuth = plots.measurement[:, 1] + plots.pose[:, 2]
     # Plots without individual times are located only to a cloud's sector, which suffices for turns
     # of two clouds or more.
-    turns = PlotTurns(max(SHORTEST_S, interval_s * (0.8 if plots.timed else 1.9)))
+    turns = PlotTurns(max(MIN_PERIOD_S, interval_s * (0.8 if plots.timed else 1.9)))
     if not plots.timed:
         for rows in clouds:
             start, width = smallest_arc(azimuth[rows])
@@ -117,7 +117,7 @@ class PlotTurns:
         Shortest rotation period, seconds.
     """
 
-    def __init__(self, shortest_s: float = SHORTEST_S) -> None:
+    def __init__(self, shortest_s: float = MIN_PERIOD_S) -> None:
         self._shortest_s = shortest_s
         self._track = AntennaTrack(0.0)
         self._waiting: list[tuple[float, float]] = []
@@ -130,7 +130,7 @@ class PlotTurns:
         """Mean rotation period, seconds; 0 if unknown."""
         _, passed_s, turned, _ = self._counted
         if turned < FULL_TURN:
-            return self._track.rotation_s
+            return self._track.period_s
         return float(FULL_TURN * passed_s / turned)
 
     @property
@@ -178,7 +178,7 @@ class PlotTurns:
         self._before = None if line is None else (now_s, line)
         if line is None:
             return
-        if self.counted_s and abs(line.turn_s / self.turn_s - 1.0) > SWITCHED:
+        if self.counted_s and abs(line.period_s / self.turn_s - 1.0) > SWITCHED:
             self._counted = np.zeros(4)
         elif before is not None:
             self._count(now_s, line, *before)
@@ -186,7 +186,7 @@ class PlotTurns:
     def _count(self, now_s: float, line: Antenna, before_s: float, before: Antenna) -> None:
         """Count the angle turned since the last step."""
         passed_s = now_s - before_s
-        if not 0.0 < passed_s < MOST_TURNS * before.turn_s:
+        if not 0.0 < passed_s < MOST_TURNS * before.period_s:
             return
         due = before.rate * passed_s
         turned = line.azimuth_at(now_s) - before.azimuth_at(before_s)

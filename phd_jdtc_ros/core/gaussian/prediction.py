@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, sum_by
-from ..snapshot import MOST_STATE, floats
+from ..snapshot import MAX_STATE, floats
 from ..tracks import labels
 from .algebra.kalman import MOST_GAIN, Backward, backward, predicted_covariance
 from .algebra.moments import match_moments
@@ -63,7 +63,7 @@ class Moves:
     change: Annotated[FloatArray, floats("PK", 0.0, 1.0)]
     survival: Annotated[FloatArray, floats("PO", 0.0, 1.0)]
     cells: Annotated[FloatArray | None, floats("PSS", 0.0, 1.0)]
-    mean: Annotated[FloatArray, floats("PKD", -MOST_STATE, MOST_STATE)]
+    mean: Annotated[FloatArray, floats("PKD", -MAX_STATE, MAX_STATE)]
     precision: Annotated[FloatArray, floats("PKDD", -MOST_GAIN, MOST_GAIN)]
     log_determinant: Annotated[FloatArray, floats("PK", -MOST_LOG, MOST_LOG)]
     backward: Backward
@@ -132,7 +132,7 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     )
     share = _shares(change * before.mode_weight[:, of], dynamics)
     return (
-        Mixture(before.origin, weight, *match_moments(share, later_mean, later)),
+        Mixture(before.row_label, weight, *match_moments(share, later_mean, later)),
         Moves(
             pairs=(of, to),
             change=change,

@@ -169,7 +169,7 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     part = weight[child]
     part = np.where(part > 0.0, mixture.weight / np.where(part > 0.0, part, 1.0), 0.0)
     covariance, floored = kalman.floor_eigenvalues(covariance)
-    merged = Mixture(mixture.origin[first], weight, mean, covariance)
+    merged = Mixture(mixture.row_label[first], weight, mean, covariance)
     return *_by_mode(merged, Ancestry(child, ordered.parent, part), bounds), floored
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, sum_by
 from ..association.bernoulli import Claims, bernoulli
-from ..attributes.memory import Evidence
-from ..attributes.readings import Paired
-from ..attributes.uniqueness import Lost
+from ..attributes.evidence import Evidence
+from ..attributes.reprojection import Paired
+from ..attributes.uniqueness import OutOfGate
 from ..models.competing_sources import CompetingSources, competing_sources
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
@@ -26,7 +26,7 @@ from .measurement.newborn import newborn_mixture
 from .measurement.pairs import likely, pair_weights, sum_modes
 from .mixture import Mixture
 from .reduction import Bounds, Branched, probable
-from .strays import with_strays
+from .strays import with_reacquired
 
 
 @dataclass(frozen=True)
@@ -120,15 +120,15 @@ class PriorMixture:
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs; see `gating.gate_pairs`."""
-        return gate_pairs(self.mixture, self.expected, self.report.read_as(detections))
+        return gate_pairs(self.mixture, self.expected, self.report.project_as(detections))
 
-    def slower(self, bound: float) -> FloatArray:
+    def probability_slower(self, bound: float) -> FloatArray:
         """Return the probability that each hypothesis is slower than a bound in m/s, (H,)."""
         return slower(self.mixture, bound, self.steps.model.modes.space)
 
-    def with_strays(self, lost: Lost) -> PriorMixture:
-        """Return the prior with hypotheses of lost targets; see `strays.with_strays`."""
-        return replace(self, branched=with_strays(self.branched, lost, self.steps.model))
+    def with_reacquired(self, out_of_gate: OutOfGate) -> PriorMixture:
+        """Return the prior with hypotheses of lost targets; see `strays.with_reacquired`."""
+        return replace(self, branched=with_reacquired(self.branched, out_of_gate, self.steps.model))
 
     def posterior(
         self, pairs: Paired, evidence: Evidence | None, log_other: FloatArray
@@ -144,14 +144,14 @@ class PriorMixture:
         none. The weight of a hypothesis with z is its prior weight times its likelihood, times
         p(z) / psi(z).
         """
-        mixture, readings = self.mixture, self.report.read_as(pairs.readings)
+        mixture, readings = self.mixture, self.report.project_as(pairs.projected)
         coarse = self._coarse(pairs, readings)
         weight, sources = self._pair_weights(pairs, evidence, coarse, log_other)
         counted = likely(mixture, pairs.row, pairs.column, weight, self.missed, sources)
         pairs = pairs.take(counted)
         evidence = None if evidence is None else evidence.take(counted)
 
-        found = iterated_update(mixture, pairs.row, pairs.reading, readings)
+        found = iterated_update(mixture, pairs.row, pairs.projected_index, readings)
         located = found.log_likelihood.reshape(-1, mixture.mean.shape[1])
         weight, sources = self._pair_weights(pairs, evidence, located, log_other)
         prior = np.where(mixture.mass > 0.0, mixture.mass, 1.0)
@@ -171,8 +171,8 @@ class PriorMixture:
             rows=self._branch(source, weight, found),
             claims=claims,
             sources=sources,
-            claimed=shares.claimed,
-            pair=mass[len(mixture) :],
+            claimed_probability=shares.claimed,
+            pair_probability=mass[len(mixture) :],
             existence=sum_by(mixture.target[source], mass, len(mixture.label)),
             evidence=evidence,
             approximate=shares.approximate,
@@ -186,7 +186,7 @@ class PriorMixture:
         """Return the log likelihoods of pairs, linearised at the predicted means, (P, R)."""
         if (rates := readings.range_rates) is None:
             return pairs.log_likelihood
-        rough = coarse_rates(self.mixture, pairs.row, pairs.reading, rates, readings.sensor)
+        rough = coarse_rates(self.mixture, pairs.row, pairs.projected_index, rates, readings.sensor)
         return pairs.log_likelihood + rough
 
     def _pair_weights(
@@ -224,5 +224,5 @@ class PriorMixture:
         )
         mean[paired] = later[0].reshape(-1, modes, size)
         covariance[paired] = later[1].reshape(-1, modes, size, size)
-        updated = Mixture(mixture.origin[source], weight, mean, covariance)
+        updated = Mixture(mixture.row_label[source], weight, mean, covariance)
         return Branched(updated, self.branched.parent[source])

@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import diagnostics, doubts, names
+from msg_adapters import anomalies, diagnostics, names
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual
 
 from ..common.health import WARNING_MEMORY_S, Rhythm, Rises, first
@@ -138,7 +138,7 @@ class StepHealth:
             (WARN, lost, lost_text),
             (WARN, slow, f"too slow for the scan interval: {advice}"),
             (WARN, at_limit, busy_text),
-            (WARN, missing, doubts.no_targets(self.overdue)),
+            (WARN, missing, anomalies.no_targets(self.overdue)),
             (OK, True, "in time"),
         )
         values = {

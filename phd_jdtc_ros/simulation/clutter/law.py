@@ -14,7 +14,7 @@ from scipy.special import ndtr, ndtri
 
 from phd_jdtc_ros.configuration.schema import Parameter
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.clutter.amplitude_law import DB, level_db
+from phd_jdtc_ros.core.clutter.amplitude_law import DB_PER_NEPER, level_db
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.amplitude_density import SMALLEST_AMPLITUDE, snr_from_db
 
@@ -141,5 +141,5 @@ def _level(threshold: float) -> float:
 
 def _envelope(level: FloatArray) -> FloatArray:
     """Return the envelopes of levels in dB."""
-    envelope: FloatArray = np.sqrt(2.0 * np.exp(level / DB))
+    envelope: FloatArray = np.sqrt(2.0 * np.exp(level / DB_PER_NEPER))
     return envelope

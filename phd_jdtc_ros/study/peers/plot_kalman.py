@@ -93,8 +93,7 @@ def _convert(
     """Return times (s), positions (M, 2) and their covariances (M, 2, 2) of a report's plots."""
     found = report.detections
     offset = np.zeros(len(found)) if found.time_s is None else found.time_s
-    own = radar.detection_noise(found)
-    std = np.tile(radar.noise_std, (len(found), 1)) if own is None else own
+    std = radar.noise_std_of(found)
     bearing = found.measurement[:, 1] + radar.yaw
     along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)

@@ -112,7 +112,7 @@ def _plots(found: Detections, layout: RadarInput, number: int) -> list[Plot]:
     if layout.site is None:
         distance = np.hypot(distance, np.nan_to_num(above - layout.height))
     else:
-        azimuth = azimuth - layout.site.turned
+        azimuth = azimuth - layout.site.yaw_from_east
     kind = np.maximum(column(found.kind, len(found), 0), 0)
     sent = replace(found, amplitude=None, kind=kind)
     return plots_of(sent, number, distance, azimuth, above + layout.datum)

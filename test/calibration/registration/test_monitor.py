@@ -9,7 +9,7 @@ from estimate_sets import estimates, states
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MEMORY, RegistrationMonitor
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.types import CONFIRMED, TENTATIVE, Detections, Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -30,7 +30,7 @@ def monitored(scans, radars=RADARS):
 def off(scan, error):
     """Return a scan whose second radar has an error of (range, azimuth)."""
     first, second = scan.detections
-    _, wrong = RadarBias(error[0], 0.0, error[1]).apply_to(scan.stamp_ns, second)
+    _, wrong = SensorBias(error[0], 0.0, error[1]).apply_to(scan.stamp_ns, second)
     return Scan(scan.stamp_ns, (first, wrong))
 
 

@@ -10,9 +10,9 @@ from phd_jdtc_ros.calibration.registration.common import common_targets
 from phd_jdtc_ros.calibration.registration.filtering import KINDS
 from phd_jdtc_ros.calibration.registration.solution import register
 from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError
-from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 
-TRUE = RadarBias(80.0, 0.0, -np.radians(0.3), 0.5)
+TRUE = SensorBias(80.0, 0.0, -np.radians(0.3), 0.5)
 # Of four minutes of fifteen aircraft: those of twenty minutes of fifty are a quarter of these.
 BOUNDS = np.array([32.0, 5e-4, np.radians(0.04), 0.15])
 

@@ -64,8 +64,8 @@ def a_mixture(rng, count=200, per_target=4):
     weight = weight[:, None, None] * rng.dirichlet(np.ones(modes * 2), count).reshape(-1, modes, 2)
     mean = means(rng, count // per_target, 1, 1).repeat(per_target, 1).repeat(modes, 2)
     mean = mean.reshape(count, modes, 5) + SCALE * rng.normal(size=(count, modes, 5))
-    origin = np.arange(count) // per_target
-    return Mixture(origin, 0.9 * weight / per_target, mean, covariances(rng, count, modes))
+    row_label = np.arange(count) // per_target
+    return Mixture(row_label, 0.9 * weight / per_target, mean, covariances(rng, count, modes))
 
 
 def the_dynamics():
@@ -176,7 +176,7 @@ def test_hindsight_is_that_of_numpy():
     scans = [scan for _, scan in simulate(paper_scenario(config.model.radars), 0)][:12]
     for scan in scans:
         engine.step(scan)
-    dynamics, earlier = engine.forward.dynamics, engine.forward.current[0].stored
+    dynamics, earlier = engine.forward.dynamics, engine.forward.unswept[0].stored
     moved, moves = survivors([Aged(earlier, 3.0)], dynamics)
     mean = moved.mean + 0.1 * rng.normal(size=moved.mean.shape) * np.sqrt(
         np.diagonal(moved.covariance, axis1=-2, axis2=-1)

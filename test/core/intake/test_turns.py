@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.intake.sectors import coverage_of
-from phd_jdtc_ros.core.intake.turns import SLICES, Turns
+from phd_jdtc_ros.core.intake.slices import SLICES
+from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.types import UNKNOWN_COVERAGE, Detections
 
 S = 1_000_000_000
@@ -131,7 +132,7 @@ def test_what_the_antenna_passed_is_covered_once_and_little_else(radar, seed, dr
     settled = off[2 * radar.per_turn :]
     assert max(settled) < 30.0
     assert np.mean(settled) < 15.0
-    assert not +turns.doubts
+    assert not +turns.anomalies
 
 
 @settings(deadline=None, max_examples=40)
@@ -158,7 +159,7 @@ def test_turns_with_few_detections_go_on_with_the_phase_of_those_before(few):
         for (stamp_ns, piece), (first_ns, first) in zip(pieces, before, strict=True):
             assert abs((stamp_ns - first_ns) / S - 4.0 * (turn + 1)) < 0.05
             assert abs(np.sin(0.5 * (piece.coverage.start - first.coverage.start))) < 0.02
-    assert not +turns.doubts
+    assert not +turns.anomalies
 
 
 def test_the_first_turns_with_few_detections_are_one_piece_of_all_that_is_seen():
@@ -182,7 +183,7 @@ def test_a_turn_that_changes_its_speed_is_followed(factor):
         assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < (0.05 if learning else 0.01)
         longest = max(np.abs(piece.time_s).max(initial=0.0) for _, piece in pieces)
         assert longest < 4.0 * max(factor, 1.0) / 2 / SLICES + 0.1
-    assert not +turns.doubts
+    assert not +turns.anomalies
 
 
 def test_turns_cut_by_time_and_not_by_azimuth_are_covered_as_they_are_passed():
@@ -196,7 +197,7 @@ def test_turns_cut_by_time_and_not_by_azimuth_are_covered_as_they_are_passed():
         cloud = Detections(rows[inside], None, times[inside] - 4.0 * k)
         total = total + covered(turns.split(START_NS + 4 * k * S, cloud))
     assert abs(total.mean() - 40.0 / 3.9) < 0.1
-    assert not +turns.doubts
+    assert not +turns.anomalies
 
 
 def test_a_duplicate_is_rejected_and_changes_nothing():
@@ -229,7 +230,7 @@ def test_lost_reports_are_counted_and_not_covered(sectors):
     kept = [sent for k, sent in enumerate(reports) if k not in (lost, lost + 1)]
     for sent, pieces in list(zip(kept, fed(turns, kept), strict=True))[2 * radar.per_turn :]:
         assert degrees_off(sent, pieces) < 5.0
-    assert +turns.doubts == {"clouds_missing": 2}
+    assert +turns.anomalies == {"clouds_missing": 2}
 
 
 @pytest.mark.parametrize(
@@ -249,8 +250,8 @@ def test_times_that_do_not_go_with_the_azimuth_are_kept_and_counted(wrong_s, cou
     wanted = absolute(sent.stamp_ns, wrong)
     assert [row[0] for row in found] == [row[0] for row in wanted]
     np.testing.assert_allclose([row[1] for row in found], [row[1] for row in wanted], atol=2.0)
-    # A time that is a turn off fits its azimuth: it is indistinguishable, and harmless.
-    assert +turns.doubts == ({counted: len(chosen)} if counted else {})
+    # A time that is a turn off goes with its azimuth: nobody can tell, and nothing follows from it.
+    assert +turns.anomalies == ({counted: len(chosen)} if counted else {})
     for slices in [pieces, *fed(turns, reports[4:])]:
         assert (np.abs(covered(slices) - 1.0) > 0.0).mean() < 0.01
 
@@ -281,7 +282,7 @@ def test_two_antennas_back_to_back_are_not_cut_and_counted():
             sent.stamp_ns, replace(sent.detections, measurement=turned)
         )
         assert (stamp_ns, piece.coverage) == (sent.stamp_ns, None)
-    assert turns.doubts["antenna_unclear"] == 5
+    assert turns.anomalies["antenna_unclear"] == 5
 
 
 def test_an_antenna_that_stops_covers_only_where_it_points_and_is_found_again():
@@ -294,7 +295,7 @@ def test_an_antenna_that_stops_covers_only_where_it_points_and_is_found_again():
         still[:, 1] = 1.0 + 0.01 * np.sin(np.arange(len(still)))
         pieces = turns.split(sent.stamp_ns, replace(sent.detections, measurement=still))
         assert covered(pieces).mean() < 0.02
-    assert turns.doubts["antenna_unclear"] == 4
+    assert turns.anomalies["antenna_unclear"] == 4
     later = fed(turns, reports[8:])
     for pieces in later[2:]:
         assert len(pieces) == SLICES
@@ -331,7 +332,7 @@ def test_a_sector_covers_the_azimuths_of_its_number(sectors, timed, compass):
             assert len(pieces) == max(SLICES // sectors, 1)
             longest = max(np.abs(piece.time_s).max(initial=0.0) for _, piece in pieces)
             assert longest < 0.5 * 4.0 / SLICES + 0.03
-    assert not +turns.doubts
+    assert not +turns.anomalies
 
 
 @pytest.mark.parametrize("compass", [False, True])
@@ -361,7 +362,7 @@ def test_empty_sectors_go_on_with_the_numbers(timed):
         pieces = turns.split(sent.stamp_ns, sent.detections, numbers[k])
         if k > 2:
             assert degrees_off(sent, pieces) < 1.5
-    assert not +turns.doubts
+    assert not +turns.anomalies
 
 
 @pytest.mark.parametrize("timed", [False, True])
@@ -373,7 +374,7 @@ def test_empty_sectors_go_on_with_the_antenna(timed):
     for sent in reports[48:]:
         pieces = turns.split(sent.stamp_ns, emptied(sent).detections)
         assert degrees_off(sent, pieces) < 4.0
-    assert not +turns.doubts
+    assert not +turns.anomalies
 
 
 def test_an_empty_sector_covers_nothing_while_the_antenna_is_not_known():
@@ -403,7 +404,7 @@ def test_a_repeated_sector_is_used_and_covers_nothing(timed, numbers):
     ((_, piece),) = turns.split(stamp_ns, again.detections, sector)
     assert piece.coverage == UNKNOWN_COVERAGE
     assert len(piece) == len(again.detections)
-    assert +turns.doubts == {"sectors_repeated": 1}
+    assert +turns.anomalies == {"sectors_repeated": 1}
     for sent, pieces in zip(reports[37:], fed(turns, reports[37:], numbers), strict=True):
         assert degrees_off(sent, pieces) < 5.0
 
@@ -422,7 +423,7 @@ def test_overlapping_sectors_share_the_turn_between_them(timed):
         total.append(covered(pieces))
     settled = np.sum(total[32:64], axis=0) / 2.0
     assert abs(settled.mean() - 1.0) < 0.15
-    assert turns.doubts["antenna_unclear"] == 0
+    assert turns.anomalies["antenna_unclear"] == 0
 
 
 def joined_at(sent, late, before):
@@ -444,7 +445,7 @@ def test_sector_numbers_that_count_from_one_are_noticed_and_not_believed():
         pieces = turns.split(sent.stamp_ns, sent.detections, (sent.sector + 8) % 16)
         if k >= 32:
             assert degrees_off(sent, pieces) < 4.0
-    assert turns.doubts["sector_numbers_wrong"] > 60
+    assert turns.anomalies["sector_numbers_wrong"] > 60
 
 
 @pytest.mark.parametrize("sectors", [0, 16])
@@ -456,7 +457,7 @@ def test_detections_in_a_part_of_the_turn_alone_are_enough(sectors):
         assert degrees_off(sent, pieces) < 16.0
         inside = sum(len(piece) for _, piece in pieces)
         assert inside == len(sent.detections)
-    assert not +turns.doubts
+    assert not +turns.anomalies
 
 
 def test_a_late_sector_without_times_keeps_its_stamp_for_the_grouper():
@@ -502,8 +503,8 @@ def test_a_radar_that_does_not_turn_is_never_taken_for_one_that_does(kind, timed
         report = Detections(measurement, None, interval_s * time_s if timed else None)
         stamp_ns = START_NS + round(k * interval_s * 1e9)
         assert turns.split(stamp_ns, report) == [(stamp_ns, report)]
-    assert turns.turn_s == 0.0
-    assert not +turns.doubts
+    assert turns.period_s == 0.0
+    assert not +turns.anomalies
 
 
 @pytest.mark.parametrize("ahead_s", [60.0, 12.0, 3.9])
@@ -515,7 +516,7 @@ def test_a_time_far_ahead_does_not_keep_a_turn_from_being_found(ahead_s):
     wrong = replace(reports[0].detections, time_s=time_s)
     turns.split(reports[0].stamp_ns, wrong)
     fed(turns, reports[1:])
-    assert turns.turn_s == pytest.approx(4.0, rel=0.01)
+    assert turns.period_s == pytest.approx(4.0, rel=0.01)
 
 
 def test_a_late_detection_after_a_gap_does_not_make_the_gap_swept():
@@ -537,7 +538,7 @@ def test_the_first_slices_of_a_turn_that_was_found_follow_the_reports_before():
     radar = TurningRadar(sectors=4, plots=80, stamp_at=3.0)
     turns = Turns()
     stamps = [stamp_ns for pieces in fed(turns, radar.reports(8)) for stamp_ns, _ in pieces]
-    assert turns.turn_s > 0.0
+    assert turns.period_s > 0.0
     assert (np.diff(stamps) > 0).all()
 
 
@@ -546,7 +547,7 @@ def test_a_report_out_of_order_does_not_stop_the_search_for_a_turn():
     turns, reports = Turns(reset_threshold_s=12.0), radar.reports(6)
     swapped = [each for pair in zip(reports[1::2], reports[::2], strict=True) for each in pair]
     fed(turns, swapped)
-    assert turns.turn_s == pytest.approx(4.0, rel=0.01)
+    assert turns.period_s == pytest.approx(4.0, rel=0.01)
 
 
 @pytest.mark.parametrize("length_s", [0.7, 0.75, 0.8])
@@ -556,4 +557,4 @@ def test_a_turn_is_looked_for_in_just_enough_time(length_s):
     azimuth = np.remainder(2.0 * np.pi * time_s / 0.5 + np.pi, 2.0 * np.pi) - np.pi
     turns, report = Turns(), Detections(np.stack([np.full(40, 1e3), azimuth], axis=1), None, time_s)
     turns.split(START_NS, report)
-    assert turns.turn_s == (pytest.approx(0.5, rel=0.01) if length_s >= 0.75 else 0.0)
+    assert turns.period_s == (pytest.approx(0.5, rel=0.01) if length_s >= 0.75 else 0.0)

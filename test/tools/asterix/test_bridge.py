@@ -64,7 +64,7 @@ def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
     assert [report.stamp_ns - DAY_NS for report in found] == [
         (1000 + (k + 1) / 8.0) * 10**9 for k in range(96)
     ]
-    assert not any(report.dropped or report.doubts["sectors_unusable"] for report in found)
+    assert not any(report.dropped or report.anomalies["sectors_unusable"] for report in found)
     seen = [report for report in found if len(report.detections)]
     assert [report.sector for report in seen] == [7, 31, 23, 8] * 3
     distance, azimuth = np.concatenate([report.detections.measurement for report in seen]).T

@@ -11,9 +11,9 @@ import numpy as np
 
 from ... import backend
 from ...arrays import FloatArray, IntArray
-from ...sensors.polar_geometry import LEAST_RANGE
+from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.sensor import Sensor
-from ...snapshot import MOST_STATE, floats
+from ...snapshot import MAX_STATE, floats
 
 # Largest number of Gauss-Newton steps of an update; two or three suffice unless a target is next
 # to the sensor.
@@ -46,7 +46,7 @@ class Backward(NamedTuple):
     gain: Annotated[FloatArray, floats("PKDD", -MOST_GAIN, MOST_GAIN)]
     offset: Annotated[FloatArray, floats("PKD", -MOST_GAIN, MOST_GAIN)]
     # A small difference of large covariances: rounding may leave it indefinite.
-    base: Annotated[FloatArray, floats("PKDD", -(MOST_STATE**2), MOST_STATE**2)]
+    base: Annotated[FloatArray, floats("PKDD", -(MAX_STATE**2), MAX_STATE**2)]
 
     def earlier(self, mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the earlier mean and covariance, given the later ones."""
@@ -175,7 +175,7 @@ def iterated_update(
             *loops.iterated_update(
                 *(flat(mean, 1), flat(covariance, 2), _place_and_speed(sensor), pose),
                 *(flat(measurement, 1), flat(noise_std, 1), _times(time_s, len(mean))),
-                *(iterations, converged, LEAST_RANGE),
+                *(iterations, converged, MIN_RANGE),
             )
         )
     prior, cross = position_at(mean, covariance, sensor, time_s)

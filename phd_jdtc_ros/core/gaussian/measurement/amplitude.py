@@ -18,7 +18,7 @@ def detection_probability(expected: Expected, report: Report, dynamics: Dynamics
     model, cells, sensor = dynamics.model, dynamics.cells, report.sensor
     flat = expected.measured.reshape(-1, 2)
     azimuth_std = np.sqrt(expected.covariance[..., 1, 1].ravel() + sensor.noise_std[1] ** 2)
-    seen = sensor.missable(flat, report.detections.coverage, azimuth_std)
+    seen = sensor.coverage_probability(flat, report.detections.coverage, azimuth_std)
     probability = model.amplitudes.detection_probability(
         np.tile(dynamics.mode_of_cell, len(flat)),
         np.tile(cells.log_snr, len(flat)),
@@ -47,7 +47,7 @@ def slower(mixture: Mixture, bound: float, space: StateSpace) -> FloatArray:
     """Return the probability that each hypothesis is slower than a bound in m/s, (H,)."""
     axes = list(space.velocity)
     covariance = mixture.covariance[..., axes, :][..., axes]
-    each = stationary.slower(mixture.mean[..., axes], covariance, bound)
+    each = stationary.probability_slower(mixture.mean[..., axes], covariance, bound)
     weight = np.einsum("hrs->hr", mixture.weight)
     total = np.maximum(weight.sum(axis=1), np.finfo(float).tiny)
     probability: FloatArray = (weight * each).sum(axis=1) / total

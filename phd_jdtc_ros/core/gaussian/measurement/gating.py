@@ -8,8 +8,9 @@ import numpy as np
 
 from ... import backend
 from ...arrays import FloatArray, IntArray
+from ...sensors.gaussians import GatedGaussians
 from ...sensors.report import Report
-from ...sensors.sensor import GatedGaussians, Sensor
+from ...sensors.sensor import Sensor
 from ..mixture import Mixture
 
 # Radius of the gate in standard deviations of the innovation; a target's detection falls outside
@@ -64,7 +65,7 @@ def gate_pairs(
         found: tuple[IntArray, IntArray, FloatArray] = loops.gate_pairs(
             *(row, column, measured, np.zeros_like(measured) if rate is None else rate),
             *(np.ascontiguousarray(expected.covariance), detections.measurement),
-            *(np.ascontiguousarray(report.noise_std), report.time_s),
+            *(np.ascontiguousarray(report.detection_std), report.time_s),
             *(alive, surrounded, GATE_SIGMA),
         )
         return found
@@ -72,7 +73,7 @@ def gate_pairs(
     if rate is not None and times is not None:
         error -= rate[row] * times[column][:, None, None]
     along, across = np.moveaxis(sensor.wrap(error), -1, 0)
-    spread, std = expected.covariance[row], report.noise_std[column][:, None]
+    spread, std = expected.covariance[row], report.detection_std[column][:, None]
     a, b = spread[..., 0, 0] + std[..., 0] ** 2, spread[..., 0, 1]
     c = spread[..., 1, 1] + std[..., 1] ** 2
     determinant = np.maximum(a * c - b * b, np.finfo(float).tiny)

@@ -66,7 +66,7 @@ def iterated_update(
     covariance = mixture.covariance[row].reshape(-1, size, size)
     each = column.repeat(modes)
     time_s = None if detections.time_s is None else detections.time_s[each]
-    measured, noise_std = detections.measurement[each], report.noise_std[each]
+    measured, noise_std = detections.measurement[each], report.detection_std[each]
     innovation = kalman.iterated_update(mean, covariance, sensor, measured, noise_std, time_s)
     rated = None
     if rates is not None:

@@ -10,7 +10,7 @@ from phd_jdtc_ros.configuration.radar_input import RadarInput
 
 
 def of(radar: RadarInput, counts: Mapping[str, int]) -> Iterator[str]:
-    """Yield a warning for each counted doubt about a radar's reports."""
+    """Yield a warning for each kind of anomaly in a radar's reports."""
     for what, count in counts.items():
         yield _TEXTS[what](radar, count)
 
