@@ -54,13 +54,8 @@ class Fit(NamedTuple):
         The same ratio to the noise alone.
     axes : array of shape (2,)
         Ratio of the innovations of range and azimuth to the noise, as standard deviations.
-<<<<<<< ours
     noise_too_small, noise_too_large : bool
         Whether the innovations show this of the configured noise.
-=======
-    larger, smaller : bool
-        Whether innovations show that the configured noise is too small, or too large.
->>>>>>> theirs
     """
 
     radar: str
