@@ -73,7 +73,7 @@ PARTS = {
         ("association",),
     ),
     "exact association": Part(
-        ("association/batches.py", "association/exact_marginals.py"), ("association",)
+        ("association/frontier.py", "association/planning.py"), ("association",)
     ),
     "correction": Part(("smc/correction.py",), ("smc/test_correction.py",)),
     "gaussian pairs": Part(

@@ -16,74 +16,30 @@ ITERATIONS = 200
 MOST_WORK = 1 << 25
 LEAST_ITERATIONS = 10
 TOLERANCE = 1e-6
-# After these iterations, and regularly, clusters that stand still are dropped if the edges left are
-# fewer than this share. Edges that are alone stand still at once, stars after two iterations.
-FIRST_TESTS = (1, 2, 4, 8)
-TEST_EVERY = 16
-WORTH_DROPPING = 0.75
 
 
 def propagate(
-    target: IntArray,
-    detection: IntArray,
-    odds: FloatArray,
-    targets: int,
-    clutter: FloatArray,
-    cluster: IntArray,
+    target: IntArray, detection: IntArray, odds: FloatArray, targets: int, size: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the marginals by loopy belief propagation; exact where the graph is a tree.
+    """Return the probabilities of edges, (E,), and of targets to have none, (T,).
 
-    Parameters and returns are those of `marginals.marginals`; `clutter` is positive. `cluster`, of
-    shape (E,) and below T, is the same for all edges of a cluster.
+    `odds`, (E,), are those of each edge against both its target and its detection having none; T is
+    `targets`, and `size` is the number of detections.
 
     References
     ----------
     Williams and Lau, "Approximate evaluation of marginal association probabilities with belief
     propagation", IEEE Transactions on Aerospace and Electronic Systems 50(4), 2014.
     """
-    if not len(odds):
-        return odds.copy(), np.ones(targets)
-    taken = odds * _availability(target, detection, odds, targets, clutter, cluster)
+    free = np.ones(len(odds))  # message to the target: how available the detection is
+    for _ in range(min(ITERATIONS, max(MOST_WORK // max(len(odds), 1), LEAST_ITERATIONS))):
+        wanted = odds / (1.0 + _others(target, odds * free, targets))  # message to the detection
+        before, free = free, 1.0 / (1.0 + _others(detection, wanted, size))
+        if (np.abs(free - before) <= TOLERANCE * before).all():
+            break
+    taken = odds * free
     total = 1.0 + sum_by(target, taken, targets)
     return taken / total.take(target), 1.0 / total
-
-
-def _availability(
-    target: IntArray,
-    detection: IntArray,
-    odds: FloatArray,
-    targets: int,
-    clutter: FloatArray,
-    cluster: IntArray,
-) -> FloatArray:
-    """Return the messages to the targets, how available each detection is, (E,)."""
-    rival = clutter.take(detection)
-    free = 1.0 / rival
-    found, place = free, np.arange(len(odds))
-    watched = 0  # while this one has not converged, the others need no test
-    for iteration in range(min(ITERATIONS, max(MOST_WORK // len(odds), LEAST_ITERATIONS))):
-        wanted = odds / (1.0 + _others(target, odds * free, targets))  # message to the detection
-        before, free = free, 1.0 / (rival + _others(detection, wanted, len(clutter)))
-        due = iteration in FIRST_TESTS or iteration % TEST_EVERY == 0
-        if not due and abs(free[watched] - before[watched]) > TOLERANCE * before[watched]:
-            continue
-        change = np.abs(free - before)
-        if (change <= TOLERANCE * before).all():
-            break
-        watched = int(np.argmax(change / before))
-        if not due:
-            continue
-        # Messages of a cluster that have not changed at all, as those of a tree, never will.
-        moving = np.zeros(targets, dtype=bool)
-        moving[cluster[change > 0.0]] = True
-        kept = np.flatnonzero(moving.take(cluster))
-        if len(kept) < WORTH_DROPPING * len(free):
-            found[place], watched = free, 0
-            target, detection, cluster = target.take(kept), detection.take(kept), cluster.take(kept)
-            odds, rival, free = odds.take(kept), rival.take(kept), free.take(kept)
-            place = place.take(kept)
-    found[place] = free
-    return found
 
 
 def _others(index: IntArray, value: FloatArray, size: int) -> FloatArray:

@@ -6,9 +6,36 @@ cluster is named by its first node.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ..arrays import IntArray
+from ..arrays import IntArray, run_starts
+
+
+class Graph(NamedTuple):
+    """C clusters of N nodes with E edges.
+
+    Parameters
+    ----------
+    first : int array of shape (C + 1,)
+        The first node of each cluster, and N.
+    middle : int array of shape (C,)
+        The first detection of each cluster; its targets are the nodes before.
+    target, detection : int arrays of shape (E,)
+        The nodes of each edge.
+    start : int array of shape (N + 1,)
+        Where the edges of each node begin in `link`, and 2 E.
+    link : int array of shape (2 E,)
+        The edges of each node.
+    """
+
+    first: IntArray
+    middle: IntArray
+    target: IntArray
+    detection: IntArray
+    start: IntArray
+    link: IntArray
 
 
 def cluster_of_nodes(target: IntArray, detection: IntArray, targets: int, size: int) -> IntArray:
@@ -39,3 +66,26 @@ def cluster_of_nodes(target: IntArray, detection: IntArray, targets: int, size: 
             if (first == before).all():
                 break
         own, other = first.take(own), first.take(other)
+
+
+def graph_of(
+    target: IntArray, detection: IntArray, targets: int, size: int
+) -> tuple[IntArray, Graph]:
+    """Return the nodes that have edges, cluster by cluster, and the graph of their places there.
+
+    The parameters are those of `cluster_of_nodes`.
+    """
+    cluster = cluster_of_nodes(target, detection, targets, size)
+    ends = np.concatenate([target, targets + detection])
+    degree = np.bincount(ends, minlength=targets + size)
+    nodes = np.flatnonzero(degree)
+    order = nodes.take(np.argsort(cluster.take(nodes), kind="stable"))
+    place = np.empty(targets + size, dtype=np.int64)
+    place[order] = np.arange(len(order))
+    ends = place.take(ends)
+    first = np.append(run_starts(cluster.take(order)), len(order))
+    middle = first[:-1] + np.add.reduceat((order < targets).astype(np.int64), first[:-1])
+    start = np.append(0, np.cumsum(degree.take(order)))
+    link = np.argsort(ends, kind="stable") % len(target)
+    ends, other = ends.reshape(2, -1)
+    return order, Graph(first, middle, ends, other, start, link)

@@ -1,9 +1,8 @@
 """Marginal association probabilities of targets and detections.
 
-A target has at most one detection, and a detection at most one source. The cost of exact marginals
-is exponential in the number of contested detections. Belief propagation has linear cost and is
-exact if the graph of targets and detections is a tree. Small clusters with loops are summed
-exactly, because belief propagation may be overconfident there.
+A target has at most one detection, and a detection at most one source. The probabilities are exact,
+but for clusters in which very many compete for the same detections: these are left to belief
+propagation, which may be overconfident where the graph of targets and detections has loops.
 """
 
 from __future__ import annotations
@@ -12,14 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
-from .batches import affordable_loops, sum_exactly
+from .. import backend
+from ..arrays import FloatArray, IntArray, sum_by
+from . import frontier, planning
 from .belief_propagation import propagate
-from .clusters import cluster_of_nodes
+from .clusters import graph_of
 
-# Sums without one term are formed by subtraction, which loses digits if odds against clutter are
-# huge. With this bound they stay accurate, and larger odds are practically certain anyway.
+# Larger odds against clutter are practically certain.
 LEAST_CLUTTER = 1e-9
+# Work on a cluster for each of its targets, in entries of a table times edges: a nanosecond each.
+# Twelve targets that compete for twelve detections are within it.
+MOST_WORK = 1 << 17
+# Of odds, as a logarithm, so that belief propagation may multiply them.
+CERTAIN = 200.0
 
 
 class Marginals(NamedTuple):
@@ -32,8 +36,8 @@ class Marginals(NamedTuple):
     none : array of shape (T,)
         Probability that the target has no detection, because it was missed or does not exist.
     approximate : int
-        The number of clusters with loops that were too large for exact sums; the probabilities in
-        them are those of belief propagation, which may be overconfident.
+        The number of clusters that were too large for exact sums; the probabilities in them are
+        those of belief propagation, which may be overconfident.
     """
 
     edge: FloatArray
@@ -46,8 +50,6 @@ def marginals(
 ) -> Marginals:
     """Return the marginal probabilities of associations.
 
-    Exact except for clusters with loops whose sums would take too long (`batches`).
-
     Parameters
     ----------
     target, detection : int arrays of shape (E,)
@@ -59,29 +61,55 @@ def marginals(
         T.
     clutter : array of shape (M,)
         Intensity of the other sources of each detection, in the units of `odds`.
-
-    References
-    ----------
-    Williams and Lau, "Approximate evaluation of marginal association probabilities with belief
-    propagation", IEEE Transactions on Aerospace and Electronic Systems 50(4), 2014.
     """
-    clutter = np.maximum(clutter, LEAST_CLUTTER)
-    cluster = cluster_of_nodes(target, detection, targets, len(clutter))
-    cluster_of_edge = cluster.take(target)
-    loops, approximate = affordable_loops(cluster, cluster_of_edge, targets)
-    if not len(loops.cluster):
-        edge, none = propagate(target, detection, odds, targets, clutter, cluster_of_edge)
-        return Marginals(edge, none, approximate)
+    possible = np.flatnonzero(odds)
+    target, detection = target.take(possible), detection.take(possible)
+    log_odds = np.log(odds.take(possible))
+    log_odds -= np.log(np.maximum(clutter, LEAST_CLUTTER)).take(detection)
+    # What a target has of its own, no detection or one that no other target wants, by its largest.
+    largest = np.zeros(targets)
+    np.maximum.at(largest, target, log_odds)
+    log_odds -= largest.take(target)
+    contested = np.bincount(detection, minlength=len(clutter)).take(detection) > 1
+    some, alone = np.flatnonzero(contested), np.flatnonzero(~contested)
+    missed, share = np.exp(-largest), np.exp(log_odds)
+    own = missed + sum_by(target.take(alone), share.take(alone), targets)
+    log_odds -= np.log(own).take(target)
 
-    ratio = odds / clutter.take(detection)
-    sums = sum_exactly(loops, cluster, target, detection, ratio, targets)
-    propagated = np.ones(len(target), dtype=bool)
-    propagated[sums.edge] = False
-    rest = np.flatnonzero(propagated)
-    edge = np.empty(len(target))
-    target, detection, odds = target.take(rest), detection.take(rest), odds.take(rest)
-    edge[rest], none = propagate(
-        target, detection, odds, targets, clutter, cluster_of_edge.take(rest)
+    contest = _contest(
+        target.take(some), detection.take(some), log_odds.take(some), targets, len(clutter)
     )
-    edge[sums.edge], none[sums.target] = sums.probability, sums.none
-    return Marginals(edge, none, approximate)
+    rest = contest.none / own
+    share *= rest.take(target)
+    share[some] = contest.edge
+    edge = np.zeros(len(odds))
+    edge[possible] = share
+    return Marginals(edge, missed * rest, contest.approximate)
+
+
+def _contest(
+    target: IntArray, detection: IntArray, log_odds: FloatArray, targets: int, size: int
+) -> Marginals:
+    """Return the marginals of edges; `log_odds` are against both nodes having none of them."""
+    none = np.ones(targets)
+    if not len(target):
+        return Marginals(log_odds, none, 0)
+    order, graph = graph_of(target, detection, targets, size)
+    compiled = backend.compiled("association")
+    plan = (compiled or planning).plan(graph, MOST_WORK)
+    price = (compiled or frontier).prices(graph, log_odds)
+    weight = np.exp(log_odds - price.take(graph.target) - price.take(graph.detection))
+    edge, untaken = (compiled or frontier).sums(plan, weight, np.exp(-price))
+    own = order < targets
+    none[order[own]] = untaken[own]
+    beyond = np.flatnonzero(plan.first[1:] == plan.first[:-1])
+    if len(beyond):
+        cluster = np.searchsorted(graph.first, np.arange(len(order)), side="right") - 1
+        left_out = np.isin(cluster, beyond)
+        edges, nodes = np.flatnonzero(left_out.take(graph.target)), order[left_out & own]
+        odds = np.exp(np.minimum(log_odds.take(edges), CERTAIN))
+        edge[edges], propagated = propagate(
+            target.take(edges), detection.take(edges), odds, targets, size
+        )
+        none[nodes] = propagated[nodes]
+    return Marginals(edge, none, len(beyond))

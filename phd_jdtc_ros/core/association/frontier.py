@@ -1,0 +1,225 @@
+"""Exact association probabilities in clusters, by a frontier programme.
+
+A table has the weight of all matchings of the edges passed so far, by the set of open nodes that
+are taken: the frontier is all that they have in common with the edges to come. With tables of both
+directions every probability is a sum. Their size is two to the power of the open nodes, which are
+few where targets compete with their neighbours only, however many targets there are.
+
+numba compiles these functions as they stand, and the loops at the end in the place of operations on
+arrays; see `compiled`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..arrays import FloatArray
+from .clusters import Graph
+from .planning import Plan
+
+# By how much a cluster may be worth more than its heaviest matching; doubles go down to exp(-700).
+SLACK = 300.0
+# A bid is higher by this at least, so that no cluster takes many: more slack, but not in one place.
+LEAST_RISE = 2.0
+
+
+def sums(plan: Plan, weight: FloatArray, free: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the probabilities of edges, (E,), and of nodes to have none, (N,).
+
+    Those of clusters without steps are zero.
+
+    Parameters
+    ----------
+    plan : Plan
+    weight, free : arrays of shape (E,) and (N,)
+        Factors of a matching: for each of its edges, and for each node without one.
+    """
+    edge, none = np.zeros(len(weight)), np.zeros(len(free))
+    for cluster in range(len(plan.first) - 1):
+        steps = plan.first[cluster], plan.first[cluster + 1]
+        _after(plan, steps, weight, free, _before(plan, steps, weight, free), edge, none)
+    return edge, none
+
+
+def prices(graph: Graph, log_odds: FloatArray) -> FloatArray:
+    """Return the logarithms of what nodes are worth, (N,): two together at least as their edge.
+
+    Targets bid for detections as in an auction, so that the nodes of a cluster together are worth
+    little more than its heaviest matching: at most `SLACK`, or `LEAST_RISE` for each target.
+
+    Parameters
+    ----------
+    graph : Graph
+    log_odds : array of shape (E,)
+        Of each edge against both its nodes having none.
+
+    References
+    ----------
+    Bertsekas, "The auction algorithm for assignment and other network flow problems: a tutorial",
+    Interfaces 20(4), 1990.
+    """
+    price, owner = np.zeros(len(graph.start) - 1), np.full(len(graph.start) - 1, -1)
+    for cluster in range(len(graph.middle)):
+        low, middle = graph.first[cluster], graph.middle[cluster]
+        bidders, waiting = np.arange(low, middle), middle - low
+        rise = max(SLACK / waiting, LEAST_RISE)
+        while waiting:
+            waiting -= 1
+            bidder = bidders[waiting]
+            best = second = 0.0
+            wanted = -1
+            for edge in graph.link[graph.start[bidder] : graph.start[bidder + 1]]:
+                value = log_odds[edge] - price[graph.detection[edge]]
+                if value > best:
+                    best, second, wanted = value, best, graph.detection[edge]
+                elif value > second:
+                    second = value
+            if wanted < 0:
+                continue
+            price[wanted] += best - second + rise
+            if owner[wanted] >= 0:
+                bidders[waiting] = owner[wanted]
+                waiting += 1
+            owner[wanted] = bidder
+    for edge in range(len(log_odds)):
+        value = log_odds[edge] - price[graph.detection[edge]]
+        price[graph.target[edge]] = max(price[graph.target[edge]], value)
+    return price
+
+
+def _before(plan: Plan, steps: tuple[int, int], weight: FloatArray, free: FloatArray) -> FloatArray:
+    """Return the tables of a cluster's steps, one after the other, each after its edges."""
+    tables = np.zeros(plan.size[steps[0] : steps[1]].sum())
+    table, end = np.ones(1), 0
+    for step in range(*steps):
+        begin, end = end, end + plan.size[step]
+        known = tables[begin : begin + len(table)]
+        known += table
+        table = tables[begin:end]
+        for at in range(plan.passed[step], plan.passed[step + 1]):
+            _take(table, plan.lower[at], plan.upper[at], weight[plan.edge[at]])
+        for at in range(plan.closed[step + 1] - 1, plan.closed[step] - 1, -1):
+            table = _closed(table, plan.bit[at], free[plan.node[at]])
+        table /= np.max(table)
+    return tables
+
+
+def _after(
+    plan: Plan,
+    steps: tuple[int, int],
+    weight: FloatArray,
+    free: FloatArray,
+    tables: FloatArray,
+    edge: FloatArray,
+    none: FloatArray,
+) -> None:
+    """Write the probabilities of a cluster: what was before each step times what may come after."""
+    later, begin = np.ones(1), len(tables)
+    for step in range(steps[1] - 1, steps[0] - 1, -1):
+        begin, end = begin - plan.size[step], begin
+        table = tables[begin:end]
+        for at in range(plan.closed[step], plan.closed[step + 1]):
+            later = _reopened(later, plan.bit[at], free[plan.node[at]])
+        later /= np.dot(table, later)
+        for at in range(plan.closed[step], plan.closed[step + 1]):
+            none[plan.node[at]] = _untaken(table, later, plan.bit[at])
+        for at in range(plan.passed[step], plan.passed[step + 1]):
+            one = plan.edge[at]
+            edge[one] = _give(table, later, plan.lower[at], plan.upper[at], weight[one])
+        later = later[: plan.before[step]]
+
+
+def _take(table: FloatArray, lower: int, upper: int, weight: float) -> None:
+    """Add the matchings with an edge to a table."""
+    neither, both = _corners(table, lower, upper)
+    both += weight * neither
+
+
+def _give(table: FloatArray, later: FloatArray, lower: int, upper: int, weight: float) -> float:
+    """Add the matchings with an edge to the later ones; return the share of all that they have."""
+    neither, both = _corners(later, lower, upper)
+    share = weight * both
+    neither += share
+    total: float = (_corners(table, lower, upper)[0] * share).sum()
+    return total
+
+
+def _corners(table: FloatArray, lower: int, upper: int) -> tuple[FloatArray, FloatArray]:
+    """Return views of the entries with neither of two nodes taken, and of those with both."""
+    corners = table.reshape(-1, 2, upper // (2 * lower), 2, lower)
+    return corners[:, 0, :, 0], corners[:, 1, :, 1]
+
+
+def _closed(table: FloatArray, bit: int, free: float) -> FloatArray:
+    """Return a table without one of its nodes, taken or free."""
+    halves = table.reshape(-1, 2, bit)
+    return (free * halves[:, 0] + halves[:, 1]).ravel()
+
+
+def _reopened(later: FloatArray, bit: int, free: float) -> FloatArray:
+    """Return what may come from before a node was closed."""
+    halves = later.reshape(-1, 1, bit)
+    return np.concatenate([free * halves, halves], axis=1).ravel()
+
+
+def _untaken(table: FloatArray, later: FloatArray, bit: int) -> float:
+    """Return the share of the matchings that leave a node free."""
+    shape = (-1, 2, bit)
+    total: float = (table.reshape(shape)[:, 0] * later.reshape(shape)[:, 0]).sum()
+    return total
+
+
+def _take_in_loops(table: FloatArray, lower: int, upper: int, weight: float) -> None:
+    for block in range(0, len(table), 2 * upper):
+        for base in range(block, block + upper, 2 * lower):
+            for state in range(base, base + lower):
+                table[state + lower + upper] += weight * table[state]
+
+
+def _give_in_loops(
+    table: FloatArray, later: FloatArray, lower: int, upper: int, weight: float
+) -> float:
+    total = 0.0
+    for block in range(0, len(table), 2 * upper):
+        for base in range(block, block + upper, 2 * lower):
+            for state in range(base, base + lower):
+                share = weight * later[state + lower + upper]
+                later[state] += share
+                total += table[state] * share
+    return total
+
+
+def _closed_in_loops(table: FloatArray, bit: int, free: float) -> FloatArray:
+    rest = np.empty(len(table) // 2)
+    for base in range(0, len(rest), bit):
+        for state in range(base, base + bit):
+            rest[state] = free * table[base + state] + table[base + state + bit]
+    return rest
+
+
+def _reopened_in_loops(later: FloatArray, bit: int, free: float) -> FloatArray:
+    whole = np.empty(2 * len(later))
+    for base in range(0, len(later), bit):
+        for state in range(base, base + bit):
+            whole[base + state], whole[base + state + bit] = free * later[state], later[state]
+    return whole
+
+
+def _untaken_in_loops(table: FloatArray, later: FloatArray, bit: int) -> float:
+    total = 0.0
+    for base in range(0, len(table), 2 * bit):
+        for state in range(base, base + bit):
+            total += table[state] * later[state]
+    return total
+
+
+LOOPS: dict[Callable[..., Any], Callable[..., Any]] = {
+    _take: _take_in_loops,
+    _give: _give_in_loops,
+    _closed: _closed_in_loops,
+    _reopened: _reopened_in_loops,
+    _untaken: _untaken_in_loops,
+}
