@@ -11,7 +11,6 @@ arrays; see `compiled`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -40,6 +39,8 @@ def sums(plan: Plan, weight: FloatArray, free: FloatArray) -> tuple[FloatArray, 
     edge, none = np.zeros(len(weight)), np.zeros(len(free))
     for cluster in range(len(plan.first) - 1):
         steps = plan.first[cluster], plan.first[cluster + 1]
+        if steps[0] == steps[1]:
+            continue
         _after(plan, steps, weight, free, _before(plan, steps, weight, free), edge, none)
     return edge, none
 
@@ -50,11 +51,7 @@ def prices(graph: Graph, log_odds: FloatArray) -> FloatArray:
     Targets bid for detections as in an auction, so that the nodes of a cluster together are worth
     little more than its heaviest matching: at most `SLACK`, or `LEAST_RISE` for each target.
 
-    Parameters
-    ----------
-    graph : Graph
-    log_odds : array of shape (E,)
-        Of each edge against both its nodes having none.
+    `log_odds`, (E,), are of each edge against both its nodes having none.
 
     References
     ----------
@@ -92,8 +89,9 @@ def prices(graph: Graph, log_odds: FloatArray) -> FloatArray:
 
 def _before(plan: Plan, steps: tuple[int, int], weight: FloatArray, free: FloatArray) -> FloatArray:
     """Return the tables of a cluster's steps, one after the other, each after its edges."""
-    tables = np.zeros(plan.size[steps[0] : steps[1]].sum())
-    table, end = np.ones(1), 0
+    sizes = plan.size[steps[0] : steps[1]]
+    tables, room = np.zeros(sizes.sum()), np.ones(np.max(sizes))
+    table, end = room[:1], 0
     for step in range(*steps):
         begin, end = end, end + plan.size[step]
         known = tables[begin : begin + len(table)]
@@ -102,7 +100,7 @@ def _before(plan: Plan, steps: tuple[int, int], weight: FloatArray, free: FloatA
         for at in range(plan.passed[step], plan.passed[step + 1]):
             _take(table, plan.lower[at], plan.upper[at], weight[plan.edge[at]])
         for at in range(plan.closed[step + 1] - 1, plan.closed[step] - 1, -1):
-            table = _closed(table, plan.bit[at], free[plan.node[at]])
+            table = _closed(table, plan.bit[at], free[plan.node[at]], room)
         table /= np.max(table)
     return tables
 
@@ -117,12 +115,13 @@ def _after(
     none: FloatArray,
 ) -> None:
     """Write the probabilities of a cluster: what was before each step times what may come after."""
-    later, begin = np.ones(1), len(tables)
+    room, begin = np.ones(np.max(plan.size[steps[0] : steps[1]])), len(tables)
+    later = room[:1]
     for step in range(steps[1] - 1, steps[0] - 1, -1):
         begin, end = begin - plan.size[step], begin
         table = tables[begin:end]
         for at in range(plan.closed[step], plan.closed[step + 1]):
-            later = _reopened(later, plan.bit[at], free[plan.node[at]])
+            later = _reopened(later, plan.bit[at], free[plan.node[at]], room)
         later /= np.dot(table, later)
         for at in range(plan.closed[step], plan.closed[step + 1]):
             none[plan.node[at]] = _untaken(table, later, plan.bit[at])
@@ -143,8 +142,7 @@ def _give(table: FloatArray, later: FloatArray, lower: int, upper: int, weight: 
     neither, both = _corners(later, lower, upper)
     share = weight * both
     neither += share
-    total: float = (_corners(table, lower, upper)[0] * share).sum()
-    return total
+    return float((_corners(table, lower, upper)[0] * share).sum())
 
 
 def _corners(table: FloatArray, lower: int, upper: int) -> tuple[FloatArray, FloatArray]:
@@ -153,23 +151,25 @@ def _corners(table: FloatArray, lower: int, upper: int) -> tuple[FloatArray, Flo
     return corners[:, 0, :, 0], corners[:, 1, :, 1]
 
 
-def _closed(table: FloatArray, bit: int, free: float) -> FloatArray:
-    """Return a table without one of its nodes, taken or free."""
-    halves = table.reshape(-1, 2, bit)
-    return (free * halves[:, 0] + halves[:, 1]).ravel()
+def _closed(table: FloatArray, bit: int, free: float, room: FloatArray) -> FloatArray:
+    """Return a table without one of its nodes, taken or free; both may begin the same array."""
+    rest, halves = room[: len(table) // 2], table.reshape(-1, 2, bit)
+    rest.reshape(-1, bit)[:] = free * halves[:, 0] + halves[:, 1]
+    return rest
 
 
-def _reopened(later: FloatArray, bit: int, free: float) -> FloatArray:
-    """Return what may come from before a node was closed."""
-    halves = later.reshape(-1, 1, bit)
-    return np.concatenate([free * halves, halves], axis=1).ravel()
+def _reopened(later: FloatArray, bit: int, free: float, room: FloatArray) -> FloatArray:
+    """Return what may come from before a node was closed; both may begin the same array."""
+    whole, part = room[: 2 * len(later)], later.reshape(-1, bit).copy()
+    halves = whole.reshape(-1, 2, bit)
+    halves[:, 0], halves[:, 1] = free * part, part
+    return whole
 
 
 def _untaken(table: FloatArray, later: FloatArray, bit: int) -> float:
     """Return the share of the matchings that leave a node free."""
     shape = (-1, 2, bit)
-    total: float = (table.reshape(shape)[:, 0] * later.reshape(shape)[:, 0]).sum()
-    return total
+    return float((table.reshape(shape)[:, 0] * later.reshape(shape)[:, 0]).sum())
 
 
 def _take_in_loops(table: FloatArray, lower: int, upper: int, weight: float) -> None:
@@ -192,19 +192,20 @@ def _give_in_loops(
     return total
 
 
-def _closed_in_loops(table: FloatArray, bit: int, free: float) -> FloatArray:
-    rest = np.empty(len(table) // 2)
+def _closed_in_loops(table: FloatArray, bit: int, free: float, room: FloatArray) -> FloatArray:
+    rest = room[: len(table) // 2]
     for base in range(0, len(rest), bit):
         for state in range(base, base + bit):
             rest[state] = free * table[base + state] + table[base + state + bit]
     return rest
 
 
-def _reopened_in_loops(later: FloatArray, bit: int, free: float) -> FloatArray:
-    whole = np.empty(2 * len(later))
-    for base in range(0, len(later), bit):
-        for state in range(base, base + bit):
-            whole[base + state], whole[base + state + bit] = free * later[state], later[state]
+def _reopened_in_loops(later: FloatArray, bit: int, free: float, room: FloatArray) -> FloatArray:
+    whole = room[: 2 * len(later)]
+    for base in range(len(later) - bit, -1, -bit):
+        for state in range(base + bit - 1, base - 1, -1):
+            whole[base + state + bit] = later[state]
+            whole[base + state] = free * later[state]
     return whole
 
 
@@ -216,7 +217,7 @@ def _untaken_in_loops(table: FloatArray, later: FloatArray, bit: int) -> float:
     return total
 
 
-LOOPS: dict[Callable[..., Any], Callable[..., Any]] = {
+LOOPS: dict[Any, Any] = {
     _take: _take_in_loops,
     _give: _give_in_loops,
     _closed: _closed_in_loops,

@@ -14,10 +14,8 @@ import numpy as np
 from ..arrays import IntArray
 from .clusters import Graph
 
-# A cluster with tables of more entries, 16 MiB, is left out.
-MOST_ENTRIES = 1 << 21
-# Two to the power of more open nodes is beyond all bounds.
-MOST_OPEN = 40
+# A cluster with tables of more entries, 32 MiB, is left out.
+MOST_ENTRIES = 1 << 22
 # Scores of nodes: for each node that would open, if none beside it is open yet, and when closed.
 OPENS, APART, CLOSED = 1 << 20, 1 << 42, 1 << 60
 
@@ -85,7 +83,7 @@ def plan(graph: Graph, most_work: int) -> Plan:
                     score[near] += 1
                     found += 1
             left[chosen] = 0
-            size[step] = 1 << min(width, MOST_OPEN)
+            size[step] = 1 << min(width, 40)  # more is beyond all bounds anyway
             entries += size[step]
             budget -= (found - passed[step]) * size[step]
             if budget < 0 or entries > MOST_ENTRIES:

@@ -17,27 +17,42 @@ def bits(size, count):
 
 
 @pytest.mark.parametrize(
-    ("operation", "tables", "count", "factor"),
+    ("operation", "tables", "count", "more"),
     [
-        ("_take", 1, 2, True),
-        ("_give", 2, 2, True),
-        ("_closed", 1, 1, True),
-        ("_reopened", 1, 1, True),
-        ("_untaken", 2, 1, False),
+        ("_take", 1, 2, (0.37,)),
+        ("_give", 2, 2, (0.37,)),
+        ("_closed", 1, 1, (0.37, np.ones(8))),
+        ("_reopened", 1, 1, (0.37, np.ones(32))),
+        ("_untaken", 2, 1, ()),
     ],
 )
-def test_loops_do_what_operations_on_arrays_do(operation, tables, count, factor):
+def test_loops_do_what_operations_on_arrays_do(operation, tables, count, more):
     rng = np.random.default_rng(0)
     (plain,) = (one for one in LOOPS if one.__name__ == operation)
     for some in bits(16, count):
         mine = list(rng.random((tables, 16)))
         other = [table.copy() for table in mine]
-        rest = (*some, 0.37) if factor else some
-        found, expected = LOOPS[plain](*mine, *rest), plain(*other, *rest)
+        found = LOOPS[plain](*mine, *some, *more)
+        found = found if found is None else np.copy(found)
+        expected = plain(*other, *some, *more)
         if expected is not None:
             np.testing.assert_allclose(found, expected, rtol=1e-14)
         for one, same in zip(mine, other, strict=True):
             np.testing.assert_allclose(one, same, rtol=1e-14)
+
+
+@pytest.mark.parametrize("bit", [1, 2, 4, 8])
+@pytest.mark.parametrize(
+    "plain", [one for one in LOOPS if one.__name__ in ("_closed", "_reopened")]
+)
+def test_tables_may_change_in_their_place(plain, bit):
+    values = np.random.default_rng(1).random(16)
+    for operation in (plain, LOOPS[plain]):
+        expected = operation(values, bit, 0.37, np.empty(32)).copy()
+        room = np.append(values, np.zeros(16))
+        found = operation(room[:16], bit, 0.37, room)
+        np.testing.assert_array_equal(found, expected)
+        assert np.shares_memory(found, room)
 
 
 @pytest.mark.parametrize("seed", range(5))
