@@ -1,23 +1,24 @@
-"""The engines by their names in a configuration."""
+"""The engines by their names in a configuration.
+
+Each is imported when the first one of its kind is made, because that loads numba and what it has
+compiled, and compiles what is new.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.engine import Engine
-from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
-from phd_jdtc_ros.core.gaussian.filter import GaussianFilter
-from phd_jdtc_ros.core.gaussian.reduction import Bounds
-from phd_jdtc_ros.core.smc.correction import CORRECTORS
-from phd_jdtc_ros.core.smc.engine import ParticleEngine
-from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
-from phd_jdtc_ros.core.smc.filter import ParticleFilter
-from phd_jdtc_ros.core.smc.resampling import ParticleBudget
-from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
 
 from .build import TrackerConfig
 from .schema import ConfigError
+
+if TYPE_CHECKING:
+    from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
+    from phd_jdtc_ros.core.smc.engine import ParticleEngine
+    from phd_jdtc_ros.core.smc.filter import ParticleFilter
 
 
 def new_engine(config: TrackerConfig) -> Engine:
@@ -37,6 +38,10 @@ def new_engine(config: TrackerConfig) -> Engine:
 
 def particle_engine(config: TrackerConfig) -> ParticleEngine:
     """Return a new particle engine."""
+    from phd_jdtc_ros.core.smc.engine import ParticleEngine
+    from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
+    from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
+
     values = config.values
     return ParticleEngine(
         forward=particle_filter(config),
@@ -50,6 +55,11 @@ def particle_engine(config: TrackerConfig) -> ParticleEngine:
 
 def particle_filter(config: TrackerConfig) -> ParticleFilter:
     """Return a new forward filter of the particle engine."""
+    from phd_jdtc_ros.core.association import marginals  # noqa: F401, not during the first scan
+    from phd_jdtc_ros.core.smc.correction import CORRECTORS
+    from phd_jdtc_ros.core.smc.filter import ParticleFilter
+    from phd_jdtc_ros.core.smc.resampling import ParticleBudget
+
     values = config.values
     budget = ParticleBudget(
         per_target=values["particles_per_target"],
@@ -62,6 +72,10 @@ def particle_filter(config: TrackerConfig) -> ParticleFilter:
 
 def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
     """Return a new engine of Gaussian mixtures."""
+    from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
+    from phd_jdtc_ros.core.gaussian.filter import GaussianFilter
+    from phd_jdtc_ros.core.gaussian.reduction import Bounds
+
     values = config.values
     bounds = Bounds(
         hypotheses=values["hypotheses_per_target"],

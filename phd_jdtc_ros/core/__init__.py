@@ -24,7 +24,8 @@ The data's path, with the room of each step::
 `models` puts targets, sensors and clutter together into the model that both engines share.
 `window` knows neither particles nor Gaussians, only rows, each with the label of its target.
 `engine` is the interface of both engines, and `snapshot` the arrays and numbers that they are
-stored as. `backend` says which inner loops are in use, and `numba_loops` compiles some.
+stored as. `compilation` compiles functions over arrays; `backend` says which inner loops are in
+use where there are two kinds, and `numba_loops` compiles one of them.
 
 The rooms import downwards only, see the contracts in ``pyproject.toml``::
 
@@ -40,7 +41,7 @@ The rooms import downwards only, see the contracts in ``pyproject.toml``::
     clutter
     association, pair_search, targets
     backend, snapshot, types
-    numba_loops, state_space
+    compilation, numba_loops, state_space
     arrays
 
 What is around the core: `configuration` turns parameters into models, `simulation` makes scans

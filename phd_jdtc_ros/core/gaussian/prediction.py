@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, sum_by
+from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled, contiguous
 from ..tracks import labels
-from .algebra.kalman import Backward, backward, predicted_covariance
-from .algebra.moments import matched
+from .algebra.blocks import SIZE, add_mean, add_spread, dot, factorise, solve
+from .algebra.kalman import predicted_covariance
 from .dynamics import Dynamics
 from .mixture import Mixture
 
@@ -46,52 +47,145 @@ class Moves:
         Probability to survive until the later scan.
     cells : array of shape (H, S, S) or None
         Matrix of the cells, [from, to]; None if no cell is left.
-    mean : array of shape (H, K, D)
-        Predicted by each pair.
-    precision : array of shape (H, K, D, D)
-        Inverse of each pair's predicted covariance.
-    log_determinant : array of shape (H, K)
-        Of the precision.
-    backward : Backward
-        From each pair's later Gaussian to the earlier one, leading shape (H, K).
+    place : int array of shape (H, K)
+        The row of each pair in the columns below; -1 if the pair has no weight.
+    mean : array of shape (A, D)
+        Predicted by the pair.
+    factor : array of shape (A, D, D)
+        Factors of the pair's predicted covariance; see `blocks.factorise`.
+    gain, base : arrays of shape (A, D, D)
+        Of the backward step: given a later Gaussian of mean m and covariance P, the earlier one has
+        its own mean + gain (m - mean), and the covariance base + gain P gain'.
     """
 
     pairs: tuple[IntArray, IntArray]
     change: FloatArray
     survival: FloatArray
     cells: FloatArray | None
+    place: IntArray
     mean: FloatArray
-    precision: FloatArray
-    log_determinant: FloatArray
-    backward: Backward
+    factor: FloatArray
+    gain: FloatArray
+    base: FloatArray
 
     def take(self, rows: IntArray) -> Moves:
         """Return the moves of these rows."""
+        place = self.place[rows]
+        kept = place[place >= 0]
+        place[place >= 0] = np.arange(len(kept))
         return Moves(
             self.pairs,
             self.change[rows],
             self.survival[rows],
             None if self.cells is None else self.cells[rows],
-            self.mean[rows],
-            self.precision[rows],
-            self.log_determinant[rows],
-            Backward(*(part[rows] for part in self.backward)),
+            place,
+            *(part[kept] for part in (self.mean, self.factor, self.gain, self.base)),
         )
 
     @staticmethod
     def joined(parts: Sequence[Moves]) -> Moves:
         """Return the moves of several scans, row by row."""
         cells = [part.cells for part in parts if part.cells is not None]
+        before = np.cumsum([0, *(len(part.mean) for part in parts)])
+        place = [
+            np.where(part.place >= 0, part.place + begin, -1)
+            for part, begin in zip(parts, before, strict=False)
+        ]
         return Moves(
             parts[0].pairs,
             np.concatenate([part.change for part in parts]),
             np.concatenate([part.survival for part in parts]),
             np.concatenate(cells) if cells else None,
+            np.concatenate(place),
             np.concatenate([part.mean for part in parts]),
-            np.concatenate([part.precision for part in parts]),
-            np.concatenate([part.log_determinant for part in parts]),
-            Backward(*map(np.concatenate, zip(*(part.backward for part in parts), strict=True))),
+            np.concatenate([part.factor for part in parts]),
+            np.concatenate([part.gain for part in parts]),
+            np.concatenate([part.base for part in parts]),
         )
+
+
+@compiled
+def _pairs(
+    covariance: Float4,
+    row: Int1,
+    of: Int1,
+    to: Int1,
+    source: Int1,
+    jacobian: Float3,
+    noise: Float4,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return what each pair predicts: covariance, its factors, gain and base; see `Moves`.
+
+    `row`, `of`, `to` and `source` are each pair's hypothesis, modes, and scan of the noise.
+    """
+    count = len(row)
+    later, factor = np.empty((count, SIZE, SIZE)), np.empty((count, SIZE, SIZE))
+    gain, base = np.empty((count, SIZE, SIZE)), np.empty((count, SIZE, SIZE))
+    cross = np.empty((SIZE, SIZE))  # of the earlier and the later state
+    for pair in range(count):
+        before, turn = covariance[row[pair], of[pair]], jacobian[pair]
+        added = noise[source[pair], to[pair]]
+        for i in range(SIZE):
+            for k in range(SIZE):
+                cross[i, k] = dot(before[i], turn[k])
+        for i in range(SIZE):
+            for k in range(i + 1):
+                total = added[i, k]
+                for n in range(SIZE):
+                    total += turn[i, n] * cross[n, k]
+                later[pair, i, k] = later[pair, k, i] = total
+        factorise(later[pair], factor[pair])
+        for i in range(SIZE):
+            gain[pair, i] = cross[i]
+            solve(factor[pair], gain[pair, i])
+            for k in range(i + 1):
+                total = before[i, k] - dot(gain[pair, i], cross[k])
+                base[pair, i, k] = base[pair, k, i] = total
+    return later, factor, gain, base
+
+
+@compiled
+def _mixed(
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+    of: Int1,
+    to: Int1,
+    change: Float2,
+    place: Int2,
+    pair_mean: Float2,
+    pair_covariance: Float3,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the weight, mean and covariance of each later mode, matched over its pairs.
+
+    A mode that cannot be reached has no weight; it keeps its own Gaussian.
+    """
+    count, modes, cells = weight.shape
+    later_weight, later_mean = np.zeros(weight.shape), np.zeros(mean.shape)
+    later = np.zeros(covariance.shape)
+    share, total = np.empty(len(of)), np.empty(modes)
+    for row in range(count):
+        total[:] = 0.0
+        for pair in range(len(of)):
+            share[pair] = 0.0
+            for cell in range(cells):
+                moved = change[row, pair] * weight[row, of[pair], cell]
+                later_weight[row, to[pair], cell] += moved
+                share[pair] += moved
+            total[to[pair]] += share[pair]
+        for pair in range(len(of)):
+            if share[pair] > 0.0:
+                share[pair] /= total[to[pair]]
+                add_mean(share[pair], pair_mean[place[row, pair]], later_mean[row, to[pair]])
+        for pair in range(len(of)):
+            mode, at = to[pair], place[row, pair]
+            if share[pair] > 0.0:
+                centre, spread = later_mean[row, mode], later[row, mode]
+                add_spread(share[pair], pair_mean[at], pair_covariance[at], centre, spread)
+        for mode in range(modes):
+            if not total[mode] > 0.0:
+                later_mean[row, mode], later[row, mode] = mean[row, mode], covariance[row, mode]
+    return later_weight, later_mean, later
 
 
 def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Moves]:
@@ -109,64 +203,45 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     """
     before = Mixture.joined([part.mixture for part in earlier])
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
-    survival = np.stack([dynamics.survival(dt) for _, dt in earlier])[source]
+    dt_of = np.array([dt for _, dt in earlier])
+    survival = np.stack([dynamics.survival(dt) for dt in dt_of])
     of, to = dynamics.pairs
-    change = np.stack([dynamics.transition(dt)[of, to] for _, dt in earlier])[source]
-    change = change * survival[:, of]
-    noise = np.stack([dynamics.noise(dt) for _, dt in earlier])[source]
+    change = np.stack([dynamics.transition(dt)[of, to] for dt in dt_of]) * survival[:, of]
+    noise = np.stack([dynamics.noise(dt) for dt in dt_of])
+    change, survival = change[source], survival[source]
+    row, pair = np.nonzero((before.mode_weight[:, of] > 0.0) & (change > 0.0))
+    place = np.full(change.shape, -1)
+    place[row, pair] = np.arange(len(row))
+    earlier_mode, later_mode, scan = of[pair], to[pair], source[row]
+    pair_mean, jacobian = _moved(before.mean[row, earlier_mode], later_mode, dt_of[scan], dynamics)
+    pair_covariance, factor, gain, base = _pairs(
+        *contiguous(before.covariance, row, earlier_mode, later_mode, scan, jacobian, noise)
+    )
+    weight, mean, covariance = _mixed(
+        *contiguous(before.weight, before.mean, before.covariance),
+        *contiguous(of, to, change, place, pair_mean, pair_covariance),
+    )
     cells = None
-    weight = dynamics.to_mode @ (change[..., None] * before.weight.take(of, axis=1))
     if (first := dynamics.cells.transition(earlier[0].dt)) is not None:
         others = [dynamics.cells.transition(dt) for _, dt in earlier[1:]]
         cells = np.stack([first, *(other for other in others if other is not None)])[source]
         weight = weight @ cells
-    dt_of = np.array([dt for _, dt in earlier])[source]
-    mean, covariance = before.mean.take(of, axis=1), before.covariance.take(of, axis=1)
-    later_mean, jacobian = _moved(mean, to, dt_of, dynamics)
-    later, cross = predicted_covariance(covariance, jacobian, noise.take(to, axis=1))
-    back, precision = backward(
-        mean, covariance, later_mean, later, cross, 1.0 - dynamics.supported[to]
-    )
-    share = _shares(change * before.mode_weight[:, of], dynamics)
     return (
-        Mixture(before.origin, weight, *matched(share, later_mean, later)),
-        Moves(
-            pairs=(of, to),
-            change=change,
-            survival=survival,
-            cells=cells,
-            mean=later_mean,
-            precision=precision,
-            log_determinant=np.linalg.slogdet(precision)[1],
-            backward=back,
-        ),
+        Mixture(before.origin, weight, mean, covariance),
+        Moves(*((of, to), change, survival, cells, place), *(pair_mean, factor, gain, base)),
     )
-
-
-def _shares(joint: FloatArray, dynamics: Dynamics) -> FloatArray:
-    """Return the share of each pair in each later mode, (H, R, K), given their weights (H, K)."""
-    weight = dynamics.to_mode * joint[:, None]
-    total = weight.sum(axis=2, keepdims=True)
-    reached = total > 0.0
-    # A mode that cannot be reached has no weight; it keeps its own Gaussian.
-    same = dynamics.to_mode * (dynamics.pairs[0] == dynamics.pairs[1])
-    share: FloatArray = np.where(reached, weight / np.where(reached, total, 1.0), same)
-    return share
 
 
 def _moved(
     mean: FloatArray, to: IntArray, dt: FloatArray, dynamics: Dynamics
 ) -> tuple[FloatArray, FloatArray]:
-    """Return means (H, K, D) after `dt` seconds of each mode `to`, and the derivatives."""
+    """Return means (A, D) after `dt` seconds, each of its mode `to`, and the derivatives."""
     later = np.empty_like(mean)
-    jacobian = np.empty((*mean.shape, mean.shape[2]))
+    jacobian = np.empty((*mean.shape, mean.shape[1]))
     for mode, motion in enumerate(dynamics.motions):
         own = np.flatnonzero(to == mode)
-        flat, since = mean[:, own].reshape(-1, mean.shape[2]), dt.repeat(len(own))
-        later[:, own] = motion.mean(flat, since).reshape(len(mean), len(own), mean.shape[2])
-        jacobian[:, own] = motion.jacobian(flat, since).reshape(
-            len(mean), len(own), *jacobian.shape[2:]
-        )
+        later[own] = motion.mean(mean[own], dt[own])
+        jacobian[own] = motion.jacobian(mean[own], dt[own])
     return later, jacobian
 
 
@@ -235,18 +310,20 @@ def _spawned_by(
     mean, covariance = mixture.overall
     mean, covariance = mean[parents], covariance[parents]
     modes, size = supported.shape
-    moved = np.repeat(mean[:, None], modes, axis=1)
-    later, jacobian = _moved(moved, np.arange(modes), np.full(len(parents), dt), dynamics)
+    count = len(parents)
+    to = np.tile(np.arange(modes), count)
+    later, jacobian = _moved(mean.repeat(modes, axis=0), to, np.full(len(to), dt), dynamics)
+    later, jacobian = later.reshape(count, modes, -1), jacobian.reshape(count, modes, size, -1)
     noise = np.zeros((modes, size, size))
     noise[:, np.arange(size), np.arange(size)] = spawn.std**2 * supported
     spread = predicted_covariance(covariance[:, None], jacobian, noise)[0]
-    to = np.tensordot(spawn.transition, dynamics.spread, axes=1)
+    turned = np.tensordot(spawn.transition, dynamics.spread, axes=1)
     of_mode = (dynamics.spread > 0.0).astype(np.float64)
     flat = mixture.weight.reshape(len(mixture), -1) @ of_mode.reshape(len(of_mode), -1).T
     flat = np.stack([sum_by(mixture.target, column, len(mixture.label)) for column in flat.T], 1)
     return Mixture(
         label + np.arange(len(parents)),
-        rate * np.tensordot(flat[parents], to, axes=1),
+        rate * np.tensordot(flat[parents], turned, axes=1),
         later,
         spread,
     )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from ..arrays import FloatArray
 from ..snapshot import MOST_INDEX, Snapshot, require_covariances, require_numbers, require_whole
 from ..window.entries import Entry
@@ -14,7 +16,6 @@ from ..window.window_snapshot import (
     require_rows_of,
     take_sources,
 )
-from .algebra.kalman import Backward
 from .dynamics import Dynamics
 from .mixture import Mixture
 from .prediction import Moves
@@ -24,8 +25,8 @@ from .window_graph import Link
 GaussianEntry = Entry[Mixture, Link]
 # Of a backward step: metres per radian per second are the largest of its units.
 MOST_GAIN = 1e15
-# Of a determinant.
-MOST_LOG = 1e4
+# Of covariances and their inverses.
+MOST_FACTOR = 1e30
 
 
 def put_entry(snapshot: Snapshot, name: str, entry: GaussianEntry) -> None:
@@ -38,12 +39,10 @@ def put_entry(snapshot: Snapshot, name: str, entry: GaussianEntry) -> None:
     if link is None:
         return
     moves, ancestry = link.moves, link.ancestry
-    for part in ("change", "survival", "mean", "precision", "log_determinant"):
+    for part in ("change", "survival", "place", "mean", "factor", "gain", "base"):
         arrays[f"{name}.link.{part}"] = getattr(moves, part)
     if moves.cells is not None:
         arrays[f"{name}.link.cells"] = moves.cells
-    for part in Backward._fields:
-        arrays[f"{name}.link.{part}"] = getattr(moves.backward, part)
     for part in ("child", "parent", "share"):
         arrays[f"{name}.link.{part}"] = getattr(ancestry, part)
 
@@ -109,25 +108,26 @@ def _take_mixture(snapshot: Snapshot, name: str, dynamics: Dynamics, most: int) 
 
 def _take_moves(snapshot: Snapshot, name: str, dynamics: Dynamics, count: int) -> Moves:
     modes, size, cells = _sizes(dynamics)
-    of_pair = (count, len(dynamics.pairs[0]), size, size)
-    back = Backward(
-        _numbers(snapshot, f"{name}.gain", of_pair, -MOST_GAIN, MOST_GAIN),
-        _numbers(snapshot, f"{name}.offset", of_pair[:3], -MOST_GAIN, MOST_GAIN),
-        # A small difference of large covariances, which rounding may leave without a square root.
-        _numbers(snapshot, f"{name}.base", of_pair, -(MOST_STATE**2), MOST_STATE**2),
-    )
+    place = snapshot.array(f"{name}.place")
+    shape = count, len(dynamics.pairs[0])
+    if place.shape != shape:
+        raise ValueError(f"{name}.place: shape {place.shape}, expected {shape}")
+    of_pair = (int(np.count_nonzero(place >= 0)), size, size)
+    require_whole(f"{name}.place", place, -1, of_pair[0] - 1)
     of_cells = None
     if f"{name}.cells" in snapshot.arrays:
         of_cells = _numbers(snapshot, f"{name}.cells", (count, cells, cells), 0.0, 1.0)
     return Moves(
         dynamics.pairs,
-        _numbers(snapshot, f"{name}.change", of_pair[:2], 0.0, 1.0),
+        _numbers(snapshot, f"{name}.change", shape, 0.0, 1.0),
         _numbers(snapshot, f"{name}.survival", (count, modes), 0.0, 1.0),
         of_cells,
-        _numbers(snapshot, f"{name}.mean", of_pair[:3], -MOST_STATE, MOST_STATE),
-        _numbers(snapshot, f"{name}.precision", of_pair, -MOST_GAIN, MOST_GAIN),
-        _numbers(snapshot, f"{name}.log_determinant", of_pair[:2], -MOST_LOG, MOST_LOG),
-        back,
+        place,
+        _numbers(snapshot, f"{name}.mean", of_pair[:2], -MOST_STATE, MOST_STATE),
+        _numbers(snapshot, f"{name}.factor", of_pair, -MOST_FACTOR, MOST_FACTOR),
+        _numbers(snapshot, f"{name}.gain", of_pair, -MOST_GAIN, MOST_GAIN),
+        # A small difference of large covariances, which rounding may leave without a square root.
+        _numbers(snapshot, f"{name}.base", of_pair, -(MOST_STATE**2), MOST_STATE**2),
     )
 
 

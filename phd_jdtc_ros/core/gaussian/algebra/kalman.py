@@ -23,29 +23,6 @@ LEAST_EIGENVALUE = 1e-10
 LEAST_VARIANCE = 1e-15
 
 
-class Backward(NamedTuple):
-    """What leads from a Gaussian's later distribution back to its earlier one.
-
-    The earlier distribution given a later one of mean m and covariance P has the mean
-    ``offset + gain m`` and the covariance ``base + gain P gain'``.
-
-    Parameters
-    ----------
-    gain : array of shape (..., D, D)
-    offset : array of shape (..., D)
-    base : array of shape (..., D, D)
-    """
-
-    gain: FloatArray
-    offset: FloatArray
-    base: FloatArray
-
-    def earlier(self, mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the earlier mean and covariance, given those later."""
-        moved = (self.gain @ mean[..., None])[..., 0]
-        return self.offset + moved, self.base + self.gain @ covariance @ _turned(self.gain)
-
-
 def predicted_covariance(
     covariance: FloatArray, transition: FloatArray, noise: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -54,49 +31,6 @@ def predicted_covariance(
     later = transition @ cross
     later += noise
     return symmetric(later), cross
-
-
-def backward(
-    mean: FloatArray,
-    covariance: FloatArray,
-    later_mean: FloatArray,
-    later: FloatArray,
-    cross: FloatArray,
-    unsupported: FloatArray,
-) -> tuple[Backward, FloatArray]:
-    """Return the backward step of Gaussians, and the inverses of the later covariances.
-
-    Parameters
-    ----------
-    mean, covariance : arrays of shape (..., D) and (..., D, D)
-        Before the prediction.
-    later_mean, later : arrays of shape (..., D) and (..., D, D)
-        Predicted.
-    cross : array of shape (..., D, D)
-        Covariance of the earlier and the later state.
-    unsupported : array of shape (..., D)
-        1 for axes of which the later state has none, 0 else.
-
-    References
-    ----------
-    Rauch, Tung and Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
-    Journal 3(8), 1965: the gain is P F' P_predicted^-1.
-    """
-    if loops := backend.compiled("gaussian.algebra"):
-        every = np.broadcast_to(unsupported, mean.shape)
-        parts = (mean, covariance, later_mean, later, cross, every)
-        sound, precision, *found = loops.backward(
-            *(flat(part, axes) for part, axes in zip(parts, (1, 2, 1, 2, 2, 1), strict=True))
-        )
-        if sound:
-            found = [part.reshape(*mean.shape[:-1], *part.shape[1:]) for part in found]
-            return Backward(*found), precision.reshape(covariance.shape)
-    size = mean.shape[-1]
-    precision = inverse(later + unsupported[..., None] * np.eye(size))
-    gain = cross @ precision
-    base = covariance - gain @ _turned(cross)
-    offset = mean - (gain @ later_mean[..., None])[..., 0]
-    return Backward(gain, offset, symmetric(base)), precision
 
 
 class Located(NamedTuple):

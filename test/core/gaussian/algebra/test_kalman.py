@@ -4,7 +4,6 @@ import textbook
 from lone import MEAN, STD, lone
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman
-from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
 
 pytestmark = pytest.mark.usefixtures("backend")
 (RADAR,) = lone().model.radars
@@ -71,40 +70,6 @@ def test_update_wraps_the_azimuth(side):
     measurement = np.array([[8e3, side * (np.pi - 0.004)]])
     _, later, _ = updated(mean, covariance, measurement)
     assert np.hypot(*(later[0, [0, 2]] - behind)) < 40.0
-
-
-@pytest.mark.parametrize("motion", [ConstantVelocity(2.0), CoordinatedTurn(2.0, 1e-5)])
-def test_backward_is_the_step_of_rauch_tung_and_striebel(motion):
-    rng = np.random.default_rng(2)
-    mean, covariance = priors(rng, 4)
-    support = np.isin(np.arange(5), motion.support).astype(float)
-    mean, covariance = mean * support, covariance * np.outer(support, support)
-    noise = np.zeros((5, 5))
-    noise[np.ix_(motion.support, motion.support)] = motion.noise_covariance(6.0)
-    jacobian = motion.jacobian(mean, 6.0)
-    later, cross = kalman.predicted_covariance(covariance, jacobian, np.array([noise] * 4))
-    moved = motion.mean(mean, 6.0)
-    unsupported = np.tile(1.0 - support, (4, 1))
-    back, precision = kalman.backward(mean, covariance, moved, later, cross, unsupported)
-    told_mean, told = back.earlier(moved + 3.0 * support, 0.5 * later)
-    axes = np.ix_(motion.support, motion.support)
-    for row in range(4):
-        before = textbook.Normal(mean[row], covariance[row])
-        predicted, gain = textbook.predict(before, motion, 6.0)
-        right = textbook.smooth(
-            before,
-            predicted,
-            gain,
-            textbook.Normal(predicted.mean + 3.0 * support, 0.5 * predicted.covariance),
-        )
-        scale = np.sqrt(np.maximum(np.diag(covariance[row]), 1e-12))
-        np.testing.assert_allclose(told_mean[row] / scale, right.mean / scale, rtol=1e-6)
-        np.testing.assert_allclose(
-            told[row] / scale / scale[:, None], right.covariance / scale / scale[:, None], atol=1e-6
-        )
-        np.testing.assert_allclose(
-            (precision[row] @ later[row])[axes], np.eye(len(motion.support)), atol=1e-5
-        )
 
 
 def test_floored_leaves_covariances_as_they_are_and_raises_others():
