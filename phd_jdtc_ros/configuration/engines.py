@@ -95,8 +95,8 @@ def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
 
 # The modules with an engine's compiled loops.
 COMPILED = {
-    "particles": ("association.compiled", "pair_search.compiled", "pair_search.compiled_kernel"),
-    "gaussian": ("association.compiled", "gaussian.algebra.compiled"),
+    "particles": ("pair_search.compiled", "pair_search.compiled_kernel"),
+    "gaussian": (),
 }
 ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {
     "particles": particle_engine,

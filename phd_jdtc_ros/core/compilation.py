@@ -77,13 +77,16 @@ def contiguous(*arrays: Any) -> tuple[Any, ...]:
     return tuple(np.ascontiguousarray(array) for array in arrays)
 
 
-def _type_of(hint: Any) -> Any:
-    """Return numba's type of a parameter."""
+def _type_of(hint: Any, readonly: bool = True) -> Any:
+    """Return numba's type of a parameter; the arrays of a named tuple must be writeable."""
     if hint in _NUMBERS:
         return getattr(numba.types, _NUMBERS[hint])
+    if hasattr(hint, "_fields"):
+        fields = get_type_hints(hint, include_extras=True).values()
+        return numba.types.BaseTuple.from_types([_type_of(one, False) for one in fields], hint)
     element, axes = get_args(hint)
     name = next(name for kind, name in _ELEMENTS.items() if kind == element)
-    return numba.types.Array(getattr(numba.types, name), axes, "C", readonly=True)
+    return numba.types.Array(getattr(numba.types, name), axes, "C", readonly=readonly)
 
 
 def _digest(function: Any) -> str:

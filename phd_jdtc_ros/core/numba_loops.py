@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
-import numba.extending
 
 # numba ships no type information.
 types: Any = numba.types
@@ -33,8 +32,3 @@ def compiled(signature: Any) -> Callable[[Callable[..., Any]], Any]:
             return numba.njit(signature, error_model="numpy")(function)
 
     return compile_it
-
-
-def called(plain: Callable[..., Any], loops: Callable[..., Any] | None = None) -> None:
-    """Let compiled functions of the same file call a function, or `loops` in its place."""
-    numba.extending.overload(plain, strict=False)(lambda *_: loops or plain)

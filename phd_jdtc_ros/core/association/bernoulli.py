@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
-from .marginals import marginals
 
 BoolArray = npt.NDArray[np.bool_]
 # Lower bound of the probability that a target is missed; odds are divided by it.
@@ -118,6 +117,9 @@ def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims
     Meyer et al., "Message passing algorithms for scalable multitarget tracking", Proceedings of
     the IEEE 106(2), 2018, for the same marginals in a particle filter of Bernoulli targets.
     """
+    # Names of correctors are known without it, and it loads numba.
+    from .marginals import marginals
+
     size = len(claims.other)
     # The reduction of a set may round a mass to a little more than one.
     excess = np.maximum(sum_by(target, weight, targets), 1.0)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import IntArray, run_starts
+from ..compilation import Int1
 
 
 class Graph(NamedTuple):
@@ -30,12 +31,12 @@ class Graph(NamedTuple):
         The edges of each node.
     """
 
-    first: IntArray
-    middle: IntArray
-    target: IntArray
-    detection: IntArray
-    start: IntArray
-    link: IntArray
+    first: Int1
+    middle: Int1
+    target: Int1
+    detection: Int1
+    start: Int1
+    link: Int1
 
 
 def cluster_of_nodes(target: IntArray, detection: IntArray, targets: int, size: int) -> IntArray:

@@ -4,18 +4,14 @@ A table has the weight of all matchings of the edges passed so far, by the set o
 are taken: the frontier is all that they have in common with the edges to come. With tables of both
 directions every probability is a sum. Their size is two to the power of the open nodes, which are
 few where targets compete with their neighbours only, however many targets there are.
-
-numba compiles these functions as they stand, and the loops at the end in the place of operations on
-arrays; see `compiled`.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ..arrays import FloatArray
+from ..compilation import Float1, compiled, inner
 from .clusters import Graph
 from .planning import Plan
 
@@ -25,7 +21,107 @@ SLACK = 300.0
 LEAST_RISE = 2.0
 
 
-def sums(plan: Plan, weight: FloatArray, free: FloatArray) -> tuple[FloatArray, FloatArray]:
+@inner
+def _take(table: FloatArray, lower: int, upper: int, weight: float) -> None:
+    """Add the matchings with an edge to a table."""
+    for block in range(0, len(table), 2 * upper):
+        for base in range(block, block + upper, 2 * lower):
+            for state in range(base, base + lower):
+                table[state + lower + upper] += weight * table[state]
+
+
+@inner
+def _give(table: FloatArray, later: FloatArray, lower: int, upper: int, weight: float) -> float:
+    """Add the matchings with an edge to the later ones; return the share of all that they have."""
+    total = 0.0
+    for block in range(0, len(table), 2 * upper):
+        for base in range(block, block + upper, 2 * lower):
+            for state in range(base, base + lower):
+                share = weight * later[state + lower + upper]
+                later[state] += share
+                total += table[state] * share
+    return total
+
+
+@inner
+def _closed(table: FloatArray, bit: int, free: float, room: FloatArray) -> FloatArray:
+    """Return a table without one of its nodes, taken or free; both may begin the same array."""
+    rest = room[: len(table) // 2]
+    for base in range(0, len(rest), bit):
+        for state in range(base, base + bit):
+            rest[state] = free * table[base + state] + table[base + state + bit]
+    return rest
+
+
+@inner
+def _reopened(later: FloatArray, bit: int, free: float, room: FloatArray) -> FloatArray:
+    """Return what may come from before a node was closed; both may begin the same array."""
+    whole = room[: 2 * len(later)]
+    for base in range(len(later) - bit, -1, -bit):
+        for state in range(base + bit - 1, base - 1, -1):
+            whole[base + state + bit] = later[state]
+            whole[base + state] = free * later[state]
+    return whole
+
+
+@inner
+def _untaken(table: FloatArray, later: FloatArray, bit: int) -> float:
+    """Return the share of the matchings that leave a node free."""
+    total = 0.0
+    for base in range(0, len(table), 2 * bit):
+        for state in range(base, base + bit):
+            total += table[state] * later[state]
+    return total
+
+
+@inner
+def _before(plan: Plan, steps: tuple[int, int], weight: FloatArray, free: FloatArray) -> FloatArray:
+    """Return the tables of a cluster's steps, one after the other, each after its edges."""
+    sizes = plan.size[steps[0] : steps[1]]
+    tables, room = np.zeros(sizes.sum()), np.ones(np.max(sizes))
+    table, end = room[:1], 0
+    for step in range(*steps):
+        begin, end = end, end + plan.size[step]
+        known = tables[begin : begin + len(table)]
+        known += table
+        table = tables[begin:end]
+        for at in range(plan.passed[step], plan.passed[step + 1]):
+            _take(table, plan.lower[at], plan.upper[at], weight[plan.edge[at]])
+        for at in range(plan.closed[step + 1] - 1, plan.closed[step] - 1, -1):
+            table = _closed(table, plan.bit[at], free[plan.node[at]], room)
+        table /= np.max(table)
+    return tables
+
+
+@inner
+def _after(
+    plan: Plan,
+    steps: tuple[int, int],
+    weight: FloatArray,
+    free: FloatArray,
+    tables: FloatArray,
+    edge: FloatArray,
+    none: FloatArray,
+) -> None:
+    """Write the probabilities of a cluster: what was before each step times what may come after."""
+    room, begin = np.ones(np.max(plan.size[steps[0] : steps[1]])), len(tables)
+    later = room[:1]
+    for step in range(steps[1] - 1, steps[0] - 1, -1):
+        begin, end = begin - plan.size[step], begin
+        table = tables[begin:end]
+        for at in range(plan.closed[step], plan.closed[step + 1]):
+            later = _reopened(later, plan.bit[at], free[plan.node[at]], room)
+        later /= np.dot(table, later)
+        for at in range(plan.closed[step], plan.closed[step + 1]):
+            none[plan.node[at]] = _untaken(table, later, plan.bit[at])
+        for at in range(plan.passed[step], plan.passed[step + 1]):
+            one = plan.edge[at]
+            edge[one] = _give(table, later, plan.lower[at], plan.upper[at], weight[one])
+        later = later[: plan.before[step]]
+
+
+@compiled
+def sums(plan: Plan, weight: Float1, free: Float1) -> tuple[FloatArray, FloatArray]:
     """Return the probabilities of edges, (E,), and of nodes to have none, (N,).
 
     Those of clusters without steps are zero.
@@ -45,7 +141,8 @@ def sums(plan: Plan, weight: FloatArray, free: FloatArray) -> tuple[FloatArray, 
     return edge, none
 
 
-def prices(graph: Graph, log_odds: FloatArray) -> FloatArray:
+@compiled
+def prices(graph: Graph, log_odds: Float1) -> FloatArray:
     """Return the logarithms of what nodes are worth, (N,): two together at least as their edge.
 
     Targets bid for detections as in an auction, so that the nodes of a cluster together are worth
@@ -85,142 +182,3 @@ def prices(graph: Graph, log_odds: FloatArray) -> FloatArray:
         value = log_odds[edge] - price[graph.detection[edge]]
         price[graph.target[edge]] = max(price[graph.target[edge]], value)
     return price
-
-
-def _before(plan: Plan, steps: tuple[int, int], weight: FloatArray, free: FloatArray) -> FloatArray:
-    """Return the tables of a cluster's steps, one after the other, each after its edges."""
-    sizes = plan.size[steps[0] : steps[1]]
-    tables, room = np.zeros(sizes.sum()), np.ones(np.max(sizes))
-    table, end = room[:1], 0
-    for step in range(*steps):
-        begin, end = end, end + plan.size[step]
-        known = tables[begin : begin + len(table)]
-        known += table
-        table = tables[begin:end]
-        for at in range(plan.passed[step], plan.passed[step + 1]):
-            _take(table, plan.lower[at], plan.upper[at], weight[plan.edge[at]])
-        for at in range(plan.closed[step + 1] - 1, plan.closed[step] - 1, -1):
-            table = _closed(table, plan.bit[at], free[plan.node[at]], room)
-        table /= np.max(table)
-    return tables
-
-
-def _after(
-    plan: Plan,
-    steps: tuple[int, int],
-    weight: FloatArray,
-    free: FloatArray,
-    tables: FloatArray,
-    edge: FloatArray,
-    none: FloatArray,
-) -> None:
-    """Write the probabilities of a cluster: what was before each step times what may come after."""
-    room, begin = np.ones(np.max(plan.size[steps[0] : steps[1]])), len(tables)
-    later = room[:1]
-    for step in range(steps[1] - 1, steps[0] - 1, -1):
-        begin, end = begin - plan.size[step], begin
-        table = tables[begin:end]
-        for at in range(plan.closed[step], plan.closed[step + 1]):
-            later = _reopened(later, plan.bit[at], free[plan.node[at]], room)
-        later /= np.dot(table, later)
-        for at in range(plan.closed[step], plan.closed[step + 1]):
-            none[plan.node[at]] = _untaken(table, later, plan.bit[at])
-        for at in range(plan.passed[step], plan.passed[step + 1]):
-            one = plan.edge[at]
-            edge[one] = _give(table, later, plan.lower[at], plan.upper[at], weight[one])
-        later = later[: plan.before[step]]
-
-
-def _take(table: FloatArray, lower: int, upper: int, weight: float) -> None:
-    """Add the matchings with an edge to a table."""
-    neither, both = _corners(table, lower, upper)
-    both += weight * neither
-
-
-def _give(table: FloatArray, later: FloatArray, lower: int, upper: int, weight: float) -> float:
-    """Add the matchings with an edge to the later ones; return the share of all that they have."""
-    neither, both = _corners(later, lower, upper)
-    share = weight * both
-    neither += share
-    return float((_corners(table, lower, upper)[0] * share).sum())
-
-
-def _corners(table: FloatArray, lower: int, upper: int) -> tuple[FloatArray, FloatArray]:
-    """Return views of the entries with neither of two nodes taken, and of those with both."""
-    corners = table.reshape(-1, 2, upper // (2 * lower), 2, lower)
-    return corners[:, 0, :, 0], corners[:, 1, :, 1]
-
-
-def _closed(table: FloatArray, bit: int, free: float, room: FloatArray) -> FloatArray:
-    """Return a table without one of its nodes, taken or free; both may begin the same array."""
-    rest, halves = room[: len(table) // 2], table.reshape(-1, 2, bit)
-    rest.reshape(-1, bit)[:] = free * halves[:, 0] + halves[:, 1]
-    return rest
-
-
-def _reopened(later: FloatArray, bit: int, free: float, room: FloatArray) -> FloatArray:
-    """Return what may come from before a node was closed; both may begin the same array."""
-    whole, part = room[: 2 * len(later)], later.reshape(-1, bit).copy()
-    halves = whole.reshape(-1, 2, bit)
-    halves[:, 0], halves[:, 1] = free * part, part
-    return whole
-
-
-def _untaken(table: FloatArray, later: FloatArray, bit: int) -> float:
-    """Return the share of the matchings that leave a node free."""
-    shape = (-1, 2, bit)
-    return float((table.reshape(shape)[:, 0] * later.reshape(shape)[:, 0]).sum())
-
-
-def _take_in_loops(table: FloatArray, lower: int, upper: int, weight: float) -> None:
-    for block in range(0, len(table), 2 * upper):
-        for base in range(block, block + upper, 2 * lower):
-            for state in range(base, base + lower):
-                table[state + lower + upper] += weight * table[state]
-
-
-def _give_in_loops(
-    table: FloatArray, later: FloatArray, lower: int, upper: int, weight: float
-) -> float:
-    total = 0.0
-    for block in range(0, len(table), 2 * upper):
-        for base in range(block, block + upper, 2 * lower):
-            for state in range(base, base + lower):
-                share = weight * later[state + lower + upper]
-                later[state] += share
-                total += table[state] * share
-    return total
-
-
-def _closed_in_loops(table: FloatArray, bit: int, free: float, room: FloatArray) -> FloatArray:
-    rest = room[: len(table) // 2]
-    for base in range(0, len(rest), bit):
-        for state in range(base, base + bit):
-            rest[state] = free * table[base + state] + table[base + state + bit]
-    return rest
-
-
-def _reopened_in_loops(later: FloatArray, bit: int, free: float, room: FloatArray) -> FloatArray:
-    whole = room[: 2 * len(later)]
-    for base in range(len(later) - bit, -1, -bit):
-        for state in range(base + bit - 1, base - 1, -1):
-            whole[base + state + bit] = later[state]
-            whole[base + state] = free * later[state]
-    return whole
-
-
-def _untaken_in_loops(table: FloatArray, later: FloatArray, bit: int) -> float:
-    total = 0.0
-    for base in range(0, len(table), 2 * bit):
-        for state in range(base, base + bit):
-            total += table[state] * later[state]
-    return total
-
-
-LOOPS: dict[Any, Any] = {
-    _take: _take_in_loops,
-    _give: _give_in_loops,
-    _closed: _closed_in_loops,
-    _reopened: _reopened_in_loops,
-    _untaken: _untaken_in_loops,
-}

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import backend
 from ..arrays import FloatArray, IntArray, sum_by
 from . import frontier, planning
 from .belief_propagation import propagate
@@ -95,11 +94,10 @@ def _contest(
     if not len(target):
         return Marginals(log_odds, none, 0)
     order, graph = graph_of(target, detection, targets, size)
-    compiled = backend.compiled("association")
-    plan = (compiled or planning).plan(graph, MOST_WORK)
-    price = (compiled or frontier).prices(graph, log_odds)
+    plan = planning.plan(graph, MOST_WORK)
+    price = frontier.prices(graph, log_odds)
     weight = np.exp(log_odds - price.take(graph.target) - price.take(graph.detection))
-    edge, untaken = (compiled or frontier).sums(plan, weight, np.exp(-price))
+    edge, untaken = frontier.sums(plan, weight, np.exp(-price))
     own = order < targets
     none[order[own]] = untaken[own]
     beyond = np.flatnonzero(plan.first[1:] == plan.first[:-1])

@@ -1,8 +1,7 @@
 """In which order the edges of clusters are passed, so that few nodes are open at a time.
 
 A node, target or detection, is open from its first edge to its last one. Each step takes a node
-with all its edges that are left: the one that opens the fewest others. numba compiles these
-functions as they stand; see `compiled`.
+with all its edges that are left: the one that opens the fewest others.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import IntArray
+from ..compilation import Int1, compiled, inner
 from .clusters import Graph
 
 # A cluster with tables of more entries, 32 MiB, is left out.
@@ -38,18 +38,37 @@ class Plan(NamedTuple):
         The nodes as they are closed, and their bits in the table, which ascend within a step.
     """
 
-    first: IntArray
-    before: IntArray
-    size: IntArray
-    passed: IntArray
-    closed: IntArray
-    edge: IntArray
-    lower: IntArray
-    upper: IntArray
-    node: IntArray
-    bit: IntArray
+    first: Int1
+    before: Int1
+    size: Int1
+    passed: Int1
+    closed: Int1
+    edge: Int1
+    lower: Int1
+    upper: Int1
+    node: Int1
+    bit: Int1
 
 
+@inner
+def _opened(
+    graph: Graph, node: int, score: IntArray, place: IntArray, members: IntArray, width: int
+) -> int:
+    """Open a node, if it is not; return how many are open.
+
+    The least score is next: that of the fewest nodes to open, and of these of the most edges left.
+    """
+    if place[node] >= 0:
+        return width
+    members[width], place[node] = node, width
+    score[node] -= OPENS + (APART if score[node] >= APART else 0)
+    for link in graph.link[graph.start[node] : graph.start[node + 1]]:
+        near = graph.target[link] + graph.detection[link] - node
+        score[near] -= OPENS + (APART if score[near] >= APART else 0)
+    return width + 1
+
+
+@compiled
 def plan(graph: Graph, most_work: int) -> Plan:
     """Return the steps of clusters that are affordable.
 
@@ -105,20 +124,3 @@ def plan(graph: Graph, most_work: int) -> Plan:
         first[cluster + 1] = step
     passed, closed = passed[: step + 1], closed[: step + 1]
     return Plan(first, before[:step], size[:step], passed, closed, edge, lower, upper, node, bit)
-
-
-def _opened(
-    graph: Graph, node: int, score: IntArray, place: IntArray, members: IntArray, width: int
-) -> int:
-    """Open a node, if it is not; return how many are open.
-
-    The least score is next: that of the fewest nodes to open, and of these of the most edges left.
-    """
-    if place[node] >= 0:
-        return width
-    members[width], place[node] = node, width
-    score[node] -= OPENS + (APART if score[node] >= APART else 0)
-    for link in graph.link[graph.start[node] : graph.start[node + 1]]:
-        near = graph.target[link] + graph.detection[link] - node
-        score[near] -= OPENS + (APART if score[near] >= APART else 0)
-    return width + 1

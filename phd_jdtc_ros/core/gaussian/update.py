@@ -191,19 +191,8 @@ def _branched(
     mixture = predicted.mixture
     kept, factor = probable(mixture.target[source], summed(weight), bounds)
     source, weight = source[kept], weight[kept] * factor[:, None, None]
-    modes, size = mixture.mean.shape[1:]
-    mean, covariance = mixture.mean[source], mixture.covariance[source]
-    paired = np.flatnonzero(kept >= len(mixture))
-    pair = kept[paired] - len(mixture)
-    gaussian = (pair[:, None] * modes + np.arange(modes)).ravel()
-    later = found.updated(
-        mean[paired].reshape(-1, size),
-        covariance[paired].reshape(-1, size, size),
-        pair,
-        gaussian,
-    )
-    mean[paired] = later[0].reshape(-1, modes, size)
-    covariance[paired] = later[1].reshape(-1, modes, size, size)
+    pair = np.where(kept >= len(mixture), kept - len(mixture), -1)
+    mean, covariance = found.updated(mixture, source, pair)
     return Branched(
         Mixture(mixture.origin[source], weight, mean, covariance), predicted.parent[source]
     )

@@ -4,7 +4,8 @@ from clusters import banded, graph
 from matchings import enumerated
 from scipy.optimize import linear_sum_assignment
 
-from phd_jdtc_ros.core.association.frontier import LEAST_RISE, LOOPS, SLACK, prices, sums
+from phd_jdtc_ros.core.association import frontier
+from phd_jdtc_ros.core.association.frontier import LEAST_RISE, SLACK, prices, sums
 from phd_jdtc_ros.core.association.planning import plan
 
 
@@ -16,43 +17,42 @@ def bits(size, count):
     )
 
 
-@pytest.mark.parametrize(
-    ("operation", "tables", "count", "more"),
-    [
-        ("_take", 1, 2, (0.37,)),
-        ("_give", 2, 2, (0.37,)),
-        ("_closed", 1, 1, (0.37, np.ones(8))),
-        ("_reopened", 1, 1, (0.37, np.ones(32))),
-        ("_untaken", 2, 1, ()),
-    ],
-)
-def test_loops_do_what_operations_on_arrays_do(operation, tables, count, more):
-    rng = np.random.default_rng(0)
-    (plain,) = (one for one in LOOPS if one.__name__ == operation)
-    for some in bits(16, count):
-        mine = list(rng.random((tables, 16)))
-        other = [table.copy() for table in mine]
-        found = LOOPS[plain](*mine, *some, *more)
-        found = found if found is None else np.copy(found)
-        expected = plain(*other, *some, *more)
-        if expected is not None:
-            np.testing.assert_allclose(found, expected, rtol=1e-14)
-        for one, same in zip(mine, other, strict=True):
-            np.testing.assert_allclose(one, same, rtol=1e-14)
+def corners(table, lower, upper):
+    """Return views of the entries with neither of two nodes taken, and of those with both."""
+    of_both = table.reshape(-1, 2, upper // (2 * lower), 2, lower)
+    return of_both[:, 0, :, 0], of_both[:, 1, :, 1]
+
+
+@pytest.mark.parametrize("bits", bits(16, 2))
+def test_edge_goes_from_neither_node_taken_to_both(bits):
+    table, later = np.random.default_rng(0).random((2, 16))
+    neither, both = corners(table, *bits)
+    expected = both + 0.37 * neither
+    frontier._take(table, *bits, 0.37)
+    np.testing.assert_allclose(both, expected, rtol=1e-14)
+    before, after = corners(later, *bits)
+    share = 0.37 * after
+    expected = before + share
+    given = frontier._give(table, later, *bits, 0.37)
+    assert given == pytest.approx((neither * share).sum(), rel=1e-14)
+    np.testing.assert_allclose(before, expected, rtol=1e-14)
 
 
 @pytest.mark.parametrize("bit", [1, 2, 4, 8])
-@pytest.mark.parametrize(
-    "plain", [one for one in LOOPS if one.__name__ in ("_closed", "_reopened")]
-)
-def test_tables_may_change_in_their_place(plain, bit):
-    values = np.random.default_rng(1).random(16)
-    for operation in (plain, LOOPS[plain]):
-        expected = operation(values, bit, 0.37, np.empty(32)).copy()
-        room = np.append(values, np.zeros(16))
-        found = operation(room[:16], bit, 0.37, room)
-        np.testing.assert_array_equal(found, expected)
-        assert np.shares_memory(found, room)
+def test_node_is_closed_and_opened_again_in_its_place(bit):
+    values, later = np.random.default_rng(1).random((2, 16))
+    halves = values.reshape(-1, 2, bit)
+    room = np.append(values, np.zeros(16))
+    found = frontier._closed(room[:16], bit, 0.37, room)
+    assert np.shares_memory(found, room)
+    expected = (0.37 * halves[:, 0] + halves[:, 1]).ravel()
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
+    room = np.append(values, np.zeros(16))
+    found = frontier._reopened(room[:16], bit, 0.37, room)
+    part = values.reshape(-1, bit)
+    np.testing.assert_allclose(found, np.stack([0.37 * part, part], axis=1).ravel(), rtol=1e-14)
+    share = (halves[:, 0] * later.reshape(-1, 2, bit)[:, 0]).sum()
+    assert frontier._untaken(values, later, bit) == pytest.approx(share, rel=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -7,8 +7,6 @@ from matchings import enumerated
 from phd_jdtc_ros.core.association import marginals as module
 from phd_jdtc_ros.core.association.marginals import marginals
 
-pytestmark = pytest.mark.usefixtures("each_backend")
-
 
 def dense_marginals(odds, clutter):
     target, detection = np.nonzero(odds)

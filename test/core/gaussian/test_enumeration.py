@@ -27,8 +27,6 @@ from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import update
 
-pytestmark = pytest.mark.usefixtures("backend")
-
 DETECTION = 0.8
 SURVIVAL = 0.9
 CLUTTER = {

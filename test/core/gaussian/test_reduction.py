@@ -4,8 +4,6 @@ import pytest
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Bounds, Branched, probable, reduced
 
-pytestmark = pytest.mark.usefixtures("backend")
-
 BOUNDS = Bounds(
     hypotheses=5,
     least_share=1e-3,

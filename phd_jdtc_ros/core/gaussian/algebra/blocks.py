@@ -18,6 +18,13 @@ LEAST_PIVOT = 1e-14
 
 
 @inner
+def wrapped(angle: float) -> float:
+    """Return an angle wrapped to (-pi, pi]."""
+    turned = math.pi - (math.pi - angle) % (2.0 * math.pi)
+    return turned if turned > -math.pi else math.pi
+
+
+@inner
 def dot(one: FloatArray, other: FloatArray) -> float:
     """Return the product of two vectors: written out, which takes two thirds of a loop's time."""
     first = one[0] * other[0] + one[1] * other[1] + one[2] * other[2]

@@ -42,17 +42,28 @@ class Located(NamedTuple):
         return self.found.log_likelihood + self.rated.log_likelihood
 
     def updated(
-        self, mean: FloatArray, covariance: FloatArray, pair: IntArray, gaussian: IntArray
+        self, mixture: Mixture, row: IntArray, pair: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return Gaussians after their detections; of some pairs, by row of these Gaussians."""
-        if self.rated is not None:
-            return self.rated.mean[gaussian], self.rated.covariance[gaussian]
-        times = self.detections.time_s
-        modes = len(gaussian) // max(len(pair), 1)
-        return kalman.updated(
-            *(mean, covariance, self.radar, self.found.take(gaussian)),
-            None if times is None else times[self.column[pair]].repeat(modes),
+        """Return the Gaussians of hypotheses, (K, R, D) and (K, R, D, D), after their detections.
+
+        `row` is the hypothesis before, and `pair` its pair with a detection; -1 for none.
+        """
+        modes, size = mixture.mean.shape[1:]
+        mean, covariance = (
+            mixture.mean.reshape(-1, size),
+            mixture.covariance.reshape(-1, size, size),
         )
+        gaussian = (row[:, None] * modes + np.arange(modes)).ravel()
+        at = np.where(pair[:, None] < 0, -1, pair[:, None] * modes + np.arange(modes)).ravel()
+        times = self.detections.time_s
+        time_s = None if times is None else times[self.column].repeat(modes)
+        if self.rated is None:
+            later = kalman.updated(mean, covariance, self.radar, self.found, time_s, (gaussian, at))
+        else:
+            later = mean[gaussian], covariance[gaussian]
+            later[0][at >= 0] = self.rated.mean[at[at >= 0]]
+            later[1][at >= 0] = self.rated.covariance[at[at >= 0]]
+        return later[0].reshape(-1, modes, size), later[1].reshape(-1, modes, size, size)
 
 
 def located(
@@ -76,18 +87,19 @@ def located(
         The detections' range rates; None without them.
     """
     modes, size = mixture.mean.shape[1:]
-    mean = mixture.mean[row].reshape(-1, size)
-    covariance = mixture.covariance[row].reshape(-1, size, size)
     each, own = column.repeat(modes), radar.detection_noise(detections)
-    time_s = None if detections.time_s is None else detections.time_s[each]
+    gaussian = (row[:, None] * modes + np.arange(modes)).ravel()
+    mean, covariance = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
     found = kalman.located(
-        *(mean, covariance, radar, detections.measurement[each]),
-        np.broadcast_to(radar.noise_std, (len(each), 2)) if own is None else own[each],
-        time_s,
+        *(mean, covariance, radar, detections.measurement),
+        *(radar.noise_std if own is None else own, detections.time_s),
+        # Modes without weight are left out, which are half of them.
+        pairs=(np.where(mixture.mode_weight[row].ravel() > 0.0, gaussian, -1), each),
     )
     rated = None
     if rates is not None:
-        later = kalman.updated(mean, covariance, radar, found, time_s)
+        time_s = None if detections.time_s is None else detections.time_s[each]
+        later = kalman.updated(mean[gaussian], covariance[gaussian], radar, found, time_s)
         rated = range_rate.rated(*later, radar, rates.take(each), time_s)
     return Located(found, rated, column, detections, radar)
 

@@ -5,7 +5,6 @@ from lone import MEAN, STD, lone
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 
-pytestmark = pytest.mark.usefixtures("backend")
 (RADAR,) = lone().model.radars
 
 
@@ -89,10 +88,27 @@ def test_floored_leaves_covariances_as_they_are_and_raises_others():
     assert found[1, 0, 0] >= 1e4
 
 
-def test_inverse_of_pairs_is_the_inverse():
-    rng = np.random.default_rng(4)
-    factor = rng.normal(0.0, 1.0, (6, 2, 2))
-    matrix = factor @ factor.swapaxes(1, 2)
-    inverse, determinant = kalman.inverse_of_pairs(matrix)
-    np.testing.assert_allclose(inverse, np.linalg.inv(matrix), rtol=1e-8)
-    np.testing.assert_allclose(determinant, np.linalg.det(matrix), rtol=1e-8)
+def test_pairs_of_gaussians_and_measurements_are_those_of_each_alone():
+    rng = np.random.default_rng(5)
+    mean, covariance = priors(rng, 3)
+    measurement = RADAR.measure(mean[:2]) + rng.normal(0.0, 1.0, (2, 2)) * RADAR.noise_std
+    gaussian, column = np.array([2, -1, 0, 2]), np.array([1, 0, 0, 0])
+    paired = (gaussian, column)
+    found = kalman.located(
+        mean, covariance, RADAR, measurement, RADAR.noise_std, None, pairs=paired
+    )
+    some = gaussian >= 0
+    noise = np.tile(RADAR.noise_std, (some.sum(), 1))
+    rows = gaussian[some]
+    alone = kalman.located(mean[rows], covariance[rows], RADAR, measurement[column[some]], noise)
+    for part, expected in zip(found, alone, strict=True):
+        np.testing.assert_array_equal(part[some], expected)
+    assert found.log_likelihood[1] == -np.inf
+    rows = np.array([0, 2, 2])
+    later = kalman.updated(mean, covariance, RADAR, found, None, (rows, np.array([1, -1, 3])))
+    np.testing.assert_array_equal(later[0][:2], mean[rows[:2]])
+    np.testing.assert_array_equal(later[1][:2], covariance[rows[:2]])
+    last = kalman.Located(*(part[2:] for part in alone))
+    right = kalman.updated(mean[rows[2:]], covariance[rows[2:]], RADAR, last)
+    for part, expected in zip(later, right, strict=True):
+        np.testing.assert_array_equal(part[2:], expected)
