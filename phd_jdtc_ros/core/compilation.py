@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
@@ -26,7 +27,10 @@ def _numba() -> Any:
     """Return the library, whose types mypy does not need to know; None where it is missing."""
     try:
         return importlib.import_module("numba")
-    except ImportError:
+    except ImportError as error:
+        logging.getLogger(__name__).warning(
+            "%s: the tracker runs interpreted, many times as slowly; pip install numba", error
+        )
         return None
 
 

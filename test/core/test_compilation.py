@@ -32,7 +32,7 @@ print(json.dumps([compilation.numba is None, found]))
 
 
 def estimates(hidden):
-    """Return whether numba is missing, and the states of some scans, of a new interpreter."""
+    """Return what a new interpreter prints: whether numba is missing, the states, and warnings."""
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT.format(hidden=hidden)],
         cwd=ROOT,
@@ -41,12 +41,15 @@ def estimates(hidden):
         text=True,
         check=True,
     )
-    return json.loads(done.stdout)
+    return json.loads(done.stdout), done.stderr
 
 
 def test_estimates_are_the_same_without_numba():
     pytest.importorskip("numba", reason="both ways are the same without it")
-    (missing, plain), (found, compiled) = estimates(True), estimates(False)
+    (missing, plain), warning = estimates(True)
+    (found, compiled), silence = estimates(False)
+    assert "pip install numba" in warning
+    assert not silence
     assert missing
     assert not found
     assert sum(map(len, plain)) > 40
