@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,30 @@ from ..arrays import FloatArray, IntArray
 from ..models.amplitude_model import SnrCells
 from ..models.tracker_model import TrackerModel
 from ..targets.motion import MotionModel
+
+# Antennas turn evenly, so the same intervals come again and again.
+MOST_INTERVALS = 256
+
+
+class Interval(NamedTuple):
+    """What happens to targets in some time.
+
+    Parameters
+    ----------
+    survival : array of shape (R,)
+        Probability to survive, by motion mode before.
+    change : array of shape (K,)
+        Probability to survive and to change from the one mode of a pair to the other.
+    noise : array of shape (R, D, D)
+        Process noise, by motion mode after.
+    cells : array of shape (S, S) or None
+        Matrix of the cells, [from, to]; None if no cell is left.
+    """
+
+    survival: FloatArray
+    change: FloatArray
+    noise: FloatArray
+    cells: FloatArray | None
 
 
 @dataclass(frozen=True)
@@ -114,6 +139,22 @@ class Dynamics:
     def mode_of_cell(self) -> IntArray:
         """A flat mode of each cell's class, shape (S,)."""
         return np.searchsorted(self.model.modes.class_of, self.cells.class_of)
+
+    @cached_property
+    def _intervals(self) -> dict[float, Interval]:
+        return {}
+
+    def over(self, dt: float) -> Interval:
+        """Return what happens in `dt` seconds; the latest intervals are computed once."""
+        known = self._intervals
+        if dt not in known:
+            if len(known) == MOST_INTERVALS:
+                known.clear()
+            of, to = self.pairs
+            survival = self.survival(dt)
+            change = self.transition(dt)[of, to] * survival[of]
+            known[dt] = Interval(survival, change, self.noise(dt), self.cells.transition(dt))
+        return known[dt]
 
     def transition(self, dt: float) -> FloatArray:
         """Return the (R, R) matrix of the motion modes over `dt` seconds, [from, to]."""

@@ -204,11 +204,11 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     before = Mixture.joined([part.mixture for part in earlier])
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
     dt_of = np.array([dt for _, dt in earlier])
-    survival = np.stack([dynamics.survival(dt) for dt in dt_of])
+    intervals = [dynamics.over(dt) for _, dt in earlier]
     of, to = dynamics.pairs
-    change = np.stack([dynamics.transition(dt)[of, to] for dt in dt_of]) * survival[:, of]
-    noise = np.stack([dynamics.noise(dt) for dt in dt_of])
-    change, survival = change[source], survival[source]
+    change = np.array([interval.change for interval in intervals])[source]
+    survival = np.array([interval.survival for interval in intervals])[source]
+    noise = np.array([interval.noise for interval in intervals])
     row, pair = np.nonzero((before.mode_weight[:, of] > 0.0) & (change > 0.0))
     place = np.full(change.shape, -1)
     place[row, pair] = np.arange(len(row))
@@ -222,9 +222,8 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
         *contiguous(of, to, change, place, pair_mean, pair_covariance),
     )
     cells = None
-    if (first := dynamics.cells.transition(earlier[0].dt)) is not None:
-        others = [dynamics.cells.transition(dt) for _, dt in earlier[1:]]
-        cells = np.stack([first, *(other for other in others if other is not None)])[source]
+    if intervals[0].cells is not None:
+        cells = np.array([interval.cells for interval in intervals])[source]
         weight = weight @ cells
     return (
         Mixture(before.origin, weight, mean, covariance),

@@ -94,27 +94,37 @@ def _probable(
 ) -> tuple[IntArray, FloatArray]:
     """Return the results of `probable`."""
     targets = target.max() + 1 if len(target) else 0
-    existence, left = np.zeros(targets), np.zeros(targets)
-    size, rank = np.zeros(targets + 1, np.int64), np.zeros(targets, np.int64)
+    existence, size = np.zeros(targets), np.zeros(targets, np.int64)
     for row in range(len(target)):
         existence[target[row]] += mass[row]
-    order = np.argsort(-mass, kind="mergesort")
-    for row in order:
+    best, factor = np.empty((targets, most), np.int64), np.empty(targets)
+    for row in range(len(target)):
         one = target[row]
-        enough = mass[row] >= least_share * existence[one] and mass[row] > 0.0
-        if enough and size[one + 1] < most:
-            size[one + 1] += 1
-            left[one] += mass[row]
-    start = np.cumsum(size)
-    kept, factor = np.empty(start[-1], np.int64), np.empty(start[-1])
-    for row in order:
-        one = target[row]
-        # The first ones in this order are those counted above: others have less mass.
-        if rank[one] < size[one + 1]:
-            place = start[one] + rank[one]
-            kept[place], factor[place] = row, existence[one] / left[one]
-            rank[one] += 1
-    return kept, factor
+        if mass[row] < least_share * existence[one] or not mass[row] > 0.0:
+            continue
+        # Those of more mass stay before it; the last one of too many goes.
+        place = size[one]
+        while place > 0 and mass[best[one, place - 1]] < mass[row]:
+            if place < most:
+                best[one, place] = best[one, place - 1]
+            place -= 1
+        if place < most:
+            best[one, place] = row
+            size[one] = min(size[one] + 1, most)
+    total = 0
+    for one in range(targets):
+        left = 0.0
+        for place in range(size[one]):
+            left += mass[best[one, place]]
+        factor[one] = existence[one] / left if left > 0.0 else 1.0
+        total += size[one]
+    kept, by_row = np.empty(total, np.int64), np.empty(total)
+    total = 0
+    for one in range(targets):
+        kept[total : total + size[one]] = best[one, : size[one]]
+        by_row[total : total + size[one]] = factor[one]
+        total += size[one]
+    return kept, by_row
 
 
 def probable(target: IntArray, mass: FloatArray, bounds: Bounds) -> tuple[IntArray, FloatArray]:

@@ -3,7 +3,7 @@ import pytest
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from phd_jdtc_ros.core.association.clusters import cluster_of_nodes, graph_of
+from phd_jdtc_ros.core.association.clusters import clusters_of, graph_of
 
 
 def first_nodes(target, detection, targets, size):
@@ -21,7 +21,7 @@ def first_nodes(target, detection, targets, size):
 def test_clusters_are_the_connected_components(edges):
     rng = np.random.default_rng(edges)
     target, detection = rng.integers(0, 80, edges), rng.integers(0, 120, edges)
-    found = cluster_of_nodes(target, detection, 80, 120)
+    found = clusters_of(80, 120, target, detection)
     np.testing.assert_array_equal(found, first_nodes(target, detection, 80, 120))
 
 
@@ -29,12 +29,12 @@ def test_clusters_of_a_long_chain_in_any_order_are_one():
     rng = np.random.default_rng(0)
     link = np.arange(2000)
     target, detection = rng.permutation(1001)[(link + 1) // 2], rng.permutation(1000)[link // 2]
-    np.testing.assert_array_equal(cluster_of_nodes(target, detection, 1001, 1000), 0)
+    np.testing.assert_array_equal(clusters_of(1001, 1000, target, detection), 0)
 
 
 def test_clusters_without_detections_are_the_targets():
     none = np.zeros(0, dtype=np.int64)
-    np.testing.assert_array_equal(cluster_of_nodes(none, none, 3, 0), [0, 1, 2])
+    np.testing.assert_array_equal(clusters_of(3, 0, none, none), [0, 1, 2])
 
 
 def test_graph_has_the_nodes_with_edges_cluster_by_cluster_targets_first():

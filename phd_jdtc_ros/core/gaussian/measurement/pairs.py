@@ -2,16 +2,79 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from ...arrays import FloatArray, IntArray, sum_by
+from ...arrays import FloatArray, IntArray
 from ...association.marginals import LEAST_CLUTTER
+from ...compilation import Float1, Float3, Int1, compiled, contiguous
 from ...models.competing_sources import OtherSources
 from ..mixture import Mixture
 
 # Of the sources of a detection, and of the hypotheses of a target; pairs below it are left out
 # before they are located.
 LEAST_SHARE = 1e-4
+
+
+@compiled
+def _weighed(
+    prior: Float3, row: Int1, column: Int1, log_mass: Float3, log_scale: Float1
+) -> FloatArray:
+    """Return the results of `weighed`."""
+    modes, cells = prior.shape[1:]
+    weight = np.zeros((len(row), modes, cells))
+    for pair in range(len(row)):
+        for mode in range(modes):
+            for cell in range(cells):
+                before = prior[row[pair], mode, cell]
+                if before > 0.0:
+                    log_likelihood = log_mass[pair, mode, cell] - log_scale[column[pair]]
+                    weight[pair, mode, cell] = before * math.exp(log_likelihood)
+    return weight
+
+
+@compiled
+def _likely(
+    least_share: float,
+    target: Int1,
+    existence: Float1,
+    row: Int1,
+    column: Int1,
+    mass: Float1,
+    missed: Float1,
+    other: Float1,
+) -> IntArray:
+    """Return the results of `likely`, given the mass of each pair and of each row if missed."""
+    count, targets, size = len(row), len(existence), len(other)
+    odds, wanted = np.empty(count), np.zeros(size)
+    start = np.zeros(targets + 1, np.int64)
+    for pair in range(count):
+        odds[pair] = mass[pair] / max(other[column[pair]], LEAST_CLUTTER)
+        wanted[column[pair]] += odds[pair]
+        start[target[row[pair]] + 1] += 1
+    start = np.cumsum(start)
+    order, room = np.empty(count, np.int64), start.copy()
+    for pair in range(count):
+        one = target[row[pair]]
+        order[room[one]] = pair
+        room[one] += 1
+    alone = 1.0 - existence
+    for one in range(len(target)):
+        alone[target[one]] += missed[one]
+    own, counted = np.zeros(size), np.zeros(count, np.bool_)
+    for one in range(targets):
+        pairs = order[start[one] : start[one + 1]]
+        for pair in pairs:
+            own[column[pair]] += odds[pair]
+        for pair in pairs:
+            # Each detection once: what others would leave of it if all that want it did get it.
+            z = column[pair]
+            alone[one] += own[z] / (1.0 + max(wanted[z] - own[z], 0.0))
+            own[z] = 0.0
+        for pair in pairs:
+            counted[pair] = odds[pair] > least_share * max(alone[one], 1.0)
+    return np.flatnonzero(counted)
 
 
 def weighed(
@@ -32,10 +95,7 @@ def weighed(
         log p_D L_z.
     others : OtherSources
     """
-    weight: FloatArray = mixture.weight[row] * np.exp(
-        log_mass - others.log_scale[column, None, None]
-    )
-    return weight
+    return _weighed(*contiguous(mixture.weight, row, column, log_mass, others.log_scale))
 
 
 def summed(weight: FloatArray) -> FloatArray:
@@ -57,14 +117,8 @@ def likely(
     Another target may claim a detection, however sure this target is of it. Of every detection only
     that part counts which others would leave even if all that want it did get it.
     """
-    mass, total = summed(weight), others.total
-    target, count = mixture.target[row], len(mixture.label)
-    odds = mass / np.maximum(total, LEAST_CLUTTER)[column]
-    edge, place = np.unique(target * len(total) + column, return_inverse=True)
-    own = sum_by(place.ravel(), odds, len(edge))
-    wanted = sum_by(column, odds, len(total))[edge % max(len(total), 1)]
-    left = own / (1.0 + np.maximum(wanted - own, 0.0))
-    alone = 1.0 - mixture.existence + sum_by(mixture.target, summed(missed), count)
-    alone += sum_by(edge // max(len(total), 1), left, count)
-    rows: IntArray = np.flatnonzero(odds > LEAST_SHARE * np.maximum(alone, 1.0)[target])
-    return rows
+    return _likely(
+        LEAST_SHARE,
+        *contiguous(mixture.target, mixture.existence, row, column),
+        *contiguous(summed(weight), summed(missed), others.total),
+    )
