@@ -38,7 +38,7 @@ help:
 	@echo "make fuzz    random input for decoders, bags and the live tracker, into out/fuzz;"
 	@echo "             ENGINE=gaussian for the other engine"
 	@echo "make docs    the documentation as a site, into out/docs"
-	@echo "make pictures  the documentation's pictures again, of the demo and of what else is in out/"
+	@echo "make pictures  the documentation's tables and pictures again, of the demo, out/study and out/bench"
 	@echo "make test    run the tests"
 	@echo "make coverage  the same, with the lines that they run: 90 % of all, 95 % of core and adapters"
 	@echo "make mutants  mutation tests of the association, the correctors and the smoothers, into"
@@ -47,7 +47,7 @@ help:
 	@echo "make check   linters and types"
 	@echo "make format  format the code"
 	@echo "make bags    write the shipped bags again; they come out byte for byte the same"
-	@echo "make parameters  write docs/parameters.md and docs/metrics.md from the code"
+	@echo "make parameters  write the reference pages and lists of topics from the code"
 	@echo "make setup   only prepare .venv"
 	@echo "make clean   remove .venv and everything generated"
 
@@ -89,8 +89,7 @@ demo: $(VENV)/.ready
 RUNS ?= 50
 
 study: $(VENV)/.ready-study
-	@$(RUN) -m phd_jdtc_ros monte_carlo --runs $(RUNS) \
-	    --beside madap --beside registration --beside seam --beside hours
+	@$(RUN) -m studies all --runs $(RUNS)
 
 bench: $(VENV)/.ready-bench
 	@$(RUN) -m benchmarks $(BENCH)
@@ -113,6 +112,7 @@ docs: $(VENV)/.ready-study
 	@echo "out/docs/index.html; with its search: python3 -m http.server -d out/docs"
 
 pictures: demo
+	@PYTHONPATH=. $(RUN) docs/tools/page_tables.py
 	@$(RUN) docs/tools/pictures.py
 
 test: $(VENV)/.ready-test

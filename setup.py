@@ -14,12 +14,7 @@ EXECUTABLES = (
     "register",
     "report",
     "monte_carlo",
-    "madap",
-    "registration",
-    "hours",
-    "seam",
     "hand_over",
-    "autoferry",
     "demo",
 )
 
@@ -28,9 +23,9 @@ ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version="1.0.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "msg_adapters"]),
-    package_data={f"{PACKAGE}.report.page": ["page.*", "*.js"]},
+    package_data={f"{PACKAGE}.report.page": ["assets/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -22,8 +22,9 @@ import numpy as np
 import yaml
 
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.asterix import plots_out, udp
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, Plot
+from phd_jdtc_ros.asterix.transport import udp
+from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
@@ -89,8 +90,7 @@ def _bridge(site: _Site) -> list[str]:
         "output": f"'{site.display}'",
         "output_period_s": "0.0",
         "radars": f"[{RADAR}]",
-        f"{RADAR}.sac": NUMBER >> 8,
-        f"{RADAR}.sic": NUMBER & 255,
+        f"{RADAR}.source": f"[{NUMBER >> 8}, {NUMBER & 255}]",
         "sectors": traffic.SECTORS,
         # Plots are sent before the crossing of their sector.
         "hold_sectors": 0,
@@ -113,7 +113,7 @@ class _Site:
     def __init__(self, reports: Sequence[Report], rotation_s: float) -> None:
         self.radar, self.display = _free(), _free()
         self._out = udp.sender(self.radar, "")
-        self._in = udp.opened(self.display, "")
+        self._in = udp.receiving_socket(self.display, "")
         self._rotation_s = rotation_s
         self._sector_s = rotation_s / traffic.SECTORS
         # Times of the scene to times of now, so that no day is guessed.

@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.asterix import blocks, plots_out, tracks_out
+from phd_jdtc_ros.asterix import blocks
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
-from phd_jdtc_ros.asterix.tracks_out import Source, TrackReport
+from phd_jdtc_ros.asterix.writing import plots as plots_out
+from phd_jdtc_ros.asterix.writing import tracks as tracks_out
+from phd_jdtc_ros.asterix.writing.tracks import Source, TrackReport
 
 from . import asterix_latency
 

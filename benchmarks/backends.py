@@ -15,7 +15,7 @@ NUMBA = "numba"
 def available() -> tuple[str, ...]:
     """Return the names of the installed backends, the reference first."""
     try:
-        core.resolved(NUMBA)
+        core.resolve(NUMBA)
     except ImportError:
         return (NUMPY,)
     return (NUMPY, NUMBA)

@@ -43,7 +43,7 @@ PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
     "searches": searches.measure,
     "growth": growth.measure,
     "smoother": smoothing.measure,
-    "paper_smoother": partial(smoothing.measure, corrector="poisson"),
+    "paper_smoother": partial(smoothing.measure, engine="phd"),
 }
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
-from typing import Any, NamedTuple
+from functools import partial, reduce
+from operator import getitem
+from typing import Any, NamedTuple, TypeAlias
 
 from . import backends, late
 from .asterix_rates import CLOUDS
@@ -26,8 +27,18 @@ GAUSSIAN_STEPS_MS = {
 SECTOR_S = 0.25
 
 
-def _nothing(summary: Mapping[str, Any]) -> float:
-    return 0.0
+# Takes a value from the summary; raises `LookupError`, `TypeError` or `ValueError` without it.
+Value: TypeAlias = "Callable[[Mapping[str, Any]], float]"
+
+
+def at(*path: str) -> Value:
+    """Return the value that stands at a path of keys in the summary."""
+    return lambda summary: float(reduce(getitem, path, summary))
+
+
+def ratio(over: Value, under: Value) -> Value:
+    """Return the ratio of two values."""
+    return lambda summary: over(summary) / under(summary)
 
 
 class Goal(NamedTuple):
@@ -40,20 +51,18 @@ class Goal(NamedTuple):
     at_most : bool
         Whether the bound is an upper one.
     value : callable
-        Takes the value from the summary; raises `LookupError`, `TypeError` or `ValueError` if it
-        was not measured.
     source : str
         The part of the summary that gives the reason if it was not measured.
     allowance : callable
-        Takes from the summary what is added to the bound; raises as `value` does.
+        What is added to the bound.
     """
 
     name: str
     bound: float
     at_most: bool
-    value: Callable[[Mapping[str, Any]], float]
+    value: Value
     source: str
-    allowance: Callable[[Mapping[str, Any]], float] = _nothing
+    allowance: Value = lambda _: 0.0
 
 
 def judged(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -138,7 +147,7 @@ def _goals() -> list[Goal]:
         Goal("one lag, share of a kernel", 0.06, True, _lag_share, "smoother"),
         Goal("cached kernel, bytes a particle and lag", 200.0, True, _kept, "smoother"),
         Goal("step, reference scenario, ms", 15.0, True, _step(PAPER, NUMPY), "steps"),
-        Goal("step against Stone Soup's GM-PHD, times", 1.0, False, _against_gm_phd, "peers"),
+        Goal("step against Stone Soup's GM-PHD, times", 1.0, False, _against_gm_phd(), "peers"),
     ]
     for backend, bound in ((NUMPY, 150.0), (NUMBA, 75.0)):
         name = f"step, 200 targets ({backend}), ms"
@@ -149,17 +158,23 @@ def _goals() -> list[Goal]:
             "ASTERIX plots to clouds, per second",
             20_000.0,
             False,
-            lambda summary: float(summary["asterix"]["plots_per_s"][CLOUDS]),
+            at("asterix", "plots_per_s", CLOUDS),
             "asterix",
         ),
         Goal(
             "ASTERIX in to ASTERIX out, 100 aircraft, p99, s beyond a sector",
             0.1,
             True,
-            lambda summary: float(summary["asterix"]["live"]["latency_s"]["p99"]) - SECTOR_S,
+            lambda summary: at("asterix", "live", "latency_s", "p99")(summary) - SECTOR_S,
             "asterix",
         ),
-        Goal("node, 1000 detections and 200 estimates, ms", 2.0, True, _messages, "messages"),
+        Goal(
+            "node, 1000 detections and 200 estimates, ms",
+            2.0,
+            True,
+            at("messages", "total_ms"),
+            "messages",
+        ),
         *(
             Goal(
                 f"{engine}: step ready for late reports, against dropping them, times",
@@ -170,7 +185,13 @@ def _goals() -> list[Goal]:
             )
             for engine in late.ENGINES
         ),
-        Goal("latency over DDS beyond the step, p99, ms", 10.0, True, _latency, "live"),
+        Goal(
+            "latency over DDS beyond the step, p99, ms",
+            10.0,
+            True,
+            at("live", PARTICLES, "beyond_step_ms", "p99"),
+            "live",
+        ),
         *_of_turning_radars(),
         *_of_gaussian(),
     ]
@@ -194,7 +215,7 @@ def _of_gaussian() -> list[Goal]:
             f"gaussian: turn of 50 aircraft by 16 sectors ({NUMPY}), ms",
             20.0,
             True,
-            lambda summary: _turn(summary, BY_SECTORS, GAUSSIAN),
+            _turn(BY_SECTORS, GAUSSIAN),
             "turning",
         ),
         Goal(
@@ -208,19 +229,6 @@ def _of_gaussian() -> list[Goal]:
     ]
 
 
-def _step_exponent(summary: Mapping[str, Any]) -> float:
-    if summary["quick"]:
-        raise LookupError("few targets, which are not equally dense")
-    return float(summary["step_growth"]["forms"][f"{GAUSSIAN} [{NUMPY}]"]["exponent"])
-
-
-def _memory(summary: Mapping[str, Any]) -> float:
-    memory = summary["step_growth"]["memory"]
-    if memory["targets"] < MEMORY_TARGETS:
-        raise LookupError("few targets")
-    return float(memory["MB"][GAUSSIAN])
-
-
 def _of_turning_radars() -> list[Goal]:
     return [
         Goal(
@@ -229,70 +237,72 @@ def _of_turning_radars() -> list[Goal]:
             # a step.
             0.3,
             True,
-            lambda summary: _sector_latency(summary, "latency_s"),
+            _sector_latency("latency_s"),
             "turning",
-            lambda summary: 1e-3 * _sector_latency(summary, "step_ms"),
+            lambda summary: 1e-3 * _sector_latency("step_ms")(summary),
         ),
         Goal(
             f"turn of 50 aircraft ({NUMPY}), ms",
             150.0,
             True,
-            lambda summary: _turn(summary, ONE_CLOUD),
+            _turn(ONE_CLOUD),
             "turning",
         ),
         Goal(
             "a turn by 16 sectors against one cloud, times",
             1.5,
             True,
-            lambda summary: _turn(summary, BY_SECTORS) / _turn(summary, ONE_CLOUD),
+            ratio(_turn(BY_SECTORS), _turn(ONE_CLOUD)),
             "turning",
         ),
     ]
 
 
-def _sector_latency(summary: Mapping[str, Any], of: str) -> float:
-    return float(summary["turning"]["latency"][PARTICLES][of]["p99"])
+def _median(part: str, size: str, form: str) -> Value:
+    return at(part, size, "times", form, "median_ms")
 
 
-def _turn(summary: Mapping[str, Any], form: str, engine: str = PARTICLES) -> float:
-    return float(summary["turning"]["cost"][engine][NUMPY][form]["median_ms"])
+def _step(scene: str, backend: str, engine: str = PARTICLES) -> Value:
+    return at("steps", scene, "engines", engine, "backends", backend, "step", "median_ms")
 
 
-def _median(summary: Mapping[str, Any], size: str, name: str) -> float:
-    return float(summary["smoother"][size]["times"][name]["median_ms"])
+def _turn(form: str, engine: str = PARTICLES) -> Value:
+    return at("turning", "cost", engine, NUMPY, form, "median_ms")
 
 
-def _against_paper(form: str, size: str, backend: str) -> Callable[[Mapping[str, Any]], float]:
+def _sector_latency(of: str) -> Value:
+    return at("turning", "latency", PARTICLES, of, "p99")
+
+
+def _against_paper(form: str, size: str, backend: str) -> Value:
     """Return the ratio of the cost of the paper's kernel in this form to the smoother's cost."""
-
-    def ratio(summary: Mapping[str, Any]) -> float:
-        papers = summary["paper_smoother"][size]["times"][form]["median_ms"]
-        return float(papers) / _median(summary, size, f"smoother [{backend}]")
-
-    return ratio
+    ours = _median("smoother", size, f"smoother [{backend}]")
+    return ratio(_median("paper_smoother", size, form), ours)
 
 
-def _alike(form: str, part: str) -> Callable[[Mapping[str, Any]], float]:
+def _alike(form: str, part: str) -> Value:
     """Return the ratio of the costs of the same kernel, both in NumPy, in this form and in ours."""
-    name = form.partition(",")[0]
-
-    def ratio(summary: Mapping[str, Any]) -> float:
-        times = summary[part]["1e4"]["times"]
-        ours = times[f"smoother [{NUMPY}]"]["median_ms"]
-        return float(times[name]["median_ms"]) / float(ours)
-
-    return ratio
+    own = _median(part, "1e4", f"smoother [{NUMPY}]")
+    return ratio(_median(part, "1e4", form.partition(",")[0]), own)
 
 
-def _least_against_tree(backend: str) -> Callable[[Mapping[str, Any]], float]:
-    def least(summary: Mapping[str, Any]) -> float:
-        sizes = summary["paper_smoother"]
-        return min(_against_paper("k-d tree", size, backend)(summary) for size in sizes)
-
-    return least
+def _least_against_tree(backend: str) -> Value:
+    return lambda summary: min(
+        _against_paper("k-d tree", size, backend)(summary) for size in summary["paper_smoother"]
+    )
 
 
-def _error(kind: str) -> Callable[[Mapping[str, Any]], float]:
+def _exponent(ladder: str) -> Value:
+    return at("growth", ladder, "forms", f"smoother [{NUMPY}]", "exponent")
+
+
+def _against_gm_phd() -> Value:
+    return ratio(
+        at("peers", "GM-PHD", "median_ms"), at("peers", f"particles [{NUMPY}]", "median_ms")
+    )
+
+
+def _error(kind: str) -> Value:
     def worst(summary: Mapping[str, Any]) -> float:
         sizes = [*summary["smoother"].values(), *summary["paper_smoother"].values()]
         measured = [size["error"] for size in sizes if "error" in size]
@@ -301,20 +311,12 @@ def _error(kind: str) -> Callable[[Mapping[str, Any]], float]:
     return worst
 
 
-def _exponent(ladder: str) -> Callable[[Mapping[str, Any]], float]:
-    def slope(summary: Mapping[str, Any]) -> float:
-        return float(summary["growth"][ladder]["forms"][f"smoother [{NUMPY}]"]["exponent"])
-
-    return slope
-
-
 def _lag_share(summary: Mapping[str, Any]) -> float:
-    sizes = summary["smoother"]
     return max(
-        _median(summary, size, "backward")
-        / sizes[size]["lag"]
-        / _median(summary, size, f"build [{NUMPY}]")
-        for size in sizes
+        _median("smoother", size, "backward")(summary)
+        / found["lag"]
+        / _median("smoother", size, f"build [{NUMPY}]")(summary)
+        for size, found in summary["smoother"].items()
     )
 
 
@@ -324,24 +326,14 @@ def _kept(summary: Mapping[str, Any]) -> float:
     )
 
 
-def _step(
-    scene: str, backend: str, engine: str = PARTICLES
-) -> Callable[[Mapping[str, Any]], float]:
-    def median(summary: Mapping[str, Any]) -> float:
-        backends_ = summary["steps"][scene]["engines"][engine]["backends"]
-        return float(backends_[backend]["step"]["median_ms"])
-
-    return median
+def _step_exponent(summary: Mapping[str, Any]) -> float:
+    if summary["quick"]:
+        raise LookupError("few targets, which are not equally dense")
+    return at("step_growth", "forms", f"{GAUSSIAN} [{NUMPY}]", "exponent")(summary)
 
 
-def _against_gm_phd(summary: Mapping[str, Any]) -> float:
-    peers = summary["peers"]
-    return float(peers["GM-PHD"]["median_ms"] / peers[f"particles [{NUMPY}]"]["median_ms"])
-
-
-def _messages(summary: Mapping[str, Any]) -> float:
-    return float(summary["messages"]["total_ms"])
-
-
-def _latency(summary: Mapping[str, Any]) -> float:
-    return float(summary["live"][PARTICLES]["beyond_step_ms"]["p99"])
+def _memory(summary: Mapping[str, Any]) -> float:
+    memory = summary["step_growth"]["memory"]
+    if memory["targets"] < MEMORY_TARGETS:
+        raise LookupError("few targets")
+    return float(memory["MB"][GAUSSIAN])

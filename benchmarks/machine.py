@@ -21,7 +21,7 @@ def description() -> dict[str, Any]:
         "load_average": os.getloadavg()[0],
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
-        "default_kernels": backend.chosen(),
+        "default_kernels": backend.current(),
         **{package: _version(package) for package in PACKAGES},
     }
 

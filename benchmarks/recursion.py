@@ -137,11 +137,9 @@ def chain(stored: Sequence[ParticleSet], links: Sequence[Transition]) -> list[Pa
     return entries
 
 
-def window(
-    targets: int, per_target: int, lag: int, seed: int, corrector: str = "bernoulli"
-) -> Window:
+def window(targets: int, per_target: int, lag: int, seed: int, engine: str = "particles") -> Window:
     """Return the sets of a filter that has tracked `targets` targets for a while."""
-    config = replace(scenes.configuration(targets, per_target, corrector), seed=seed)
+    config = replace(scenes.configuration(targets, per_target, engine), seed=seed)
     # The first sets have more particles of each target, because all are newborn.
     scene = scenes.crowd(targets, SETTLING + 2 * lag + 1, config, seed)
     # The filter alone: the sets do not depend on the smoother.

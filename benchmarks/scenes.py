@@ -29,7 +29,6 @@ GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 def configuration(
     targets: int,
     per_target: int,
-    corrector: str = "bernoulli",
     engine: str = "particles",
     clutter: float | None = None,
 ) -> TrackerConfig:
@@ -39,7 +38,7 @@ def configuration(
     ----------
     targets : int
     per_target : int
-    corrector, engine : str
+    engine : str
     clutter : float or None
         Expected false detections per radar and scan. None for half as many as targets: 200 targets
         then give 300 detections per radar.
@@ -61,17 +60,15 @@ def configuration(
             "azimuth_std_deg": float(usual.values[f"{radar.name}.azimuth_std_deg"]) / scale,
         }.items()
     }
-    return resolve(
-        {
-            "engine": engine,
-            "corrector": corrector,
-            "particles_per_target": per_target,
-            # In the default's proportion to the particles per target.
-            "least_particles": max(per_target // 5, 1),
-            # No target has fewer particles because there are many of them.
-            "max_particles": max(int(usual.values["max_particles"]), 2 * targets * per_target),
-            **radars,
-        }
+    config = resolve({"engine": engine, "particles_per_target": per_target, **radars})
+    # No target has fewer particles because there are many of them.
+    most = max(config.budget.most, 2 * targets * per_target)
+    least = max(per_target // 5, 1)
+    births = replace(config.model.detection_births, most=most)
+    return replace(
+        config,
+        budget=replace(config.budget, least=least, most=most),
+        model=replace(config.model, detection_births=births),
     )
 
 
@@ -144,7 +141,7 @@ def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> 
         poisson=np.full(len(target), 1.0 / count),
         components=sparse.csr_array((len(target), 0)),
         label=np.zeros(0, dtype=np.int64),
-        log_snr=config.model.amplitudes.born(mode, modes, rng),
+        log_snr=config.model.amplitudes.draw(mode, modes, rng),
     )
 
 
@@ -160,7 +157,7 @@ def mixture(scene: Scenario, config: TrackerConfig) -> Mixture:
     # Ascending labels, below those of births.
     return Mixture(
         np.arange(-count, 0),
-        dynamics.born[before.class_id],
+        dynamics.birth_weight[before.class_id],
         _earlier(before, scene, config)[:, None] * supported,
         np.broadcast_to(covariance, (count, *covariance.shape)),
     )

@@ -22,7 +22,7 @@ from .timing import Case, interleaved, spread
 
 TARGETS = (4, 200)
 # Corrector by where pairs are searched.
-PLACES = {"within origins": "bernoulli", "anywhere": "poisson"}
+PLACES = {"within origins": "particles", "anywhere": "phd"}
 GRID, SWEEP, TESTS_ONLY = "grid", "sweep", "grid, only the tests compiled"
 
 
@@ -33,7 +33,7 @@ def measure(quick: bool) -> dict[str, Any]:
 
 
 def _measure(targets: int, place: str) -> dict[str, Any]:
-    window = recursion.window(targets, PER_TARGET, 2, seed=0, corrector=PLACES[place])
+    window = recursion.window(targets, PER_TARGET, 2, seed=0, engine=PLACES[place])
     pair = window.stored[-2:]
 
     def build(search: str, backend: str) -> Callable[[], None]:
@@ -55,7 +55,7 @@ def _measure(targets: int, place: str) -> dict[str, Any]:
 def searching(search: str, place: str) -> Iterator[None]:
     """Build kernels by another search within the context."""
     if search == TESTS_ONLY:
-        loops = replace(kernels.chosen(), kernel_within_groups=None)
+        loops = replace(kernels.current(), kernel_within_groups=None)
         with mock.patch.object(kernels, "chosen", return_value=loops):
             yield
     elif search == SWEEP and place == "within origins":

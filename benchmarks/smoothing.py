@@ -28,18 +28,18 @@ DEATH_TERM: DeathTerm = bernoulli_death_term
 LEAST_SHARE = 1e-9
 
 
-def measure(quick: bool, corrector: str = "bernoulli") -> dict[str, Any]:
+def measure(quick: bool, engine: str = "particles") -> dict[str, Any]:
     """Return the times, memory and errors by number of particles.
 
-    The corrector determines which rows the kernel joins: those of one origin, or as in the paper
+    The filter determines which rows the kernel joins: those of one origin, or as in the paper
     all rows, with births and spawned targets in mu.
     """
     sizes = list(SIZES.items())[: 1 if quick else None]
-    return {name: _measure_size(*size, quick, corrector) for name, size in sizes}
+    return {name: _measure_size(*size, quick, engine) for name, size in sizes}
 
 
-def _measure_size(targets: int, dense_runs: bool, quick: bool, corrector: str) -> dict[str, Any]:
-    window = recursion.window(targets, PER_TARGET, LAG, seed=0, corrector=corrector)
+def _measure_size(targets: int, dense_runs: bool, quick: bool, engine: str) -> dict[str, Any]:
+    window = recursion.window(targets, PER_TARGET, LAG, seed=0, engine=engine)
     copies = [forms.copies(phd) for phd in window.stored]
     found: list[ParticleSet] = []
 

@@ -74,7 +74,7 @@ def _predictor(config: TrackerConfig, size: int) -> SMCPHDPredictor:
     model = config.model
     axis = ConstantVelocity(model.modes.motions[0].noise_density)
     survival = np.mean([c.survival_probability for c in model.modes.classes])
-    births = len(model.births) * config.values["particles_per_birth"]
+    births = len(model.births) * config.budget.per_birth_term
     rng = np.random.default_rng(0)
 
     def born(num_samples: int) -> FloatArray:

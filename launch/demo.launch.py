@@ -24,7 +24,7 @@ from launch_ros.actions import Node
 from launch import LaunchDescription
 from msg_adapters import names
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.tools import launch_failure, launching
+from phd_jdtc_ros.tools import demo_nodes, launch_failure, launching
 from phd_jdtc_ros.tools.launch_failure import Failure
 
 PACKAGE = "phd_jdtc_ros"
@@ -103,13 +103,9 @@ def _nodes(context, share):
         parameters=[
             {
                 "tracker": tracker_name,
-                "classes": len(demo.config.model.modes.classes),
-                "class_names": [kind.name for kind in demo.config.model.modes.classes],
+                "classes": [kind.name for kind in demo.config.model.modes.classes],
                 "world_frame": demo.config.world_frame,
-                "radar_topics": topics,
-                # An empty list has no type.
-                **({"pose_topics": poses} if poses else {}),
-                "pose_message": demo.config.pose_message,
+                "record_topics": demo_nodes.recorded_topics(demo.config),
                 # Without truth there is nothing to report.
                 "report": f"{out}/metrics.json" if scans else "",
                 "exit_after_scans": scans,
@@ -131,7 +127,6 @@ def _nodes(context, share):
                 "subscriber_timeout_s": 20.0,
                 "truth_timeout_s": 20.0,
                 "answer_delay_s": demo.config.answer_delay_s,
-                "progress": False,
             }
         ],
     )

@@ -55,8 +55,8 @@ ARGUMENTS = {
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 # Topics of the tracker in rviz/demo.rviz.
 SHOWN = ("detections", "filtered/estimates", "smoothed/estimates", "markers")
-# The tracker's parameters that an argument sets, unless it is empty.
-SWITCHES = {"autostart": "autostart", "frames": "publish_frames"}
+# Arguments that are true or false, or empty for what the file says.
+SWITCHES = ("autostart", "frames")
 
 
 def generate_launch_description():
@@ -87,7 +87,7 @@ def _start(context, share):
     launching.load(given["params_file"], tracker)
     profile = f"{share}/config/dds/localhost_only.xml"
     actions = _isolation(context, profile) if flags["localhost_only"] else []
-    actions += _tracker(given, flags, namespace, retries if flags["respawn"] else 0)
+    actions += _tracker(given, flags, tracker, namespace, retries if flags["respawn"] else 0)
     if flags["rviz"]:
         actions.append(_rviz(tracker, flags["use_sim_time"], f"{share}/rviz/demo.rviz"))
     return actions
@@ -100,10 +100,11 @@ def _isolation(context, profile):
     return [SetEnvironmentVariable(name, profile) for name in PROFILE_VARIABLES]
 
 
-def _tracker(given, flags, namespace, retries):
+def _tracker(given, flags, tracker, namespace, retries):
     """Return the tracker, and what ends the launch once it has failed for good."""
-    own = {SWITCHES[name]: flags[name] for name in SWITCHES if name in flags}
-    own["use_sim_time"] = flags["use_sim_time"]
+    own = {name: flags[name] for name in ("autostart", "use_sim_time") if name in flags}
+    if "frames" in flags:
+        own["outputs"] = launching.outputs(given["params_file"], tracker, flags["frames"])
     reliable = {
         f"qos_overrides.{topic}.subscription.reliability": "reliable"
         for topic in given["reliable_topics"].split(",")

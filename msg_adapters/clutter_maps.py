@@ -1,7 +1,7 @@
-"""Where clutter comes from: ``nav_msgs/OccupancyGrid``, whose values are a scale of densities.
+"""Clutter maps as ``nav_msgs/OccupancyGrid``, with densities on a logarithmic scale.
 
-A value is 20 steps to a factor of ten: 0 for at most 0.01 false detections per turn and km^2, 100
-for 1000 or more.
+A factor of ten is 20 steps: 0 stands for at most 0.01 false detections per turn and km^2, 100 for
+1000 or more.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from . import stamps
 from .errors import RejectedMessageError
 
-# Of the value 0, and values to a factor of ten.
+# Density of the value 0, number of values per factor of ten, and largest value.
 LEAST_DENSITY, PER_DECADE, MOST_VALUE = 0.01, 20.0, 100
-# What a picture may have at most, in cells.
+# Upper bound of the cells of a map.
 MOST_CELLS = 1 << 22
 
 
 def to_msg(shown: ClutterRaster, stamp_ns: int, world_frame: str) -> OccupancyGrid:
-    """Return the message of a picture in the world frame."""
+    """Return the message of a clutter map in the world frame."""
     rows, columns = shown.density.shape
     value = PER_DECADE * np.log10(np.maximum(shown.density, LEAST_DENSITY) / LEAST_DENSITY)
     data = np.minimum(np.round(value), MOST_VALUE).astype(np.int8)
@@ -38,13 +38,13 @@ def to_msg(shown: ClutterRaster, stamp_ns: int, world_frame: str) -> OccupancyGr
 
 
 def from_msg(message: OccupancyGrid) -> ClutterRaster:
-    """Return the picture of a message, with the densities that its values stand for.
+    """Return the clutter map of a message, with the densities of its values.
 
     Raises
     ------
     RejectedMessageError
-        ``schema`` if its size is not that of its data, or absurd; ``not_finite`` if its place is
-        not finite.
+        ``schema`` if its size does not match its data or is absurd; ``not_finite`` if its origin or
+        resolution is not finite.
     """
     info = message.info
     rows, columns, cell = int(info.height), int(info.width), float(info.resolution)

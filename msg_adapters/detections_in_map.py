@@ -1,7 +1,6 @@
 """The detections of all radars in the world frame, as one point cloud for viewers.
 
-Drivers name and scale their fields as they like, and need a transform of their own each. Here every
-radar's detections look alike.
+Drivers differ in field names, units and frames; this cloud is uniform for all radars.
 """
 
 from __future__ import annotations
@@ -11,19 +10,18 @@ from collections.abc import Sequence
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.types import Scan
 
 from . import point_cloud
 
 
-def to_msg(scan: Scan, radars: Sequence[RadarModel], frame: str) -> PointCloud2:
-    """Return the cloud of a scan's detections, empty or not.
+def to_msg(scan: Scan, radars: Sequence[Sensor], frame: str) -> PointCloud2:
+    """Encode a scan's detections, empty or not.
 
     Parameters
     ----------
-    scan : Scan
-    radars : sequence of RadarModel
+    radars : sequence of Sensor
         In the configured order.
     frame : str
         The world frame.
@@ -31,9 +29,9 @@ def to_msg(scan: Scan, radars: Sequence[RadarModel], frame: str) -> PointCloud2:
     Returns
     -------
     PointCloud2
-        Fields are ``x y z amplitude`` (FLOAT32; metres, linear envelope) and ``radar_index``
-        (UINT32, from 0 in the configured order). z is the height, 0 where it is unknown. The
-        amplitude is 0 where the radar reports none: viewers draw NaN in no defined colour.
+        The fields are ``x y z amplitude`` (FLOAT32; metres, linear envelope) and ``radar_index``
+        (UINT32, from 0 in the configured order). z is the height, 0 if unknown. The amplitude is 0
+        if the radar reports none, because viewers draw NaN in an undefined colour.
     """
     position, amplitude, index = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0, dtype=np.int64)]
     height = [np.zeros(0)]

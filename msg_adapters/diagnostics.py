@@ -1,8 +1,8 @@
-"""Conversion of figures to DiagnosticArray messages: scores, cardinality, health."""
+"""Encodes figures as DiagnosticArray messages: scores, cardinality, health."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -12,8 +12,10 @@ from phd_jdtc_ros.evaluation.metric_table import PUBLISHED
 from . import stamps
 
 if TYPE_CHECKING:
-    # The module imports scipy's optimiser, which a tracker does not need.
-    from phd_jdtc_ros.evaluation.scan_scores import ScanScore
+    from phd_jdtc_ros.core.engine import Step
+
+    # Imported for types only: the module imports scipy's optimiser, which a tracker does not need.
+    from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
 
 def status(
@@ -23,7 +25,7 @@ def status(
     message: str = "",
     hardware_id: str = "",
 ) -> DiagnosticStatus:
-    """Return a status; floats are written with all digits, so that reading is exact."""
+    """Return a status; floats are written with all digits, so that reading them is exact."""
     return DiagnosticStatus(
         level=level,
         name=name,
@@ -36,9 +38,23 @@ def status(
     )
 
 
-def array(stamp_ns: int, statuses: list[DiagnosticStatus]) -> DiagnosticArray:
+def array(stamp_ns: int, statuses: Sequence[DiagnosticStatus]) -> DiagnosticArray:
     """Return an array of statuses."""
     return DiagnosticArray(header=stamps.header(stamp_ns, ""), status=statuses)
+
+
+def step_to_msg(
+    stamp_ns: int, step: Step, step_ms: float, class_names: Sequence[str]
+) -> DiagnosticArray:
+    """Return the figures of a tracker step; `step_ms` is its CPU time, ms."""
+    values = {
+        "total": float(step.class_mass.sum()),
+        **dict(zip(class_names, step.class_mass.tolist(), strict=True)),
+        **step.figures,
+        "unresolved": sum(found.unresolved for found in step.filtered),
+        "step_ms": step_ms,
+    }
+    return array(stamp_ns, [status("tracker/cardinality", values)])
 
 
 def values_of(message: DiagnosticStatus) -> dict[str, str]:
@@ -47,7 +63,7 @@ def values_of(message: DiagnosticStatus) -> dict[str, str]:
 
 
 def score_to_msg(score: ScanScore, cutoff: float, order: float) -> DiagnosticArray:
-    """Return a scan's scores: statuses ``filtered/all``, ``filtered/class_0`` and so on."""
+    """Encode a scan's scores: statuses ``filtered/all``, ``filtered/class_0`` and so on."""
     parameters = {"cutoff": cutoff, "order": order}
     return array(
         score.stamp_ns,

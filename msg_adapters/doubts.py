@@ -1,4 +1,4 @@
-"""Warnings of reports that are used but do not look as they are configured, live and offline."""
+"""Warnings of reports that are used but contradict their configuration, live and offline."""
 
 from __future__ import annotations
 
@@ -10,38 +10,38 @@ from phd_jdtc_ros.configuration.radar_input import RadarInput
 
 
 def of(radar: RadarInput, counts: Mapping[str, int]) -> Iterator[str]:
-    """Yield a warning for each doubt about a radar's reports that was counted."""
+    """Yield a warning for each counted doubt about a radar's reports."""
     for what, count in counts.items():
         yield _TEXTS[what](radar, count)
 
 
 def no_amplitude(radar: RadarInput) -> str:
-    """Return the warning of a radar whose messages have no amplitudes."""
+    """Return the warning about a radar whose messages have no amplitudes."""
     return (
         f"{radar.topic}: no field {radar.amplitude_field!r}; "
-        "its amplitudes say nothing of the class"
+        "classification does not use its amplitudes"
     )
 
 
 def turn_found(radar: RadarInput, turn_s: float) -> str:
-    """Return the warning of a radar whose turn, in seconds, is not set and was found out."""
+    """Return the warning about a radar whose time of a turn, s, is estimated and not configured."""
     return (
-        f"{radar.topic}: its antenna turns in {turn_s:.3f} s, as its detections show; set "
-        f"{radar.name}.rotation_s to know it from the start"
+        f"{radar.topic}: the estimated time of a turn is {turn_s:.3f} s; set "
+        f"{radar.name}.rotation_s to use it from the start"
     )
 
 
-def nothing_reported(scans: int) -> str:
-    """Return the warning of a tracker that reports no target for a while."""
+def no_targets(scans: int) -> str:
+    """Return the warning about a tracker that has reported no target for a while."""
     return (
         f"no target in {scans} scans with detections; if there are any, check "
         "detection_probability (the SNR bands without it) and sectors, detection_births.rates or "
-        "births, clutter_rate, the noise, and whether the stamps go with interval_s"
+        "births, clutter_rate, the noise, and whether the stamps match interval_s"
     )
 
 
 def of_noise(fit: Fit) -> str | None:
-    """Return the warning of a radar whose noise is not as its detections show; None if it is."""
+    """Return the warning about a radar whose innovations contradict its noise, None if they fit."""
     if fit.larger:
         factor, wrong = math.sqrt(fit.alone), "larger"
     elif fit.smaller:
@@ -50,16 +50,16 @@ def of_noise(fit: Fit) -> str | None:
         return None
     ranges, azimuths = fit.axes
     return (
-        f"innovations are {factor:.2g} times {wrong} than the noise says (ranges {ranges:.2g} and "
-        f"azimuths {azimuths:.2g} of its deviations); check {fit.radar}.range_std and "
-        "azimuth_std_deg, or the fields of deviations; tune finds them in a recording"
+        f"innovations are {factor:.2g} times {wrong} than the noise predicts (ranges {ranges:.2g} "
+        f"and azimuths {azimuths:.2g} of its standard deviations); check {fit.radar}.range_std and "
+        "azimuth_std_deg, or the fields of standard deviations; tune finds them in a recording"
     )
 
 
 def _beyond_a_turn(radar: RadarInput, count: int) -> str:
-    """Return the doubt of azimuths that are no angles of one turn in radians."""
+    """Return the warning about azimuths beyond one turn in radians."""
     cause = (
-        f"its definition has radians, {radar.message} in degrees needs another driver"
+        f"the driver sends degrees, but {radar.message} is defined in radians"
         if radar.message == "radar_scan"
         else f"degrees, set {radar.name}.azimuth_unit to deg"
     )
@@ -67,16 +67,16 @@ def _beyond_a_turn(radar: RadarInput, count: int) -> str:
 
 
 def _missing(parameter: str, consequence: str) -> Callable[[RadarInput, int], str]:
-    """Return what makes the doubt of clouds without a field that a parameter names."""
+    """Return the function that words the warning about a missing field."""
 
     def text(radar: RadarInput, count: int) -> str:
-        return f"no field as {radar.name}.{parameter} names it; {consequence}"
+        return f"the field named by {radar.name}.{parameter} is missing; {consequence}"
 
     return text
 
 
-def _heights_unknown(radar: RadarInput, count: int) -> str:
-    return f"{count} detections of unknown height; {_without_height(radar)}"
+def _unknown_heights(radar: RadarInput, count: int) -> str:
+    return f"{count} detections without a height; {_without_height(radar)}"
 
 
 def _height_missing(radar: RadarInput, count: int) -> str:
@@ -84,97 +84,97 @@ def _height_missing(radar: RadarInput, count: int) -> str:
 
 
 def _without_height(radar: RadarInput) -> str:
-    """Return what is done with slant ranges where the height is not known."""
+    """Return the treatment of slant ranges without a height."""
     if radar.site is None:
         return "slant ranges are used as ground ranges"
     if math.isnan(radar.assumed_height):
-        return f"they count as at the antenna's height, set {radar.name}.assumed_height"
-    return f"they count as at {radar.name}.assumed_height, {radar.assumed_height:g} m"
+        return f"the antenna's height is assumed, set {radar.name}.assumed_height"
+    return f"{radar.name}.assumed_height, {radar.assumed_height:g} m, is assumed"
 
 
 _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
     "azimuths_beyond_a_turn": _beyond_a_turn,
     "detections_repeated": lambda radar, count: (
-        f"{count} detections that repeat another one of their report in all they say; each counts "
+        f"{count} detections that repeat another one of their report in every field; each is used "
         "once. Does the driver send its buffer twice?"
     ),
-    "heights_unknown": _heights_unknown,
+    "heights_unknown": _unknown_heights,
     "deviations_unusable": lambda radar, count: (
-        f"{count} deviations that are zero, negative or absurd; {radar.name}.range_std, "
-        "azimuth_std_deg and range_rate_std are used for them"
+        f"{count} standard deviations that are zero, negative or absurd; {radar.name}.range_std, "
+        "azimuth_std_deg and range_rate_std replace them"
     ),
     "range_rates_unusable": lambda radar, count: (
         f"{count} range rates that are infinite or absurd; their detections are used without them"
     ),
     "range_rates_beyond_ambiguity": lambda radar, count: (
         f"{count} range rates beyond {radar.name}.range_rate_ambiguity, "
-        f"{radar.range_rate_ambiguity:g} m/s; they are used modulo it, is it right?"
+        f"{radar.range_rate_ambiguity:g} m/s, which are used modulo this value; is it right?"
     ),
     "sectors_unusable": lambda radar, count: (
         f"{count} clouds whose sector is not one whole number from 0 to "
-        f"{max(radar.sectors - 1, 0)}; it is derived from their detections"
+        f"{max(radar.sectors - 1, 0)}; the sector is derived from their detections"
     ),
     "identities_unusable": lambda radar, count: (
-        f"{count} codes or addresses that are no whole number of 12 and 24 bits; their detections "
-        "are used without them"
+        f"{count} codes or addresses that are not whole numbers of 12 or 24 bits; their "
+        "detections are used without them"
     ),
-    "time_missing": _missing("fields.time", "all its detections count as at the stamp"),
+    "time_missing": _missing("fields.time", "the stamp is used for all its detections"),
     "sector_missing": _missing("fields.sector", "the sector is derived from the detections"),
     "height_missing": _height_missing,
     "code_missing": _missing("fields.code", "its codes are unknown"),
     "address_missing": _missing("fields.address", "its addresses are unknown"),
-    "kind_missing": _missing("fields.kind", "what saw its detections is supposed"),
+    "kind_missing": _missing("fields.kind", "the kind of sensor is assumed"),
     "range_std_missing": _missing("fields.range_std", "range_std is used"),
     "azimuth_std_missing": _missing("fields.azimuth_std", "azimuth_std_deg is used"),
     "range_rate_missing": _missing("fields.range_rate", "its range rates are unknown"),
     "range_rate_std_missing": _missing("fields.range_rate_std", "range_rate_std is used"),
     "clouds_missing": lambda radar, count: (
-        f"{count} clouds missing by the stamps; lost, or the driver sends none where it sees "
-        "nothing; no target there counts as missed"
+        f"{count} clouds are missing by the stamps: they were lost, or the driver sends no empty "
+        "clouds; no target there counts as missed"
     ),
     "sectors_repeated": lambda radar, count: (
-        f"{count} clouds of azimuths that the antenna cannot have passed again; is "
-        f"{radar.name}.rotation_s right, and sectors?"
+        f"{count} clouds of azimuths that the antenna cannot have passed again yet; are "
+        f"{radar.name}.rotation_s and sectors right?"
     ),
     "sector_numbers_wrong": lambda radar, count: (
-        f"{count} clouds whose detections are not in the sector that they name; sectors are "
-        f"numbered from 0, from azimuth zero on, {max(radar.sectors, 1)} to a turn"
+        f"{count} clouds whose detections lie outside the cloud's sector; sectors are numbered "
+        f"from 0 at azimuth zero, {max(radar.sectors, 1)} per turn"
     ),
     "antenna_unclear": lambda radar, count: (
-        f"{count} clouds whose detections are not where one antenna was at their times; are "
+        f"{count} clouds whose azimuths and times do not fit one turning antenna; are "
         f"{radar.name}.rotation_s and its fields.time right?"
     ),
     "times_disagree": lambda radar, count: (
-        f"{count} detections whose times do not go with their azimuths; they are used as they are "
-        "and say nothing of what the antenna passed"
+        f"{count} detections whose times do not match their azimuths; they are used unchanged, "
+        "but not to estimate the antenna's motion"
     ),
     "detections_late": lambda radar, count: (
-        f"{count} detections came after what the antenna passed at their times had been reported; "
-        "they are used, and their targets counted as missed before"
+        f"{count} detections arrived after the report of their part of the turn; they are used, "
+        "but their targets counted as missed before"
     ),
     "slices_late": lambda radar, count: (
-        f"{count} parts of turns came after their scans were closed; set reorder_s to the longest "
-        "rotation_s of the radars"
+        f"{count} parts of turns arrived after their scans were closed; set reorder_s to the "
+        "longest rotation_s of the radars"
     ),
     "late_reworked": lambda radar, count: (
-        f"{count} clouds, or parts of turns, came after their scans were closed and were worked "
-        "in; if many do, hold scans back with reorder_scans or reorder_s"
+        f"{count} clouds, or parts of turns, arrived after their scans were closed and were "
+        "reprocessed; if there are many, delay scans with reorder_s"
     ),
     "poses_extrapolated": lambda radar, count: (
-        f"{count} clouds, or parts of turns, were later than the poses on {radar.pose_topic}; the "
-        "platform is extrapolated with its last velocity"
+        f"{count} clouds, or parts of turns, are later than the poses on {radar.pose_topic}; the "
+        "platform's pose is extrapolated with its last velocity"
     ),
     "sectors_not_configured": lambda radar, count: (
-        "each cloud is of a part of the turn, and together they are of all of it; set "
-        f"{radar.name}.rotation_s and {radar.name}.sectors, or what the antenna did not pass "
-        "counts as missed"
+        "each cloud covers a part of the turn, and together they cover all of it; set "
+        f"{radar.name}.rotation_s and {radar.name}.sectors, or targets that the antenna has not "
+        "passed count as missed"
     ),
     "fov_not_configured": lambda radar, count: (
-        f"all its detections are within a part of the turn; if it sees no more, set "
-        f"{radar.name}.fov_deg, or targets elsewhere count as missed"
+        f"all its detections are within a part of the turn; if its field of view is limited, set "
+        f"{radar.name}.fov_deg, or targets outside it count as missed"
     ),
     "slant_ranges": lambda radar, count: (
-        "ranges are used as ranges over ground; an aircraft 10 km up at 15 km is 3.8 km off: set "
-        f"{radar.name}.fields.height or fields.elevation"
+        "ranges are used as ground ranges, which puts an aircraft at 10 km height and 15 km range "
+        f"3.8 km off; set {radar.name}.fields.height or fields.elevation"
     ),
 }

@@ -11,16 +11,16 @@ RADIUS_95 = float(np.sqrt(-2.0 * np.log(0.05)))
 
 
 def outline(covariance: FloatArray, radius: float, points: int) -> FloatArray:
-    """Return closed outlines about (0, 0), shape (..., 2, points).
+    """Return closed outlines centred on (0, 0), shape (..., 2, points).
 
     Parameters
     ----------
     covariance : array of shape (..., 2, 2)
-        A negative variance, which rounding can cause, counts as zero.
+        A negative variance from rounding counts as zero.
     radius : float
-        In standard deviations.
+        Standard deviations.
     points : int
-        Number of points; the last equals the first.
+        Number of points; the last point equals the first.
     """
     variance, axes = np.linalg.eigh(covariance)
     angle = np.linspace(0.0, 2.0 * np.pi, points)

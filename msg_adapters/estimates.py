@@ -26,7 +26,7 @@ from .errors import RejectedMessageError
 
 _UPPER = tuple(zip(*np.triu_indices(len(PLANAR)), strict=True))
 _COVARIANCE = [f"cov_{row}{column}" for row, column in _UPPER]
-# Of the height, the height and the climb rate, and the climb rate.
+# Vertical covariances: of the height, of height and climb rate, and of the climb rate.
 _VERTICAL = {"cov_zz": (0, 0), "cov_zvz": (0, 1), "cov_vzvz": (1, 1)}
 _IDENTITIES = {"code": identities.CODES, "address": identities.ADDRESSES}
 _AGES = tuple(f"age_{sensor}" for sensor in SENSORS)
@@ -34,17 +34,17 @@ _STATE = (("x", X), ("y", Y), ("vx", VX), ("vy", VY), ("omega", OMEGA))
 
 
 def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
-    """Return the cloud of one set of estimates, empty or not.
+    """Encode one set of estimates, empty or not.
 
-    Fields are ``x y z vx vy vz omega weight`` (FLOAT32), ``track_id class_id lag`` (UINT32),
-    ``p_class_0 ...`` and the 15 terms ``cov_00 cov_01 ... cov_44`` of the covariance's upper
-    triangle in the order x, vx, y, vy, omega (FLOAT32), and ``state`` (UINT32): 0 tentative,
-    1 confirmed, 2 coasting.
+    The fields are ``x y z vx vy vz omega weight`` (FLOAT32), ``track_id class_id lag`` (UINT32),
+    ``p_class_0 ...``, the 15 terms ``cov_00 cov_01 ... cov_44`` of the covariance's upper triangle
+    in the order x, vx, y, vy, omega (FLOAT32), and ``state`` (UINT32): 0 tentative, 1 confirmed, 2
+    coasting.
 
-    Estimates with attributes have FLOAT32 ``cov_zz cov_zvz cov_vzvz`` and UINT32 ``code address``
-    behind these. Unknown heights are 0 with covariances NaN; unknown identities are 4294967295.
-    Where a radar says what saw its detections, there are FLOAT32 ``age_psr age_ssr age_mds``, the
-    times since each kind of sensor last saw the target, seconds; NaN for never.
+    Estimates with attributes also have FLOAT32 ``cov_zz cov_zvz cov_vzvz`` and UINT32 ``code
+    address``. Unknown heights are 0 with NaN covariances; unknown identities are 4294967295. If a
+    radar reports the kind of sensor, FLOAT32 ``age_psr age_ssr age_mds`` follow: the time since
+    each kind of sensor last detected the target, seconds; NaN for never.
     """
     state, known = estimates.state, estimates.attributes
     height = np.zeros((len(estimates), 2)) if known is None else np.nan_to_num(known.height)
@@ -65,13 +65,13 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
         columns[f"p_class_{index}"] = estimates.class_probability[:, index]
     for name, (row, column) in zip(_COVARIANCE, _UPPER, strict=True):
         columns[name] = estimates.covariance[:, row, column]
-    # At the end, so that what reads the other fields by their offsets goes on to do so.
+    # The state stands last, so that readers with fixed offsets keep working.
     columns["state"] = estimates.track_state
     if known is not None:
         for name, (one, other) in _VERTICAL.items():
             columns[name] = known.height_covariance[:, one, other]
-        columns["code"] = identities.sent(known.code, len(estimates))
-        columns["address"] = identities.sent(known.address, len(estimates))
+        columns["code"] = identities.encode(known.code, len(estimates))
+        columns["address"] = identities.encode(known.address, len(estimates))
         if known.seen_ns is not None:
             ages = np.maximum(estimates.stamp_ns - known.seen_ns, 0) * 1e-9
             ages[known.seen_ns == UNKNOWN] = np.nan
@@ -80,14 +80,14 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
 
 
 def class_count(cloud: PointCloud2) -> int:
-    """Return the number of classes that a cloud of estimates carries probabilities for."""
+    """Return the number of classes in a cloud of estimates."""
     return sum(name.startswith("p_class_") for name in point_cloud.field_names(cloud))
 
 
 def from_msg(cloud: PointCloud2) -> Estimates:
-    """Return the estimates of a cloud; the lag of an empty one is 0.
+    """Decode the estimates of a cloud; the lag of an empty cloud is 0.
 
-    All are confirmed if the cloud has no field ``state``.
+    All tracks are confirmed if the cloud has no field ``state``.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         raise RejectedMessageError("schema", "field 'p_class_0' is missing")
     floats = [name for name, _ in _STATE] + ["weight", *classes, *_COVARIANCE]
     whole = ["track_id", "class_id", "lag"]
-    # Clouds that were recorded before there was such a field are of confirmed tracks alone.
+    # Clouds recorded before the field existed have confirmed tracks only.
     if "state" in point_cloud.field_names(cloud):
         whole.append("state")
     attributed = "code" in point_cloud.field_names(cloud)
@@ -115,7 +115,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     stamp_ns = stamps.of_header(cloud.header)
     known = _attributes(columns, stamp_ns) if attributed else None
     point_cloud.require_finite(
-        {n: column for n, column in columns.items() if n not in (*_VERTICAL, *_AGES)}
+        {n: column for n, column in columns.items() if n not in ("z", "vz", *_VERTICAL, *_AGES)}
     )
     size = len(columns["x"])
     track_state = columns.get("state", np.full(size, CONFIRMED)).astype(np.int64)
@@ -148,23 +148,24 @@ def from_msg(cloud: PointCloud2) -> Estimates:
 
 
 def _attributes(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> Attributes:
-    """Return the heights and identities of a cloud's columns; where one is not, it is unknown."""
+    """Return the heights and identities of a cloud, unknown if their columns are missing."""
     height = np.stack([columns["z"], columns["vz"]], axis=1).astype(np.float64)
     covariance = np.zeros((len(height), 2, 2))
     for name, (row, column) in _VERTICAL.items():
         covariance[:, row, column] = covariance[:, column, row] = columns[name]
-    unknown = ~point_cloud.finite(covariance).all(axis=(1, 2))
+    finite = point_cloud.finite
+    unknown = ~(finite(covariance).all(axis=(1, 2)) & finite(height).all(axis=1))
     height[unknown], covariance[unknown] = np.nan, np.nan
     code, address = (_identity(columns[name], part) for name, part in _IDENTITIES.items())
-    return Attributes(height, covariance, code, address, _seen(columns, stamp_ns))
+    return Attributes(height, covariance, code, address, _detection_times(columns, stamp_ns))
 
 
-def _seen(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> IntArray | None:
-    """Return when each kind of sensor saw the targets; None without ages."""
+def _detection_times(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> IntArray | None:
+    """Return the times of the last detection by each kind of sensor, None without ages."""
     if _AGES[0] not in columns:
         return None
     ages = np.stack([columns[name] for name in _AGES], axis=1).astype(np.float64)
-    # An age that cannot be is none, and an infinite number of nanoseconds no time.
+    # A negative age means never, and an infinite one does not fit a stamp.
     known = np.isfinite(ages) & (ages >= 0.0) & (ages * 1e9 <= stamp_ns)
     seen_ns = stamp_ns - np.rint(np.where(known, ages, 0.0) * 1e9).astype(np.int64)
     return np.where(known, seen_ns, UNKNOWN)
@@ -177,6 +178,6 @@ def _identity(column: npt.NDArray[Any], numbers: tuple[int, tuple[int, ...]]) ->
 
 
 def heading(vx: float, vy: float) -> Quaternion:
-    """Return the orientation of a target that moves along (vx, vy)."""
+    """Return the orientation of a target with the velocity (vx, vy)."""
     half = 0.5 * float(np.arctan2(vy, vx))
     return Quaternion(x=0.0, y=0.0, z=float(np.sin(half)), w=float(np.cos(half)))

@@ -17,7 +17,6 @@ class Mounting(NamedTuple):
 
     Parameters
     ----------
-    frame : str
     position : tuple of two floats
         Metres.
     yaw : float
@@ -29,7 +28,7 @@ class Mounting(NamedTuple):
     yaw: float
 
 
-def installed() -> Any:
+def message_class() -> Any:
     """Return the message class, or None if tf2_msgs is not installed."""
     try:
         return interfaces.message_class(names.TRANSFORMS)
@@ -40,7 +39,7 @@ def installed() -> Any:
 def to_cdr(mountings: Sequence[Mounting], stamp_ns: int, world_frame: str) -> bytes:
     """Return a serialised ``tf2_msgs/TFMessage`` with a transform per frame.
 
-    A frame that is the world frame itself has none, because no frame can be its own parent.
+    The world frame is left out, because a frame cannot be its own parent.
     """
     placed = [mounting for mounting in mountings if mounting.frame != world_frame]
     writer = cdr.Writer()

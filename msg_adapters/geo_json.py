@@ -1,4 +1,4 @@
-"""Tracks as GeoJSON, RFC 7946, and as ``foxglove_msgs/GeoJSON``, which Foxglove's map panel shows.
+"""Tracks as GeoJSON (RFC 7946) and as ``foxglove_msgs/GeoJSON`` for Foxglove's map panel.
 
 foxglove_msgs is not part of every ROS installation, so its class is passed in.
 """
@@ -17,22 +17,13 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
 
-from . import geodetic, interfaces, vertical
+from . import geodetic, vertical
 from .palette import class_colour
-from .tracks import labelled
+from .tracks import rows_by_track
 
-TYPE_NAME = "foxglove_msgs/msg/GeoJSON"
 STATES = {TENTATIVE: "tentative", CONFIRMED: "confirmed", COASTING: "coasting"}
-# Digits after the point: of degrees, a centimetre, and of metres.
+# Decimal places of degrees (a centimetre) and of metres.
 DEGREE_DIGITS, METRE_DIGITS = 7, 1
-
-
-def installed() -> Any:
-    """Return the message class, or None if foxglove_msgs is not installed."""
-    try:
-        return interfaces.message_class(TYPE_NAME)
-    except ImportError:
-        return None
 
 
 def to_msg(
@@ -42,7 +33,7 @@ def to_msg(
     trails: Mapping[int, FloatArray],
     kind: Any,
 ) -> Any:
-    """Return the message of one set of estimates; parameters but `kind` are those of `of_scan`."""
+    """Encode one set of estimates; parameters other than `kind` as in `of_scan`."""
     return kind(geojson=text(of_scan(estimates, plane, class_names, trails)))
 
 
@@ -52,28 +43,26 @@ def of_scan(
     class_names: Sequence[str],
     trails: Mapping[int, FloatArray],
 ) -> dict[str, Any]:
-    """Return a feature collection: a point for each labelled estimate, and a line where it was.
+    """Return a feature collection with a point per labelled estimate and a line of its trail.
 
     Parameters
     ----------
-    estimates : Estimates
-    plane : Plane
     class_names : sequence of str
-        By class id.
+        Names by class id.
     trails : mapping of track number to array of shape (N, 3)
-        Positions up to the present one: in the plane, and heights above its zero, metres. A line
-        has heights if all are known, and not NaN.
+        Positions up to the present one: x, y and height above the plane's zero, metres. A line has
+        heights if none of them is NaN.
 
     Notes
     -----
-    ``name`` and ``style`` among the properties are what Foxglove shows. The name has the flight
-    level and the code, or the address without one. ``code``, ``address`` and ``flight_level`` are
-    there where they are known.
+    Foxglove shows the properties ``name`` and ``style``. The name contains the flight level and the
+    code, or the address if the code is unknown. ``code``, ``address`` and ``flight_level`` are
+    present if known.
     """
     places = geodetic.of(estimates, plane)
     words = vertical.words(estimates, plane.origin[2])
     features = []
-    for track, row in labelled(estimates):
+    for track, row in rows_by_track(estimates):
         class_id = int(estimates.class_id[row])
         style = {"color": class_colour(class_id)}
         here = places.latitude[[row]], places.longitude[[row]], places.height[[row]]
@@ -82,9 +71,9 @@ def of_scan(
             "number": track,
             "class": class_names[class_id],
             "state": STATES[int(estimates.track_state[row])],
-            "speed": rounded(places.speed[row], METRE_DIGITS),
-            "course": rounded(places.course[row], METRE_DIGITS),
-            "height": rounded(places.height[row], METRE_DIGITS),
+            "speed": round_number(places.speed[row], METRE_DIGITS),
+            "course": round_number(places.course[row], METRE_DIGITS),
+            "height": round_number(places.height[row], METRE_DIGITS),
             **identity(estimates, row),
             **level(places.height[row]),
             "style": style,
@@ -94,7 +83,7 @@ def of_scan(
         line = trails.get(track)
         if line is not None and len(line) > 1:
             north, east = plane.to_geodetic(line[:, 0], line[:, 1])
-            # RFC 7946 has no position without a height among others with one.
+            # In RFC 7946 either all positions of a line have a height, or none.
             up = line[:, 2] + plane.origin[2]
             way = line_of(positions(north, east, up if np.isfinite(up).all() else up * np.nan))
             features.append(feature(way, {"name": f"{track}", "number": track, "style": style}))
@@ -102,7 +91,7 @@ def of_scan(
 
 
 def identity(estimates: Estimates, row: int) -> dict[str, str]:
-    """Return the known ones of ``code``, octal digits, and ``address``, hexadecimal ones."""
+    """Return the known ones of ``code`` (octal digits) and ``address`` (hexadecimal digits)."""
     found = estimates.attributes
     if found is None:
         return {}
@@ -114,7 +103,7 @@ def identity(estimates: Estimates, row: int) -> dict[str, str]:
 
 
 def level(height: float) -> dict[str, int]:
-    """Return the property ``flight_level`` of a height of the earth's, metres, if it is known."""
+    """Return ``flight_level`` of a height above the earth's zero, metres; empty if unknown."""
     found = vertical.flight_level(height)
     return {} if found is None else {"flight_level": found}
 
@@ -130,7 +119,7 @@ def feature(geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, A
 
 
 def positions(latitude: FloatArray, longitude: FloatArray, height: FloatArray) -> list[list[float]]:
-    """Return positions: longitude, latitude and, where it is known, height; in this order."""
+    """Return positions as longitude, latitude and, if known, height, in this order."""
     return [
         [
             round(east, DEGREE_DIGITS),
@@ -144,14 +133,14 @@ def positions(latitude: FloatArray, longitude: FloatArray, height: FloatArray) -
 
 
 def line_of(way: Sequence[list[float]]) -> dict[str, Any]:
-    """Return the line through positions, in parts where it crosses the antimeridian."""
+    """Return the line through positions, split where it crosses the antimeridian."""
     parts: list[list[list[float]]] = [[way[0]]]
     for before, after in itertools.pairwise(way):
         if abs(after[0] - before[0]) <= 180.0:
             parts[-1].append(after)
             continue
         border = math.copysign(180.0, before[0])
-        # The way from the one side to the border, as a share of the way to the other side.
+        # Share of the segment that lies before the antimeridian.
         share = (border - before[0]) / (after[0] + 2.0 * border - before[0])
         at = round(before[1] + share * (after[1] - before[1]), DEGREE_DIGITS)
         parts[-1].append([border, at])
@@ -161,8 +150,8 @@ def line_of(way: Sequence[list[float]]) -> dict[str, Any]:
     return {"type": "MultiLineString", "coordinates": parts}
 
 
-def rounded(value: float, digits: int) -> float | None:
-    """Return a number with so many digits after the point; None, null in JSON, for NaN."""
+def round_number(value: float, digits: int) -> float | None:
+    """Return a number with the given decimal places; None, null in JSON, for NaN."""
     return None if math.isnan(value) else round(float(value), digits)
 
 

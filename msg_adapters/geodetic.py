@@ -1,4 +1,4 @@
-"""Where on the earth estimates are: latitude, longitude, height, and course from true north."""
+"""Geodetic positions of estimates: latitude, longitude, height, and course from true north."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import Estimates
 
-# Metres per second; slower targets have no course.
+# Speed below which a target has no course, m/s.
 LEAST_SPEED = 1e-3
 
 
 class Places(NamedTuple):
-    """Places on the earth, arrays of shape (T,).
+    """Geodetic positions, arrays of shape (T,).
 
     Parameters
     ----------
     latitude, longitude : array
         Degrees (WGS84), longitudes from -180 to 180.
     height : array
-        Metres, as those of the plane's origin; NaN where it is unknown.
+        Metres, above the same zero as the plane's origin; NaN if unknown.
     speed : array
-        Over ground, metres per second. In the plane it is too large by the plane's scale, at most
-        0.15 % where the radars are.
+        Speed over ground, m/s. It is the speed in the plane, which exceeds the true one by the
+        plane's scale, at most 0.15 % near the radars.
     course : array
         Degrees from true north, clockwise, from 0 to 360; NaN at rest.
     convergence : array
@@ -41,7 +41,7 @@ class Places(NamedTuple):
 
 
 def of(estimates: Estimates, plane: Plane) -> Places:
-    """Return where the targets of estimates are."""
+    """Return the geodetic positions of estimates."""
     (x, y), (east, north) = estimates.position.T, estimates.velocity.T
     latitude, longitude = plane.to_geodetic(x, y)
     convergence = plane.convergence(latitude, longitude)
@@ -58,12 +58,12 @@ def of(estimates: Estimates, plane: Plane) -> Places:
 
 
 def heights(estimates: Estimates) -> FloatArray:
-    """Return the estimated heights above the world's zero, metres, (T,); NaN where unknown."""
+    """Return the estimated heights above the world's zero, metres, (T,); NaN if unknown."""
     known = estimates.attributes
     return np.full(len(estimates), np.nan) if known is None else known.height[:, 0]
 
 
 def height_variances(estimates: Estimates) -> FloatArray:
-    """Return the variances of the heights, square metres, shape (T,); NaN where unknown."""
+    """Return the variances of the heights, square metres, shape (T,); NaN if unknown."""
     known = estimates.attributes
     return np.full(len(estimates), np.nan) if known is None else known.height_covariance[:, 0, 0]

@@ -1,4 +1,4 @@
-"""What a radar measures in space, to and from ranges and azimuths in the world's plane."""
+"""Conversion between a radar's measurements in space and ranges and azimuths in the world plane."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.slant_range import LEAST, MAX_HEIGHT, Ground, over_ground, slant_of
 from phd_jdtc_ros.core.types import Detections
 
@@ -20,22 +19,21 @@ def read(
     height: FloatArray | None,
     radar: RadarInput,
 ) -> Ground:
-    """Return where points are over ground.
+    """Return the ranges and azimuths of points over ground.
 
-    A known height decides; where it is unknown, the elevation does, if there is one. What is not
-    finite gives no sensible place, but no error either.
+    A known height determines the ground range, otherwise the elevation does, if there is one.
+    Values that are not finite give implausible points, but no error.
 
     Parameters
     ----------
     distance : array of shape (M,)
-        Metres; slant ranges where there is an elevation, a height or a site.
+        Metres; slant ranges if there is an elevation, a height or a site.
     azimuth : array of shape (M,)
         Radians counter-clockwise from the sensor's x axis.
     elevation : array of shape (M,) or None
         Radians.
     height : array of shape (M,) or None
-        Metres, as messages count heights; NaN where it is unknown.
-    radar : RadarInput
+        Metres, in the convention of the messages; NaN if unknown.
     """
     finite = np.isfinite(distance) & np.isfinite(azimuth)
     if elevation is not None:
@@ -57,7 +55,7 @@ def _flat(
     height: FloatArray | None,
     antenna: float,
 ) -> Ground:
-    """Return where points are over a plane: a height is a side of the triangle."""
+    """Return points over a flat plane, where the height is a side of the triangle."""
     ground = distance if elevation is None else distance * np.cos(elevation)
     if height is None:
         return Ground(ground, azimuth, np.ones(len(ground), dtype=bool))
@@ -72,7 +70,7 @@ def _flat(
 
 
 class Slant(NamedTuple):
-    """What a radar measures, arrays of shape (M,).
+    """A radar's range and azimuth, arrays of shape (M,).
 
     Parameters
     ----------
@@ -84,10 +82,10 @@ class Slant(NamedTuple):
     azimuth: FloatArray
 
 
-def sent(detections: Detections, radar: RadarInput) -> Slant:
-    """Return ranges and azimuths as a radar measures them: what `read` undoes.
+def measure(detections: Detections, radar: RadarInput) -> Slant:
+    """Return ranges and azimuths as the radar measures them: the inverse of `read`.
 
-    Where a height is unknown, it is that which `read` supposes.
+    An unknown height is replaced by the height that `read` assumes.
     """
     distance, azimuth = detections.measurement.T
     site, height = radar.site, detections.height
@@ -95,21 +93,22 @@ def sent(detections: Detections, radar: RadarInput) -> Slant:
         if not radar.height_field or height is None:
             return Slant(distance, azimuth)
         return Slant(np.hypot(distance, np.nan_to_num(height - radar.height)), azimuth)
-    known = sent_height(detections, radar) if radar.height_field else np.full(len(distance), np.nan)
+    unknown = np.full(len(distance), np.nan)
+    known = message_height(detections, radar) if radar.height_field else unknown
     return Slant(*slant_of(site, radar.assumed_height, distance, azimuth, known))
 
 
-def sent_height(detections: Detections, radar: RadarInput) -> FloatArray:
-    """Return heights as messages count them; those of the antenna if the detections have none."""
+def message_height(detections: Detections, radar: RadarInput) -> FloatArray:
+    """Return heights in the messages' convention; the antenna's if the detections have none."""
     above = detections.height
     counted: FloatArray = np.full(len(detections), radar.height) if above is None else above
     return counted + radar.datum
 
 
-def sent_at_own_height(detections: Detections, radar: RadarInput) -> FloatArray:
+def measure_at_antenna_height(detections: Detections, radar: RadarInput) -> FloatArray:
     """Return ranges, azimuths and elevations of detections at the antenna's height, shape (M, 3).
 
-    It is what a radar measures whose messages have elevations and no heights.
+    Radars whose messages have elevations and no heights measure these.
     """
     distance, azimuth = detections.measurement.T
     site = radar.site

@@ -1,4 +1,4 @@
-"""What a bag stores about message types: class, definition, type hash, reproducible bytes.
+"""Message types for bags: class, definition, type hash, and reproducible serialisation.
 
 Definitions and hashes are read from the installed interface packages, as rosbag2 does, so they
 match the running ROS.
@@ -17,7 +17,7 @@ from rclpy.serialization import deserialize_message
 from . import plain_cdr
 from .errors import RejectedMessageError
 
-# Messages to reproducible bytes; `decode` is the inverse.
+# Serialises messages reproducibly; `decode` is the inverse.
 encode = plain_cdr.encode
 _SEPARATOR = "=" * 80
 
@@ -60,7 +60,7 @@ def type_hash(type_name: str) -> str:
 
 @cache
 def definition(type_name: str) -> str:
-    """Return the definitions of a type and of all types it contains, as ``ros2msg``."""
+    """Return the definitions of a type and of all types that it contains, as ``ros2msg``."""
     description = json.loads(_share_file(type_name, ".json").read_text())["type_description_msg"]
     nested = [entry["type_name"] for entry in description["referenced_type_descriptions"]]
     parts = [_share_file(type_name, ".msg").read_text()]
@@ -71,7 +71,7 @@ def definition(type_name: str) -> str:
 
 
 def decode(data: bytes, type_name: str) -> Any:
-    """Return the message of the given type that CDR bytes contain.
+    """Deserialise a message of the given type from CDR bytes.
 
     Raises
     ------
@@ -80,5 +80,5 @@ def decode(data: bytes, type_name: str) -> Any:
     """
     try:
         return deserialize_message(data, message_class(type_name))
-    except Exception as error:  # the middleware raises several kinds on foreign bytes
+    except Exception as error:  # the middleware raises several types for foreign bytes
         raise RejectedMessageError("schema", f"no {type_name}: {error}") from error

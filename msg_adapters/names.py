@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from . import quantities
-
 DETECTIONS_SUFFIX = "/detections"
 TRUTH = "/ground_truth/targets"
 TRACKER = "/tracker"
@@ -39,12 +37,12 @@ def estimates(source: str, tracker: str = TRACKER) -> str:
 
 
 def tracker_of(estimates_topic: str) -> str:
-    """Return the tracker that a topic of `estimates` is of."""
+    """Return the tracker of a topic of `estimates`."""
     return estimates_topic.rsplit("/", 2)[0]
 
 
 def poses(source: str, class_id: int, tracker: str = TRACKER) -> str:
-    """Return the topic of one class's poses."""
+    """Return the topic of the poses of one class."""
     return f"{tracker}/{source}/class_{class_id}/poses"
 
 
@@ -54,12 +52,12 @@ def detections_in_map(tracker: str = TRACKER) -> str:
 
 
 def cardinality(tracker: str = TRACKER) -> str:
-    """Return the topic of the tracker's figures, one message per scan."""
+    """Return the topic of the tracker's figures, published once per scan."""
     return f"{tracker}/cardinality"
 
 
 def clutter_map(tracker: str = TRACKER) -> str:
-    """Return the topic of a tracker's picture of where clutter comes from."""
+    """Return the topic of a tracker's clutter map."""
     return f"{tracker}/clutter_map"
 
 
@@ -69,66 +67,18 @@ def fixes(tracker: str = TRACKER) -> str:
 
 
 def plot(quantity: str, node: str = TRACKER) -> str:
-    """Return the topic of a number that a node publishes for plots; `quantities` has them."""
+    """Return the topic of a number that a node publishes for plots, see `quantities`."""
     return f"{node}/plot/{quantity}"
 
 
 def health(line: str, tracker: str = TRACKER) -> str:
-    """Return the name of a status of the tracker's health: of a radar, or ``step time``.
+    """Return the name of a status of the tracker's health: a radar's name, or ``step time``.
 
-    It begins with the node's full name, because ``/diagnostics`` is one topic for all namespaces.
+    It begins with the node's full name, because ``/diagnostics`` is shared by all namespaces.
     """
     return f"{tracker}: {line}"
 
 
 def hardware(radar: str, tracker: str = TRACKER) -> str:
-    """Return the hardware id of a tracker's radar; that of the tracker is its full name."""
+    """Return the hardware id of a tracker's radar."""
     return f"{tracker}/{radar}"
-
-
-def published(
-    classes: int,
-    tracker: str = TRACKER,
-    scores: str = OSPA,
-    evaluator: str = EVALUATOR,
-    engine: str | None = "particles",
-) -> dict[str, str]:
-    """Return every topic that the two nodes publish unless told not to, with its type.
-
-    Without the figures of an engine if that is None, see `optional`.
-    """
-    sources = ("filtered", "smoothed")
-    clouds = {estimates(source, tracker): CLOUD for source in sources}
-    arrays = {poses(s, k, tracker): POSES for s in sources for k in range(classes)}
-    numbers = [
-        *(plot(quantity, tracker) for quantity in quantities.of_tracker(classes, engine)),
-        *(plot(quantity, evaluator) for quantity in quantities.of_evaluator(classes)),
-    ]
-    return {
-        **clouds,
-        **arrays,
-        detections_in_map(tracker): CLOUD,
-        **dict.fromkeys(numbers, NUMBER),
-        f"{tracker}/markers": MARKERS,
-        cardinality(tracker): FIGURES,
-        DIAGNOSTICS: FIGURES,
-        scores: FIGURES,
-    }
-
-
-def optional(tracker: str = TRACKER) -> dict[str, str]:
-    """Return every topic that only some trackers publish, with its type.
-
-    The figures are of one engine; the others are published if the tracker is asked to.
-    """
-    figures = (name for names in quantities.FIGURES.values() for name in names)
-    return {
-        **{plot(name, tracker): NUMBER for name in figures},
-        clutter_map(tracker): GRID,
-        f"{tracker}/tracks/path": PATH,
-        f"{tracker}/odometry": ODOMETRY,
-        fixes(tracker): FIX,
-        f"{tracker}/tracks/geojson": GEOJSON,
-        f"{tracker}/radar_tracks": RADAR_TRACKS,
-        f"{tracker}/detections_3d": DETECTIONS_3D,
-    }

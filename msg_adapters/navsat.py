@@ -12,14 +12,14 @@ from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import Estimates
 
 from . import geodetic, stamps
-from .tracks import UNKNOWN_VARIANCE, child_frame, labelled
+from .tracks import UNKNOWN_VARIANCE, child_frame, rows_by_track
 
 
 def to_msgs(estimates: Estimates, plane: Plane) -> list[NavSatFix]:
-    """Return a message per labelled estimate, by ascending track.
+    """Encode each labelled estimate as a message, by ascending track number.
 
-    The frame is ``track_NUMBER``, as in odometry. The covariance is to the true east and north and
-    up. A height that is not known is NaN, with the variance `UNKNOWN_VARIANCE`.
+    The frame is ``track_NUMBER``, as in odometry. The covariance has the axes true east, true north
+    and up. An unknown height is NaN with the variance `UNKNOWN_VARIANCE`.
     """
     places = geodetic.of(estimates, plane)
     variance = geodetic.height_variances(estimates)
@@ -27,7 +27,7 @@ def to_msgs(estimates: Estimates, plane: Plane) -> list[NavSatFix]:
     return [
         NavSatFix(
             header=stamps.header(estimates.stamp_ns, child_frame(track)),
-            # Viewers leave out what has no fix.
+            # Viewers ignore messages without a fix.
             status=NavSatStatus(status=NavSatStatus.STATUS_FIX, service=0),
             latitude=float(places.latitude[row]),
             longitude=float(places.longitude[row]),
@@ -37,12 +37,12 @@ def to_msgs(estimates: Estimates, plane: Plane) -> list[NavSatFix]:
             ),
             position_covariance_type=NavSatFix.COVARIANCE_TYPE_KNOWN,
         )
-        for track, row in labelled(estimates)
+        for track, row in rows_by_track(estimates)
     ]
 
 
 def _covariance(planar: FloatArray, convergence: float, upward: float) -> FloatArray:
-    """Return a covariance to the east, to the north and up, shape (9,), from that in the plane."""
+    """Rotate a planar covariance to east, north and up, shape (9,)."""
     cos, sin = math.cos(convergence), math.sin(convergence)
     turned = np.array([[cos, sin], [-sin, cos]])
     found = np.zeros((3, 3))

@@ -1,6 +1,6 @@
-"""The colours of the classes, the same in markers, pages and pictures.
+"""The colours of the classes in markers, pages and pictures.
 
-Okabe and Ito's palette without black, which colour-blind readers can tell apart.
+They are Okabe and Ito's palette without black, which is safe for colour-blind readers.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
 
 def class_colour(class_id: int) -> str:
-    """Return the colour of a class as ``#rrggbb``; they repeat after the sixth."""
+    """Return the colour of a class as ``#rrggbb``; colours repeat after the sixth."""
     return COLOURS[class_id % len(COLOURS)]
 
 

@@ -1,7 +1,7 @@
-"""Any message object as plain CDR whose padding is zero.
+"""Serialises any message object as plain CDR with zero padding.
 
-The middleware's own serialisation leaves padding uninitialised, so equal messages differ in their
-bytes. Here a message is written member by member, after the types that its class declares.
+The middleware leaves padding uninitialised, so that the bytes of equal messages differ. Here a
+message is written member by member, by the types that its class declares.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from .cdr import ENCAPSULATION, Writer
 
-# `struct` and numpy code of the primitive types, by their names in IDL.
+# `struct` and numpy codes of the primitive types, by their IDL names.
 _CODES = {
     "boolean": "?",
     "int8": "b",
@@ -36,7 +36,7 @@ Put = Callable[[Writer, Any], object]
 
 
 def encode(message: Any) -> bytes:
-    """Return a message as CDR, the same bytes every time.
+    """Serialise a message reproducibly as CDR.
 
     Raises
     ------
@@ -55,14 +55,14 @@ def _put_message(writer: Writer, message: Any) -> None:
 
 @cache
 def _members(kind: Any) -> tuple[tuple[str, Put], ...]:
-    """Return the names of a class's members and what writes each."""
+    """Return the names of a class's members with their writers."""
     types = kind.get_fields_and_field_types()
-    # A structure of IDL cannot be empty, so an empty message has one byte.
+    # An IDL structure cannot be empty, so an empty message has one byte.
     return tuple((name, _put_of(text)) for name, text in types.items()) or (("__doc__", _put_none),)
 
 
 def _put_of(kind: str) -> Put:
-    """Return what writes a value of a type, as `get_fields_and_field_types` names it."""
+    """Return the writer of a type, named as by `get_fields_and_field_types`."""
     if match := _SEQUENCE.fullmatch(kind):
         return partial(_put_sequence, _put_entries_of(match[1]))
     if match := _ARRAY.fullmatch(kind):
@@ -109,7 +109,7 @@ def _put_entries(put: Put, writer: Writer, values: Any) -> None:
 
 
 def _put_numbers(code: str, writer: Writer, values: Any) -> None:
-    # An empty sequence has no padding behind its length either.
+    # An empty sequence has no padding after its length.
     if len(values):
         writer.put(code)
         numbers = np.frombuffer(values, code) if isinstance(values, bytes) else values

@@ -1,4 +1,4 @@
-"""The poses of what carries a radar: ``nav_msgs/Odometry`` or ``geometry_msgs/PoseStamped``."""
+"""Poses of a radar's platform: ``nav_msgs/Odometry`` or ``geometry_msgs/PoseStamped``."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from nav_msgs.msg import Odometry
 from phd_jdtc_ros.core.types import Pose
 
 from . import interfaces, names, stamps
-from .errors import RejectedMessageError, quoted
+from .errors import RejectedMessageError, quote
 
-# Types by their name in a configuration.
+# Types of pose messages by their configured name.
 TYPES = {"odometry": names.ODOMETRY, "pose_stamped": names.POSE_STAMPED}
-# Of an orientation's quaternion; a message that was not filled in has the norm 0.
+# Accepted norms of an orientation's quaternion; an uninitialised message has the norm 0.
 LEAST_NORM, LARGEST_NORM = 0.5, 2.0
-# Metres from the map's origin; clouds in single precision have no metres beyond.
+# Largest coordinate, metres; beyond it, single precision no longer resolves a metre.
 FARTHEST = 1e7
 
 
@@ -28,24 +28,23 @@ def from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Po
     ----------
     message : Odometry or PoseStamped
         In the world frame.
-    world_frame : str
 
     Returns
     -------
     stamp_ns : int
     pose : Pose
-        The yaw is NaN if the orientation is none, as in a message that was not filled in.
+        The yaw is NaN if the orientation is not a unit quaternion, as in an uninitialised message.
 
     Raises
     ------
     RejectedMessageError
-        ``frame`` if it is in another frame, ``schema`` if its stamp is none, ``not_finite`` or
-        ``range`` if its position is not finite or absurdly far away.
+        ``frame`` if it is in another frame; ``schema`` if its stamp is invalid; ``not_finite`` or
+        ``range`` if its position is not finite or farther away than `FARTHEST`.
     """
     frame = message.header.frame_id
     if frame != world_frame:
         raise RejectedMessageError(
-            "frame", f"frame_id {quoted(frame)}, must be the world frame, {world_frame!r}"
+            "frame", f"frame_id {quote(frame)}, must be the world frame, {world_frame!r}"
         )
     stamp_ns = stamps.of_header(message.header)
     pose = message.pose.pose if isinstance(message, Odometry) else message.pose
@@ -60,12 +59,12 @@ def from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Po
 
 
 def from_cdr(data: bytes, kind: str, world_frame: str) -> tuple[int, Pose]:
-    """Do as `from_msg` with a recorded message of a kind of `TYPES`."""
+    """Decode a recorded message of a kind of `TYPES` as `from_msg` does."""
     return from_msg(interfaces.decode(data, TYPES[kind]), world_frame)
 
 
 def to_cdr(pose: Pose, stamp_ns: int, world_frame: str, kind: str, child_frame: str = "") -> bytes:
-    """Return the bytes of a message of a kind of `TYPES`; an odometry's velocity is 0."""
+    """Serialise a message of a kind of `TYPES`; an odometry's velocity is 0."""
     header = stamps.header(stamp_ns, world_frame)
     x, y = pose.position
     position = Point(x=float(x), y=float(y), z=0.0)
@@ -82,10 +81,10 @@ def to_cdr(pose: Pose, stamp_ns: int, world_frame: str, kind: str, child_frame: 
 
 
 def _yaw(turn: Quaternion) -> float:
-    """Return the direction of the x axis over ground, radians; NaN without a quaternion."""
-    # Not by squares: those of finite numbers overflow, which Python raises for.
+    """Return the direction of the x axis over ground, radians; NaN for an invalid quaternion."""
+    # `hypot` avoids the squares of large finite numbers, which overflow with an error.
     norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
-    if not LEAST_NORM <= norm <= LARGEST_NORM:  # nor if it is NaN
+    if not LEAST_NORM <= norm <= LARGEST_NORM:  # also true for NaN
         return math.nan
     ahead = turn.w**2 + turn.x**2 - turn.y**2 - turn.z**2
     left = 2.0 * (turn.x * turn.y + turn.w * turn.z)

@@ -1,29 +1,29 @@
-"""The detections' own times, relative to the stamp and as a radar sends them."""
+"""Conversion of detection times between the radar's convention and seconds from the stamp."""
 
 from __future__ import annotations
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray
 
-# That of `stamps` would bring ROS with it.
+# Defined here because `stamps` imports ROS.
 NS_PER_S = 1_000_000_000
 
 
 def relative(sent: FloatArray, stamp_ns: int, radar: RadarInput) -> FloatArray:
-    """Return times as the radar sends them in seconds relative to the stamp, shape kept.
+    """Convert times from the radar's convention to seconds from the stamp.
 
-    Times since the epoch keep the precision with which doubles hold them, 0.24 us today.
+    Times since the epoch keep the resolution of doubles, 0.24 us today.
     """
     if not radar.time_since_epoch:
         return sent * radar.time_unit_s
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
-    # Whole seconds are exact in every unit, and so is the difference of two close doubles.
+    # Whole seconds are exact in every unit, as is the difference of two close doubles.
     since_second = (sent - float(seconds) * _per_second(radar)) * radar.time_unit_s
     return since_second - nanoseconds * 1e-9
 
 
-def sent(time_s: FloatArray, stamp_ns: int, radar: RadarInput) -> FloatArray:
-    """Return times relative to the stamp as the radar sends them: the inverse of `relative`."""
+def encode(time_s: FloatArray, stamp_ns: int, radar: RadarInput) -> FloatArray:
+    """Convert seconds from the stamp to the radar's convention: the inverse of `relative`."""
     per_second = _per_second(radar)
     if not radar.time_since_epoch:
         return time_s * per_second
@@ -32,5 +32,5 @@ def sent(time_s: FloatArray, stamp_ns: int, radar: RadarInput) -> FloatArray:
 
 
 def _per_second(radar: RadarInput) -> float:
-    """Return how many of the radar's units of time are a second."""
+    """Return the number of the radar's time units per second."""
     return float(round(1.0 / radar.time_unit_s))

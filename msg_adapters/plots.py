@@ -1,6 +1,6 @@
-"""Figures as one number per message and topic, which is what plotting tools read.
+"""Figures as one number per message and topic, for plotting tools.
 
-Such a message has no stamp: tools plot it at the time of its arrival.
+Such a message has no stamp; tools plot it at its time of arrival.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from . import quantities
 
 if TYPE_CHECKING:
     from phd_jdtc_ros.core.engine import Step
-    from phd_jdtc_ros.evaluation.scan_scores import ScanScore
+    from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
 
 def step_to_msgs(step: Step, step_ms: float) -> dict[str, Float64]:
-    """Return the numbers of a step of the tracker, by name; `step_ms` is its CPU time."""
+    """Return the numbers of a tracker step, by name; `step_ms` is its CPU time, ms."""
     mass = {f"cardinality/class_{k}": each for k, each in enumerate(step.class_mass)}
     plotted = {name for names in quantities.FIGURES.values() for name in names}
     figures = {name: value for name, value in step.figures.items() if name in plotted}
@@ -38,5 +38,5 @@ def score_to_msgs(score: ScanScore) -> dict[str, Float64]:
 
 
 def _to_msg(value: float) -> Float64:
-    # Messages do not check types: of a number that is no float, the bytes would be garbage.
+    # Messages do not check types, and a number that is not a float would become garbage.
     return Float64(data=float(value))

@@ -1,4 +1,4 @@
-"""PointCloud2 to and from columns, with the message's layout checked."""
+"""Conversion between PointCloud2 and columns, with checks of the message's layout."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2, PointField
 
 from . import stamps
-from .errors import RejectedMessageError, quoted
+from .errors import RejectedMessageError, quote
 
-# A larger cloud is refused before its data is read.
+# Larger clouds are rejected before their data is read.
 MAX_POINTS = 100_000
 MAX_OFFSET = 2**16
 LARGEST = float(np.finfo(np.float32).max)
@@ -42,10 +42,8 @@ def encode(
 
     Parameters
     ----------
-    stamp_ns : int
-    frame : str
     columns : mapping of field name to array of shape (M,)
-        In order; float arrays become FLOAT32, integer ones UINT32, and those of bytes UINT8.
+        In order; float arrays become FLOAT32, integer arrays UINT32, and byte arrays UINT8.
     wide : collection of str
         Names of the float arrays that become FLOAT64.
     """
@@ -66,7 +64,7 @@ def encode(
         is_bigendian=False,
         point_step=step,
         row_step=step * width,
-        # bytes, because a list is copied element by element, 500 times slower.
+        # Bytes, because a list is copied element by element, which is 500 times slower.
         data=points.tobytes(),
         is_dense=True,
     )
@@ -80,17 +78,17 @@ def _code(array: npt.NDArray[Any], wide: bool) -> str:
 
 
 def _offsets(layout: np.dtype[np.void]) -> list[int]:
-    """Return where the fields of a point begin, in bytes."""
+    """Return the offsets of a point's fields, bytes."""
     return [offset for _, offset, *_ in (layout.fields or {}).values()]
 
 
 def finite(column: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
     """Return which numbers are finite in single precision.
 
-    Estimates are published in it, and a sum or a square of such numbers is finite in double
-    precision. Of a double of 1e300 neither is true.
+    Estimates are published in single precision, and sums and squares of such numbers are finite in
+    double precision. Neither holds for a double such as 1e300.
     """
-    near: npt.NDArray[np.bool_] = np.abs(column) <= LARGEST  # never true of NaN
+    near: npt.NDArray[np.bool_] = np.abs(column) <= LARGEST  # False for NaN
     return near
 
 
@@ -114,9 +112,9 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
     Parameters
     ----------
     cloud : PointCloud2
-        Of either byte order; other fields than the wanted ones are ignored.
+        Of either byte order; further fields are ignored.
     wanted : mapping of field name to allowed type codes
-        Such as `FLOATS`.
+        Type codes such as `FLOATS`.
 
     Returns
     -------
@@ -126,8 +124,8 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
     Raises
     ------
     RejectedMessageError
-        ``oversize`` above `MAX_POINTS`; ``schema`` if a field is missing or of another type or
-        count, or if the steps do not fit each other or the data.
+        ``oversize`` above `MAX_POINTS`; ``schema`` if a field is missing or has another type or
+        count, or if the steps do not match each other or the data.
     """
     layout = _checked_layout(cloud, wanted)
     count = cloud.width * cloud.height
@@ -144,7 +142,7 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
 
 
 def _checked_layout(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> np.dtype[np.void]:
-    """Return the layout of the wanted fields in a point, once it is known to fit the data."""
+    """Return the layout of the wanted fields in a point, after checks against the data."""
     count = cloud.width * cloud.height
     if count > MAX_POINTS:
         raise RejectedMessageError("oversize", f"{count} points, at most {MAX_POINTS} are allowed")
@@ -155,7 +153,7 @@ def _checked_layout(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> 
         field = by_name.get(name)
         if field is None:
             raise RejectedMessageError(
-                "schema", f"field {name!r} is missing; the cloud has {quoted(sorted(by_name))}"
+                "schema", f"field {name!r} is missing; the cloud has {quote(sorted(by_name))}"
             )
         formats.append(order + _checked_code(field, allowed, cloud.point_step))
         offsets.append(field.offset)
@@ -167,12 +165,12 @@ def _checked_layout(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> 
             f"{len(cloud.data)} bytes of data, row_step {cloud.row_step} and point_step "
             f"{cloud.point_step} do not fit {cloud.height} x {cloud.width} points",
         )
-    # The step is given by the strides and not here: numpy has no items of 2 GiB and more.
+    # The strides carry the step, because numpy limits items to less than 2 GiB.
     return np.dtype({"names": list(wanted), "formats": formats, "offsets": offsets})
 
 
 def _checked_code(field: PointField, allowed: Sequence[str], point_step: int) -> str:
-    """Return a field's type code, once the type is known to be allowed and to fit the point."""
+    """Return a field's type code, after checks of its type and its place in the point."""
     code = _CODES.get(field.datatype, "unknown")
     if code not in allowed or field.count != 1:
         raise RejectedMessageError(

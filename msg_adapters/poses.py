@@ -1,4 +1,4 @@
-"""The poses of one class's estimates, written as bytes because there may be many (see `cdr`)."""
+"""The poses of one class's estimates, written as bytes because they may be many (see `cdr`)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from . import cdr, vertical
 def to_cdr(estimates: Estimates, class_id: int, frame: str) -> bytes:
     """Return a serialised ``geometry_msgs/PoseArray``; each pose faces along the velocity.
 
-    Poses are at the estimates' heights, and in the map's plane where those are unknown.
+    Poses are at the estimates' heights, or in the map's plane if these are unknown.
     """
     mine = estimates.class_id == class_id
     rows = estimates.state[mine]
     half = 0.5 * np.arctan2(rows[:, VY], rows[:, VX])
-    # x y z of the position, x y z w of the orientation.
+    # Position x y z, orientation x y z w.
     pose = np.zeros((len(rows), 7))
     pose[:, 0], pose[:, 1] = rows[:, X], rows[:, Y]
     pose[:, 2] = vertical.of(estimates).state[mine, 0]
@@ -26,6 +26,5 @@ def to_cdr(estimates: Estimates, class_id: int, frame: str) -> bytes:
     writer = cdr.Writer()
     writer.header(estimates.stamp_ns, frame)
     writer.put("I", len(rows))
-    if len(rows):
-        writer.put("d")
-    return cdr.ENCAPSULATION + bytes(writer.data) + pose.astype("<f8").tobytes()
+    writer.doubles(pose)
+    return cdr.ENCAPSULATION + bytes(writer.data)

@@ -1,11 +1,11 @@
-"""Names of the numbers that the nodes publish for plots, each on the topic ``~/plot/NAME``."""
+"""Names of the numbers that nodes publish for plots, each on the topic ``~/plot/NAME``."""
 
 from __future__ import annotations
 
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.metric_table import PLOTTED
 
-# The figures of each engine that are plotted.
+# Plotted figures of each engine.
 FIGURES = {
     "particles": ("particles", "effective_share"),
     "gaussian": ("hypotheses", "origins"),
@@ -13,7 +13,7 @@ FIGURES = {
 
 
 def of_tracker(classes: int, engine: str | None = "particles") -> tuple[str, ...]:
-    """Return the names of the tracker's numbers, without those of an engine if it is None."""
+    """Return the names of the tracker's numbers; without `engine` the engine's own are left out."""
     sets = ("total", *(f"class_{k}" for k in range(classes)))
     figures = () if engine is None else FIGURES[engine]
     return (*(f"cardinality/{key}" for key in sets), "step_ms", *figures)
@@ -28,5 +28,5 @@ def of_evaluator(classes: int) -> tuple[str, ...]:
 
 
 def of_score(source: str, key: str, name: str) -> str:
-    """Return the name of a score of a source and a set of targets."""
+    """Return the name of a score of an estimate source and a set of targets."""
     return f"{source}/{key}/{name}"

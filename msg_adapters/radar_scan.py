@@ -1,7 +1,7 @@
 """Conversion of ``radar_msgs/RadarScan`` to and from `Detections`.
 
-radar_msgs is optional, and this module does not import it. A live tracker needs its message class;
-recorded bytes are read and written without it.
+radar_msgs is optional, and this module does not import it. A live tracker needs its message class,
+but recorded bytes are read and written without it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .selection import Columns, Report, select
 TYPE_NAME = "radar_msgs/msg/RadarScan"
 TYPE_HASH = "RIHS01_9d270e9c9d9e2509e93e7c688fd8a813d75e43a6a37ef982e63e24e80e535cdc"
 _SEPARATOR = "=" * 80
-# As bags store it: the definition followed by those of all types that it contains.
+# Definition as stored in bags, followed by the definitions of all contained types.
 DEFINITION = f"""\
 std_msgs/Header header
 radar_msgs/RadarReturn[] returns
@@ -54,23 +54,22 @@ RETURN_FIELDS = 5
 def from_msg(scan: Any, radar: RadarInput) -> Report:
     """Return the detections of a scan.
 
-    Unlike that of a point cloud, the convention of this message is fixed: azimuths are
+    This message has a fixed convention, in contrast to a point cloud: azimuths are
     counter-clockwise from the sensor's x axis, amplitudes are in dB, and there is an elevation (0
     for a planar radar).
 
     Parameters
     ----------
-    scan : radar_msgs.msg.RadarScan
     radar : RadarInput
-        Its `frame` and `max_range` are used, and `amplitude_offset_db`, which converts the
-        amplitudes to SNRs. Without an `amplitude_field` the amplitudes are ignored, and so are the
-        Doppler velocities, m/s and positive where a target recedes, without a `range_rate_field`.
+        Its `frame`, `max_range` and `amplitude_offset_db` are used; the offset converts amplitudes
+        to SNRs. Amplitudes are ignored without an `amplitude_field`, and Doppler velocities (m/s,
+        positive for a receding target) without a `range_rate_field`.
 
     Raises
     ------
     RejectedMessageError
         ``frame`` if the scan is in another frame than the radar's; ``oversize`` above
-        `point_cloud.MAX_POINTS` returns; ``schema`` if the stamp is not valid, see
+        `point_cloud.MAX_POINTS` returns; ``schema`` if the stamp is invalid, see
         `stamps.of_header`.
     """
     _require_size(len(scan.returns))
@@ -82,12 +81,12 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
 
 
 def from_cdr(data: bytes, radar: RadarInput) -> Report:
-    """Return the detections of a serialised scan; parameters and errors are those of `from_msg`.
+    """Decode the detections of a serialised scan; parameters and errors as in `from_msg`.
 
     Raises
     ------
     RejectedMessageError
-        ``schema`` also if the bytes hold no scan.
+        ``schema`` also if the bytes are not a scan.
     """
     try:
         order = "<" if data[1] & 1 else ">"
@@ -107,25 +106,25 @@ def from_cdr(data: bytes, radar: RadarInput) -> Report:
 
 
 def to_cdr(detections: Detections, stamp_ns: int, radar: RadarInput) -> bytes:
-    """Return the serialised scan of a planar radar's detections.
+    """Serialise a planar radar's detections as a scan.
 
-    Elevations are 0, of a radar with a site those at its own height; Doppler velocities are 0
-    without range rates, and amplitudes without an `amplitude_field`.
+    Elevations are 0, or for a radar with a site those of targets at the antenna's height. Doppler
+    velocities are 0 without range rates, and amplitudes are 0 without an `amplitude_field`.
     """
     returns = np.zeros((len(detections), RETURN_FIELDS), dtype="<f4")
-    returns[:, :3] = ground_ranges.sent_at_own_height(detections, radar)
+    returns[:, :3] = ground_ranges.measure_at_antenna_height(detections, radar)
     if detections.range_rate is not None:
         returns[:, 3] = detections.range_rate
     if radar.amplitude_field:
-        returns[:, 4] = sent_columns.level(detections, _as_defined(radar))
+        returns[:, 4] = sent_columns.level(detections, _fixed_convention(radar))
     scan = cdr.Writer()
     scan.header(stamp_ns, radar.frame)
     scan.put("I", len(returns))
     return cdr.ENCAPSULATION + bytes(scan.data) + returns.tobytes()
 
 
-def _as_defined(radar: RadarInput) -> RadarInput:
-    """Return a radar's input with the units and conventions that the message fixes."""
+def _fixed_convention(radar: RadarInput) -> RadarInput:
+    """Return a radar's input with the units and conventions of the message."""
     return replace(radar, amplitude_in_db=True, compass=False, azimuth_in_degrees=False)
 
 
@@ -135,11 +134,11 @@ def _require_size(count: int) -> None:
 
 
 def _report(header: Header, rows: FloatArray, radar: RadarInput) -> Report:
-    """Return the detections among rows of the fields of a return, (M, 5)."""
+    """Return the detections of rows of a return's fields, (M, 5)."""
     require_frame(header.frame_id, radar)
     return select(
         stamps.of_header(header),
-        _as_defined(radar),
+        _fixed_convention(radar),
         Columns(
             distance=rows[:, 0],
             azimuth=rows[:, 1],

@@ -1,4 +1,4 @@
-"""Estimates to ``radar_msgs/RadarTracks``.
+"""Estimates as ``radar_msgs/RadarTracks``.
 
 radar_msgs is not part of every ROS installation, so its classes are passed in.
 """
@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.types import Estimates
 
 from . import interfaces, stamps, vertical
 
-# The message's definition reserves the numbers from here on for a user's own classifications.
+# First number that the message's definition reserves for a user's own classifications.
 FIRST_OWN_CLASSIFICATION = 32000
 
 
@@ -36,31 +36,31 @@ class Types(NamedTuple):
     track: Any
 
 
-def installed() -> Types | None:
-    """Return the message classes, or None if radar_msgs is not installed."""
-    try:
-        return Types(
-            interfaces.message_class("radar_msgs/msg/RadarTracks"),
-            interfaces.message_class("radar_msgs/msg/RadarTrack"),
-        )
-    except ImportError:
-        return None
+def message_types() -> Types:
+    """Return the message classes.
+
+    Raises
+    ------
+    ImportError
+        If radar_msgs is not installed.
+    """
+    return Types(
+        interfaces.message_class("radar_msgs/msg/RadarTracks"),
+        interfaces.message_class("radar_msgs/msg/RadarTrack"),
+    )
 
 
 def to_msg(estimates: Estimates, frame: str, run: uuid.UUID, types: Types) -> Any:
-    """Return the tracks of one set of estimates, empty or not.
+    """Encode one set of estimates, empty or not.
 
     Class k has the classification 32000 + k. Quantities that are not estimated are zero:
     acceleration, size, unknown heights, and their covariances.
 
     Parameters
     ----------
-    estimates : Estimates
-    frame : str
     run : uuid.UUID
-        Identifies the tracker's run. A target keeps its identifier within a run, and no two runs
-        share one. An unlabelled target gets a new identifier in every message.
-    types : Types
+        Identifies the tracker's run. A target keeps its identifier within a run, and different runs
+        have different identifiers. An unlabelled target gets a new identifier in every message.
     """
     message = types.tracks(header=stamps.header(estimates.stamp_ns, frame))
     up = vertical.of(estimates)

@@ -1,4 +1,4 @@
-"""The messages of radars, by their name in a configuration: how they are read and written."""
+"""The supported detection messages, by their configured name, with decoders and encoders."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from .selection import Report
 
 @dataclass(frozen=True)
 class Reader:
-    """The conversion of one type of message to detections.
+    """Decoder and encoder of one message type.
 
     Parameters
     ----------
     type_name : str
-        Such as ``sensor_msgs/msg/PointCloud2``.
+        A type name such as ``sensor_msgs/msg/PointCloud2``.
     from_msg : callable
-        Converts a message, with the radar's input, to a `Report`; raises `RejectedMessageError`.
+        Decodes a message to a `Report`, given the radar's input; raises `RejectedMessageError`.
     from_cdr : callable
-        As `from_msg`, for the bytes of a recorded message; its package need not be installed.
+        Decodes a recorded message's bytes likewise; the message's package need not be installed.
     to_cdr : callable
-        Detections, a stamp and the radar's input to the bytes of the radar's message.
+        Encodes detections, given a stamp and the radar's input.
     definition, type_hash : str
-        Of the type, for bags; empty where the installed package has them.
+        Definition and hash of the type, for bags; empty if they come from the installed package.
     """
 
     type_name: str
@@ -38,7 +38,7 @@ class Reader:
     definition: str = ""
     type_hash: str = ""
 
-    def installed(self) -> Any:
+    def message_class(self) -> Any:
         """Return the message class, or None if its package is not installed."""
         try:
             return interfaces.message_class(self.type_name)
@@ -68,5 +68,5 @@ READERS = {
 
 
 def reader_of(radar: RadarInput) -> Reader:
-    """Return what reads and writes a radar's messages."""
+    """Return the decoder and encoder of a radar's messages."""
     return READERS[radar.message]

@@ -1,4 +1,4 @@
-"""How a radar's clouds are to be read, as far as names and values of their fields tell."""
+"""Infers how a radar's clouds are read from the names and values of their fields."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FULL_TURN
 
 from . import point_cloud, stamps
-from .detections import DOUBLES, NUMBERS
+from .detections import DOUBLES, NUMBERS, SYNONYMS
 from .errors import RejectedMessageError
 
-# Names of fields in lower case, the usual ones first, by the parameter that names them.
+# Usual names of fields in lower case, the most common first, by the parameter that names the field.
 NAMES: Mapping[str, Sequence[str]] = {
-    "fields.range": ("range", "rho", "distance", "dist", "radial_distance", "ground_range", "r"),
-    "fields.azimuth": ("azimuth", "azimuth_angle", "theta", "bearing", "az", "angle"),
+    "fields.range": ("range", *SYNONYMS["range_field"]),
+    "fields.azimuth": ("azimuth", *SYNONYMS["azimuth_field"]),
     "fields.elevation": ("elevation_angle", "elevation", "el"),
-    "fields.amplitude": ("amplitude", "snr", "snr_db", "power", "intensity", "rcs"),
+    "fields.amplitude": ("amplitude", *SYNONYMS["amplitude_field"], "power", "intensity", "rcs"),
     "fields.time": ("time", "time_of_detection", "t", "timestamp", "time_offset", "stamp"),
     "fields.height": ("height", "altitude"),
     "fields.sector": ("sector", "sector_number"),
@@ -28,30 +28,29 @@ NAMES: Mapping[str, Sequence[str]] = {
     "fields.azimuth_std": ("azimuth_std", "sigma_azimuth"),
 }
 IN_DB = ("snr", "snr_db", "power", "rcs")
-# Types that a field must have to be read.
+# Allowed types of a field, where they differ from floats.
 TYPES: Mapping[str, Sequence[str]] = {"fields.amplitude": NUMBERS, "fields.sector": NUMBERS}
-# A time above this is one since an epoch and not from the stamp, by its unit.
+# Units of time with their number per second.
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-# A unit is wrong that puts detections farther from the stamp than this, seconds, or than so many
-# times the interval between clouds.
+# A unit of time is rejected if it puts detections farther from the stamp than FARTHEST_S seconds,
+# or than INTERVALS times the interval between clouds.
 FARTHEST_S, INTERVALS = 60.0, 20.0
-# Times that are all nearer to it say nothing, seconds.
+# Times within this of the stamp, seconds, give no evidence of their unit.
 LEAST_S = 1e-4
 
 
 def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
-    """Return a radar's parameters that say how its clouds are read; None if they cannot be.
+    """Return the parameters for reading a radar's clouds, None if range or azimuth is missing.
 
     Parameters
     ----------
     clouds : sequence of PointCloud2
-        Some of one topic, one with points among them.
+        Clouds of one topic; at least one must have points.
 
     Returns
     -------
     dict
-        Without the radar's name; ``fields.range`` and so on, units and conventions. None without a
-        range and an azimuth.
+        ``fields.range`` and so on, units and conventions, without the radar's name.
     """
     full = [cloud for cloud in clouds if cloud.width * cloud.height]
     if not full:
@@ -66,7 +65,7 @@ def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
         return None
     found.setdefault("fields.amplitude", "")
     if "fields.elevation" in found and not _any(full, found["fields.elevation"]):
-        del found["fields.elevation"]  # all zero: the ranges are those over ground
+        del found["fields.elevation"]  # all elevations are zero, so ranges are ground ranges
     found.update(_azimuths(full, found["fields.azimuth"]))
     if found["fields.amplitude"].lower() in IN_DB:
         found["amplitude_unit"] = "db"
@@ -80,13 +79,13 @@ def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
 
 
 def _present(cloud: PointCloud2, names: Sequence[str]) -> list[str]:
-    """Return the cloud's fields that have one of some names, in the order of these."""
+    """Return the cloud's fields with one of the given names, in the order of the names."""
     own = {name.lower(): name for name in reversed(point_cloud.field_names(cloud))}
     return [own[name] for name in names if name in own]
 
 
 def _column(clouds: Sequence[PointCloud2], parameter: str, name: str) -> FloatArray | None:
-    """Return all values of a field, None if it cannot be read."""
+    """Return all values of a field, None if it is not readable."""
     types = TYPES.get(parameter, point_cloud.FLOATS)
     try:
         parts = [point_cloud.decode(cloud, {name: types})[name] for cloud in clouds]
@@ -101,19 +100,19 @@ def _any(clouds: Sequence[PointCloud2], name: str) -> bool:
 
 
 def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
-    """Return unit and convention of azimuths: by x and y if the clouds have them, or by values."""
+    """Return unit and convention of azimuths, from x and y if present, else from the values."""
     azimuth = _column(clouds, "fields.azimuth", name)
     ahead, left = (_column(clouds, "", axis) for axis in ("x", "y"))
     if azimuth is None:
         return {}
     unit = "deg" if np.nanmax(np.abs(azimuth), initial=0.0) > 1.01 * FULL_TURN else "rad"
-    told: dict[str, Any] = {"azimuth_unit": unit}
+    settings: dict[str, Any] = {"azimuth_unit": unit}
     if (
         ahead is None
         or left is None
         or not (np.nan_to_num(ahead).any() or np.nan_to_num(left).any())
     ):
-        return told
+        return settings
     true = np.arctan2(left, ahead)
     fits = {}
     for units, radians in (("rad", azimuth), ("deg", np.radians(azimuth))):
@@ -121,12 +120,12 @@ def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
             fits[units, convention] = float(np.nanmean(np.cos(counted - true)))
     (units, convention), fit = max(fits.items(), key=lambda entry: entry[1])
     if fit > 0.99:
-        told = {"azimuth_unit": units, "azimuth_convention": convention}
-    return told
+        settings = {"azimuth_unit": units, "azimuth_convention": convention}
+    return settings
 
 
 def _times(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any] | None:
-    """Return unit and reference of detections' times, None if no unit puts them near the stamps."""
+    """Return unit and reference of the detection times, None if no unit fits the stamps."""
     steps_s = np.diff([stamps.to_ns(cloud.header.stamp) * 1e-9 for cloud in clouds])
     limit_s = min(FARTHEST_S, INTERVALS * float(np.median(steps_s))) if len(steps_s) else FARTHEST_S
     for reference, types in (("epoch", DOUBLES), ("stamp", point_cloud.FLOATS)):

@@ -1,4 +1,4 @@
-"""The valid detections among a message's points, in the core's units."""
+"""Selects the valid detections among a message's points, in the core's units."""
 
 from __future__ import annotations
 
@@ -10,30 +10,29 @@ import numpy as np
 import numpy.typing as npt
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import ground_ranges, identities, plot_times
 
-# 120 dB above the noise, more than any receiver reports.
+# Largest envelope: 120 dB above the noise, more than any receiver reports.
 MAX_AMPLITUDE = 1e6
-# A compass azimuth just below a whole turn may be rounded to a float above it.
+# Largest azimuth within a turn: compass azimuths may be rounded up beyond a whole turn.
 A_TURN = FULL_TURN * (1.0 + 1e-6)
-# Of more turns, single precision leaves an angle of 0.03 degrees at the best, and soon none at all.
+# Largest azimuth in turns; beyond it, single precision is coarser than 0.03 degrees.
 MAX_TURNS = 1000.0
-# A time of its own is at most this many turns from the stamp; without a turn, this many seconds.
+# Largest time from the stamp in turns, or in seconds if the time of a turn is unknown.
 MAX_TURNS_OFF = 1.5
 MAX_SECONDS_OFF = 60.0
-# Least and largest standard deviations that are believed: of ranges, m, and of azimuths, rad.
+# Plausible standard deviations of ranges, m, and of azimuths, rad.
 RANGE_STDS = (1e-3, 1e5)
 AZIMUTH_STDS = (1e-6, np.pi)
-# Metres per second; nothing that a radar of this kind tracks is faster.
+# Upper bound of range rates, m/s; targets of such a radar are slower.
 MAX_RANGE_RATE = 5e3
-# A range rate may be given from 0 to the ambiguity, or about zero; single precision rounds it.
+# Tolerance of a range rate at the limit of the ambiguity, for single precision.
 AN_INTERVAL = 1.0 + 1e-6
-# Least and largest standard deviations of range rates that are believed, m/s.
+# Plausible standard deviations of range rates, m/s.
 RANGE_RATE_STDS = (1e-3, 1e3)
 BoolArray = npt.NDArray[np.bool_]
 
@@ -45,16 +44,16 @@ class Report:
     Parameters
     ----------
     stamp_ns : int
-        Without the radar's time offset.
+        Stamp without the radar's time offset.
     detections : Detections
-        `amplitude` is None where the message has no amplitudes.
+        `amplitude` is None if the message has no amplitudes.
     dropped : Counter
         Points left out, by reason: ``not_finite``, ``height``, ``range``, ``azimuth``, ``time``,
         ``amplitude``.
     doubts : Counter
-        Points, or messages, that are used and do not look as they are configured; see `doubts`.
+        Points, or messages, that are used but contradict their configuration; see `doubts`.
     sector : int or None
-        Number of the sector, if the message says it.
+        Number of the sector; None if unknown.
     """
 
     stamp_ns: int
@@ -71,7 +70,7 @@ class Columns:
     Parameters
     ----------
     distance : array
-        Metres; slant ranges where there are elevations or heights.
+        Metres; slant ranges if there are elevations or heights.
     azimuth : array
     elevation : array or None
         Radians above the sensor's plane.
@@ -85,10 +84,10 @@ class Columns:
     kind : array or None
         See `Detections`.
     range_std, azimuth_std : array or None
-        In metres and in the unit of the azimuth.
+        Metres, and in the unit of the azimuth.
     sector : array or None
     range_rate, range_rate_std : array or None
-        Metres per second, positive where a target recedes.
+        Metres per second, positive for a receding target.
     """
 
     distance: FloatArray
@@ -108,22 +107,20 @@ class Columns:
 
 
 def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
-    """Return the valid detections among points, in the core's units, and count the others.
+    """Return the valid detections of a message in the core's units, and count the other points.
 
     Parameters
     ----------
-    stamp_ns : int
     radar : RadarInput
         Units, conventions and the maximum range.
-    columns : Columns
 
     Notes
     -----
-    An amplitude, a height, a range rate or a deviation that is NaN is unknown, and its point is
-    kept. So is a point whose range rate, code, address or kind is impossible; that then counts as
+    NaN marks an unknown amplitude, height, range rate or standard deviation; its point is kept. A
+    point with an impossible range rate, code, address or kind is kept too, and that value is
     unknown.
 
-    The radar's systematic errors are removed first; a range that they exceed becomes 0.
+    The radar's systematic errors are removed first; a range that becomes negative is set to 0.
     """
     if radar.bias != NO_BIAS:
         true = np.maximum(radar.bias.true_range(columns.distance), 0.0)
@@ -146,7 +143,7 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
         {
             "not_finite": finite,
             "height": ground.possible,
-            # An elevation beyond the zenith is not valid, and makes the ground range negative.
+            # An elevation beyond the zenith is invalid, and makes the ground range negative.
             "range": (columns.distance >= 0.0)
             & (ground.distance >= 0.0)
             & (ground.distance <= radar.max_range),
@@ -190,50 +187,50 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
 
 
 def _repeats(columns: Columns) -> BoolArray:
-    """Return which points repeat an earlier one in all that they say, bit for bit.
+    """Return which points repeat an earlier point in all columns, bit for bit.
 
-    A driver that sends its buffer twice would else make a target of each copy, and each seems to be
-    a group of them that fly in formation. Noise in double or single precision does not come twice,
-    so nothing else is left out where amplitudes or times are told. Where only a coarse range and
-    azimuth are, two detections may be alike by chance: of 50 a turn within 20 km 1.6 in 10,000 in
-    cells of 50 m by 1 degree, 1.1 in 1000 in cells of 250 m by 1.4 degrees (uniform, 20,000 turns).
-    So much lower is the detection probability, and nobody can tell such targets apart. That costs
-    less than the copies do: three of each made four targets out of one.
+    A driver that sends its buffer twice would otherwise make each target appear as a group in
+    formation: three copies of each detection made four targets out of one. Noise in double or
+    single precision does not repeat, so no other points are removed if amplitudes or times are
+    reported. With only a coarse range and azimuth, detections coincide by chance: of 50 per turn
+    within 20 km, 1.6 in 10,000 in cells of 50 m by 1 degree, and 1.1 in 1000 in cells of 250 m by
+    1.4 degrees (uniform, 20,000 turns). The detection probability falls by that share, which costs
+    less than the copies do.
     """
-    said = (getattr(columns, each.name) for each in fields(columns))
-    every = [column.astype(np.float64) for column in said if column is not None]
+    every_column = (getattr(columns, each.name) for each in fields(columns))
+    present = [column.astype(np.float64) for column in every_column if column is not None]
     repeats = np.ones(len(columns.distance), dtype=bool)
-    # Most ranges differ, which is known soonest.
+    # Unique ranges, the common case, exclude repetitions at the lowest cost.
     if len(np.unique(columns.distance)) == len(repeats):
         return ~repeats
-    # As bits: an unknown amplitude is like another one, although NaN is no NaN.
-    rows = np.column_stack(every).view(np.int64)
+    # Comparing bits makes unknown amplitudes (NaN) equal.
+    rows = np.column_stack(present).view(np.int64)
     repeats[np.unique(rows, axis=0, return_index=True)[1]] = False
     return repeats
 
 
 def _finite(columns: Columns, azimuth: FloatArray) -> BoolArray:
-    """Return which points have finite coordinates, and a level that may be unknown."""
+    """Return which points have finite coordinates and a finite or unknown level."""
     finite = np.isfinite(columns.distance) & np.isfinite(azimuth)
     if columns.elevation is not None:
         finite &= np.isfinite(columns.elevation)
     if columns.level is not None:
-        # A level of -inf dB would give a valid envelope of zero.
+        # A level of -inf dB would become a valid envelope of zero.
         finite &= columns.level != -np.inf
     return finite
 
 
 def _within_a_turn(time: FloatArray | None, count: int, radar: RadarInput) -> BoolArray:
-    """Return which times, seconds, are not farther from the stamp than a turn allows."""
+    """Return which times, seconds, are as near to the stamp as a turn allows."""
     if time is None:
         return np.ones(count, dtype=bool)
     most = MAX_TURNS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
-    near: BoolArray = np.abs(time) <= most  # never true of NaN
+    near: BoolArray = np.abs(time) <= most  # False for NaN
     return near
 
 
 def _possible(amplitude: FloatArray | None, count: int) -> BoolArray:
-    """Return which envelopes are possible or unknown."""
+    """Return which envelopes are plausible or unknown."""
     if amplitude is None:
         return np.ones(count, dtype=bool)
     possible: BoolArray = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
@@ -243,9 +240,9 @@ def _possible(amplitude: FloatArray | None, count: int) -> BoolArray:
 def _noise_std(
     columns: Columns, kept: BoolArray, radar: RadarInput
 ) -> tuple[FloatArray | None, int]:
-    """Return the detections' own deviations, (M, 2), NaN where there is none; and the unusable.
+    """Return the own standard deviations, (M, 2), NaN if unknown, and the unusable count.
 
-    None if no detection has one.
+    The deviations are None if no detection has any.
     """
     scale = np.pi / 180.0 if radar.azimuth_in_degrees else 1.0
     found = np.full((np.count_nonzero(kept), 2), np.nan)
@@ -262,11 +259,11 @@ def _noise_std(
 def _range_rate(
     column: FloatArray | None, kept: BoolArray, radar: RadarInput
 ) -> tuple[FloatArray | None, dict[str, int]]:
-    """Return the detections' range rates, NaN where unknown, and the counts of doubtful ones."""
+    """Return the range rates, NaN if unknown, and the numbers of doubtful ones."""
     if column is None:
         return None, {}
     rate, interval = column[kept], radar.range_rate_ambiguity
-    possible = np.abs(rate) <= MAX_RANGE_RATE  # never true of NaN
+    possible = np.abs(rate) <= MAX_RANGE_RATE  # False for NaN
     beyond = possible & (np.abs(rate) > AN_INTERVAL * interval) if interval else ~possible & False
     counts = {
         "range_rates_unusable": int(np.count_nonzero(~possible & ~np.isnan(rate))),
@@ -276,7 +273,7 @@ def _range_rate(
 
 
 def _range_rate_std(column: FloatArray | None, kept: BoolArray) -> tuple[FloatArray | None, int]:
-    """Return the range rates' own deviations, NaN where there is none; and the unusable."""
+    """Return the range rates' own standard deviations, NaN if unknown, and the unusable count."""
     if column is None:
         return None, 0
     own = column[kept]
@@ -285,7 +282,7 @@ def _range_rate_std(column: FloatArray | None, kept: BoolArray) -> tuple[FloatAr
 
 
 def _sector(column: FloatArray | None, radar: RadarInput) -> tuple[int | None, int]:
-    """Return the number of the sector, None if it is unknown; and 1 if it makes no sense."""
+    """Return the number of the sector, None if unknown, and 1 if it is invalid, else 0."""
     if column is None or not len(column):
         return None, 0
     number = float(column[0])
@@ -295,7 +292,7 @@ def _sector(column: FloatArray | None, radar: RadarInput) -> tuple[int | None, i
 
 
 def _sorted_out(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
-    """Return which points pass every test, and per test how many points fail it first."""
+    """Return which points pass every test, and the number of points that each test fails first."""
     dropped: Counter[str] = Counter()
     kept = np.ones(len(next(iter(passed.values()))), dtype=bool)
     for reason, passes in passed.items():
@@ -305,7 +302,7 @@ def _sorted_out(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str
 
 
 def _linear_amplitude(raw: FloatArray, radar: RadarInput) -> FloatArray:
-    """Return the envelope in units of the noise's standard deviation per quadrature.
+    """Convert amplitudes to envelopes in units of the noise's standard deviation per quadrature.
 
     An envelope a has the SNR a^2 / 2.
     """

@@ -1,4 +1,4 @@
-"""Detections as the columns in which a radar reports them; independent of ROS."""
+"""Detections as the columns that a radar reports; independent of ROS."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from . import ground_ranges, identities, plot_times
 
 
 def names_of(radar: RadarInput) -> dict[str, str]:
-    """Return what a radar calls the columns that it has, by their names in `Columns`."""
+    """Return the radar's names of its columns, by their names in `Columns`."""
     names = {
         "distance": radar.range_field,
         "azimuth": radar.azimuth_field,
@@ -38,29 +38,28 @@ def names_of(radar: RadarInput) -> dict[str, str]:
 
 
 def of(detections: Detections, stamp_ns: int, radar: RadarInput) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of a planar radar's detections, by the names that it has for them.
+    """Return the columns of a planar radar's detections, under the radar's names.
 
     Parameters
     ----------
-    detections : Detections
     stamp_ns : int
-        Of the report.
+        Stamp of the report.
     radar : RadarInput
         Names, units and conventions.
 
     Returns
     -------
     dict of name to array of shape (M,)
-        There is always an elevation, of 0.
+        There is always an elevation, which is 0.
 
     Raises
     ------
     ValueError
-        If the radar has amplitudes or sectors and the detections have none.
+        If the radar has amplitudes or sectors and the detections do not.
     """
-    slant, measured = ground_ranges.sent(detections, radar)
+    slant, measured = ground_ranges.measure(detections, radar)
     columns = {radar.range_field: slant, radar.azimuth_field: azimuth(measured, radar)}
-    # A radar may call another field by the name that elevations have here.
+    # The radar may use the default name of elevations for another field.
     columns.setdefault(radar.elevation_field or "elevation", np.zeros(len(detections)))
     if radar.amplitude_field:
         columns[radar.amplitude_field] = level(detections, radar)
@@ -71,24 +70,24 @@ def of(detections: Detections, stamp_ns: int, radar: RadarInput) -> dict[str, np
 def _particulars(
     detections: Detections, stamp_ns: int, radar: RadarInput
 ) -> Iterator[tuple[str, npt.NDArray[Any]]]:
-    """Yield the columns of a radar that says more of its detections than where they are."""
+    """Yield the radar's optional columns besides range, azimuth and elevation."""
     count = len(detections)
     if radar.time_field:
         time_s = np.zeros(count) if detections.time_s is None else detections.time_s
-        yield radar.time_field, plot_times.sent(time_s, stamp_ns, radar)
+        yield radar.time_field, plot_times.encode(time_s, stamp_ns, radar)
     if radar.sector_field:
         if detections.coverage is None or not radar.sectors:
             raise ValueError("detections.coverage: None given, the cloud needs a sector")
         sector = sector_of(detections.coverage, radar.sectors, radar.compass)
         yield radar.sector_field, np.full(count, sector, dtype=np.uint32)
     if radar.height_field:
-        yield radar.height_field, ground_ranges.sent_height(detections, radar)
+        yield radar.height_field, ground_ranges.message_height(detections, radar)
     for name, identity in (
         (radar.code_field, detections.code),
         (radar.address_field, detections.address),
     ):
         if name:
-            yield name, identities.sent(identity, count)
+            yield name, identities.encode(identity, count)
     if radar.kind_field:
         kind = np.zeros(count) if detections.kind is None else np.maximum(detections.kind, 0)
         yield radar.kind_field, kind.astype(np.uint8)
@@ -108,18 +107,18 @@ def _particulars(
 
 
 def azimuth(angle: FloatArray, radar: RadarInput) -> FloatArray:
-    """Return azimuths, radians from the sensor's x axis, as the radar reports them."""
-    turned = np.mod(np.pi / 2.0 - angle, FULL_TURN) if radar.compass else angle
-    return np.degrees(turned) if radar.azimuth_in_degrees else turned
+    """Convert azimuths, radians from the sensor's x axis, to the radar's convention."""
+    converted = np.mod(np.pi / 2.0 - angle, FULL_TURN) if radar.compass else angle
+    return np.degrees(converted) if radar.azimuth_in_degrees else converted
 
 
 def level(detections: Detections, radar: RadarInput) -> FloatArray:
-    """Return amplitudes as the radar reports them: the inverse of what `select` does.
+    """Convert amplitudes to the radar's convention: the inverse of `select`.
 
     Raises
     ------
     ValueError
-        If the detections have none.
+        If the detections have no amplitudes.
     """
     if detections.amplitude is None:
         raise ValueError("detections.amplitude: None given, the cloud needs amplitudes")
@@ -128,6 +127,6 @@ def level(detections: Detections, radar: RadarInput) -> FloatArray:
             snr_db = 10.0 * np.log10(detections.amplitude**2 / 2.0)
         level: FloatArray = snr_db - radar.amplitude_offset_db
         return level
-    # Nothing is computed without an offset, so that the numbers stay what they are.
+    # Without an offset the numbers are not scaled, so that they remain exact.
     scale = 10.0 ** (-radar.amplitude_offset_db / 20.0) if radar.amplitude_offset_db else 1.0
     return detections.amplitude * scale

@@ -1,4 +1,4 @@
-"""Tracks as odometry and as paths, for consumers that follow one target at a time."""
+"""Tracks as odometry and as paths, for consumers that follow individual targets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.types import Estimates
 from . import stamps, vertical
 from .estimates import heading
 
-# Variance of what a planar track does not estimate: height, roll, pitch and their rates.
+# Variance of quantities that a planar track does not estimate: height, roll, pitch and their rates.
 UNKNOWN_VARIANCE = 1e6
 # Variance of an angle that is uniform over the circle.
 LARGEST_YAW_VARIANCE = math.pi**2 / 3.0
@@ -29,10 +29,9 @@ class Waypoint:
 
     Parameters
     ----------
-    stamp_ns : int
     state : array of shape (D,)
     height : float
-        Above the world's zero, metres; NaN where it is unknown.
+        Height above the world's zero, metres; NaN if unknown.
     """
 
     stamp_ns: int
@@ -40,7 +39,7 @@ class Waypoint:
     height: float = math.nan
 
 
-def labelled(estimates: Estimates) -> list[tuple[int, int]]:
+def rows_by_track(estimates: Estimates) -> list[tuple[int, int]]:
     """Return the (track, row) pairs of the labelled estimates, by ascending track."""
     return sorted((int(track), row) for row, track in enumerate(estimates.track_id) if track)
 
@@ -51,15 +50,15 @@ def child_frame(track: int) -> str:
 
 
 def to_odometry(estimates: Estimates, frame: str) -> list[Odometry]:
-    """Return an odometry message per labelled estimate, by ascending track.
+    """Encode each labelled estimate as odometry, by ascending track number.
 
-    The pose is in `frame` and faces along the velocity. The twist is in the frame
-    ``track_NUMBER``, whose x axis points along the velocity. Covariances are propagated from the
-    state's to first order; terms that are not estimated have `UNKNOWN_VARIANCE`.
+    The pose is in `frame` and faces along the velocity. The twist is in the frame ``track_NUMBER``,
+    whose x axis points along the velocity. Covariances are propagated to first order; terms that
+    are not estimated have `UNKNOWN_VARIANCE`.
     """
     up = vertical.of(estimates)
     messages = []
-    for track, row in labelled(estimates):
+    for track, row in rows_by_track(estimates):
         state, covariance = estimates.state[row], estimates.covariance[row]
         message = _odometry(estimates.stamp_ns, frame, track, state, covariance)
         if up.known[row]:
@@ -69,19 +68,19 @@ def to_odometry(estimates: Estimates, frame: str) -> list[Odometry]:
 
 
 def _lift(message: Odometry, up: FloatArray, covariance: FloatArray) -> None:
-    """Put the height and the climb rate of a target into its message."""
+    """Add the height and the climb rate of a target to its message."""
     message.pose.pose.position.z, message.twist.twist.linear.z = map(float, up)
     for part, variance in ((message.pose, covariance[0, 0]), (message.twist, covariance[1, 1])):
         terms = np.array(part.covariance)
-        terms[14] = variance  # of z, in rows of six
+        terms[14] = variance  # the variance of z in a 6x6 matrix
         part.covariance = terms
 
 
 def to_path(track: Sequence[Waypoint], frame: str) -> Path:
-    """Return the path of one track; the header has the stamp of its last, newest waypoint.
+    """Encode the path of one track; the header has the stamp of the last, newest waypoint.
 
-    It is at the track's heights. Before the first that is known it is at that one, so that it does
-    not come up from the ground; a track that has none is in the map's plane.
+    The path is at the track's heights. Before the first known height it is at that height, so that
+    it does not rise from the ground; a track without heights is in the map's plane.
     """
     heights = known_heights(track)
     return Path(
@@ -96,10 +95,16 @@ def to_path(track: Sequence[Waypoint], frame: str) -> Path:
     )
 
 
-def known_heights(track: Sequence[Waypoint]) -> list[float]:
-    """Return a height for each waypoint, metres: its own, or the last known, or the first one.
+def way(track: Sequence[Waypoint]) -> FloatArray:
+    """Return a track's positions, shape (N, 3): x, y, and `known_heights`, metres."""
+    position = np.array([point.state for point in track])[:, [X, Y]]
+    return np.column_stack([position, known_heights(track)])
 
-    All are NaN where none is known.
+
+def known_heights(track: Sequence[Waypoint]) -> list[float]:
+    """Return a height per waypoint, metres: its own, else the last known, else the first known.
+
+    All are NaN if none is known.
     """
     height = next((p.height for p in track if not math.isnan(p.height)), math.nan)
     found = []
@@ -138,13 +143,13 @@ def _pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     square = max(state[VX] ** 2 + state[VY] ** 2, np.finfo(float).tiny)
     to_pose[5, VX], to_pose[5, VY] = -state[VY] / square, state[VX] / square
     yaw_variance = float(to_pose[5] @ covariance @ to_pose[5])
-    if not 0.0 < yaw_variance <= LARGEST_YAW_VARIANCE:  # too slow to have a direction
+    if not 0.0 < yaw_variance <= LARGEST_YAW_VARIANCE:  # the direction is undetermined
         to_pose[5] = 0.0
-    moved: FloatArray = to_pose @ covariance @ to_pose.T
+    propagated: FloatArray = to_pose @ covariance @ to_pose.T
     if not to_pose[5].any():
-        moved[5, 5] = LARGEST_YAW_VARIANCE
-    moved[[2, 3, 4], [2, 3, 4]] = UNKNOWN_VARIANCE
-    return moved
+        propagated[5, 5] = LARGEST_YAW_VARIANCE
+    propagated[[2, 3, 4], [2, 3, 4]] = UNKNOWN_VARIANCE
+    return propagated
 
 
 def _twist_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -154,6 +159,6 @@ def _twist_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     to_twist[0, [VX, VY]] = math.cos(yaw), math.sin(yaw)
     to_twist[1, [VX, VY]] = -math.sin(yaw), math.cos(yaw)
     to_twist[5, OMEGA] = 1.0
-    turned: FloatArray = to_twist @ covariance @ to_twist.T
-    turned[[2, 3, 4], [2, 3, 4]] = UNKNOWN_VARIANCE
-    return turned
+    propagated: FloatArray = to_twist @ covariance @ to_twist.T
+    propagated[[2, 3, 4], [2, 3, 4]] = UNKNOWN_VARIANCE
+    return propagated

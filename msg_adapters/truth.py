@@ -1,4 +1,4 @@
-"""Ground truth to and from point clouds."""
+"""Conversion between ground truth and point clouds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _IDS = ("track_id", "class_id")
 
 
 def to_msg(truth: Truth, frame: str) -> PointCloud2:
-    """Return the cloud of the targets at one stamp: ``x y z vx vy vz track_id class_id``."""
+    """Encode the targets at one stamp: ``x y z vx vy vz track_id class_id``."""
     height = np.zeros((len(truth.state), 2)) if truth.height is None else truth.height
     return point_cloud.encode(
         truth.stamp_ns,
@@ -34,7 +34,7 @@ def to_msg(truth: Truth, frame: str) -> PointCloud2:
 
 
 def from_msg(cloud: PointCloud2) -> Truth:
-    """Return the targets of a cloud.
+    """Decode the targets of a cloud.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Heights of estimates as messages with three axes have them, and as people read them."""
+"""Heights of estimates in messages with three axes, and as text."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import UNKNOWN, Estimates
 
-# Metres: flight levels are hundreds of feet.
+# A flight level is 100 ft, in metres.
 FLIGHT_LEVEL = 30.48
 
 
@@ -21,9 +21,9 @@ class Vertical(NamedTuple):
     ----------
     known : bool array of shape (T,)
     state : array of shape (T, 2)
-        Metres and metres per second; 0 where unknown.
+        Metres and m/s; 0 if unknown.
     covariance : array of shape (T, 2, 2)
-        0 where unknown.
+        0 if unknown.
     """
 
     known: npt.NDArray[np.bool_]
@@ -32,7 +32,7 @@ class Vertical(NamedTuple):
 
 
 def of(estimates: Estimates) -> Vertical:
-    """Return the heights of estimates, none known where no radar reports any."""
+    """Return the heights of estimates, all unknown if no radar reports heights."""
     count, found = len(estimates), estimates.attributes
     if found is None:
         return Vertical(np.zeros(count, np.bool_), np.zeros((count, 2)), np.zeros((count, 2, 2)))
@@ -41,9 +41,9 @@ def of(estimates: Estimates) -> Vertical:
 
 
 def words(estimates: Estimates, datum: float = 0.0) -> list[str]:
-    """Return flight level and code, or address without a code, of each target; empty if unknown.
+    """Return the flight level and the code, or else the address, of each target; empty if unknown.
 
-    `datum` is the height of the world's zero, metres, as flight levels count it.
+    `datum` is the height of the world's zero in the scale of flight levels, metres.
     """
     found = estimates.attributes
     if found is None:
@@ -57,7 +57,7 @@ def words(estimates: Estimates, datum: float = 0.0) -> list[str]:
 
 
 def flight_level(height: float) -> int | None:
-    """Return the flight level of a height from the zero of the standard atmosphere, metres."""
+    """Return the flight level of a height in the standard atmosphere, metres."""
     return round(height / FLIGHT_LEVEL) if np.isfinite(height) else None
 
 
@@ -67,7 +67,7 @@ def _level(height: float) -> str:
 
 
 def _identity(code: int, address: int) -> str:
-    """Return a code in octal digits, else an address in hexadecimal ones."""
+    """Return a code in octal digits, else an address in hexadecimal digits."""
     if code != UNKNOWN:
         return f"{code:04o}"
     return f"{address:06X}" if address != UNKNOWN else ""

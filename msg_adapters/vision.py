@@ -1,4 +1,4 @@
-"""Estimates to ``vision_msgs/Detection3DArray``.
+"""Estimates as ``vision_msgs/Detection3DArray``.
 
 vision_msgs is not part of every ROS installation, so its classes are passed in.
 """
@@ -36,32 +36,33 @@ class Types(NamedTuple):
     hypothesis: Any
 
 
-def installed() -> Types | None:
-    """Return the message classes, or None if vision_msgs is not installed."""
-    try:
-        return Types(
-            interfaces.message_class("vision_msgs/msg/Detection3DArray"),
-            interfaces.message_class("vision_msgs/msg/Detection3D"),
-            interfaces.message_class("vision_msgs/msg/ObjectHypothesisWithPose"),
-        )
-    except ImportError:
-        return None
+def message_types() -> Types:
+    """Return the message classes.
+
+    Raises
+    ------
+    ImportError
+        If vision_msgs is not installed.
+    """
+    return Types(
+        interfaces.message_class("vision_msgs/msg/Detection3DArray"),
+        interfaces.message_class("vision_msgs/msg/Detection3D"),
+        interfaces.message_class("vision_msgs/msg/ObjectHypothesisWithPose"),
+    )
 
 
 def to_msg(estimates: Estimates, frame: str, class_names: Sequence[str], types: Types) -> Any:
-    """Return the detections of one set of estimates, empty or not.
+    """Encode one set of estimates, empty or not.
 
     Every target has one hypothesis per class, the most probable first, with the class's probability
-    as its score. Its `id` is the track id, empty if it has none. The pose faces along the velocity;
-    only the position's terms of its covariance are set. Boxes have no size: targets are points.
+    as its score. Its `id` is the track id, empty if it has none. The pose faces along the velocity,
+    and only the position's terms of its covariance are set. Boxes have no size, because targets are
+    points.
 
     Parameters
     ----------
-    estimates : Estimates
-    frame : str
     class_names : sequence of str
-        By class id.
-    types : Types
+        Names by class id.
     """
     message = types.detections(header=stamps.header(estimates.stamp_ns, frame))
     message.detections = [

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from phd_jdtc_ros.api.tracker import Tracker
 
 __all__ = ["Tracker", "__version__", "evaluate", "simulate"]
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 # Imported when they are asked for, so that they cost the nodes no time at their start.
 _MODULES = {"Tracker": "tracker", "simulate": "simulated", "evaluate": "scores"}

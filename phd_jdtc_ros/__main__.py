@@ -22,7 +22,7 @@ EXECUTABLES = {
     "track_bag": ("phd_jdtc_ros.tools.track_bag", "offline: bag in, bag with estimates out"),
     "simulate": ("phd_jdtc_ros.tools.simulate", "a scenario to a bag"),
     "asterix_bridge": (
-        "phd_jdtc_ros.tools.asterix_bridge",
+        "phd_jdtc_ros.tools.asterix.bridge",
         "recordings of ASTERIX to bags; without arguments the node",
     ),
     "tune": ("phd_jdtc_ros.tools.tune", "proposes a configuration from a recording"),
@@ -35,22 +35,20 @@ EXECUTABLES = {
         "phd_jdtc_ros.tools.monte_carlo",
         "many seeded runs to tables, figures and a summary",
     ),
-    "madap": ("phd_jdtc_ros.tools.madap", "the MADAP benchmark of multi-radar trackers"),
-    "registration": (
-        "phd_jdtc_ros.tools.registration",
-        "the study of registration: three radars, one with errors",
-    ),
-    "hours": (
-        "phd_jdtc_ros.tools.hours",
-        "simulated hours of a radar's ASTERIX, tracked with nothing set",
-    ),
-    "seam": ("phd_jdtc_ros.tools.seam", "what is lost where two trackers part an area"),
     "hand_over": (
         "phd_jdtc_ros.tools.hand_over",
         "joins the bags of trackers that part an area; without arguments the node",
     ),
-    "autoferry": ("phd_jdtc_ros.tools.autoferry", "the Autoferry dataset: bags and figures"),
-    "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
+    "demo": ("phd_jdtc_ros.tools.demo.demo", "the three nodes on the shipped bag, and the report"),
+}
+
+# Executables of before, which are studies of the repository.
+MOVED = {
+    "madap": "madap",
+    "registration": "registration",
+    "hours": "hours",
+    "seam": "handover",
+    "autoferry": "autoferry",
 }
 
 # Nodes that are started in the place of an executable that is given ROS arguments only, or none.
@@ -130,7 +128,9 @@ def main() -> int:
         return run(sys.argv[1], sys.argv[2:])
     asked = len(sys.argv) > 1 and sys.argv[1] in ("-h", "--help")
     if len(sys.argv) > 1 and not asked:
-        print(short(f"unknown executable {sys.argv[1]!r}"), file=sys.stderr)
+        now = MOVED.get(sys.argv[1])
+        moved = f": it is python -m studies {now} in a checkout" if now else ""
+        print(short(f"unknown executable {sys.argv[1]!r}{moved}"), file=sys.stderr)
     print(_usage(), file=sys.stdout if asked else sys.stderr)
     return 0 if asked else 2
 
@@ -146,11 +146,7 @@ tune = partial(run, "tune")
 register = partial(run, "register")
 report = partial(run, "report")
 monte_carlo = partial(run, "monte_carlo")
-madap = partial(run, "madap")
-registration = partial(run, "registration")
-seam = partial(run, "seam")
 hand_over = partial(run, "hand_over")
-autoferry = partial(run, "autoferry")
 demo = partial(run, "demo")
 
 if __name__ == "__main__":

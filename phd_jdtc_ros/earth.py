@@ -1,4 +1,4 @@
-"""The plane that a round earth is tracked in."""
+"""The system plane: the projection of the earth in which targets are tracked."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 if TYPE_CHECKING:
     import pyproj
 
-# Degrees; half of the piece of meridian, 22 m, whose direction counts as that of its tangent.
+# Half of the meridian arc, degrees (11 m), whose chord gives the direction of true north.
 MERIDIAN_STEP = 1e-4
 
 
@@ -22,31 +22,31 @@ MERIDIAN_STEP = 1e-4
 class SystemPlane:
     """The oblique stereographic plane about an origin on the WGS84 ellipsoid.
 
-    It is the system plane of multi-radar trackers, and of ASTERIX CAT062 I062/100. The map is
-    conformal: in every place angles are right, and lengths are too long by the same factor in all
-    directions, 1 + (d / 2R)^2 at the distance d from the origin with the earth's radius R. That is
-    0.006 % at 100 km and 0.1 % at 400 km: there a length of 10 km becomes 10.01 km, and a speed of
-    250 m/s becomes 250.25 m/s.
+    It is the system plane of multi-radar trackers, and of ASTERIX I062/100. The projection is
+    conformal: it preserves angles, and lengthens distances equally in all directions, by 1 + (d /
+    2R)^2 at the distance d from the origin with the earth's radius R. This is 0.006 % at 100 km and
+    0.1 % at 400 km: there a length of 10 km becomes 10.01 km, and a speed of 250 m/s becomes 250.25
+    m/s.
 
-    Places in the plane are doubles here. A cloud has them as FLOAT32 metres, whose steps on each
-    axis are 0.008 m from 65 to 131 km, 0.016 m to 262 km and 0.031 m to 524 km; the error is at
-    most half a step.
+    Coordinates are doubles here. In a cloud they are FLOAT32 metres, whose resolution per axis is
+    0.008 m from 65 to 131 km, 0.016 m to 262 km and 0.031 m to 524 km; the error is at most half of
+    it.
 
     Parameters
     ----------
     origin : sequence of three floats
-        Latitude and longitude of the plane's zero, degrees, and the height of the world's zero,
+        Latitude and longitude of the plane's origin, degrees, and the height of the world's zero,
         metres.
 
     Raises
     ------
     ValueError
-        If a latitude is beyond a pole, or anything is not finite.
+        If a latitude is beyond a pole, or a value is not finite.
 
     Notes
     -----
     EPSG method 9809: J. P. Snyder, *Map Projections: A Working Manual*, USGS Professional Paper
-    1395, 1987; IOGP Guidance Note 7-2, "Oblique Stereographic". The computation is PROJ's.
+    1395, 1987; IOGP Guidance Note 7-2, "Oblique Stereographic". PROJ computes it.
     """
 
     origin: Sequence[float]
@@ -60,7 +60,7 @@ class SystemPlane:
                 "longitude in degrees and a height in metres, all finite"
             )
         object.__setattr__(self, "origin", origin)
-        import pyproj  # of all trackers only those on the round earth need it
+        import pyproj  # imported on demand, because only trackers with a geodetic map need it
 
         projection = pyproj.Proj(
             proj="sterea", lat_0=origin[0], lon_0=origin[1], ellps="WGS84", units="m"
@@ -70,7 +70,7 @@ class SystemPlane:
     def to_plane(
         self, latitude: npt.ArrayLike, longitude: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the places' x, to the east, and y, to the north, metres.
+        """Return the coordinates x, to the east, and y, to the north, metres.
 
         Parameters
         ----------
@@ -87,7 +87,7 @@ class SystemPlane:
         return np.asarray(x, dtype=float), np.asarray(y, dtype=float)
 
     def to_geodetic(self, x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return the places' latitudes, and their longitudes from -180 to 180, degrees.
+        """Return latitudes, and longitudes from -180 to 180, degrees.
 
         Parameters
         ----------
@@ -101,8 +101,8 @@ class SystemPlane:
     def convergence(self, latitude: npt.ArrayLike, longitude: npt.ArrayLike) -> FloatArray:
         """Return the direction of true north, radians counter-clockwise from the y axis.
 
-        It is also the direction of true east from the x axis: the yaw of a sensor whose x axis
-        points to the east.
+        It is also the direction of true east from the x axis, and so the yaw of a sensor whose x
+        axis points east.
 
         Parameters
         ----------
@@ -115,7 +115,7 @@ class SystemPlane:
             If a latitude is beyond a pole.
         """
         latitude, longitude = _places(latitude, longitude)
-        # PROJ's own factors are infinite at a pole and at longitudes beyond a turn.
+        # PROJ's own convergence is infinite at a pole and at longitudes beyond a turn.
         (x_0, y_0), (x_1, y_1) = (
             self.to_plane(np.clip(latitude + step, -90.0, 90.0), longitude)
             for step in (-MERIDIAN_STEP, MERIDIAN_STEP)
@@ -124,11 +124,11 @@ class SystemPlane:
 
 
 def _places(latitude: npt.ArrayLike, longitude: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return both as arrays of one shape; raise ValueError for a latitude beyond a pole."""
+    """Broadcast both to one shape; raise ValueError for a latitude beyond a pole."""
     north, east = np.broadcast_arrays(
         np.asarray(latitude, dtype=float), np.asarray(longitude, dtype=float)
     )
-    beyond = np.abs(north) > 90.0  # never true of NaN
+    beyond = np.abs(north) > 90.0  # False for NaN
     if beyond.any():
         raise ValueError(f"latitude: {north[beyond].flat[0]} given, must be from -90 to 90 degrees")
     return north, east

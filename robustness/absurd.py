@@ -28,7 +28,7 @@ from msg_adapters import (
 )
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix.call_signs import CallSigns
-from phd_jdtc_ros.asterix.tracks_out import Source
+from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
@@ -51,10 +51,8 @@ from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 from . import engines
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 
-NAME = "numbers that are finite and absurd"
-GOAL = "in every numeric field of every input: 0 errors, 0 NaN"
 NS = 10**9
 START_NS = 1_700_000_000 * NS
 VALUES = (1e300, -1e300, 1.7e308, 1e160, 1e154, 3.4e38, 1e20, -1e9, 1e-40, 5e-324)
@@ -78,12 +76,13 @@ REGIONS = (Region(-1e5, -1e5, 0.0, 1e5, 1e4), Region(0.0, -1e5, 1e5, 1e5, 1e4))
 _CODES = {PointField.FLOAT32: "f8", PointField.FLOAT64: "f8", PointField.UINT32: "u4"}
 
 
-def measure() -> Figure:
+@measures(
+    "numbers that are finite and absurd",
+    "in every numeric field of every input: 0 errors, 0 NaN",
+    of_engines=True,
+)
+def measure() -> Found:
     """Read every spoiled message, and make of it what a node does."""
-    return measured_or_why(NAME, GOAL, _measure)
-
-
-def _measure() -> tuple[str, bool, Mapping[str, Any]]:
     outcomes: Counter[str] = Counter()
     wrong: dict[str, str] = {}
     for what, use in cases():
@@ -171,7 +170,7 @@ def _carry(message: Any) -> None:
     track.add(stamp_ns - NS, Pose((0.0, 0.0), 0.0))
     track.add(stamp_ns, pose)
     seen = Detections(np.array([[100.0, 0.1]]), None, np.array([0.01]))
-    placed, _ = Platform(track, Mount((1.0, 1.0), 0.1)).posed(stamp_ns, seen)
+    placed, _ = Platform(track, Mount((1.0, 1.0), 0.1)).with_pose(stamp_ns, seen)
     if placed is not None:
         _require_finite(placed.measurement)
 
@@ -185,7 +184,7 @@ def _of_radars() -> Iterator[tuple[str, Callable[[], None]]]:
     """Yield clouds of a radar that says all that one may say, in one run of the tracker."""
     values = from_arguments.load(PROFILE)
     values |= {f"approach.fields.{what}": name for what, name in FIELDS.items()}
-    values |= {"approach.range_rate_std": 2.0, "engine": engines.chosen(), "lag_s": INTERVAL_S}
+    values |= {"approach.range_rate_std": 2.0, "engine": engines.chosen(), "lag": f"{INTERVAL_S} s"}
     config = tracker_params.config(values)
     pipeline, rng = new_pipeline(config), np.random.default_rng(0)
     radar, scan = config.inputs[0], 0

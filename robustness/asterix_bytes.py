@@ -7,21 +7,20 @@ import random
 import struct
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.asterix import framing, plots_out
 from phd_jdtc_ros.asterix.columns import columns
-from phd_jdtc_ros.asterix.datagram import RecordingError
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream
+from phd_jdtc_ros.asterix.transport import framing
+from phd_jdtc_ros.asterix.transport.datagram import RecordingError
+from phd_jdtc_ros.asterix.writing import plots as plots_out
 
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 
-NAME = "ASTERIX decoder on hostile input"
-GOAL = "10,000 datagrams and recordings: 0 errors, 0 silent losses, 0 NaN, each below 1 s"
 EXAMPLES = 10_000
 # A datagram is at most 64 kB, and takes at most this long; less than what a radar sends in a turn.
 MOST_S = 1.0
@@ -30,12 +29,12 @@ NS = 10**9
 ROTATION_S, SECTORS = 4.0, 32
 
 
-def measure(examples: int = EXAMPLES) -> Figure:
+@measures(
+    "ASTERIX decoder on hostile input",
+    "10,000 datagrams and recordings: 0 errors, 0 silent losses, 0 NaN, each below 1 s",
+)
+def measure(examples: int = EXAMPLES) -> Found:
     """Decode mutated datagrams and recordings."""
-    return measured_or_why(NAME, GOAL, lambda: _measure(examples))
-
-
-def _measure(examples: int) -> tuple[str, bool, Mapping[str, Any]]:
     rng = random.Random(4)
     outcomes: Counter[str] = Counter()
     worst_s = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +15,10 @@ from msg_adapters import detections, interfaces
 from phd_jdtc_ros.core.types import Detections
 
 from . import scans
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .radars import REPLY_S, Radars
 from .rig import LIGHT, Node, Rig
 
-NAME = "exits or NaN on bad scans"
-GOAL = "0, every reject counted"
 LARGEST = 2**32 - 1
 
 Change = Callable[[PointCloud2], None]
@@ -204,12 +202,10 @@ def cases() -> list[BadScan]:
     ]
 
 
-def measure(chosen: list[BadScan] | None = None) -> Figure:
+@measures("exits or NaN on bad scans", "0, every reject counted", of_engines=True)
+def measure(chosen: list[BadScan] | None = None) -> Found:
     """Send every case between valid scans; count exits, lost valid scans and rejects."""
-    return measured_or_why(NAME, GOAL, lambda: _measure(cases() if chosen is None else chosen))
-
-
-def _measure(chosen: list[BadScan]) -> tuple[str, bool, Mapping[str, Any]]:
+    chosen = cases() if chosen is None else chosen
     with Rig() as rig:
         tracker = rig.tracker(*LIGHT)
         radars = rig.radars

@@ -7,10 +7,9 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import zstandard
 from mcap.data_stream import ReadDataStream, RecordBuilder
@@ -23,16 +22,12 @@ from msg_adapters import interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .small_chunks import rewritten
 from .stamps_and_time import BAG
 
-RECOVERY = "bag recovery"
-RECOVERY_GOAL = "100 % of intact chunks, 0 silent differences"
 OFFSETS = 1000
 EDGE = 40
-BOMB = "hostile bag's memory"
-BOMB_GOAL = "at most 256 MB"
 MOST_KIB = 256_000_000 / 1024
 BOMB_SIZE = 2**29
 # Opcode and length, before a record's content.
@@ -103,12 +98,9 @@ def outcome(path: Path) -> tuple[list[BagMessage], BagError | None]:
     return found, None
 
 
-def measure_recovery(offsets: int = OFFSETS) -> Figure:
+@measures("bag recovery", "100 % of intact chunks, 0 silent differences")
+def measure_recovery(offsets: int = OFFSETS) -> Found:
     """Truncate a bag at many offsets, and change a byte at as many."""
-    return measured_or_why(RECOVERY, RECOVERY_GOAL, lambda: _recovery(offsets))
-
-
-def _recovery(offsets: int) -> tuple[str, bool, Mapping[str, Any]]:
     tally = Tally()
     with tempfile.TemporaryDirectory() as directory:
         for compression in (CompressionType.ZSTD, CompressionType.NONE):
@@ -168,12 +160,9 @@ def chunks_of(file: Path) -> list[Part]:
     return parts
 
 
-def measure_bomb() -> Figure:
+@measures("hostile bag's memory", "at most 256 MB")
+def measure_bomb() -> Found:
     """Open a small file whose chunk unpacks to half a gigabyte."""
-    return measured_or_why(BOMB, BOMB_GOAL, _bomb)
-
-
-def _bomb() -> tuple[str, bool, Mapping[str, Any]]:
     found = {}
     with tempfile.TemporaryDirectory() as directory:
         file = Path(directory) / "bomb.mcap"

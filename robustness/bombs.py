@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import resource
 import subprocess
@@ -16,14 +15,9 @@ from msg_adapters import interfaces, names
 
 from . import scans
 from .domains import Domain
-from .figures import Figure, in_own_process, measured_or_why
+from .figures import Found, in_own_process, measures
 from .rig import LIGHT, Rig
 
-NAME = "input bombs"
-GOAL = (
-    "rc 2 in a short line within 256 MB and 2 s of CPU more than --help takes; log lines of a 1 MB "
-    "frame_id are short"
-)
 LIMIT_S, MOST_MB, LONGEST_LINE = 2.0, 256.0, 600
 PROCESS_S = 60.0
 BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
@@ -63,13 +57,14 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def measure() -> Figure:
+@measures(
+    "input bombs",
+    "rc 2 in a short line within 256 MB and 2 s of CPU more than --help takes; log lines of a 1 MB "
+    "frame_id are short",
+)
+def measure() -> Found:
     """Give every executable all bombs, and a live tracker clouds with a huge frame_id."""
-    return measured_or_why(NAME, GOAL, _measure)
-
-
-def _measure() -> tuple[str, bool, Mapping[str, Any]]:
-    found = in_own_process("robustness.bombs")
+    found = in_own_process(outcome)
     longest = _longest_log_line()
     text = (
         f"{found['runs']} runs: {len(found['wrong'])} wrong, at most {found['most_s']:.1f} s and "
@@ -130,8 +125,8 @@ def _run(words: Sequence[str], domain: int) -> tuple[subprocess.CompletedProcess
     return done, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def main() -> int:
-    """Print the outcome of all runs, as JSON."""
+def outcome() -> dict[str, Any]:
+    """Return the outcome of all runs."""
     wrong, seconds, domain = {}, [], Domain()
     usual = {name: _run((name, "--help"), domain.number)[1] for name in WAYS}
     with tempfile.TemporaryDirectory() as name:
@@ -143,10 +138,4 @@ def main() -> int:
             if fault := _fault(done):
                 wrong[run] = fault
     peak_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
-    found = {"runs": len(seconds), "wrong": wrong, "most_s": max(seconds), "peak_mb": peak_mb}
-    print(json.dumps(found))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return {"runs": len(seconds), "wrong": wrong, "most_s": max(seconds), "peak_mb": peak_mb}

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from . import scans
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .radars import Radars
 from .rig import Rig
 
-NAME = "burst of false detections"
-GOAL = "every scan answered within its interval; OSPA within 10 % of a quiet run's after 3 scans"
 FALSE_DETECTIONS = 1000  # per radar and scan, where 20 are expected
 MOST_RATIO = 1.1
 # In the middle of the targets' lives.
@@ -26,16 +23,15 @@ PATIENCE_S = 60.0
 SEEDS = (0, 1, 2)
 
 
+@measures(
+    "burst of false detections",
+    "every scan answered within its interval; OSPA within 10 % of a quiet run's after 3 scans",
+    of_engines=True,
+)
 def measure(
     false_detections: int = FALSE_DETECTIONS, count: int = SCANS, seeds: Sequence[int] = SEEDS
-) -> Figure:
+) -> Found:
     """Track through a burst, and the same scans without one, with several seeds of the tracker."""
-    return measured_or_why(NAME, GOAL, lambda: _measure(false_detections, count, seeds))
-
-
-def _measure(
-    false_detections: int, count: int, seeds: Sequence[int]
-) -> tuple[str, bool, Mapping[str, Any]]:
     quiet = float(np.mean([_run(seed, 0, count)[0] for seed in seeds]))
     runs = [_run(seed, false_detections, count) for seed in seeds]
     after = float(np.mean([ospa for ospa, _, _ in runs]))

@@ -39,52 +39,72 @@ from . import (
     turning,
     warm_restart,
 )
-from .figures import Figure, all_reached, unmeasured
+from .figures import Figure, all_reached
 
 Measure = Callable[[], Figure]
 
 ELSEWHERE = (
-    unmeasured(
+    Figure(
         "position detection, gaps, RMS",
         "better than ED-142 en route on the paper's scenario",
+        None,
+        None,
         "make study measures it, by Monte Carlo",
     ),
-    unmeasured(
+    Figure(
         "line coverage",
         "95 % core and msg_adapters, 90 % overall",
+        None,
+        None,
         "make coverage measures it",
     ),
 )
 
-
-# What an engine has to do with; the rest is the same whatever tracks.
-OF_ENGINES: tuple[Measure, ...] = (
+# The quick and informative ones first.
+FAULTS: tuple[Measure, ...] = (
     bad_scans.measure,
     turning.measure,
+    turning.measure_refused,
     late_sectors.measure,
     moving.measure,
-    numerics.measure,
-    absurd.measure,
-    hostile.measure_repeated,
-    forgeries.measure,
-    crowd.measure,
+    bags.measure_recovery,
+    bags.measure_bomb,
     overload.measure,
     overload.measure_said,
     clutter.measure,
+    crowd.measure,
+    numerics.measure,
+    absurd.measure,
+    hostile.measure_seam,
+    hostile.measure_repeated,
+    hostile.measure_names,
+    hostile.measure_forged_times,
+    flood.measure,
+    bombs.measure,
+    stamps_and_time.measure_silence,
+    publishers.measure,
+    restarts.measure_kills,
     warm_restart.measure,
+    forgeries.measure,
+    restarts.measure_stops,
+    stamps_and_time.measure_time_faults,
+    network.measure,
+    stamps_and_time.measure_gap,
+    recordings.measure_full,
+    recordings.measure_read_only,
+    restarts.measure_second,
 )
 
 
 def faults(arguments: argparse.Namespace) -> Iterator[Measure]:
     """Yield the faults' measurements: all with one engine, and those of engines with the others."""
-    parts = arguments.part or [part_of(measure) for measure in every_fault()]
-    for measure in every_fault():
-        if part_of(measure) in parts:
-            yield engines.of(arguments.engine, measure)
+    asked = [each for each in FAULTS if part_of(each) in (arguments.part or PARTS)]
+    for measure in asked:
+        yield engines.of(arguments.engine, measure)
     others = [engine for engine in engines.ALL if engine != arguments.engine]
     for engine in [] if arguments.only else others:
-        for measure in OF_ENGINES:
-            if part_of(measure) in parts:
+        for measure in asked:
+            if measure.__dict__["of_engines"]:
                 yield engines.of(engine, measure)
     for figure in () if arguments.part else ELSEWHERE:
         yield lambda found=figure: found
@@ -95,39 +115,7 @@ def part_of(measure: Measure) -> str:
     return measure.__module__.rpartition(".")[2]
 
 
-def every_fault() -> Iterator[Measure]:
-    """Yield the measurements of all faults, the quick and informative ones first."""
-    yield bad_scans.measure
-    yield turning.measure
-    yield turning.measure_refused
-    yield late_sectors.measure
-    yield moving.measure
-    yield bags.measure_recovery
-    yield bags.measure_bomb
-    yield overload.measure
-    yield overload.measure_said
-    yield clutter.measure
-    yield crowd.measure
-    yield numerics.measure
-    yield absurd.measure
-    yield hostile.measure_seam
-    yield hostile.measure_repeated
-    yield hostile.measure_names
-    yield hostile.measure_forged_times
-    yield flood.measure
-    yield bombs.measure
-    yield stamps_and_time.measure_silence
-    yield publishers.measure
-    yield restarts.measure_kills
-    yield warm_restart.measure
-    yield forgeries.measure
-    yield restarts.measure_stops
-    yield stamps_and_time.measure_time_faults
-    yield network.measure
-    yield stamps_and_time.measure_gap
-    yield recordings.measure_full
-    yield recordings.measure_read_only
-    yield restarts.measure_second
+PARTS = sorted({part_of(measure) for measure in FAULTS})
 
 
 def soaking(arguments: argparse.Namespace) -> Iterator[Measure]:
@@ -191,7 +179,7 @@ def main(argv: Sequence[str]) -> int:
     added["faults"].add_argument(
         "--part",
         action="append",
-        choices=sorted({part_of(measure) for measure in every_fault()}),
+        choices=PARTS,
         help="only these faults; may be repeated",
     )
     added["soak"].add_argument("--scans", type=int, default=soak.SCANS, help="%(default)s")

@@ -1,18 +1,13 @@
 """Scans of very many detections, with births from detections: their cost, and what comes after.
 
-Every run is a process of its own (``python -m robustness.crowd ENGINE DETECTIONS AMPLITUDES
-CORRECTOR SEEDS``), so that its memory is that of the tracker alone.
+Every case has a process of its own, so that its memory is that of the tracker alone.
 """
 
 from __future__ import annotations
 
-import json
 import resource
-import sys
 import time
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,13 +20,8 @@ from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 from . import engines, scans
-from .figures import Figure, in_own_process, measured_or_why
+from .figures import Found, in_own_process, measures
 
-NAME = "scans of very many detections"
-GOAL = (
-    "2 scans of 100,000: at most 5 s of CPU and 1 GB each; OSPA of the scans from the second after "
-    "them within 10 %"
-)
 DETECTIONS = 100_000
 # The profile for targets that appear anywhere has motions for Gaussians; particles have their own.
 PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
@@ -41,33 +31,32 @@ CUTOFF, ORDER = 1000.0, 2.0
 # The scans after a crowd are few, and the distances in them scatter by a tenth from seed to seed.
 SEEDS = 3
 # Noise is what a jammed radar reports; equal high amplitudes are those of targets. The Gaussian
-# engine has one corrector.
+# engine has one filter.
 CASES = {
     engines.PARTICLES: (
-        ("noise", "bernoulli"),
-        ("noise", "poisson"),
-        ("equal", "bernoulli"),
-        ("equal", "poisson"),
-        ("none", "bernoulli"),
+        ("noise", "particles"),
+        ("noise", "phd"),
+        ("equal", "particles"),
+        ("equal", "phd"),
+        ("none", "particles"),
     ),
-    engines.GAUSSIAN: (("noise", "bernoulli"), ("equal", "bernoulli"), ("none", "bernoulli")),
+    engines.GAUSSIAN: (("noise", "gaussian"), ("equal", "gaussian"), ("none", "gaussian")),
 }
 HIGH = 30.0
 
 
-def measure(detections: int = DETECTIONS, seeds: int = SEEDS) -> Figure:
+@measures(
+    "scans of very many detections",
+    "2 scans of 100,000: at most 5 s of CPU and 1 GB each; OSPA of the scans from the second after "
+    "them within 10 %",
+    of_engines=True,
+)
+def measure(detections: int = DETECTIONS, seeds: int = SEEDS) -> Found:
     """Track the reference scenario with two crowded scans of both radars in its middle."""
-    return measured_or_why(NAME, GOAL, lambda: _measure(detections, seeds))
-
-
-def _measure(detections: int, seeds: int) -> tuple[str, bool, Mapping[str, Any]]:
     engine = engines.chosen()
     cases = CASES[engine]
     found = {
-        " ".join(case): in_own_process(
-            "robustness.crowd", engine, str(detections), *case, str(seeds)
-        )
-        for case in cases
+        " ".join(case): in_own_process(of_case, engine, detections, *case, seeds) for case in cases
     }
     step_s, peak_mb, ratio = (
         max(run[key] for run in found.values()) for key in ("step_s", "peak_mb", "ratio")
@@ -103,7 +92,7 @@ def _crowded(
 
 
 def _run(
-    engine: str, detections: int, amplitudes: str, corrector: str, seed: int
+    engine: str, detections: int, amplitudes: str, choice: str, seed: int
 ) -> tuple[float, float]:
     """Return the most CPU time of a crowded scan, and the mean OSPA of the scans after them."""
     amplitude = "none" if amplitudes == "none" else "band"
@@ -111,8 +100,7 @@ def _run(
     config = tracker_params.config(
         {
             **given,
-            "engine": engine,
-            "corrector": corrector,
+            "engine": choice,
             "amplitude": amplitude,
             "seed": seed,
         }
@@ -138,18 +126,12 @@ def _run(
     return step_s, float(np.mean(scores))
 
 
-def main(argv: Sequence[str]) -> int:
-    """Print the figures of runs with the crowded scans and of ones without them, as JSON."""
-    engine, count, amplitudes, corrector, seeds = argv
-    every = range(int(seeds))
-    crowded = [_run(engine, int(count), amplitudes, corrector, seed) for seed in every]
+def of_case(engine: str, count: int, amplitudes: str, choice: str, seeds: int) -> dict[str, float]:
+    """Return the figures of runs with the crowded scans and of ones without them."""
+    every = range(seeds)
+    crowded = [_run(engine, count, amplitudes, choice, seed) for seed in every]
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    without = [_run(engine, 0, amplitudes, corrector, seed)[1] for seed in every]
+    without = [_run(engine, 0, amplitudes, choice, seed)[1] for seed in every]
     step_s, after = (np.array(column) for column in zip(*crowded, strict=True))
     ratio = float(after.mean() / np.mean(without))
-    print(json.dumps({"step_s": float(step_s.max()), "peak_mb": peak_mb, "ratio": ratio}))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    return {"step_s": float(step_s.max()), "peak_mb": peak_mb, "ratio": ratio}

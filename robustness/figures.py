@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeAlias
 
 # Seconds after which a measurement in a process of its own has failed.
 PROCESS_S = 300.0
@@ -54,29 +56,47 @@ class NotMeasurableError(Exception):
     """A figure cannot be measured here; the message says why."""
 
 
-def unmeasured(name: str, goal: str, reason: str) -> Figure:
-    """Return a figure that could not be measured."""
-    return Figure(name, goal, None, None, reason)
+# What a measurement gives: text, whether the goal is reached, and the numbers behind it.
+Found: TypeAlias = "tuple[str, bool, Mapping[str, Any]]"
+P = ParamSpec("P")
 
 
-def measured_or_why(
-    name: str, goal: str, measure: Callable[[], tuple[str, bool, Mapping[str, Any]]]
-) -> Figure:
-    """Return the figure that `measure` gives as text, whether the goal is reached, and details.
+def measures(
+    name: str, goal: str | Callable[P, str], of_engines: bool = False
+) -> Callable[[Callable[P, Found]], Callable[P, Figure]]:
+    """Make a figure of what a function finds.
 
     If the measurement fails, the goal is missed, and the other figures are still measured.
+
+    Parameters
+    ----------
+    name : str
+    goal : str or callable
+        In words, or a function of the same arguments that returns it.
+    of_engines : bool
+        Whether it depends on the engine of the trackers.
     """
-    try:
-        text, reached, details = measure()
-    except NotMeasurableError as error:
-        return unmeasured(name, goal, str(error))
-    except Exception as error:  # of any kind, also a fault of the measurement itself
-        return Figure(name, goal, f"failed: {type(error).__name__}: {error}", False)
-    return Figure(name, goal, text, reached, details=details)
+
+    def decorated(measure: Callable[P, Found]) -> Callable[P, Figure]:
+        @wraps(measure)
+        def measured(*args: P.args, **kwargs: P.kwargs) -> Figure:
+            said = goal if isinstance(goal, str) else goal(*args, **kwargs)
+            try:
+                text, reached, details = measure(*args, **kwargs)
+            except NotMeasurableError as error:
+                return Figure(name, said, None, None, str(error))
+            except Exception as error:  # of any kind, also a fault of the measurement itself
+                return Figure(name, said, f"failed: {type(error).__name__}: {error}", False)
+            return Figure(name, said, text, reached, details=details)
+
+        measured.__dict__["of_engines"] = of_engines
+        return measured
+
+    return decorated
 
 
-def in_own_process(module: str, *arguments: str) -> Any:
-    """Run a module of this folder in a process of its own, and return the JSON that it prints.
+def in_own_process(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a function of this folder in a process of its own; arguments and result are JSON.
 
     Raises
     ------
@@ -84,7 +104,8 @@ def in_own_process(module: str, *arguments: str) -> Any:
         If it fails, with the end of its error output.
     """
     done = subprocess.run(
-        [sys.executable, "-m", module, *arguments],
+        [sys.executable, "-m", "robustness.figures", function.__module__, function.__name__],
+        input=json.dumps(arguments),
         capture_output=True,
         text=True,
         timeout=PROCESS_S,
@@ -99,3 +120,8 @@ def in_own_process(module: str, *arguments: str) -> Any:
 def all_reached(figures: Sequence[Figure]) -> bool:
     """Return whether no figure that was measured misses its goal."""
     return all(figure.reached is not False for figure in figures)
+
+
+if __name__ == "__main__":
+    module, function = sys.argv[1:]
+    print(json.dumps(getattr(importlib.import_module(module), function)(*json.load(sys.stdin))))

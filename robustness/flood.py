@@ -7,35 +7,23 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Mapping
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters
 
 from msg_adapters import diagnostics, names
 
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .radars import Radars
 from .rig import Rig
 
-NAME = "flood of large datagrams"
 SECONDS, ANSWER_S, STOP_S, MEMORY_MB = 5.0, 2.0, 2.0, 128.0
-GOAL = (
-    f"{SECONDS:g} s of 60 kB at full speed: answers within {ANSWER_S:g} s, stops within "
-    f"{STOP_S:g} s, {MEMORY_MB:g} MB more, drops counted"
-)
 NODE = "/asterix_bridge"
 # A plot of a radar with a place and nothing else: the smallest record that is one.
 RECORD = b"\x90\x01\x02\x10\x00\x20\x00"
 BODY = RECORD * (60_000 // len(RECORD))
 DATAGRAM = struct.pack(">BH", 48, len(BODY) + 3) + BODY
 LONGEST_S = 60.0
-
-
-def measure() -> Figure:
-    """Flood the bridge, ask it for something all the time, and stop it in another flood."""
-    return measured_or_why(NAME, GOAL, _measure)
 
 
 class _Flood:
@@ -64,7 +52,13 @@ class _Flood:
                     time.sleep(0.01)
 
 
-def _measure() -> tuple[str, bool, Mapping[str, Any]]:
+@measures(
+    "flood of large datagrams",
+    f"{SECONDS:g} s of 60 kB at full speed: answers within {ANSWER_S:g} s, stops within "
+    f"{STOP_S:g} s, {MEMORY_MB:g} MB more, drops counted",
+)
+def measure() -> Found:
+    """Flood the bridge, ask it for something all the time, and stop it in another flood."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

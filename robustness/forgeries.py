@@ -1,20 +1,17 @@
 """Forged checkpoints: right checksums, wrong contents. Each must be a cold start with a reason.
 
-The run is a process of its own (``python -m robustness.forgeries ENGINE``), so that its memory is
-that of the restart alone.
+They have a process of their own, so that its memory is that of the restart alone.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
-import json
 import os
 import resource
-import sys
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +25,8 @@ from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.nodes.tracker import checkpoint
 
 from . import engines, scans
-from .figures import Figure, in_own_process, measured_or_why
+from .figures import Found, in_own_process, measures
 
-NAME = "forged checkpoints"
-GOAL = "cold start with a reason each, 0 errors, 0 estimates that are not finite, at most 256 MB"
 SCANS = 6
 VALUES: Mapping[str, Any] = {"seed": 0}
 # All that a radar may learn of its clutter.
@@ -41,7 +36,7 @@ LEARNING = {
     "radar_1.clutter_rate": "auto",
 }
 Change = Callable[[Snapshot], object]
-OLDEST, NEXT = "stored.0", "stored.1"
+OLDEST, NEXT, STAMPS = "stored.0", "stored.1", "window.stamps_ns"
 # What an archive of either engine begins with.
 FIRST = (f"array.{OLDEST}.state.npy", f"array.{OLDEST}.mean.npy")
 
@@ -58,13 +53,14 @@ class _Log:
     error = info = warning
 
 
-def measure() -> Figure:
+@measures(
+    "forged checkpoints",
+    "cold start with a reason each, 0 errors, 0 estimates that are not finite, at most 256 MB",
+    of_engines=True,
+)
+def measure() -> Found:
     """Start from every forgery and track on."""
-    return measured_or_why(NAME, GOAL, _measure)
-
-
-def _measure() -> tuple[str, bool, Mapping[str, Any]]:
-    found = in_own_process("robustness.forgeries", engines.chosen())
+    found = in_own_process(outcomes, engines.chosen())
     wrong = {name: what for name, what in found["outcomes"].items() if what != "cold"}
     text = f"{len(found['outcomes'])} kinds: {len(wrong)} wrong, {found['memory_mb']:.0f} MB"
     return text, not wrong and found["memory_mb"] <= 256.0, {**found, "wrong": wrong}
@@ -113,60 +109,56 @@ def contents(engine: str, honest: Snapshot) -> dict[str, Change]:
         for value in values
     }
     of_engine = _of_particles() if engine == engines.PARTICLES else _of_mixtures(honest)
-    return {**arrays, **_facts(), **of_engine}
+    return {**arrays, **_common(), **of_engine}
 
 
-def _facts() -> dict[str, Change]:
-    """Return changes of what every engine's snapshot says."""
+def _common() -> dict[str, Change]:
+    """Return changes of what is in every engine's snapshot."""
+    values = {
+        "a scan index as a float": ("filter.scan_index", 1e9),
+        "a huge scan index": ("filter.scan_index", 1 << 62),
+        "a huge track number": ("numbers.last", 1 << 40),
+        "a clutter map of another place": ("clutter_map.radar_1.pose", [5e3, 0.0, 0.0]),
+        "a clutter map of no turns": ("clutter_map.radar_1.turns", NAN),
+        "a clutter map with cells of no size": ("clutter_map.radar_1.grid.range_cell", 0.0),
+        "a clutter rate that is not finite": ("clutter_rate.radar_1.count", NAN),
+        "a clutter rate of no turns": ("clutter_rate.radar_1.turns", 0.0),
+        "no window": ("window.entries", "7"),
+    }
     return {
-        "stamps backwards": lambda s: s.facts["smoother"]["stamps_ns"].reverse(),
-        "a huge stamp": lambda s: s.facts["smoother"]["stamps_ns"].__setitem__(-1, 10**30),
-        "a stamp as text": lambda s: s.facts["smoother"]["stamps_ns"].__setitem__(0, "x"),
-        "a scan index as text": lambda s: s.facts["filter"].update(scan_index="1e9"),
-        "a huge scan index": lambda s: s.facts["filter"].update(scan_index=10**40),
-        "a huge track number": lambda s: s.facts["smoother"]["tracks"].update(count=2**40),
-        "track numbers that are none": lambda s: s.facts["smoother"]["tracks"].update(number=[3]),
+        **{what: _replaced(name, value) for what, (name, value) in values.items()},
+        "stamps backwards": lambda s: _replaced(STAMPS, s.arrays[STAMPS][::-1])(s),
+        "a huge stamp": _put(STAMPS, 1 << 62),
+        "a stamp as a float": _put(STAMPS, 1.0, "f8"),
+        "track numbers that are none": lambda s: s.arrays.pop("numbers.number"),
         "clutter of another radar": _of_another("clutter"),
         "a clutter map of another radar": _of_another("clutter_map"),
         "a clutter rate of another radar": _of_another("clutter_rate"),
-        "a clutter map of another place": _mapped(pose=[5e3, 0.0, 0.0]),
-        "a clutter map of no turns": _mapped(turns=NAN),
-        "a clutter map with cells of no size": _mapped(size=0.0),
         "a clutter map without cells": lambda s: s.arrays.pop("clutter_map.radar_1.cell"),
-        "a clutter rate that is not finite": lambda s: s.facts["clutter_rate"].update(
-            radar_1=[NAN, 1.0]
-        ),
-        "a clutter rate of no turns": lambda s: s.facts["clutter_rate"].update(radar_1=[5.0, 0.0]),
-        "no smoother": lambda s: s.facts.update(smoother=7),
     }
 
 
-def _of_another(fact: str) -> Change:
+def _replaced(name: str, value: Any) -> Change:
+    """Return a change that replaces an array."""
+    return lambda snapshot: snapshot.arrays.update({name: np.array(value)})
+
+
+def _of_another(part: str) -> Change:
     """Return a change after which what was learned of clutter is that of another radar."""
 
     def change(snapshot: Snapshot) -> None:
-        learned = snapshot.facts[fact]
-        if isinstance(learned, list):
-            learned[learned.index("radar_1")] = "mast"
-        else:
-            learned["mast"] = learned.pop("radar_1")
-        for name in [name for name in snapshot.arrays if name.startswith(f"{fact}.radar_1")]:
+        for name in [name for name in snapshot.arrays if name.startswith(f"{part}.radar_1.")]:
             snapshot.arrays[name.replace("radar_1", "mast")] = snapshot.arrays.pop(name)
 
     return change
 
 
-def _mapped(**facts: Any) -> Change:
-    """Return a change of what is said of a clutter map."""
-    return lambda snapshot: snapshot.facts["clutter_map"]["radar_1"].update(facts)
-
-
 def _of_particles() -> dict[str, Change]:
     return {
-        "a random state of huge numbers": lambda s: s.facts["filter"]["rng"]["state"].update(
+        "a random state of huge numbers": lambda s: s.facts["filter.rng"]["state"].update(
             state=10**60
         ),
-        "no random state": lambda s: s.facts["filter"].update(rng=None),
+        "no random state": lambda s: s.facts.pop("filter.rng"),
         "states of other axes": _other_axes(f"{OLDEST}.state"),
         "states as text": _whole(f"{OLDEST}.state"),
         "survival above one": _put(f"{NEXT}.link.survival", 1.5),
@@ -316,9 +308,8 @@ def _covariances(found: Estimates) -> bool:
     return bool(finite and (np.linalg.eigvalsh(found.covariance) > -1e-6).all())
 
 
-def main(argv: Sequence[str]) -> int:
-    """Print the outcomes and the memory of all starts, as JSON."""
-    (kind,) = argv
+def outcomes(kind: str) -> dict[str, Any]:
+    """Return the outcomes and the memory of all starts."""
     with tempfile.TemporaryDirectory() as directory:
         paths = []
         child = os.fork()  # what makes the forgeries takes memory of its own
@@ -330,11 +321,6 @@ def main(argv: Sequence[str]) -> int:
         paths = sorted(Path(directory).iterdir())
         _new(kind).step(scans.reference()[0])
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        outcomes = {path.name[4:]: outcome(path, kind) for path in paths}
+        found = {path.name[4:]: outcome(path, kind) for path in paths}
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print(json.dumps({"outcomes": outcomes, "memory_mb": (after - before) / 1024.0}))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    return {"outcomes": found, "memory_mb": (after - before) / 1024.0}

@@ -6,9 +6,7 @@ the CPU time, s, and the memory, MB, that it took in addition to what it had bef
 
 from __future__ import annotations
 
-import json
 import math
-import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,12 +16,13 @@ from typing import Any
 import numpy as np
 
 from msg_adapters.detections import OWN_LAYOUT, from_msg, to_msg
-from phd_jdtc_ros.asterix import pcap_out, plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
+from phd_jdtc_ros.asterix.transport import pcap_out
+from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
+from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
 from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import Stepped
@@ -31,10 +30,10 @@ from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import Detections, Estimates
 from phd_jdtc_ros.handover.ownership import Handover
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
-from phd_jdtc_ros.tools import asterix_in
+from phd_jdtc_ros.tools.asterix import reading
 
 from . import engines
-from .figures import Figure, in_own_process, measured_or_why
+from .figures import Found, in_own_process, measures
 
 NS = 10**9
 DAY_NS = 20_779 * 86_400 * NS
@@ -46,16 +45,13 @@ PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
 RADAR, ROTATION_S, SECTORS, FORGED = 0x0101, 4.0, 32, 500
 
 
-def measure_seam() -> Figure:
+@measures(
+    "targets at the seam of hand_over",
+    f"{TARGETS} + {TARGETS} in the margins: 0.5 s of CPU a stamp, 256 MB",
+)
+def measure_seam() -> Found:
     """Join two trackers with very many targets where their margins overlap."""
-    goal = f"{TARGETS} + {TARGETS} in the margins: 0.5 s of CPU a stamp, 256 MB"
-    return measured_or_why("targets at the seam of hand_over", goal, _measure_seam)
-
-
-def _measure_seam() -> tuple[str, bool, Mapping[str, Any]]:
-    found = {
-        spread: in_own_process("robustness.hostile", str(spread)) for spread in (9000.0, 300.0, 0.0)
-    }
+    found = {spread: in_own_process(join, spread) for spread in (9000.0, 300.0, 0.0)}
     step_s = max(each["step_s"] for each in found.values())
     memory_mb = max(each["memory_mb"] for each in found.values())
     text = f"{step_s:.2f} s of CPU a stamp, +{memory_mb:.0f} MB"
@@ -63,8 +59,11 @@ def _measure_seam() -> tuple[str, bool, Mapping[str, Any]]:
     return text, step_s <= 0.5 and memory_mb <= 256.0, details
 
 
-def _join(spread: float) -> dict[str, float]:
-    """Return the most CPU time of a stamp, and the memory that a few of them take."""
+def join(spread: float) -> dict[str, float]:
+    """Return the most CPU time of a stamp, and the memory that a few of them take.
+
+    The targets at the seam are spread so far, metres.
+    """
     rng = np.random.default_rng(0)
     place = rng.uniform(-spread, spread, (TARGETS, 2))
     handover = Handover(REGIONS, 2e3)
@@ -101,17 +100,17 @@ def _tracks(stamp: int, place: np.ndarray[Any, Any]) -> Estimates:
     )
 
 
-def measure_repeated() -> Figure:
+@measures(
+    "identical detections",
+    f"{len(COPIED)} scans of {COPIES} copies: 1 target, never lost, every copy counted",
+    of_engines=True,
+)
+def measure_repeated() -> Found:
     """Track a target whose radar's driver sends its buffer many times in some scans."""
-    goal = f"{len(COPIED)} scans of {COPIES} copies: 1 target, never lost, every copy counted"
-    return measured_or_why("identical detections", goal, _measure_repeated)
-
-
-def _measure_repeated() -> tuple[str, bool, Mapping[str, Any]]:
     given = from_arguments.load(PROFILE)
     of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
     engine = engines.chosen()
-    config = tracker_params.config({**of_one, "radars": ["radar_1"], "engine": engine})
+    config = tracker_params.config({**of_one, "sensors": ["radar_1"], "engine": engine})
     pipeline, targets, counted = new_pipeline(config), [], 0
     for scan in range(SCANS):
         copies = COPIES if scan in COPIED else 1
@@ -132,15 +131,11 @@ def _measure_repeated() -> tuple[str, bool, Mapping[str, Any]]:
     return text, reached, {"targets": targets, "counted": counted}
 
 
-def measure_names() -> Figure:
+@measures("long lists of names", f"{NAMES} in each list: told, or accepted, within 2 s of CPU")
+def measure_names() -> Found:
     """Give lists of very many names; what is wrong with them must be told soon."""
-    goal = f"{NAMES} in each list: told, or accepted, within 2 s of CPU"
-    return measured_or_why("long lists of names", goal, _measure_names)
-
-
-def _measure_names() -> tuple[str, bool, Mapping[str, Any]]:
     seconds = {}
-    for group in ("classes", "motions", "births", "radars", "shared_codes"):
+    for group in ("classes", "motions", "births", "sensors", "shared_codes"):
         for with_sections in (False, True):
             names = [f"n{index}" for index in range(NAMES)]
             given: dict[str, Any] = {group: names}
@@ -158,13 +153,12 @@ def _measure_names() -> tuple[str, bool, Mapping[str, Any]]:
     return f"{longest_s:.2f} s", longest_s <= 2.0, {"seconds": seconds}
 
 
-def measure_forged_times() -> Figure:
+@measures(
+    "captures with forged times",
+    "a whole bag, all real plots used, the true turn, no empty sector more, counted",
+)
+def measure_forged_times() -> Found:
     """Read captures with forged times of records and of plots."""
-    goal = "a whole bag, all real plots used, the true turn, no empty sector more, counted"
-    return measured_or_why("captures with forged times", goal, _measure_forged_times)
-
-
-def _measure_forged_times() -> tuple[str, bool, Mapping[str, Any]]:
     wrong = _forged_record_times()
     found = {}
     for name, (crossings, sector, times_ns) in _forgeries().items():
@@ -195,7 +189,7 @@ def _forged_record_times() -> dict[str, str]:
         path, out = Path(directory) / "forged.pcap", Path(directory) / "bag"
         path.write_bytes(pcap_out.header() + b"".join(packets))
         try:
-            done = asterix_in.convert(path, out, settings.resolve({}), None, ())
+            done = reading.convert(path, out, settings.resolve({}), None, ())
         except Exception as error:  # any but an error of the recording would end with a traceback
             return {"times of records": f"{type(error).__name__}: {error}"}
         clouds = sum(1 for _ in BagReader(out).messages([settings.topic_of("radar_1_1")]))
@@ -247,13 +241,3 @@ def _plot(azimuth: float) -> Plot:
     unknown = math.nan
     turned = azimuth % (2.0 * math.pi)
     return Plot(RADAR, NONE, DAY, 5e4, turned, unknown, NONE, NONE, 1, unknown, unknown)
-
-
-def main(argv: Sequence[str]) -> int:
-    """Print the figures of targets at a seam that are spread so far, metres, as JSON."""
-    print(json.dumps(_join(float(argv[0]))))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
@@ -12,13 +10,11 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import stamps
 
 from . import scans
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .radars import Radars
 from .rig import Rig
 from .turning import NEAR_M, ROTATION_S, SECTORS, Antenna, how_far, send, settings
 
-NAME = "late sectors: 5 sectors late, lost, in a burst"
-GOAL = "0 exits, 0 NaN; every one worked in and counted, a burst bounded; the target tracked"
 WARM_UP, TURNS = 4, 8
 # Every so many sectors one is late by so many others; prime to the sectors of a turn.
 EVERY, LATE_BY = 11, 5
@@ -34,13 +30,14 @@ ROTATION_NS = round(ROTATION_S * 1e9)
 ANSWER_S = 5.0
 
 
-def measure() -> Figure:
+@measures(
+    "late sectors: 5 sectors late, lost, in a burst",
+    "0 exits, 0 NaN; every one worked in and counted, a burst bounded; the target tracked",
+    of_engines=True,
+)
+def measure() -> Found:
     """Send sectors late, leave one out, send a burst of late ones, and count what happens."""
-    return measured_or_why(NAME, GOAL, _measure)
-
-
-def _measure() -> tuple[str, bool, Mapping[str, Any]]:
-    given = {"late_reports": "rework", "lag": 5, "lag_s": 2.0 * ROTATION_S}
+    given = {"late_reports": "rework", "lag": f"{2.0 * ROTATION_S:g} s"}
     with Rig() as rig:
         tracker = rig.tracker(*settings(**given))
         radars = rig.radars

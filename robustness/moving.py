@@ -6,23 +6,20 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections, interfaces, names, platform_poses
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.types import Detections, Pose
 
 from . import scans
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .radars import Radars
 from .rig import Rig
 
-NAME = "faults of a moving radar's poses"
-GOAL = "0 exits, 0 NaN, every one counted, no good scan lost, the target tracked all the time"
 TOPIC, FRAME = "/own_ship/odometry", "map"
 INTERVAL_S, SCANS, WARM_UP = 2.0, 26, 8
 # Of a scan's interval; the poses between two scans are not at the scans' times.
@@ -34,7 +31,7 @@ SHIP, PLACE, VELOCITY = np.array([6.0, 2.0]), np.array([700.0, 400.0]), np.array
 NEAR_M = 40.0
 REPLY_S, SHORT_S = 20.0, 0.3
 PARAMETERS = {
-    "radars": "[radar_1]",
+    "sensors": "[radar_1]",
     "interval_s": INTERVAL_S,
     "lag": 2,
     "classes": "[boat]",
@@ -44,8 +41,6 @@ PARAMETERS = {
     "detection_births.velocity_std": 8.0,
     "detection_births.particles": 256,
     "spawn.rate": 0.0,
-    "spawn.class_transition": "[]",
-    "spawn.mode_transition": "[]",
     "boat.motions": "[cv]",
     "boat.mode_transition": "[1.0]",
     "cv.noise_density": 0.05,
@@ -118,11 +113,6 @@ FAULTS: Mapping[str, Fault] = {
 }
 
 
-def measure() -> Figure:
-    """Send every fault between valid poses, and leave some poses out."""
-    return measured_or_why(NAME, GOAL, _measure)
-
-
 def _ship(time_s: float) -> Pose:
     x, y = SHIP * time_s
     return Pose((float(x), float(y)), math.atan2(SHIP[1], SHIP[0]))
@@ -147,7 +137,13 @@ def _cloud(time_s: float, rng: np.random.Generator) -> PointCloud2:
     return detections.to_msg(Detections(measurement, np.zeros(2)), stamp_ns, "radar_1")
 
 
-def _measure() -> tuple[str, bool, Mapping[str, Any]]:
+@measures(
+    "faults of a moving radar's poses",
+    "0 exits, 0 NaN, every one counted, no good scan lost, the target tracked all the time",
+    of_engines=True,
+)
+def measure() -> Found:
+    """Send every fault between valid poses, and leave some poses out."""
     settings = [word for name, value in PARAMETERS.items() for word in ("-p", f"{name}:={value}")]
     reliable = ("-p", f"qos_overrides.{TOPIC}.subscription.reliability:=reliable")
     with Rig() as rig:

@@ -13,14 +13,11 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
-from .figures import Figure, NotMeasurableError, measured_or_why
+from .figures import Found, NotMeasurableError, measures
 from .isolation import ISOLATED, OPEN
 from .rig import LIGHT, RELIABLE, Node, Rig
 
-NAME = "rogue on the LAN"
-GOAL = "0 data, 0 parameter writes"
 ADDRESSES = ("10.77.0.1", "10.77.0.2")
 ROGUE_S = 8.0
 BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
@@ -36,12 +33,9 @@ TRIALS: Mapping[str, Mapping[str, str]] = {
 WITHOUT = "discovery range alone"
 
 
-def measure(trials: Sequence[str] = tuple(TRIALS), seconds: float = ROGUE_S) -> Figure:
+@measures("rogue on the LAN", "0 data, 0 parameter writes")
+def measure(trials: Sequence[str] = tuple(TRIALS), seconds: float = ROGUE_S) -> Found:
     """Let a rogue peer try for `seconds`, with the shipped profile and without it."""
-    return measured_or_why(NAME, GOAL, lambda: _measure(trials, seconds))
-
-
-def _measure(trials: Sequence[str], seconds: float) -> tuple[str, bool, Mapping[str, Any]]:
     # Each trial has its own domain, so they can run in parallel.
     with cable() as (ours, theirs), ThreadPoolExecutor() as pool:
         running = {

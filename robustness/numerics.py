@@ -23,10 +23,8 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
 from . import engines, scans
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 
-NAME = "numbers at their edges"
-GOAL = "0 errors, 0 NaN, 0 estimates without a covariance, every snapshot restorable"
 PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
 HOUR_S = 3600.0
 USUAL_S = 6.0
@@ -119,12 +117,13 @@ CASES: Mapping[str, Case] = {
 }
 
 
-def measure(cases: Mapping[str, Case] = CASES) -> Figure:
+@measures(
+    "numbers at their edges",
+    "0 errors, 0 NaN, 0 estimates without a covariance, every snapshot restorable",
+    of_engines=True,
+)
+def measure(cases: Mapping[str, Case] = CASES) -> Found:
     """Track every case with the chosen engine."""
-    return measured_or_why(NAME, GOAL, lambda: _measure(cases))
-
-
-def _measure(cases: Mapping[str, Case]) -> tuple[str, bool, Mapping[str, Any]]:
     wrong: dict[str, str] = {}
     seconds = {}
     for name, case in cases.items():

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from . import engines, scans
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .radars import Radars
 from .rig import Node, Rig
 
-NAME = "loss accounting"
-GOAL = "10x overload: exact; memory at most +10 MB"
 SCANS = 1624
 WARM_UP = 40
 FIRST_BURST = 1200
 FACTOR = 10
 MOST_KIB = 10_000_000 / 1024
-SAID = "overload in diagnostics"
-SAID_GOAL = "a level above OK that says what to turn down; no radar is called silent"
 SAID_SCANS = 2000
 ADVICE = "turn down"
 
@@ -33,17 +28,13 @@ SLOW = {
 }
 
 
-def measure(count: int = SCANS) -> Figure:
-    """Send scans at ten times the sustainable rate."""
-    return measured_or_why(NAME, GOAL, lambda: _measure(count))
-
-
-def measure_said(count: int = SAID_SCANS) -> Figure:
+@measures(
+    "overload in diagnostics",
+    "a level above OK that says what to turn down; no radar is called silent",
+    of_engines=True,
+)
+def measure_said(count: int = SAID_SCANS) -> Found:
     """Send scans at ten times the sustainable rate, and read what the diagnostics say of it."""
-    return measured_or_why(SAID, SAID_GOAL, lambda: _measure_said(count))
-
-
-def _measure_said(count: int) -> tuple[str, bool, Mapping[str, Any]]:
     usual = FACTOR * WARM_UP
     clouds = scans.often(usual + count, FACTOR)
     with Rig() as rig:
@@ -71,7 +62,9 @@ def _slow_tracker(rig: Rig) -> Node:
     return tracker
 
 
-def _measure(count: int) -> tuple[str, bool, Mapping[str, Any]]:
+@measures("loss accounting", "10x overload: exact; memory at most +10 MB", of_engines=True)
+def measure(count: int = SCANS) -> Found:
+    """Send scans at ten times the sustainable rate."""
     usual = FACTOR * WARM_UP
     clouds = scans.often(usual + FIRST_BURST + count, FACTOR)
     with Rig() as rig:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
@@ -11,13 +10,11 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import diagnostics, names
 
 from . import scans
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .radars import TOPICS, Radars
 from .rig import LIGHT, Rig
 from .stamps_and_time import BAG
 
-NAME = "second publisher on a radar's topic"
-GOAL = "ERROR within 6 scans; never one for a driver restarted after kill -9; no gaps"
 MOST_SCANS = 6
 PERIOD_S = 0.5
 RESTARTS = 4
@@ -27,12 +24,12 @@ RATE = 30
 RUN_S = 8.0
 
 
-def measure(restarts: int = RESTARTS, run_s: float = RUN_S) -> Figure:
+@measures(
+    "second publisher on a radar's topic",
+    "ERROR within 6 scans; never one for a driver restarted after kill -9; no gaps",
+)
+def measure(restarts: int = RESTARTS, run_s: float = RUN_S) -> Found:
     """Publish on one topic from two publishers, then kill and restart a driver repeatedly."""
-    return measured_or_why(NAME, GOAL, lambda: _measure(restarts, run_s))
-
-
-def _measure(restarts: int, run_s: float) -> tuple[str, bool, Mapping[str, Any]]:
     needed, gaps = _side_by_side()
     levels, listed, gaps_of_restarted = _restarted(restarts, run_s)
     errors = levels.count(DiagnosticStatus.ERROR)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from . import scans
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .radars import REPLY_S, Radars
 from .rig import LIGHT, Node, Rig
 
-NAME = "raw CDR fuzz beside a good publisher"
 SECONDS = 30.0
 # Mutated messages between two good scans.
 BURST = 100
@@ -20,17 +19,12 @@ STAMP = slice(4, 12)
 ENCAPSULATION = 4
 
 
-def goal(seconds: float) -> str:
-    """Return the goal in words."""
-    return f"{seconds:g} s: 0 exits, 0 good scans lost"
-
-
-def measure(seconds: float = SECONDS, seed: int = 5) -> Figure:
+@measures(
+    "raw CDR fuzz beside a good publisher",
+    lambda seconds=SECONDS, seed=5: f"{seconds:g} s: 0 exits, 0 good scans lost",
+)
+def measure(seconds: float = SECONDS, seed: int = 5) -> Found:
     """Publish mutated copies of answered scans between the good scans."""
-    return measured_or_why(NAME, goal(seconds), lambda: _measure(seconds, seed))
-
-
-def _measure(seconds: float, seed: int) -> tuple[str, bool, Mapping[str, Any]]:
     rng = random.Random(seed)
     exits, lost, good, bad = 0, [], 0, 0
     with Rig() as rig:

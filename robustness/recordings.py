@@ -5,30 +5,17 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from .figures import Figure, NotMeasurableError, measured_or_why
+from .figures import Found, NotMeasurableError, measures
 from .rig import LIGHT, Node, Rig
 
-FULL = "disk full while recording"
-READ_ONLY = "read-only directory"
 GOAL = "one clear error, tracking goes on"
 SCANS = 60
 # After so many the disk must be full.
 MOST_SCANS = 600
 DISK = "400k"
-
-
-def measure_full() -> Figure:
-    """Record onto a small disk until it is full."""
-    return measured_or_why(FULL, GOAL, _full)
-
-
-def measure_read_only() -> Figure:
-    """Record into a directory that cannot be written."""
-    return measured_or_why(READ_ONLY, GOAL, _read_only)
 
 
 def _mounted(directory: Path, options: str) -> Sequence[str]:
@@ -50,7 +37,9 @@ def _mounted(directory: Path, options: str) -> Sequence[str]:
     return prefix
 
 
-def _full() -> tuple[str, bool, Mapping[str, Any]]:
+@measures("disk full while recording", GOAL)
+def measure_full() -> Found:
+    """Record onto a small disk until it is full."""
     with Rig() as rig:
         disk = rig.directory / "disk"
         recorder = _evaluator(rig, _mounted(disk, f"size={DISK}"), disk)
@@ -70,7 +59,9 @@ def _full() -> tuple[str, bool, Mapping[str, Any]]:
         return text, clear and alive and status == 0 and answered == SCANS, {"said": errors}
 
 
-def _read_only() -> tuple[str, bool, Mapping[str, Any]]:
+@measures("read-only directory", GOAL)
+def measure_read_only() -> Found:
+    """Record into a directory that cannot be written."""
     with Rig() as rig:
         disk = rig.directory / "disk"
         recorder = _evaluator(rig, _mounted(disk, "ro"), disk)

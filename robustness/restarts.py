@@ -7,22 +7,18 @@ import signal
 import time
 from collections.abc import Callable, Mapping
 from statistics import median
-from typing import Any
 
 from phd_jdtc_ros.nodes.tracker.name_claim import NEWCOMER_S
 
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .radars import Radars
 from .rig import LIGHT, RELIABLE, Node, Rig
 from .stamps_and_time import BAG
 
-KILL = "kill -9 to first estimate"
-KILL_GOAL = "median 1.5 s, max 4 s"
 KILLS = 20
 MEDIAN_S, MOST_S = 1.5, 4.0
 SCAN_PERIOD_S = 0.05
 
-STOP = "clean stop"
 SIGNALS = {"INT": signal.SIGINT, "TERM": signal.SIGTERM}
 # Delays of the signal after the first line of the log, seconds.
 PHASES = (0.0, 0.01, 0.03, 0.06, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2)
@@ -33,16 +29,10 @@ NODES: Mapping[str, tuple[object, ...]] = {
     "sensor_replay": (BAG, "--rate", "1", "--ros-args", "-p", "subscriber_timeout_s:=0.0"),
 }
 
-SECOND = "second tracker of the same name"
-SECOND_GOAL = "says so, rc 2; a restart after kill -9 is not held up"
 
-
-def measure_kills(kills: int = KILLS) -> Figure:
+@measures("kill -9 to first estimate", "median 1.5 s, max 4 s")
+def measure_kills(kills: int = KILLS) -> Found:
     """Kill and restart a tracker repeatedly, while radars go on sending."""
-    return measured_or_why(KILL, KILL_GOAL, lambda: _kills(kills))
-
-
-def _kills(kills: int) -> tuple[str, bool, Mapping[str, Any]]:
     took = _restarts(kills, _tracker)
     # Half as many kills suffice to show how much of the time is the tracker's.
     bare = _restarts(max(1, kills // 2), _bare_node)
@@ -94,18 +84,15 @@ def _send_until_answered(radars: Radars, index: int) -> int:
     return index
 
 
-def stop_goal(phases: int) -> str:
+def stop_goal(phases: tuple[float, ...] = PHASES) -> str:
     """Return the goal in words."""
-    whole = len(NODES) * len(SIGNALS) * phases
+    whole = len(NODES) * len(SIGNALS) * len(phases)
     return f"{whole} of {whole}: rc 0 within {STOP_S:g} s, no traceback"
 
 
-def measure_stops(phases: tuple[float, ...] = PHASES) -> Figure:
+@measures("clean stop", stop_goal)
+def measure_stops(phases: tuple[float, ...] = PHASES) -> Found:
     """Stop every node by either signal, at several times after its first output."""
-    return measured_or_why(STOP, stop_goal(len(phases)), lambda: _stops(phases))
-
-
-def _stops(phases: tuple[float, ...]) -> tuple[str, bool, Mapping[str, Any]]:
     failures, took = [], []
     for name, arguments in NODES.items():
         for word, number in SIGNALS.items():
@@ -148,12 +135,11 @@ def _ended(node: Node) -> int | None:
     return node.process.poll()
 
 
-def measure_second() -> Figure:
+@measures(
+    "second tracker of the same name", "says so, rc 2; a restart after kill -9 is not held up"
+)
+def measure_second() -> Found:
     """Start a second tracker beside a running one, and a third after that one has been killed."""
-    return measured_or_why(SECOND, SECOND_GOAL, _second)
-
-
-def _second() -> tuple[str, bool, Mapping[str, Any]]:
     with Rig() as rig:
         first = rig.tracker(*LIGHT)
         second = rig.start("tracker", "--ros-args", *RELIABLE, *LIGHT)

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .rig import Rig
 
-NAME = "24 h soak"
 SCANS = 14_400
 MOST_KIB = 2048
 LIMIT_S = 600.0
@@ -22,7 +19,7 @@ SAMPLES = 400
 PATIENCE_S = 20.0
 
 
-def goal(count: int) -> str:
+def goal(count: int = SCANS) -> str:
     """Return the goal in words."""
     return (
         f"{count:,} scans, both radars: memory at most +{MOST_KIB / 1024:g} MiB over the 2nd half, "
@@ -30,12 +27,9 @@ def goal(count: int) -> str:
     )
 
 
-def measure(count: int = SCANS) -> Figure:
+@measures("24 h soak", goal)
+def measure(count: int = SCANS) -> Found:
     """Send `count` scans, each when the fourth one before it has been answered."""
-    return measured_or_why(NAME, goal(count), lambda: _measure(count))
-
-
-def _measure(count: int) -> tuple[str, bool, Mapping[str, Any]]:
     samples = []
     with Rig() as rig:
         tracker = rig.tracker()

@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from itertools import pairwise, takewhile
 from operator import eq
 from pathlib import Path
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import names
 
 from . import scans
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .radars import REPLY_S, Radars
 from .rig import LIGHT, Rig
 
-TIME_FAULTS = "time faults: bag looped 3 times; +-1 scan shuffled"
-TIME_FAULTS_GOAL = "1 reset per loop, 0 on the shuffle; with reorder_scans 1 no report late"
-GAP = "forward gap"
-GAP_GOAL = "1 reset above the limit, none below; memory at most +10 MB"
 GAP_SCANS, SHORT_GAP_SCANS = 600, 10
-SILENCE = "silent radar alarm"
-SILENCE_GOAL = "2 scans + 0.5 s"
 BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
 LOOPS = 3
 # Relative to the bag: about 17 scans per second.
@@ -36,19 +28,19 @@ ALLOWED_S = 2.0 * PERIOD_S + 0.5
 REGULAR = 12
 
 
-def measure_time_faults(loops: int = LOOPS, duration_s: float = 0.0) -> Figure:
+@measures(
+    "time faults: bag looped 3 times; +-1 scan shuffled",
+    "1 reset per loop, 0 on the shuffle; with late_reports rework no report late",
+)
+def measure_time_faults(loops: int = LOOPS, duration_s: float = 0.0) -> Found:
     """Loop a bag or its first `duration_s`, then shuffle scans; count the resets."""
-    return measured_or_why(TIME_FAULTS, TIME_FAULTS_GOAL, lambda: _time_faults(loops, duration_s))
-
-
-def _time_faults(loops: int, duration_s: float) -> tuple[str, bool, Mapping[str, Any]]:
     back_jumps, looped = _looped(loops, duration_s)
     shuffled, dropped, _ = _shuffled()
-    ordered, late, answered = _shuffled("-p", "reorder_scans:=1")
+    ordered, late, answered = _shuffled("-p", "late_reports:=rework")
     text = (
         f"{looped} resets at {back_jumps} returns to the bag's start; "
         f"{shuffled} resets in {SHUFFLED} shuffled scans ({dropped} dropped as late), with "
-        f"reorder_scans 1 {ordered} ({late} dropped, {answered} answered in order)"
+        f"late_reports rework {ordered} ({late} dropped, {answered} answered in order)"
     )
     details = {
         "jumps_back": back_jumps,
@@ -58,8 +50,7 @@ def _time_faults(loops: int, duration_s: float) -> tuple[str, bool, Mapping[str,
         "late_of_ordered": late,
         "answered_of_ordered": answered,
     }
-    # The last scan is still held back.
-    in_order = ordered == late == 0 and answered == SHUFFLED
+    in_order = ordered == late == 0
     return text, looped == back_jumps == loops and shuffled == 0 and in_order, details
 
 
@@ -71,7 +62,6 @@ def _looped(loops: int, duration_s: float) -> tuple[int, int]:
         replay = rig.start(
             "sensor_replay",
             *(BAG, "--rate", RATE, "--loop", "--duration", duration_s),
-            *("--ros-args", "-p", "progress:=false"),
         )
         # Until the first estimates of one more pass, so that `loops` passes are complete.
         radars.spin_until(lambda: _jumps_back(radars) >= loops, 90.0)
@@ -107,12 +97,9 @@ def _shuffled(*options: str) -> tuple[int, int, int]:
     return epoch, dropped, sum(takewhile(bool, map(eq, received, expected)))
 
 
-def measure_gap() -> Figure:
+@measures("forward gap", "1 reset above the limit, none below; memory at most +10 MB")
+def measure_gap() -> Found:
     """Insert short and long gaps into both radars' stamps; count the resets."""
-    return measured_or_why(GAP, GAP_GOAL, _gap)
-
-
-def _gap() -> tuple[str, bool, Mapping[str, Any]]:
     with Rig() as rig:
         tracker = rig.tracker()
         radars = rig.radars
@@ -144,12 +131,9 @@ def _gap() -> tuple[str, bool, Mapping[str, Any]]:
     return text, reached, details
 
 
-def measure_silence(repeats: int = 3) -> Figure:
+@measures("silent radar alarm", "2 scans + 0.5 s")
+def measure_silence(repeats: int = 3) -> Found:
     """Stop one radar of two; measure the time until diagnostics report it."""
-    return measured_or_why(SILENCE, SILENCE_GOAL, lambda: _silence(repeats))
-
-
-def _silence(repeats: int) -> tuple[str, bool, Mapping[str, Any]]:
     with Rig() as rig:
         rig.tracker(*LIGHT)
         radars = rig.radars

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
@@ -15,14 +14,10 @@ from msg_adapters import point_cloud
 from phd_jdtc_ros.core.arrays import FloatArray
 
 from . import scans
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .radars import REPLY_S, Radars
 from .rig import Rig
 
-NAME = "faults of a turning radar"
-GOAL = "0 exits, 0 NaN, every one counted, the target tracked all the time"
-REFUSED = "detection probabilities that are none"
-REFUSED_GOAL = "1 and beyond refused with status 2; 0 starts, by the SNR bands"
 ROTATION_S, SECTORS = 4.0, 16
 # The antenna is slower in the turns after this one.
 SLOWER_AFTER, SLOWER = 14, 1.15
@@ -33,7 +28,7 @@ CLUTTER_PER_SECTOR = 3
 # How far the estimate may be off, m.
 NEAR_M = 250.0
 PARAMETERS = {
-    "radars": "[radar_1]",
+    "sensors": "[radar_1]",
     "interval_s": ROTATION_S,
     "lag": 2,
     "particles_per_target": 300,
@@ -44,8 +39,6 @@ PARAMETERS = {
     "detection_births.velocity_std": 100.0,
     "detection_births.particles": 256,
     "spawn.rate": 0.0,
-    "spawn.class_transition": "[]",
-    "spawn.mode_transition": "[]",
     "aircraft.motions": "[cv]",
     "aircraft.mode_transition": "[1.0]",
     "aircraft.snr_band_db": "[10.0, 30.0]",
@@ -196,18 +189,19 @@ class Antenna:
         return point_cloud.encode(stamp_ns, "radar_1", columns)
 
 
-def measure() -> Figure:
-    """Send every fault in a sector of its own between valid ones."""
-    return measured_or_why(NAME, GOAL, _measure)
-
-
 def settings(**changes: object) -> list[str]:
     """Return the arguments of a tracker of this radar, with other parameters changed."""
     given = {**PARAMETERS, **changes}
     return [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
 
 
-def _measure() -> tuple[str, bool, Mapping[str, Any]]:
+@measures(
+    "faults of a turning radar",
+    "0 exits, 0 NaN, every one counted, the target tracked all the time",
+    of_engines=True,
+)
+def measure() -> Found:
+    """Send every fault in a sector of its own between valid ones."""
     with Rig() as rig:
         tracker = rig.tracker(*settings())
         radars = rig.radars
@@ -268,19 +262,19 @@ def how_far(radars: Radars, time_s: float) -> float:
     return float(np.hypot(*(found.position - place).T).min())
 
 
-def measure_refused() -> Figure:
+@measures(
+    "detection probabilities that are none",
+    "1 and beyond refused with status 2; 0 starts, by the SNR bands",
+)
+def measure_refused() -> Found:
     """Start trackers with detection probabilities at and beyond their bounds."""
-    return measured_or_why(REFUSED, REFUSED_GOAL, _refused)
-
-
-def _refused() -> tuple[str, bool, Mapping[str, Any]]:
     found = {}
     with Rig() as rig:
         for value in (1.0, 1.5, -0.1):
             name = "radar_1.detection_probability"
             node = rig.start("tracker", "--ros-args", *settings(**{name: value}))
             status = node.process.wait(30.0)
-            said = f"{name}: {value} given, must be a finite number, at least 0, at most 0.999"
+            said = f"{name}: {value} given, must be a number from 0 to 0.999"
             found[str(value)] = status if said in node.text else f"{status}, not said why"
         rig.tracker(*settings(**{"radar_1.detection_probability": 0.0}))
     text = ", ".join(f"{value}: status {status}" for value, status in found.items())

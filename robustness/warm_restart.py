@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 from .radars import Radars
 from .rig import RELIABLE, Rig
 
-NAME = "warm restart"
-GOAL = "OSPA within 10 % of an uninterrupted run's after 2 scans"
 MOST_RATIO = 1.1
 # The last scans before the kills, in the middle of the targets' lives.
 LAST_BEFORE = (21, 38, 53)
@@ -23,17 +20,14 @@ SETTLING, COUNTED = 2, 8
 EVERY = 5
 
 
-def measure(last_before: tuple[int, ...] = LAST_BEFORE, compare_cold: bool = True) -> Figure:
+@measures(
+    "warm restart", "OSPA within 10 % of an uninterrupted run's after 2 scans", of_engines=True
+)
+def measure(last_before: tuple[int, ...] = LAST_BEFORE, compare_cold: bool = True) -> Found:
     """Kill a tracker several times in a run; restart it with a checkpoint and, if asked, without.
 
     Nothing is demanded of the restarts without one: they tell what a checkpoint is worth.
     """
-    return measured_or_why(NAME, GOAL, lambda: _measure(last_before, compare_cold))
-
-
-def _measure(
-    last_before: tuple[int, ...], compare_cold: bool
-) -> tuple[str, bool, Mapping[str, Any]]:
     first_after = [last + 1 + LOST + SETTLING for last in last_before]
     counted = [index for first in first_after for index in range(first, first + COUNTED)]
     whole = _run((), counted, checkpoints=False)

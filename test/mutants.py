@@ -111,15 +111,7 @@ PARTS = {
 
 @dataclass
 class Result:
-    """How many mutants of a part were killed.
-
-    Parameters
-    ----------
-    mutants, killed, equivalent : int
-    survivors : list of str
-        The change of each that is not equivalent, and what became of it.
-    seconds : float
-    """
+    """How many mutants of a part were killed, and the changes that were not."""
 
     mutants: int = 0
     killed: int = 0
@@ -156,12 +148,8 @@ def mutate(name, part):
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
     for entry in COPIED:
-        if (ROOT / entry).is_dir():
-            shutil.copytree(
-                ROOT / entry, place / entry, ignore=shutil.ignore_patterns("__pycache__")
-            )
-        else:
-            shutil.copy(ROOT / entry, place / entry)
+        copy = shutil.copytree if (ROOT / entry).is_dir() else shutil.copy
+        copy(ROOT / entry, place / entry)
     for path in (place / CORE).rglob("*.py"):
         path.write_text(COMPILED.sub(r"\g<0>  # pragma: no mutate block", path.read_text()))
     with (place / "pyproject.toml").open("a") as file:
@@ -183,15 +171,11 @@ def mutate(name, part):
         except subprocess.TimeoutExpired:
             run.terminate()
             run.wait()
-    told = subprocess.run(
-        [*command, "results", "--all", "true"],
-        cwd=place,
-        env=environment,
-        check=False,
-        capture_output=True,
-        text=True,
+    show = [*command, "results", "--all", "true"]
+    out = subprocess.run(
+        show, check=False, cwd=place, env=environment, capture_output=True, text=True
     )
-    pairs = [line.strip().rpartition(": ") for line in told.stdout.splitlines() if ": " in line]
+    pairs = [line.strip().rpartition(": ") for line in out.stdout.splitlines() if ": " in line]
     if not pairs:
         sys.exit(f"{name}: no mutants; see {place / 'mutmut.log'}")
     return {mutant: status for mutant, _, status in pairs}, place / "mutants"
@@ -238,16 +222,15 @@ def known_equivalents():
 
 
 def judged(status, tree, equivalents):
-    """Return the result of a part, and which of the known equivalents occurred."""
+    """Return the result of a part."""
     alive = [mutant for mutant, what in status.items() if what in NOT_KILLED]
-    result, used = Result(len(status), len(status) - len(alive)), set()
+    result = Result(len(status), len(status) - len(alive))
     for mutant, (module, change) in changes(alive, tree).items():
         if (module, change) in equivalents:
-            used.add((module, change))
             result.equivalent += 1
         else:
             result.survivors.append(f"{mutant}: {status[mutant]}\n{change}")
-    return result, used
+    return result
 
 
 def main(names):
@@ -258,7 +241,7 @@ def main(names):
     for name in names or PARTS:
         begin = time.monotonic()
         status, tree = mutate(name, PARTS[name])
-        results[name], _ = judged(status, tree, equivalents)
+        results[name] = judged(status, tree, equivalents)
         results[name].seconds = time.monotonic() - begin
         found = results[name]
         print(

@@ -30,9 +30,9 @@ def test_short_bounds_many_words():
         {"lag": "9" * 5000},
         {"lag": 10**4000},
         {"a" * 5000: 1},
-        {"radars": ["a" * 5000, "a" * 5000]},
-        {"radars": ["a" * 5000], f"{'a' * 5000}.topic": 1},
-        {"spawn.class_transition": "x" * 10**6},
+        {"sensors": ["a" * 5000, "a" * 5000]},
+        {"sensors": ["a" * 5000], f"{'a' * 5000}.topic": 1},
+        {"spawn.rate": "x" * 10**6},
     ],
 )
 def test_faults_of_a_configuration_quote_a_part_of_long_values(given):

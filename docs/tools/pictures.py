@@ -1,53 +1,26 @@
-"""The documentation's pictures from what is in ``out/``: ``make pictures``.
+"""Makes the documentation's pictures again, those of the demo from out/demo.
 
-A picture whose output is not there, or is of a quick run, is left as it is, and the command that
-makes it is named.
+The diagrams (SVG) are drawn by hand. Curves are drawn from the tables of the pages that show them,
+which page_tables.py fills.
 """
 
 from __future__ import annotations
 
-import json
 import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+import curves
+import hero
+
 ROOT = Path(__file__).parents[2]
-IMAGES = ROOT / "docs" / "images"
-PAGE = ROOT / "out" / "demo" / "report.html"
-REPORT = "report.png"
-# The one of `make study` has a curve for each of its thirty variants.
-CORRECTIONS = "the command in docs/study.md, The effect of each correction"
-# Each picture by its source, and what makes that.
-SOURCES = {
-    "out/demo/trajectories.png": "make demo",
-    "out/demo/ospa.png": "make demo",
-    "out/study_corrections/figures/clutter_20/ospa_against_lag.png": CORRECTIONS,
-    "out/bench/cost_against_particles_per_target.png": "make bench",
-    "out/bench/cost_against_targets.png": "make bench",
-    "out/bench/step_against_targets.png": "make bench",
-}
+DOCS = ROOT / "docs"
+IMAGES = DOCS / "images"
+DEMO = ROOT / "out" / "demo"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SIZE = "1200,1640"
-
-
-def copy_all() -> list[str]:
-    """Copy the pictures that are there; return a line for each that is not."""
-    missing = []
-    for source, command in SOURCES.items():
-        path = ROOT / source
-        if path.exists() and not of_a_quick_run(path):
-            shutil.copyfile(path, IMAGES / path.name)
-        else:
-            missing.append(f"left as it is: docs/images/{path.name}; {command} makes {source}")
-    return missing
-
-
-def of_a_quick_run(path: Path) -> bool:
-    """Return whether the summary beside a picture says that its run was a short one."""
-    summary = path.with_name("summary.json")
-    return summary.exists() and bool(json.loads(summary.read_text()).get("quick"))
 
 
 def photograph(page: Path, picture: Path) -> str | None:
@@ -68,10 +41,12 @@ def photograph(page: Path, picture: Path) -> str | None:
 
 
 def main() -> int:
-    """Write all pictures that can be written; the status is 1 if the report's could not be."""
-    fault = photograph(PAGE, IMAGES / REPORT)
-    for line in filter(None, [*copy_all(), fault]):
-        print(line, file=sys.stderr)
+    """Write all pictures; the status is 1 if the report's could not be written."""
+    curves.write_all(DOCS, IMAGES)
+    hero.write(DEMO / "estimates", IMAGES / "tracks.gif")
+    fault = photograph(DEMO / "report.html", IMAGES / "report.png")
+    if fault:
+        print(fault, file=sys.stderr)
     return int(fault is not None)
 
 

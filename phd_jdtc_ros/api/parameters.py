@@ -1,4 +1,4 @@
-"""The parameters of a tracker for tables: what is given, what was found, and what else is used."""
+"""Combines the given parameters of a tracker for tables with estimated ones and defaults."""
 
 from __future__ import annotations
 
@@ -19,30 +19,27 @@ from phd_jdtc_ros.parameter_files import from_arguments
 
 from .reports import POSITION, TIME
 
-# In the place of the defaults, which are those of a scenario with known birth places: targets of
-# one class, which may appear anywhere that a radar sees.
+# Defaults for tables. Those of the node describe a scenario with known birth places; these describe
+# targets of one class that may appear anywhere in the radars' coverage.
 USUAL: Mapping[str, Any] = {
-    "engine": "gaussian",
-    "radars": ["radar"],
+    "sensors": ["radar"],
     "classes": ["target"],
     "amplitude": "none",
     "births": [],
     "detection_births.turn_rate_std": 0.02,
     "detection_births.least_probability": 0.005,
     "spawn.rate": 0.0,
-    "spawn.class_transition": [],
-    "spawn.mode_transition": [],
 }
-# Expected births of all classes per interval.
+# Expected number of births of all classes per interval.
 BIRTHS = 0.2
 OF_RADARS: Mapping[str, Any] = {
     "fields.amplitude": "",
     "detection_probability": 0.9,
     "clutter_rate": "auto",
 }
-# What nobody but the user or a recording knows.
+# Parameters without a default; the user or a recording must provide them.
 NEEDED, NEEDED_OF_RADARS = ("interval_s",), ("range_std", "azimuth_std_deg", "max_range")
-# Columns that are used if they are there, named as the parameters of `fields`.
+# Optional columns, named like the parameters of `fields`, that are used if present.
 RECOGNISED = (
     *("amplitude", "elevation", "height", "code", "address", "kind", "sector"),
     *("range_std", "azimuth_std", "range_rate", "range_rate_std"),
@@ -51,15 +48,14 @@ RECOGNISED = (
 
 @dataclass(frozen=True)
 class Parameters:
-    """What is known of a tracker's parameters, by dotted name.
+    """A tracker's parameters from the user and from a recording, by dotted name.
 
     Parameters
     ----------
-    given : mapping
     whole : bool
-        Whether what is not given has the defaults of the node, as with a parameter file.
+        Whether the node's defaults complete them, as with a parameter file.
     found : mapping
-        In a recording; what is given counts more.
+        Parameters estimated from a recording; given parameters take precedence.
     """
 
     given: Mapping[str, Any]
@@ -68,7 +64,7 @@ class Parameters:
 
     @staticmethod
     def of(given: Any) -> Parameters:
-        """Return those that a user gives: a mapping, the path of a parameter file, or None."""
+        """Return the given parameters, from a mapping, the path of a parameter file, or None."""
         if isinstance(given, (str, os.PathLike)):
             return Parameters(from_arguments.load(Path(given)), whole=True)
         if given is None or isinstance(given, Mapping):
@@ -80,24 +76,23 @@ class Parameters:
     @property
     def radars(self) -> Sequence[str]:
         """Names of the radars."""
-        names = {**({} if self.whole else USUAL), **self.given}.get("radars", ())
+        names = {**({} if self.whole else USUAL), **self.given}.get("sensors", ())
         listed = names if isinstance(names, (list, tuple)) else ()
         return [name for name in listed if isinstance(name, str)]
 
     def config(self, columns: Collection[str] = (), blank: bool = False) -> TrackerConfig:
-        """Return the configuration for a table of these columns.
+        """Return the configuration for a table with these columns.
 
         Parameters
         ----------
-        columns : collection of str
         blank : bool
-            Whether the noise, the range and the interval need not be known: the configuration
-            only reads tables.
+            Whether noise, range and interval may be missing, in a configuration that only reads
+            tables.
 
         Raises
         ------
         ConfigError
-            With every fault.
+            With all faults.
         """
         values = self.values(columns)
         faults = [] if self.whole or blank else self._needed(values, columns)
@@ -124,7 +119,7 @@ class Parameters:
         return resolve(values, SystemPlane)
 
     def values(self, columns: Collection[str] = ()) -> dict[str, Any]:
-        """Return the parameters that are not the node's defaults, for a table of these columns."""
+        """Return the parameters that differ from the node's, for a table with these columns."""
         if self.whole:
             return {**self.found, **self.given}
         known = {**self._usable(), **self.given}
@@ -139,12 +134,10 @@ class Parameters:
                 values[f"{name}.time_reference"] = "epoch"
             if f"{name}.max_range" in known:
                 values[f"{name}.clutter_max_range"] = known[f"{name}.max_range"]
-            if known.get(f"{name}.detection_probability_over_range"):
-                del values[f"{name}.detection_probability"]
         return {**values, **known}
 
     def _usable(self) -> dict[str, Any]:
-        """Return what was found without what is of other classes and motions than those given."""
+        """Return the estimated parameters that fit the given classes and motion models."""
         table = schema({**USUAL, **self.found, **self.given})
         found = {name: value for name, value in self.found.items() if name in table}
         if "classes" in self.given:
@@ -152,7 +145,7 @@ class Parameters:
         return found
 
     def _needed(self, values: Mapping[str, Any], columns: Collection[str]) -> list[str]:
-        """Return a fault for each parameter that has to be given or found."""
+        """Return a fault for each required parameter that is missing."""
         positions = {*POSITION} <= {*columns}
         names = [*NEEDED]
         for radar in self.radars:
@@ -162,7 +155,7 @@ class Parameters:
                 if not (positions and what == "azimuth_std_deg")
             ]
         return [
-            f"{name}: not given, must be given or found by fit"
+            f"{name}: is missing, must be given or estimated by fit"
             for name in names
             if name not in values
         ]
@@ -173,15 +166,14 @@ class Parameters:
         timed: Mapping[str, bool],
         columns: Collection[str],
     ) -> Parameters:
-        """Return these with what a recording says; what is given stays.
+        """Return a copy with the findings of a recording; given parameters take precedence.
 
         Parameters
         ----------
-        findings : mapping of radar to Findings
         timed : mapping of radar to bool
-            Whether its detections have times of their own.
+            Whether the radar's detections have individual times.
         columns : collection of str
-            Of the recording.
+            Columns of the recording.
         """
         found = {} if self.whole else unspecified.parameters(findings, timed)
         found["interval_s"] = proposal.interval_s(findings)
@@ -194,5 +186,5 @@ class Parameters:
 
 
 def _fields(radar: str, columns: Collection[str]) -> dict[str, str]:
-    """Return the parameters that name the columns of a radar that are recognised."""
+    """Return the field parameters of a radar for the recognised columns."""
     return {f"{radar}.fields.{what}": what for what in RECOGNISED if what in columns}

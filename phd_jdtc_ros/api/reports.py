@@ -1,4 +1,4 @@
-"""Tables of detections as the reports of radars."""
+"""Splits tables of detections into reports of radars."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.polar_radar import LEAST_RANGE
+from phd_jdtc_ros.core.sensors.polar_geometry import LEAST_RANGE
 
-from .tables import Columns, numbers, required, stamps_ns
+from .tables import Columns, numbers, require_column, stamps_ns
 
-# Columns of positions, and of their deviation, where there are no ranges and azimuths.
+# Columns of positions, and of their standard deviation, which replace ranges and azimuths.
 POSITION, POSITION_STD = ("x", "y"), "position_std"
 TIME = "time"
-# Detections with times of their own are reported by an eighth of a turn, as the tracker cuts turns,
-# or by a second where the turn is not known.
+# Detections with individual times are reported in parts of a turn, as the tracker splits turns, or
+# in parts of USUAL_S seconds if the time of a turn is unknown.
 PARTS_OF_A_TURN, USUAL_S = 8, 1.0
 
 
@@ -33,7 +33,6 @@ class RadarReport(NamedTuple):
     ----------
     radar : int
         Index in the configured order.
-    report : Report
     """
 
     radar: int
@@ -41,18 +40,17 @@ class RadarReport(NamedTuple):
 
 
 def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
-    """Return the reports in a table, by ascending stamp and then by radar.
+    """Return the reports of a table, by ascending stamp and then by radar.
 
     Parameters
     ----------
     columns : dict of name to array
         See `Tracker.track`.
-    config : TrackerConfig
 
     Raises
     ------
     ValueError
-        If a column that is needed is missing, or has a value that does not fit.
+        If a required column is missing or has an invalid value.
     """
     time_ns = stamps_ns(columns)
     found = []
@@ -62,7 +60,7 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
         own = {name: column[rows] for name, column in columns.items()}
         if not len(rows):
             continue
-        read = _Reader(radar, model.position, model.yaw, model.range_std)
+        read = _Reader(radar, model.position, model.yaw, float(model.noise_std[0]))
         sent = read.columns(own)
         order = np.argsort(stamp_ns, kind="stable")
         starts = np.flatnonzero(np.diff(stamp_ns[order], prepend=-1))
@@ -81,16 +79,14 @@ def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int
 
     Parameters
     ----------
-    stamp_ns : int
     columns : dict of name to array
-        Of the report; empty if nothing was detected.
-    config : TrackerConfig
+        Columns of the report; empty if there are no detections.
     index : int
-        Of the radar, in the configured order.
+        Index of the radar in the configured order.
     """
     radar, model = config.inputs[index], config.model.radars[index]
     count = len(next(iter(columns.values()), ()))
-    read = _Reader(radar, model.position, model.yaw, model.range_std)
+    read = _Reader(radar, model.position, model.yaw, float(model.noise_std[0]))
     if not count:
         none = np.zeros(0)
         return read.report(stamp_ns, selection.Columns(none, none), np.arange(0))
@@ -103,7 +99,7 @@ def _rows_of_radars(columns: Columns, radars: Sequence[RadarInput]) -> Iterator[
     if len(radars) == 1 and "radar" not in columns:
         yield np.arange(count)
         return
-    name = required(columns, "radar").astype(np.str_)
+    name = require_column(columns, "radar").astype(np.str_)
     known = [radar.name for radar in radars]
     unknown = ~np.isin(name, known)
     if unknown.any():
@@ -116,18 +112,18 @@ def _rows_of_radars(columns: Columns, radars: Sequence[RadarInput]) -> Iterator[
 
 
 def _step_ns(radar: RadarInput) -> int:
-    """Return how long the parts of turns are."""
+    """Return the duration of a part of a turn, ns."""
     return round((radar.rotation_s / PARTS_OF_A_TURN or USUAL_S) * 1e9)
 
 
 def _ends_ns(time_ns: IntArray, radar: RadarInput) -> IntArray:
-    """Return the ends of the parts of turns that detections with times of their own are in."""
+    """Return the end of the part of a turn of each detection time."""
     ends: IntArray = (time_ns // _step_ns(radar) + 1) * _step_ns(radar)
     return ends
 
 
 def _quiet_ns(ends_ns: IntArray, step_ns: int) -> list[int]:
-    """Return the ends of the parts in which nothing was seen; longer than a turn it is a gap."""
+    """Return the ends of the parts without detections; gaps longer than a turn are left out."""
     quiet: list[int] = []
     for begin, end in zip(ends_ns[:-1].tolist(), ends_ns[1:].tolist(), strict=True):
         if end - begin < PARTS_OF_A_TURN * step_ns:
@@ -136,17 +132,16 @@ def _quiet_ns(ends_ns: IntArray, step_ns: int) -> list[int]:
 
 
 class _Reader:
-    """Reads one radar's columns.
+    """Reads the columns of one radar.
 
     Parameters
     ----------
-    radar : RadarInput
     position : tuple of two floats
         World frame, metres.
     yaw : float
         Radians counter-clockwise.
     range_std : float
-        Of positions, where there is no column of their deviations, metres.
+        Standard deviation of positions without a column of it, metres.
     """
 
     def __init__(
@@ -156,11 +151,11 @@ class _Reader:
         self._position, self._yaw = position, yaw
 
     def columns(self, columns: Columns) -> selection.Columns:
-        """Return the columns as the radar reports them."""
+        """Return the columns in the radar's convention."""
         radar = self._radar
         names = sent_columns.names_of(radar)
         if radar.time_field == TIME:
-            # Reports are parts of turns by time, and not the sectors that the radar has sent.
+            # Reports are split by time here, and not by the radar's sectors.
             names.pop("sector", None)
         found = {
             what: stamps_ns(columns) / 1e9 if name == TIME else numbers(columns, name)
@@ -171,16 +166,16 @@ class _Reader:
             found |= self._of_positions(columns)
         for what in ("distance", "azimuth"):
             if what not in found:
-                required(columns, names[what])
+                require_column(columns, names[what])
         return selection.Columns(**found)
 
     def _of_positions(self, columns: Columns) -> dict[str, FloatArray]:
-        """Return ranges and azimuths of positions, whose noise is the same along both axes."""
+        """Convert positions, whose noise is equal along both axes, to ranges and azimuths."""
         radar = self._radar
         if radar.site is not None:
             raise ValueError(
-                f"x, y: given, must be {radar.range_field} and {radar.azimuth_field} of a radar "
-                f"with geodetic, {radar.name}"
+                f"x, y: given, must be {radar.range_field} and {radar.azimuth_field} for "
+                f"{radar.name}, because it has geodetic"
             )
         x, y = (
             numbers(columns, name) - zero
@@ -199,13 +194,13 @@ class _Reader:
         }
 
     def report(self, stamp_ns: int, sent: selection.Columns, rows: IntArray) -> Report:
-        """Return a report of some rows; those without a place are of a scan without detections."""
+        """Return a report of rows; rows without a position mark a scan without detections."""
         seen = rows[~(np.isnan(sent.distance[rows]) & np.isnan(sent.azimuth[rows]))]
         own = {what: column[seen] for what, column in vars(sent).items() if column is not None}
         return selection.select(stamp_ns, self._radar, selection.Columns(**own))
 
 
 def beyond_any_range(config: TrackerConfig) -> TrackerConfig:
-    """Return a configuration that reads what is beyond the radars' ranges, too."""
+    """Return a configuration that also reads detections beyond the radars' maximum ranges."""
     inputs = tuple(replace(radar, max_range=math.inf) for radar in config.inputs)
     return replace(config, inputs=inputs)

@@ -1,4 +1,4 @@
-"""Tracks beside the truth."""
+"""Compares tracks with the truth."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ import numpy.typing as npt
 
 from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.types import COASTING
-from phd_jdtc_ros.evaluation.metric_table import CLASS_ACCURACY
+from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet
 from phd_jdtc_ros.evaluation.run_scores import RunScores
-from phd_jdtc_ros.evaluation.scan_scores import ALL, PairedScan, PointSet
 from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
-from .tables import STATES, Columns, Table, columns_of, numbers, required, stamps_ns
+from .tables import STATES, Columns, Table, columns_of, numbers, require_column, stamps_ns
 
 
 def evaluate(
@@ -30,29 +29,29 @@ def evaluate(
     Parameters
     ----------
     truth : table
-        The targets: ``time``, ``label`` (numbers or names), ``x`` and ``y`` (metres); if they are
-        known ``vx`` and ``vy`` (metres per second), ``class`` and ``height``.
+        The targets: ``time``, ``label`` (numbers or names), ``x`` and ``y`` (metres); optionally
+        ``vx`` and ``vy`` (metres per second), ``class`` and ``height``.
     tracks : table
-        As of `Tracker.track`; of other trackers with the columns of `truth`.
+        From `Tracker.track`, or from another tracker with the columns of `truth`.
     cutoff : float
-        c of OSPA and GOSPA, metres: about the distance at which an estimate is no longer of a
-        target; some times the error of a position.
+        c of OSPA and GOSPA, metres: the distance at which an estimate no longer belongs to a
+        target, a multiple of the standard deviation of a position.
     order : float
-        p of both.
+        p of OSPA and GOSPA.
     times : array or None
-        Seconds. Where to compare: the times of all scans, so that those without tracks count too.
-        None for those of the truth. In between, the truth is interpolated.
+        Times of the comparison, seconds: the times of all scans, so that scans without tracks count
+        too. None for the times of `truth`. The truth is interpolated between its times.
 
     Returns
     -------
     dict
-        ``ospa`` and the others of ``docs/metrics.md``, each a number, or None where it has no
-        meaning; and ``scans``, the number of times.
+        The metrics of ``docs/metrics.md``, such as ``ospa``, each a number or None if it is
+        undefined; and ``scans``, the number of times.
 
     Raises
     ------
     ValueError
-        If a table does not fit, the truth is not known at a time, or tracks are at other times.
+        If a table is invalid, the truth does not span a time, or tracks have other times.
     """
     if not (np.isfinite(cutoff) and cutoff > 0.0):
         raise ValueError(f"cutoff: {cutoff} given, must be a number above 0")
@@ -71,18 +70,17 @@ def evaluate(
     astray = sorted(estimates.keys() - {*stamps})
     if astray:
         raise ValueError(
-            f"tracks: {len(astray)} of {len(estimates)} times, such as {astray[0] / 1e9}, are none "
-            "to compare at; give times: those of all scans, or np.unique of those of the tracks"
+            f"tracks: {len(astray)} of {len(estimates)} times, such as {astray[0] / 1e9}, are not "
+            "times of the comparison; give times: those of all scans, or np.unique of the tracks'"
         )
     run = RunScores(len(names), cutoff, order)
     none = _points({name: column[:0] for name, column in found.items()}, names)
     for stamp_ns in stamps:
         targets = known.at(stamp_ns)
         if targets is None:
-            raise ValueError(f"truth: not known at {stamp_ns / 1e9} s, must span all times")
+            raise ValueError(f"truth: unknown at {stamp_ns / 1e9} s, must span all times")
         run.add(PairedScan.of(stamp_ns, targets, estimates.get(stamp_ns, none), cutoff))
-    figures = run.figures()[ALL]
-    return {**figures, CLASS_ACCURACY.key: run.of_all(CLASS_ACCURACY), "scans": run.scans}
+    return {**run.figures()[ALL], "scans": run.scans}
 
 
 def _array(times: npt.ArrayLike) -> npt.NDArray[Any]:
@@ -90,7 +88,7 @@ def _array(times: npt.ArrayLike) -> npt.NDArray[Any]:
 
 
 def _class_names(*tables: Columns) -> list[str]:
-    """Return the names of all classes; one name for all targets if a table has none."""
+    """Return the names of all classes; a single name if a table has no classes."""
     if not all("class" in table for table in tables):
         return ["target"]
     names = np.concatenate([table["class"].astype(np.str_) for table in tables])
@@ -98,7 +96,7 @@ def _class_names(*tables: Columns) -> list[str]:
 
 
 def _by_stamp(table: Columns, class_names: list[str]) -> dict[int, PointSet]:
-    """Return the points of a table by time."""
+    """Return the points of a table by stamp."""
     stamp_ns = stamps_ns(table)
     points = _points(table, class_names)
     order = np.argsort(stamp_ns, kind="stable")
@@ -123,12 +121,12 @@ def _points(table: Columns, class_names: list[str]) -> PointSet:
         velocity,
         table["covariance"][:, :2, :2] if "covariance" in table else None,
         numbers(table, "height") if "height" in table else None,
-        required(table, "state") == STATES[COASTING] if "state" in table else None,
+        require_column(table, "state") == STATES[COASTING] if "state" in table else None,
     )
 
 
 def _labels(table: Columns) -> IntArray | None:
-    """Return labels as numbers from 1; None without any."""
+    """Return labels as numbers from 1; None if there are none."""
     if "label" not in table:
         return None
     label = table["label"]

@@ -1,4 +1,4 @@
-"""Detections and truth of a scenario, as tables."""
+"""Simulates the detections and the truth of a scenario as tables."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Truth
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
@@ -34,12 +35,12 @@ class Simulated(NamedTuple):
     Parameters
     ----------
     detections : structured array
-        Of all radars, in the order of time, as `Tracker` takes them; a row with NaN for each scan
-        without detections.
+        Detections of all radars in the order of time, as `Tracker` accepts them; a scan without
+        detections is a row with NaN.
     truth : structured array
-        ``time label class x y vx vy height``, as `evaluate` takes it.
+        ``time label class x y vx vy height``, as `evaluate` accepts it.
     parameters : dict
-        Those of a `Tracker` that knows the radars, by dotted name; all of them.
+        All parameters of a `Tracker` for these radars, by dotted name.
     """
 
     detections: Column
@@ -56,9 +57,9 @@ def simulate(
     ----------
     scenario : mapping, str, path or None
         A scenario as in ``docs/scenarios.md``, the path of such a file, or the name of a shipped
-        one, such as ``one_radar``; None for the reference scenario.
+        scenario such as ``one_radar``; None for the reference scenario.
     seed : int
-        The same seed gives the same tables, with what the executable ``simulate`` writes.
+        Equal seeds give equal tables, which match the output of the executable ``simulate``.
 
     Returns
     -------
@@ -67,14 +68,14 @@ def simulate(
     Raises
     ------
     ConfigError
-        A ValueError, with every fault of the scenario.
+        A ValueError with all faults of the scenario.
     """
     document = _document(scenario)
     config = _config(from_arguments.scenario_parameters(document))
-    radars = config.model.radars
+    radars = polar_radars(config.model.radars)
     run = paper_scenario(radars) if document is None else scenario_file.resolve(document, radars)
     if run.platform is not None:
-        raise ConfigError(["platform: given, must be none: tables have no poses"])
+        raise ConfigError(["platform: given, must be absent, because tables have no poses"])
     check_sites(config.inputs)
     names = [kind.name for kind in config.model.modes.classes]
     if run.turning:
@@ -101,7 +102,7 @@ def _document(scenario: Mapping[str, Any] | str | os.PathLike[str] | None) -> An
 
 
 def _config(parameters: Mapping[str, Any]) -> TrackerConfig:
-    """Return a configuration in which times of detections are absolute, as in tables."""
+    """Return a configuration with absolute detection times, as in tables."""
     config = resolve(parameters, SystemPlane)
     timed = [radar.name for radar in config.inputs if radar.time_field]
     return resolve(
@@ -126,7 +127,7 @@ def _reports(seen: Sequence[tuple[Truth, Any]]) -> Iterator[tuple[int, int, Dete
 def _detections(
     reports: Sequence[tuple[int, int, Detections]], inputs: Sequence[RadarInput]
 ) -> Column:
-    """Return reports as a table, with the columns that any of the radars has."""
+    """Return reports as a table with the columns of all radars."""
     names = list(
         dict.fromkeys(
             name
@@ -157,7 +158,7 @@ def _detections(
 
 
 def _number(column: Column) -> Column:
-    """Return a column as floats, NaN for codes and addresses of which there are none."""
+    """Return a column as floats, with NaN for absent codes and addresses."""
     none = column == identities.NONE if column.dtype == np.uint32 else np.zeros(len(column), bool)
     return np.where(none, np.nan, column.astype(np.float64))
 

@@ -1,4 +1,4 @@
-"""Tables as users have them, as columns; and estimates as a table."""
+"""Converts users' tables to columns, and estimates to a table."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ Columns: TypeAlias = "dict[str, Column]"
 Table: TypeAlias = Any
 
 STATES = {TENTATIVE: "tentative", CONFIRMED: "confirmed", COASTING: "coasting"}
-# The latest time that nanoseconds can count in 64 bits, seconds.
+# Latest time that 64 bits of nanoseconds can count, seconds.
 LATEST_S = 9.2e9
 
 
 def columns_of(table: Table) -> Columns:
-    """Return a table's columns by name, all of one length.
+    """Return a table's columns by name, all of equal length.
 
     Parameters
     ----------
     table : mapping of name to column, data frame, structured array, str or path
-        A str or a path is that of a CSV file with a line of names.
+        A str or a path names a CSV file with a header line.
 
     Raises
     ------
     ValueError
-        If it is none of these, or its columns differ in length.
+        If it is of another type, or its columns differ in length.
     """
     if isinstance(table, (str, os.PathLike)):
         return _read_csv(Path(table))
@@ -52,7 +52,7 @@ def columns_of(table: Table) -> Columns:
     columns = {str(name): np.atleast_1d(np.asarray(table[name])) for name in names}
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
-        raise ValueError(f"columns must be of one length, have {short(str(lengths))}")
+        raise ValueError(f"columns must have equal lengths, have {short(str(lengths))}")
     return columns
 
 
@@ -77,14 +77,14 @@ def _read_csv(path: Path) -> Columns:
 
 
 def numbers(columns: Columns, name: str) -> FloatArray:
-    """Return a column as numbers; what is empty in a text is NaN.
+    """Return a column as numbers; empty texts become NaN.
 
     Raises
     ------
     ValueError
-        If there is no such column, or one of its values is no number.
+        If the column is missing or contains a value that is not a number.
     """
-    column = required(columns, name)
+    column = require_column(columns, name)
     if column.ndim > 1:
         raise ValueError(f"{name}: shape {column.shape}, must be one number in a row")
     if column.dtype.kind in "US":
@@ -95,30 +95,32 @@ def numbers(columns: Columns, name: str) -> FloatArray:
         raise _unfit(name, column, float, "a number") from None
 
 
-def required(columns: Columns, name: str) -> Column:
-    """Return a column.
+def require_column(columns: Columns, name: str) -> Column:
+    """Return a column that must be present.
 
     Raises
     ------
     ValueError
-        If there is none.
+        If the column is missing.
     """
     if name not in columns:
-        raise ValueError(f"{name}: no such column, there are {short(', '.join(columns)) or 'none'}")
+        raise ValueError(
+            f"{name}: the column is missing, the columns are {short(', '.join(columns)) or 'none'}"
+        )
     return columns[name]
 
 
 def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
-    """Return a column of times in nanoseconds: seconds, dates, or texts of either.
+    """Return a column of times in nanoseconds from seconds, dates, or texts of either.
 
-    They are whole microseconds, so that seconds since 1970, as floats, are the same again.
+    Times are rounded to microseconds, so that seconds since 1970 as floats are reproduced.
 
     Raises
     ------
     ValueError
-        If there is no such column, or one of its values is no time.
+        If the column is missing or contains a value that is not a time.
     """
-    column = required(columns, name)
+    column = require_column(columns, name)
     if column.dtype.kind in "US" and not _all_numbers(column):
         column = _dates(name, column)
     elif column.dtype.kind == "O":
@@ -141,7 +143,7 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
 
 
 def _since_1970(value: Any) -> Any:
-    """Return a date of Python's or pandas', of UTC if it has no time zone, in seconds."""
+    """Convert a date of Python or pandas to seconds since 1970; the default time zone is UTC."""
     if not isinstance(value, datetime):
         return value
     return (value if value.tzinfo else value.replace(tzinfo=timezone.utc)).timestamp()
@@ -156,7 +158,7 @@ def _all_numbers(column: Column) -> bool:
 
 
 def _dates(name: str, column: Column) -> Column:
-    """Return texts as dates; Z at the end is what they are in any case."""
+    """Convert texts to dates; a Z at the end is dropped, because UTC is the default."""
 
     def date(text: str) -> np.datetime64:
         return np.datetime64(text.removesuffix("Z"), "ns")
@@ -170,7 +172,7 @@ def _dates(name: str, column: Column) -> Column:
 
 
 def _unfit(name: str, column: Column, fits: Callable[[Any], Any], what: str) -> ValueError:
-    """Return the error that names the first value of a column that does not fit."""
+    """Return the error that names the first invalid value of a column."""
     for row, value in enumerate(column.tolist(), start=1):
         try:
             fits(value)
@@ -180,9 +182,9 @@ def _unfit(name: str, column: Column, fits: Callable[[Any], Any], what: str) -> 
 
 
 def table_of(found: Sequence[Estimates], class_names: Sequence[str]) -> Column:
-    """Return estimates as a structured array, a row each, in the order given.
+    """Return estimates as a structured array with a row per estimate, in the given order.
 
-    See `Tracker` for its columns.
+    The columns are those of `Tracker`.
     """
     widest = max(map(len, class_names))
     dtype = np.dtype(

@@ -8,15 +8,14 @@ from collections.abc import Iterable, Mapping
 from os import PathLike
 from typing import Any, NamedTuple
 
-from msg_adapters import doubts
 from msg_adapters.selection import Report
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
-from phd_jdtc_ros.calibration.tuning.plots import bounded, plots_of
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.calibration.tuning.plots import limit_plots, plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import Detections, Estimates
+from phd_jdtc_ros.feed.feed import Feed
+from phd_jdtc_ros.feed.tally import Tally
 
 from .parameters import Parameters
 from .reports import TIME, beyond_any_range, report_of, reports_of
@@ -29,9 +28,10 @@ class Tracks(NamedTuple):
     Parameters
     ----------
     filtered : structured array
-        With the detections until their time.
+        Estimates from the detections up to their time.
     smoothed : structured array
-        With later ones too, within the lag: more accurate, and some scans later.
+        Estimates that also use later detections within the lag: more accurate, but some scans
+        later.
     """
 
     filtered: Column
@@ -44,88 +44,89 @@ class Tracker:
     Parameters
     ----------
     parameters : mapping, str, path or None
-        The tracker's parameters, by dotted or nested names, see ``docs/parameters.md``. Here they
-        begin with one radar, named ``radar``, and one class of targets, ``target``, that may appear
-        anywhere. ``interval_s`` and each radar's ``range_std``, ``azimuth_std_deg`` and
-        ``max_range`` have to be given, or found by `fit`. A str or a path is a parameter file of
+        The tracker's parameters, by dotted or nested names, see ``docs/parameters.md``. The
+        defaults here are one radar, named ``radar``, and one class of targets, ``target``, that may
+        appear anywhere. ``interval_s`` and each radar's ``range_std``, ``azimuth_std_deg`` and
+        ``max_range`` must be given, or estimated by `fit`. A str or a path is a parameter file of
         the node, with the node's defaults.
 
     Attributes
     ----------
     parameters : dict
-        Those that are given or found, by dotted name.
+        The given and the estimated parameters, by dotted name.
     dropped : Counter
-        Detections and reports that were not used, by reason.
+        Numbers of unused detections and reports, by reason.
 
     Raises
     ------
     ConfigError
-        A ValueError, with every fault of the parameters.
+        A ValueError with all faults of the parameters.
 
     Notes
     -----
     Tables of detections are mappings of column to values, data frames, structured arrays or paths
     of CSV files. Their columns are ``time`` (seconds, or dates), ``radar`` (its name; with several
-    radars), ``range`` and ``azimuth`` (metres; radians counter-clockwise from the radar's x axis
-    unless ``azimuth_unit`` and ``azimuth_convention`` say otherwise) or ``x`` and ``y`` (metres, in
-    the world frame, with the deviation ``position_std`` or else ``range_std``), and what else
-    ``fields`` names. Columns with the names of its parameters (``amplitude``, ``height``, ``code``,
-    ``range_rate`` and so on) are used if they are there; others are not looked at.
+    radars), and either ``range`` and ``azimuth`` (metres; radians counter-clockwise from the
+    radar's x axis, or as ``azimuth_unit`` and ``azimuth_convention`` define) or ``x`` and ``y``
+    (metres, in the world frame, with the standard deviation ``position_std`` or else
+    ``range_std``). Further columns are named by ``fields``. Columns with the names of its
+    parameters (``amplitude``, ``height``, ``code``, ``range_rate`` and so on) are used if present;
+    others are ignored.
 
-    Rows of one time and one radar are one scan: targets that have no row in it were missed. A
-    scan without any detection is a row with a time and nothing else. Where an antenna turns, each
-    detection has a time of its own: ``fields.time: time`` says so. Times count in microseconds.
+    Rows of one time and one radar are one scan: targets without a row in it were missed. A scan
+    without detections is a row with a time only. With a turning antenna, each detection has an
+    individual time, which ``fields.time: time`` declares. Times have a resolution of a microsecond.
 
-    Tables of tracks are structured arrays, a row for each target and time:
+    Tables of tracks are structured arrays with a row for each target and time:
 
     ===================== =================================================================
-    ``time``              seconds, of the state
-    ``label``             number of the track, from 1; 0 without one
+    ``time``              of the state, seconds
+    ``label``             number of the track, from 1; 0 without a label
     ``class``             name of the most probable class
-    ``class_probability`` its probability
-    ``probability``       that the target exists
-    ``state``             ``tentative``, ``confirmed`` or ``coasting`` (not detected lately)
+    ``class_probability`` probability of this class
+    ``probability``       probability of existence
+    ``state``             ``tentative``, ``confirmed`` or ``coasting`` (not detected recently)
     ``x y``               position in the world frame, metres
     ``vx vy``             velocity, metres per second
-    ``height``            metres; NaN where it is not known
-    ``code address``      Mode A code and Mode S address; -1 where there is none
+    ``height``            metres; NaN if unknown
+    ``code address``      Mode A code and Mode S address; -1 if unknown
     ``covariance``        of ``x y vx vy``, shape (4, 4)
     ===================== =================================================================
 
-    The same detections give the same tracks, at once by `track` or step by step by `update`, and
-    as the live node has them.
+    Equal detections give equal tracks, in one call of `track`, step by step with `update`, and in
+    the live node.
     """
 
     def __init__(self, parameters: Mapping[str, Any] | str | PathLike[str] | None = None) -> None:
         self._parameters = Parameters.of(parameters)
         self._run: _Run | None = None
         self.dropped: Counter[str] = Counter()
-        # Faults in values are told now; what is not known yet is not.
+        # This raises for invalid values, but not for parameters that are still missing.
         self._parameters.config(blank=True)
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The parameters that are given or found, by dotted name."""
+        """The given and the estimated parameters, by dotted name."""
         return self._parameters.values()
 
     def fit(self, detections: Table) -> Tracker:
-        """Find the parameters that are not given: noise, detection probability, clutter, turns.
+        """Estimate the missing parameters: noise, detection probability, clutter, turns.
 
         Parameters
         ----------
         detections : table
             Some minutes with a few targets: at least ten scans, and thirty detections of targets
-            that can be told from clutter.
+            that can be distinguished from clutter.
 
         Returns
         -------
         Tracker
-            Itself.
+            The tracker itself.
 
         Raises
         ------
         ValueError
-            If the table does not fit, or says too little; the text says what is missing.
+            If the table is invalid or insufficient; the message names what is missing.
         """
         columns = columns_of(detections)
         config = beyond_any_range(self._parameters.config(columns, blank=True))
@@ -137,7 +138,7 @@ class Tracker:
             try:
                 if index not in reports:
                     raise TuningError("no detections")
-                plots = bounded(plots_of(reports[index]))
+                plots = limit_plots(plots_of(reports[index]))
                 found[name], timed[name] = findings(plots), plots.timed
             except TuningError as error:
                 faults.append(f"{name}: {error}")
@@ -152,17 +153,17 @@ class Tracker:
         Parameters
         ----------
         detections : table
-            In any order of time.
+            Detections in any order of time.
 
         Returns
         -------
         Tracks
-            Ordered by time.
+            Tracks in the order of time.
 
         Warns
         -----
         UserWarning
-            Of detections that are not used, or do not look as the parameters say.
+            If detections are not used or contradict the parameters.
         """
         columns = columns_of(detections)
         config = self._parameters.config(columns)
@@ -170,35 +171,37 @@ class Tracker:
         for radar, report in reports_of(columns, config):
             run.add(radar, report)
         found = run.finish()
-        self._told(run)
+        self._warn(run)
         return found
 
     def update(
         self, time: float, detections: Table | None = None, radar: str | None = None
     ) -> Tracks:
-        """Take in one report of one radar; reports come in the order of time.
+        """Process one report of one radar; reports must come in the order of time.
 
         Parameters
         ----------
         time : float
-            Of the report: seconds, or a date.
+            Time of the report: seconds, or a date.
         detections : table or None
-            Without ``time``, but for times of their own, and without ``radar``; those of the first
-            report say which columns there are. None if nothing was detected.
+            Columns other than ``radar``, with ``time`` only if detections have individual times.
+            The first report defines the columns. None if there are no detections.
         radar : str or None
-            Needed with several radars.
+            Required with several radars.
 
         Returns
         -------
         Tracks
-            Those that are due: a scan is complete when all radars have reported it, or a later one.
+            Estimates that are due: a scan is complete when all radars have reported it, or a later
+            one.
         """
         columns = {} if detections is None else columns_of(detections)
         stamp_ns = int(stamps_ns({TIME: _column(time)})[0])
         if self._run is None:
             if not columns:
-                # Which columns there are is not known, nor is there anything to track.
-                return self._nothing()
+                # Before the first detections the columns are unknown, and there is nothing to
+                # track.
+                return self._empty()
             self._run = _Run(self._parameters.config(columns))
         config = self._run.config
         index = _index_of(radar, [each.name for each in config.inputs])
@@ -206,28 +209,28 @@ class Tracker:
         return self._run.take()
 
     def flush(self) -> Tracks:
-        """End the run: return all estimates that are held back. The next `update` begins another.
+        """End the run, and return all pending estimates; the next `update` begins a new run.
 
         Warns
         -----
         UserWarning
-            As of `track`.
+            As in `track`.
         """
         run = self._run
         if run is None:
-            return self._nothing()
+            return self._empty()
         self._run = None
         found = run.finish()
-        self._told(run)
+        self._warn(run)
         return found
 
-    def _nothing(self) -> Tracks:
-        """Return tables without rows."""
+    def _empty(self) -> Tracks:
+        """Return empty tables."""
         names = self._parameters.config(blank=True).values["classes"]
         return Tracks(table_of([], names), table_of([], names))
 
-    def _told(self, run: _Run) -> None:
-        self.dropped += run.dropped
+    def _warn(self, run: _Run) -> None:
+        self.dropped += run.tally.dropped
         for warning in run.warnings():
             warnings.warn(warning, stacklevel=3)
 
@@ -237,7 +240,7 @@ def _column(value: Any) -> Column:
 
 
 def _index_of(radar: str | None, names: list[str]) -> int:
-    """Return the index of a radar by its name; the only one needs none."""
+    """Return the index of a radar by its name, which a single radar does not need."""
     if radar is None and len(names) == 1:
         return 0
     if radar not in names:
@@ -246,34 +249,18 @@ def _index_of(radar: str | None, names: list[str]) -> int:
 
 
 class _Run:
-    """A pass of the pipeline, and what was noticed in it.
-
-    Parameters
-    ----------
-    config : TrackerConfig
-    """
+    """A run of the pipeline with the warnings about it."""
 
     def __init__(self, config: TrackerConfig) -> None:
         self.config = config
-        self.dropped: Counter[str] = Counter()
-        self._pipeline = new_pipeline(config)
+        self.tally = Tally(config)
+        self._feed = Feed(config, self.tally)
         self._filtered: list[Estimates] = []
         self._smoothed: list[Estimates] = []
-        self._doubts: list[Counter[str]] = [Counter() for _ in config.inputs]
-        self._seen, self._lost, self._overdue, self._targets = 0, 0, 0, 0
 
     def add(self, radar: int, report: Report) -> None:
-        """Take in a report."""
-        self._seen += len(report.detections) + report.dropped.total()
-        self._lost += report.dropped.total()
-        self.dropped += report.dropped
-        events = self._pipeline.add(radar, report.stamp_ns, report.detections, report.sector)
-        self._doubts[radar] += report.doubts + self._pipeline.take_doubts(radar)
-        if isinstance(events, Rejection):
-            self.dropped[events.value] += 1
-            self._lost += len(report.detections)
-        else:
-            self._keep(events)
+        """Process a report."""
+        self._keep(self._feed.report(radar, report) or ())
 
     def take(self) -> Tracks:
         """Return the estimates since the last call."""
@@ -283,29 +270,25 @@ class _Run:
         return found
 
     def finish(self) -> Tracks:
-        """End the run and return the estimates since the last call of `take`."""
-        self._keep(self._pipeline.flush())
+        """End the run, and return the estimates since the last call of `take`."""
+        self._keep(self._feed.flush())
         return self.take()
 
     def warnings(self) -> Iterable[str]:
-        """Yield what was noticed, each once."""
-        if self._lost:
-            reasons = ", ".join(f"{reason} {count}" for reason, count in self.dropped.items())
-            yield f"{self._lost} of {self._seen} detections were not used: {reasons}"
-        for radar, counts in zip(self.config.inputs, self._doubts, strict=True):
-            for text in doubts.of(radar, counts):
-                yield f"{radar.name}: {text}"
-        if self._overdue and not self._targets:
-            yield doubts.nothing_reported(self._overdue)
+        """Yield each warning once."""
+        used, dropped = self.tally.used, self.tally.dropped
+        if used.lost:
+            reasons = ", ".join(f"{reason} {count}" for reason, count in dropped.items())
+            yield f"{used.lost.total()} of {used.offered} detections were not used: {reasons}"
+        for radar, text in self.tally.about_radars():
+            yield f"{self.config.inputs[radar].name}: {text}"
+        yield from self.tally.about_targets()
 
     def _keep(self, events: Iterable[Event]) -> None:
         for event in events:
             if isinstance(event, RunEnded):
                 self._smoothed += event.smoothed
                 continue
-            self._overdue = event.overdue or self._overdue
-            self._targets += event.step.targets
+            self.tally.stepped(event)
             self._filtered += event.step.filtered
             self._smoothed += event.step.smoothed
-        for index, counts in enumerate(self._doubts):
-            counts.update(self._pipeline.take_doubts(index))

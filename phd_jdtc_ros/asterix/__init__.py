@@ -1,13 +1,12 @@
-"""EUROCONTROL's ASTERIX: surveillance data as bytes, in and out. No ROS.
+"""Reads and writes EUROCONTROL's ASTERIX surveillance data. No ROS.
 
-In: `framing` (recordings; `pcap`) gives datagrams, `blocks` their data blocks, `records` where the
-items of a record are, `messages` what they say. `assembly` makes sectors of plots, and `slices`
-slices of time where no crossing tells sectors, with times from `clocks`; `plot_stream` is the whole
-path, for several radars.
+Input: `transport` (recordings, captures, sockets) yields datagrams, `blocks` finds their data
+blocks, and `records` decodes the records to `messages`. `assembly` groups plots into sectors by the
+sector crossings; `slices` groups them into slices of time where a radar sends no crossings.
+`clocks` dates the messages. `plot_stream` is the whole path for several radars.
 
-Out: `encoding` packs items into records and blocks, `plots_out` writes CAT048 and CAT034, and
-`tracks_out` CAT062 and CAT065.
+Output: `writing.encoding` packs items into records and blocks, `writing.plots` writes CAT048 and
+CAT034, and `writing.tracks` writes CAT062 and CAT065.
 
-What items a category has, in which order and how long they are, comes from libasterix
-(`specification`).
+The items of a category, their order and their lengths come from libasterix (`specification`).
 """

@@ -1,8 +1,8 @@
-"""Datagrams to messages: data blocks, one after the other, and the records in them.
+"""Reads messages from datagrams: consecutive data blocks, and the records in them.
 
-A block whose length cannot be true ends its datagram, because nothing says where the next begins.
-A record that is malformed ends its block, for the same reason; what was before it is used.
-Everything is counted by reason.
+A block with an impossible length ends its datagram, because the beginning of the next block is
+unknown. A malformed record ends its block for the same reason; the records before it are used. All
+faults are counted by reason.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from collections import Counter
 from collections.abc import Iterator
 
 from . import records
-from .framing import CATEGORIES
 from .messages import Message
 from .specification import MalformedError, layouts
+from .transport.framing import CATEGORIES
 
 HEADER = 3
-# Some recorders and networks put a trailer behind the data blocks of every datagram. It is at most
-# so long, and is known by its length once it has come so often.
+# Some recorders and networks append a trailer to every datagram. A rest of at most LONGEST_TRAILER
+# bytes counts as a trailer once its length has occurred TRAILERS times.
 LONGEST_TRAILER, TRAILERS = 16, 3
-# Bytes of a data block, in the practice of radars, which send it in one Ethernet packet.
+# Upper bound of a plausible data block, bytes: radars send a block in one Ethernet packet.
 LARGEST_BLOCK = 2048
 
 
@@ -29,17 +29,17 @@ class BlockReader:
     Parameters
     ----------
     counts : Counter
-        Gains what was left out, by reason: ``block_truncated`` or ``block_length`` where the rest
-        of a datagram is no data block, ``other_category``, data blocks of categories that are not
-        read, the reasons of `MalformedError`, and those of `records`.
+        Gains the skipped data by reason: ``block_truncated`` or ``block_length`` if the rest of a
+        datagram is not a data block; ``other_category`` for data blocks of unsupported categories;
+        and the reasons of `MalformedError` and of `records`.
 
     Attributes
     ----------
     categories : Counter
         Records by category, of all categories.
     trailers : Counter
-        Rests of datagrams behind their data blocks, by length in bytes. Once a length has come
-        `TRAILERS` times its rests are trailers, and no faults.
+        Numbers of rests after the data blocks of datagrams, by length in bytes. Once a length has
+        occurred `TRAILERS` times, such rests count as trailers and not as faults.
     """
 
     def __init__(self, counts: Counter[str]) -> None:
@@ -49,7 +49,7 @@ class BlockReader:
         self._faults: dict[int, Counter[str]] = {}
 
     def known_trailers(self) -> dict[int, int]:
-        """Return numbers of trailers by their length."""
+        """Return the numbers of trailers by length."""
         return {size: n for size, n in self.trailers.items() if n >= TRAILERS}
 
     def messages(self, data: bytes) -> list[Message]:
@@ -57,7 +57,7 @@ class BlockReader:
         return list(self.read(data))
 
     def read(self, data: bytes) -> Iterator[Message]:
-        """Yield the messages of a datagram in order; each is read when it is asked for."""
+        """Yield the messages of a datagram in order, each decoded on demand."""
         for category, begin, end in self._blocks(data):
             reads = records.reader(category)
             if reads is None:
@@ -83,7 +83,7 @@ class BlockReader:
             length = data[at + 1] << 8 | data[at + 2] if left >= HEADER else left + 1
             if not HEADER < length <= left:
                 fault = "block_truncated" if length > left else "block_length"
-                # A block that is cut says how long it was.
+                # The header of a cut block still gives its whole length.
                 cut = data[at] in CATEGORIES and left < length <= LARGEST_BLOCK
                 self._rest(fault, left, at > 0 and not cut)
                 return
@@ -91,7 +91,7 @@ class BlockReader:
             at += length
 
     def _rest(self, fault: str, size: int, no_block: bool) -> None:
-        """Count a rest of a datagram that is no whole data block, or none at all."""
+        """Count a rest of a datagram; `no_block` if it is not the beginning of a data block."""
         known = self.trailers[size] >= TRAILERS
         if size > LONGEST_TRAILER or not (known or no_block):
             self.counts[fault] += 1
@@ -101,11 +101,11 @@ class BlockReader:
             self.counts[fault] += 1
             self._faults.setdefault(size, Counter())[fault] += 1
             if self.trailers[size] >= TRAILERS:
-                self.counts -= self._faults.pop(size)  # they were none
+                self.counts -= self._faults.pop(size)  # those rests were trailers
 
 
 def _count(category: int, data: bytes, at: int, end: int) -> int:
-    """Return the number of records in a data block of a category that is not read, at least 1."""
+    """Return the number of records in a data block of an unsupported category, at least 1."""
     try:
         layout = next(iter(layouts(category).values()))
         found = 0

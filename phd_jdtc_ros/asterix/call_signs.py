@@ -1,19 +1,19 @@
-"""Call signs of aircraft, which come with their addresses and are no more than their names."""
+"""Keeps the call sign of each aircraft by its Mode S address, as a name only."""
 
 from __future__ import annotations
 
 from .messages import NONE
 
-# Eight characters of six bits: letters from 1, a space, and digits.
+# A call sign has CHARACTERS of BITS bits each: letters from 1, a space, and digits.
 CHARACTERS, BITS = 8, 6
 _VALID = frozenset((*range(1, 27), 32, *range(48, 58)))
 _SPACE = 32
-# At most so many are kept: those that were heard last.
+# Upper bound of the call signs kept; the least recent ones are dropped.
 MOST = 10_000
 
 
 def read(data: bytes, at: int) -> int:
-    """Return a call sign as its 48 bits, `NONE` if it is not there, blank or garbled."""
+    """Return a call sign as its 48 bits, `NONE` if it is absent, blank or garbled."""
     if at < 0:
         return NONE
     found = int.from_bytes(data[at : at + CHARACTERS * BITS // 8], "big")
@@ -22,13 +22,13 @@ def read(data: bytes, at: int) -> int:
 
 
 class CallSigns:
-    """The call sign that each address came with last."""
+    """The latest call sign of each address."""
 
     def __init__(self) -> None:
         self._by_address: dict[int, int] = {}
 
     def take(self, address: int, call_sign: int) -> None:
-        """Take what came together; either may be `NONE`."""
+        """Add the call sign and the address of one plot; either may be `NONE`."""
         if address == NONE or call_sign == NONE:
             return
         self._by_address.pop(address, None)
@@ -37,5 +37,5 @@ class CallSigns:
             del self._by_address[next(iter(self._by_address))]
 
     def of(self, address: int) -> int:
-        """Return the call sign of an address, `NONE` if there is none."""
+        """Return the call sign of an address, `NONE` if unknown."""
         return self._by_address.get(address, NONE)

@@ -1,8 +1,8 @@
-"""Times of day to times since the epoch.
+"""Converts times of day to times since the epoch.
 
-A message has no date. Its day is the one that brings it nearest to when it was received or, in a
-recording that does not say that, to the radar's time before; so midnight is passed as often as
-need be.
+A message has no date. It gets the date that brings its time nearest to its receipt or, in a
+recording without times of receipt, to the radar's previous message. Any number of midnights can
+pass in a recording.
 """
 
 from __future__ import annotations
@@ -14,37 +14,37 @@ from .messages import DAY, NONE, TICKS_PER_S
 
 NS_PER_TICK = 10**9 // TICKS_PER_S
 NS_PER_DAY = DAY * NS_PER_TICK
-# So many messages after each other must say that a clock is off, because a single one may be old.
+# A clock error must show in this many consecutive messages, because a single one may be delayed.
 LEAST_OFF = 3
-# Of so many first ones by how much.
+# Number of first messages whose median gives the clock error.
 FIRST = 15
-# Stamps say the seconds since 1970 in 31 bits. A day less: slices end later than their plots.
+# Latest time that fits a stamp, which has 31 bits of seconds since 1970, less a day of margin
+# because a slice ends after its plots.
 LAST_NS = (2**31 - 1) * 10**9 - NS_PER_DAY
 
 
 def possible(time_ns: int) -> bool:
-    """Return whether a time can be a stamp."""
+    """Return whether a time fits a stamp."""
     return 0 <= time_ns <= LAST_NS
 
 
 @dataclass
 class StreamClock:
-    """The times of all radars of a stream.
+    """Dates the messages of all radars of a stream.
 
     Parameters
     ----------
     midnight_ns : int
-        Begin of the day of the first message where it is not known when that was received.
+        Beginning of the day of the first message; used if its time of receipt is unknown.
     max_offset_s : float
-        A radar whose times differ by more from those of the receipts has a wrong clock. Its times
-        are then shifted by the difference.
+        Clock error that is tolerated. The times of a radar with a larger error are shifted by it.
 
     Attributes
     ----------
     offset_s : dict of radar to float
-        How much later each radar's last message was received than it says, before any shift.
+        Receipt of each radar's latest message minus its unshifted time.
     shift_ns : dict of radar to int
-        What is added to the times of radars with wrong clocks.
+        Correction that is added to the times of radars with wrong clocks.
     """
 
     midnight_ns: int = 0
@@ -53,31 +53,31 @@ class StreamClock:
     shift_ns: dict[int, int] = field(init=False, default_factory=dict)
     _last_ns: dict[int, int] = field(init=False, default_factory=dict)
     _latest_ns: int | None = field(init=False, default=None)
-    # By how much the latest messages of a radar differ in a row from what its shift makes of them.
+    # Latest consecutive errors of each radar's clock beyond its present shift.
     _off: dict[int, list[int]] = field(init=False, default_factory=dict)
     _first_ns: dict[int, list[int]] = field(init=False, default_factory=dict)
     _settled: set[int] = field(init=False, default_factory=set)
 
     def settles(self, radar: int, time_of_day: int, period: int, received_ns: int | None) -> bool:
-        """Return whether a radar's first messages tell by now how far its clock is off.
+        """Return whether a radar's first messages suffice to decide about its clock error.
 
-        One that is right says that it is not; otherwise the median of `FIRST` tells. Until then no
-        message's `time_ns` should be asked for, so that all have the same shift.
+        A single message with a correct time suffices; otherwise the median of `FIRST` errors
+        decides. Calls of `time_ns` should wait for this, so that all messages get the same shift.
         """
         if radar in self._settled:
             return True
         if received_ns is None:
-            # Where some receipts are known those that come tell, and this message waits with them.
+            # If other messages have times of receipt, this one waits for the decision on them.
             return radar not in self._first_ns
         found = self._first_ns.setdefault(radar, [])
         if time_of_day == NONE or time_of_day >= period:
-            return not found  # what has no time has that of its receipt
+            return not found  # a message without a time is dated by its receipt
         found.append(received_ns - self._nearest(radar, time_of_day, period, received_ns))
         right = abs(found[-1]) <= self.max_offset_s * 1e9
         return right or len(found) >= FIRST
 
     def settle(self, radar: int, counts: Counter[str]) -> None:
-        """Decide by the first messages so far how far a radar's clock is off."""
+        """Decide about a radar's clock error from the messages so far."""
         found = sorted(self._first_ns.pop(radar, ()))
         if radar in self._settled or not found:
             return
@@ -93,31 +93,28 @@ class StreamClock:
         time_of_day: int,
         period: int,
         received_ns: int | None,
-        judged: bool,
+        check_clock: bool,
         counts: Counter[str],
     ) -> int | None:
-        """Return the time of a message, nanoseconds since the epoch; None if it cannot be true.
+        """Return the time of a message, nanoseconds since the epoch; None if it fits no stamp.
 
         Parameters
         ----------
-        radar : int
         time_of_day : int
-            1/128 s modulo `period`; `NONE` if it is not known.
-        period : int
-        received_ns : int or None
-        judged : bool
-            Whether the message shows if the radar's clock is right.
+            1/128 s modulo `period`; `NONE` if unknown.
+        check_clock : bool
+            Whether the message is evidence of the radar's clock error.
         counts : Counter
-            Gains ``no_time`` for a message without a time or with an impossible one, which counts
-            as of its receipt or of the radar's message before; ``clock_off`` when a shift changes;
-            and ``time_impossible`` for a time that no stamp can say.
+            Gains ``no_time`` for a message with no time or an impossible one, which gets the time
+            of its receipt or of the radar's previous message; ``clock_off`` when a shift changes;
+            and ``time_impossible`` for a time that fits no stamp.
         """
         if time_of_day == NONE or time_of_day >= period:
             counts["no_time"] += 1
             known = self._last_ns.get(radar, self._latest_ns)
             return received_ns if received_ns is not None else known or self.midnight_ns
         time_ns = self._nearest(radar, time_of_day, period, received_ns)
-        if received_ns is not None and judged:
+        if received_ns is not None and check_clock:
             self._judge(radar, received_ns - time_ns, counts)
         shift_ns = 0 if received_ns is None else self.shift_ns.get(radar, 0)
         if not possible(time_ns + shift_ns):
@@ -126,12 +123,12 @@ class StreamClock:
         self._last_ns[radar] = self._latest_ns = time_ns
         return time_ns + shift_ns
 
-    def believes(self, time_ns: int, received_ns: int | None) -> bool:
-        """Return whether a message's time may be true, given when it was received."""
+    def is_plausible(self, time_ns: int, received_ns: int | None) -> bool:
+        """Return whether a message's time is plausible, given its time of receipt."""
         return received_ns is None or abs(received_ns - time_ns) <= self.max_offset_s * 1e9
 
     def _nearest(self, radar: int, time_of_day: int, period: int, received_ns: int | None) -> int:
-        """Return the time that is nearest to the best that is known of it."""
+        """Return the possible time that is nearest to the receipt or to the previous message."""
         near_ns = received_ns
         if near_ns is None:
             near_ns = self._last_ns.get(radar, self._latest_ns)
@@ -148,7 +145,7 @@ class StreamClock:
         return min(times_ns, key=lambda time_ns: abs(time_ns - near_ns))
 
     def _judge(self, radar: int, offset_ns: int, counts: Counter[str]) -> None:
-        """Shift the radar's times if they keep differing from those of the receipts."""
+        """Change the radar's shift if its times persistently differ from the receipts."""
         self.offset_s[radar] = offset_ns * 1e-9
         limit_ns = self.max_offset_s * 1e9
         if abs(offset_ns - self.shift_ns.get(radar, 0)) <= limit_ns:
@@ -156,7 +153,7 @@ class StreamClock:
             return
         off = [*self._off.get(radar, []), offset_ns][-LEAST_OFF:]
         self._off[radar] = off
-        # A clock that is off is so by the same each time; times that are anything are no clock's.
+        # A clock error is constant. Scattered errors do not come from a clock.
         if len(off) < LEAST_OFF or max(off) - min(off) > limit_ns:
             return
         del self._off[radar]
@@ -165,9 +162,9 @@ class StreamClock:
 
 
 def _in_day(begin_ns: int, time_of_day: int, period: int, near_ns: int) -> int:
-    """Return the time of a day that is nearest to another, given it modulo a period.
+    """Return the time of a day that is nearest to another time, given the time modulo a period.
 
-    Shorter periods do not divide the day, and begin again at midnight.
+    The counter restarts at midnight, because shorter periods do not divide the day.
     """
     own_ns, length_ns = time_of_day * NS_PER_TICK, period * NS_PER_TICK
     last = (NS_PER_DAY - 1 - own_ns) // length_ns

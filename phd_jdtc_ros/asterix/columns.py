@@ -1,4 +1,4 @@
-"""The plots of a sector or a slice as columns, in the conventions of the package's clouds."""
+"""Converts the plots of a sector or a slice to columns, in the conventions of the point clouds."""
 
 from __future__ import annotations
 
@@ -11,38 +11,37 @@ import numpy.typing as npt
 from .messages import NONE, Plot
 from .slices import SectorReport
 
-# Where an amplitude comes from, by the name of the choice: the echo's, the replies', or either.
+# Amplitude of a plot: the echo's or else the replies', the echo's only, or the replies' only.
 AMPLITUDES = ("any", "primary", "secondary")
-# A code or an address that is not known, in clouds.
+# Marks an unknown code or address in a cloud.
 UNKNOWN = 2**32 - 1
 
 
 def columns(
     report: SectorReport, sectors: int, noise_dbm: float, amplitude: str
 ) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of a cloud in order, arrays of shape (M,).
+    """Return the columns of a cloud in their order, arrays of shape (M,).
 
     Parameters
     ----------
-    report : SectorReport
     sectors : int
-        To a turn, a multiple of 4.
+        Number of sectors per turn; a multiple of 4.
     noise_dbm : float
-        Level of the receiver's noise; an amplitude of s dBm becomes an envelope of
-        ``sqrt(2 * 10^((s - noise_dbm) / 10))`` in units of the noise's deviation per quadrature.
+        Noise level of the receiver. An amplitude of s dBm becomes an envelope of ``sqrt(2 * 10^((s
+        - noise_dbm) / 10))`` in units of the noise's standard deviation per quadrature component.
     amplitude : str
         One of `AMPLITUDES`.
 
     Returns
     -------
     dict of name to array
-        ``x y z`` in the frame of the radar, whose x axis is east; ``range`` (slant, m),
-        ``azimuth`` (rad counter-clockwise from the x axis), ``elevation`` (0), ``amplitude`` (NaN
-        if unknown), ``time`` (s relative to the stamp), ``height`` (m, NaN if unknown), ``code``
-        and ``address`` (`UNKNOWN`
-        if unknown), ``kind`` (the TYP of I048/020), where one is known ``call_sign_high`` and
-        ``call_sign_low``, 24 bits each (`UNKNOWN` if unknown), and, if it is known, ``sector``,
-        counted counter-clockwise from the x axis as azimuths are.
+        ``x y z`` in the frame of the radar, whose x axis is east; ``range`` (slant, m), ``azimuth``
+        (rad counter-clockwise from the x axis), ``elevation`` (0), ``amplitude`` (NaN if unknown),
+        ``time`` (s relative to the stamp), ``height`` (m, NaN if unknown), ``code`` and ``address``
+        (`UNKNOWN` if unknown), and ``kind`` (the TYP of I048/020). If any call sign is known,
+        ``call_sign_high`` and ``call_sign_low`` follow, 24 bits each (`UNKNOWN` if unknown). If the
+        sector is known, ``sector`` follows, counted counter-clockwise from the x axis like
+        azimuths.
     """
     plots = report.plots
     fields = dict(zip(Plot._fields, zip(*plots, strict=True), strict=True)) if plots else {}

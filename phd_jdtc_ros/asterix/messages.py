@@ -1,7 +1,7 @@
-"""What messages of radars say, category by category, in SI units.
+"""The content of radar messages, independent of the category, in SI units.
 
-A record of a plot category becomes a `Plot`, one of a service category a `ServiceMessage`.
-Azimuths stay clockwise from north here, as radars count them.
+A record of a plot category becomes a `Plot`, and a record of a service category a `ServiceMessage`.
+Azimuths remain clockwise from north, as radars report them.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ NAUTICAL_MILE = 1852.0
 QUARTER_LEVEL = 7.62
 AZIMUTH_UNIT = 2.0 * math.pi / 2**16
 SECTOR_UNIT = 2.0 * math.pi / 2**8
-# Of latitudes and longitudes in I034/120, degrees.
+# Unit of latitude and longitude in I034/120, degrees.
 SITE_UNIT = 180.0 / 2**23
-# A code, an address, a time that a message does not say.
+# Marks a code, an address or a time that is absent from a message.
 NONE = -1
 # Kinds of plots, the TYP of I048/020.
 NO_DETECTION, PRIMARY, SECONDARY, COMBINED, ALL_CALL, ROLL_CALL = range(6)
@@ -44,15 +44,15 @@ class Plot(NamedTuple):
     azimuth : float
         Radians clockwise from north.
     height : float
-        By the flight level, or else measured, metres; NaN if unknown.
+        From the flight level, or else measured, metres; NaN if unknown.
     code, address : int
         Mode 3/A code and Mode S address; `NONE` if unknown.
     kind : int
-        Such as `PRIMARY`; 0 if unknown.
+        A kind such as `PRIMARY`; 0 if unknown.
     primary_dbm, secondary_dbm : float
         Amplitudes of the echo and of the replies, dBm; NaN if unknown.
     call_sign : int
-        Its 48 bits (I048/240); `NONE` if unknown.
+        The 48 bits of I048/240; `NONE` if unknown.
     """
 
     radar: int
@@ -70,7 +70,7 @@ class Plot(NamedTuple):
 
 
 class ServiceMessage(NamedTuple):
-    """What a radar says of itself.
+    """A radar's report on its own state.
 
     Parameters
     ----------
@@ -79,13 +79,13 @@ class ServiceMessage(NamedTuple):
     time_of_day : int
         UTC, 1/128 s; `NONE` if unknown.
     kind : int
-        `NORTH`, `SECTOR`, or another.
+        `NORTH`, `SECTOR`, or another kind.
     azimuth : float
-        That the antenna passes, radians clockwise from north; NaN if unknown.
+        Azimuth that the antenna passes, radians clockwise from north; NaN if unknown.
     rotation_s : float
-        Time of a turn; NaN if unknown.
+        Time of a turn, seconds; NaN if unknown.
     site : tuple of three floats or None
-        Where the radar stands: latitude and longitude, degrees, and height, metres.
+        Position of the radar: latitude and longitude, degrees, and height, metres.
     """
 
     radar: int

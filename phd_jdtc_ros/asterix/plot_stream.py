@@ -1,4 +1,4 @@
-"""Datagrams of several radars to the sectors, or slices of time, of each: the whole path in."""
+"""The whole input path: datagrams of several radars to sectors or slices of time of each radar."""
 
 from __future__ import annotations
 
@@ -14,30 +14,28 @@ from .clocks import StreamClock, possible
 from .messages import DAY, NONE, Message, Plot
 from .slices import SectorReport, TurnFinder, Unknown
 
-# Messages of a radar that wait until its clock is known.
+# Upper bound of a radar's messages that wait until its clock error is known.
 MAX_WAITING = 1000
-# Radars that are taken without being named; forged ones would fill the memory.
+# Upper bound of radars accepted without configuration; forged radar numbers would fill the memory.
 MAX_RADARS = 64
-# A second source of a radar is taken once the first has been silent for so long.
+# A second source of a radar is accepted after the first has been silent for this time.
 SOURCE_TIMEOUT_S = 10.0
 
 
 @dataclass(frozen=True)
 class RadarSettings:
-    """What is known of a radar.
+    """Configuration of a radar.
 
     Parameters
     ----------
-    name : str
     sectors : int
-        To a turn; a multiple of 4.
+        Number of sectors per turn; a multiple of 4.
     rotation_s : float
-        0 if it is not known.
+        Time of a turn, seconds; 0 if unknown.
     hold_sectors : int
         See `Assembler`.
     site : tuple of three floats or None
-        Latitude and longitude, degrees, and height of the antenna, metres; None if they are not
-        known.
+        Latitude and longitude, degrees, and height of the antenna, metres; None if unknown.
     """
 
     name: str
@@ -49,14 +47,14 @@ class RadarSettings:
 
 @dataclass(slots=True)
 class Seen:
-    """What the plots of a radar say of it.
+    """Statistics of a radar's plots.
 
     Attributes
     ----------
     nearest, farthest : float
         Slant ranges, metres.
     heights, codes, addresses, kinds, identified : int
-        Numbers of plots that have a height, a code, an address, a kind, or a code or an address.
+        Numbers of plots with a height, a code, an address, a kind, and a code or an address.
     """
 
     nearest: float = math.inf
@@ -68,7 +66,7 @@ class Seen:
     identified: int = 0
 
     def add(self, plot: Plot) -> None:
-        """Take a plot."""
+        """Add a plot to the statistics."""
         code, address = plot.code != NONE, plot.address != NONE
         self.nearest = min(self.nearest, plot.distance)
         self.farthest = max(self.farthest, plot.distance)
@@ -81,29 +79,29 @@ class Seen:
 
 @dataclass
 class RadarState:
-    """What became of one radar's messages.
+    """Progress and message counts of one radar.
 
     Attributes
     ----------
     plots, services, reports : int
-        Messages taken and sectors or slices made.
+        Numbers of accepted plots and service messages, and of reports made from them.
     counts : Counter
-        What was left out or bridged, by reason: those of `Assembler` and `StreamClock`, and
-        ``second_source``, messages from another address than the radar's, and ``source_changed``,
-        and ``time_off``, messages whose times are not near to when they were received. Plots of
-        such times are kept as they are, and no message of such a time says how the antenna turns
-        or that time has passed.
+        Numbers of skipped or bridged messages by reason: the reasons of `Assembler` and
+        `StreamClock`; ``second_source``, messages from another address than the radar's;
+        ``source_changed``; and ``time_off``, messages whose time is far from their receipt. Plots
+        with such a time are kept unchanged, but a message with such a time moves neither the
+        antenna nor the clock.
     sources : dict of kind to str
-        Where the radar's plots (`Plot`) and service messages (`ServiceMessage`) come from, which
-        may differ, if it is known.
+        Sources of the radar's plots (`Plot`) and service messages (`ServiceMessage`), which may
+        differ; absent if unknown.
     other_source : str or None
-        The last other one.
+        The latest refused source.
     time_ns : int
-        Of the last message.
+        Time of the latest message.
     seen : Seen
-        What its plots say.
+        Statistics of its plots.
     site : tuple of three floats or None
-        Where it stands, by its settings or else by itself (I034/120).
+        Position of the radar, from its configuration or else from I034/120.
     """
 
     settings: RadarSettings
@@ -121,10 +119,10 @@ class RadarState:
     _heard_ns: dict[type, int] = field(default_factory=dict)
 
     def belongs(self, kind: type, source: str | None, now_ns: int) -> bool:
-        """Return whether to take a message of a kind from this source.
+        """Return whether messages of this kind are accepted from this source.
 
-        Two sources of one radar are a second line for safety, or a second radar with the same
-        number. Of neither may both be taken.
+        A second source of a radar is a redundant line or another radar with the same number. In
+        neither case may messages of both sources be used.
         """
         if source is None:
             return True
@@ -139,29 +137,26 @@ class RadarState:
 
 
 class PlotStream:
-    """Takes datagrams, returns the radars' reports: sectors, or slices of time.
+    """Converts datagrams to the reports of radars: sectors, or slices of time.
 
     Parameters
     ----------
     radars : mapping of number to RadarSettings
-        By SAC in the upper and SIC in the lower eight bits. If it is empty all radars are taken,
-        under the name ``radar_SAC_SIC``.
+        Configured radars, by SAC in the upper and SIC in the lower eight bits. If it is empty, all
+        radars are accepted under the name ``radar_SAC_SIC``.
     others : RadarSettings
-        Of radars that are not named.
-    clock : StreamClock or None
+        Configuration of the radars that are not in `radars`.
     finders : callable
-        Returns what finds the turn of a radar without sector crossings.
+        Creates an estimator of the turn of a radar without sector crossings.
 
     Attributes
     ----------
-    blocks : BlockReader
     counts : Counter
-        What was left out of all radars' messages, by reason; that of `blocks`, and
-        ``unknown_radar`` and ``too_many_radars``, and ``receipt_time`` for datagrams with a time of
-        receipt that no stamp can say, which is then unknown.
-    radars : dict of number to RadarState
+        Numbers of skipped messages of all radars by reason: the reasons of `blocks`;
+        ``unknown_radar``; ``too_many_radars``; and ``receipt_time``, datagrams whose time of
+        receipt does not fit a stamp and is ignored.
     call_signs : CallSigns
-        Of all plots.
+        Call signs from all plots.
     """
 
     def __init__(
@@ -184,25 +179,23 @@ class PlotStream:
     def feed(
         self, data: bytes, received_ns: int | None = None, source: str | None = None
     ) -> list[tuple[RadarState, SectorReport]]:
-        """Return what is complete by a datagram, each with its radar, in order.
+        """Return the reports that a datagram completes, each with its radar, in order.
 
         Parameters
         ----------
-        data : bytes
         received_ns : int or None
-            When it came, since the epoch, if that is known.
+            Time of receipt since the epoch; None if unknown.
         source : str or None
-            Where it came from, if that is known.
+            Sender of the datagram; None if unknown.
         """
         return [each for found in self.work(data, received_ns, source) for each in found]
 
     def work(
         self, data: bytes, received_ns: int | None = None, source: str | None = None
     ) -> Iterator[list[tuple[RadarState, SectorReport]]]:
-        """Yield what is complete by each message of a datagram; parameters are those of `feed`.
+        """Yield the reports that each message of a datagram completes; parameters as in `feed`.
 
-        A datagram may have thousands of messages, and what asks for them one by one can do
-        something else in between.
+        A datagram may hold thousands of messages. The caller can do other work between them.
         """
         self.datagrams += 1
         if received_ns is not None and not possible(received_ns):
@@ -215,74 +208,74 @@ class PlotStream:
                 continue
             now_ns = state.time_ns if received_ns is None else received_ns
             own = state.belongs(type(message), source, now_ns)
-            yield self._dated(state, message, received_ns) if own else []
+            yield self._process(state, message, received_ns) if own else []
 
     def finish(self) -> list[tuple[RadarState, SectorReport]]:
-        """Return what waits: a recording has ended, or nothing comes any more."""
+        """Return all pending reports at the end of a recording or when the radars are silent."""
         found: list[tuple[RadarState, SectorReport]] = []
         for number, state in self.radars.items():
-            found += self._settled(number, state)
-            found += self._made(state, state.assembler.finish())
+            found += self._settle(number, state)
+            found += self._with_state(state, state.assembler.finish())
         return found
 
-    def _dated(
+    def _process(
         self, state: RadarState, message: Message, received_ns: int | None
     ) -> list[tuple[RadarState, SectorReport]]:
-        """Take a message once it is known how far its radar's clock is off."""
+        """Process a message, or keep it until its radar's clock error is known."""
         period = message.period if isinstance(message, Plot) else DAY
         settles = self.clock.settles(message.radar, message.time_of_day, period, received_ns)
         settles |= len(state.waiting) >= MAX_WAITING
         if not settles:
             state.waiting.append((message, received_ns))
             return []
-        found = self._settled(message.radar, state)
-        return found + self._made(state, self._taken(state, message, received_ns))
+        found = self._settle(message.radar, state)
+        return found + self._with_state(state, self._assemble(state, message, received_ns))
 
-    def _settled(self, number: int, state: RadarState) -> list[tuple[RadarState, SectorReport]]:
-        """Take the messages that have waited."""
+    def _settle(self, number: int, state: RadarState) -> list[tuple[RadarState, SectorReport]]:
+        """Process the messages that waited for the clock error."""
         self.clock.settle(number, state.counts)
         waiting, state.waiting = state.waiting, []
-        reports = [report for entry in waiting for report in self._taken(state, *entry)]
-        return self._made(state, reports)
+        reports = [report for entry in waiting for report in self._assemble(state, *entry)]
+        return self._with_state(state, reports)
 
     @staticmethod
-    def _made(
+    def _with_state(
         state: RadarState, reports: list[SectorReport]
     ) -> list[tuple[RadarState, SectorReport]]:
         state.reports += len(reports)
         return [(state, report) for report in reports]
 
-    def _taken(
+    def _assemble(
         self, state: RadarState, message: Message, received_ns: int | None
     ) -> list[SectorReport]:
         if isinstance(message, Plot):
-            period, judged = message.period, not state.services
+            period, check_clock = message.period, not state.services
         else:
-            period, judged = DAY, True
+            period, check_clock = DAY, True
         time_ns = self.clock.time_ns(
-            message.radar, message.time_of_day, period, received_ns, judged, state.counts
+            message.radar, message.time_of_day, period, received_ns, check_clock, state.counts
         )
         if time_ns is None:
             return []
         state.time_ns = time_ns
-        believed = self.clock.believes(time_ns, received_ns)
-        state.counts["time_off"] += not believed
+        plausible = self.clock.is_plausible(time_ns, received_ns)
+        state.counts["time_off"] += not plausible
         if isinstance(message, Plot):
             state.plots += 1
             state.seen.add(message)
             self.call_signs.take(message.address, message.call_sign)
-            if believed:
+            if plausible:
                 return state.assembler.add_plot(message, time_ns)
             state.assembler.keep_plot(message, time_ns)
             return []
         state.services += 1
         state.site = state.site or message.site
-        if not believed:
+        if not plausible:
             return []
         return state.assembler.add_service(message, time_ns)
 
     def _new(self, number: int) -> RadarState | None:
-        """Return the state of a radar that was not heard before, None if it is not taken."""
+        """Return the state of a new radar, None if the radar is not accepted."""
         if self._named:
             self.counts["unknown_radar"] += 1
             return None

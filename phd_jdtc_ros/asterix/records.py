@@ -1,8 +1,8 @@
-"""Records of plot and service categories to `messages`.
+"""Decodes records of plot and service categories to `messages`.
 
-Plots are of CAT048, CAT001 and CAT010, service messages of CAT034 and CAT002. A plot is left out,
-and counted, that has no radar, no position, is extrapolated by the radar, or is no target's: a
-test target or a field monitor.
+Plots come from CAT048, CAT001 and CAT010, service messages from CAT034 and CAT002. A plot is
+skipped and counted if it has no radar or no position, was extrapolated by the radar, or comes from
+a test target or a field monitor.
 """
 
 from __future__ import annotations
@@ -39,12 +39,7 @@ from .specification import layouts
 
 
 class RecordReader(ABC):
-    """Reads the records of a category.
-
-    Parameters
-    ----------
-    category : int
-    """
+    """Decodes the records of a category."""
 
     def __init__(self, category: int) -> None:
         self._layouts = layouts(category)
@@ -54,7 +49,7 @@ class RecordReader(ABC):
     def read(
         self, data: bytes, at: int, limit: int, counts: Counter[str]
     ) -> tuple[Message | None, int]:
-        """Return the message of the record at `at`, None if it is left out, and where it ends.
+        """Return the message of the record at `at`, None if it is skipped, and the record's end.
 
         Raises
         ------
@@ -65,7 +60,7 @@ class RecordReader(ABC):
 
     @abstractmethod
     def _message(self, data: bytes, begins: list[int], counts: Counter[str]) -> Message | None:
-        """Return what a record says; `begins` are where its items begin, in the layout's order."""
+        """Decode a record; `begins` has the beginning of each item in the layout's order."""
 
     def _radar(self, data: bytes, begins: list[int]) -> int:
         """Return SAC and SIC as one number, `NONE` if the record has none."""
@@ -86,21 +81,21 @@ def _time_of_day(data: bytes, at: int) -> int:
 
 
 def _code(data: bytes, at: int) -> int:
-    """Return a Mode 3/A code; it is unknown if it is garbled or not validated."""
+    """Return a Mode 3/A code; `NONE` if it is garbled or not validated."""
     if at < 0 or data[at] & 0xC0:
         return NONE
     return (data[at] & 0x0F) << 8 | data[at + 1]
 
 
 def _level(data: bytes, at: int) -> float:
-    """Return a flight level in metres; it is unknown if it is garbled or not validated."""
+    """Return a flight level in metres; NaN if it is garbled or not validated."""
     if at < 0 or data[at] & 0xC0:
         return math.nan
     return _quarters(data, at)
 
 
 def _quarters(data: bytes, at: int) -> float:
-    """Return 14 bits with a sign, of quarters of flight levels, in metres."""
+    """Return a signed 14-bit number of quarters of a flight level, in metres."""
     quarters = (data[at] & 0x3F) << 8 | data[at + 1]
     return QUARTER_LEVEL * (quarters - 2**14 if quarters & 0x2000 else quarters)
 
@@ -156,7 +151,7 @@ class Cat048(RecordReader):
 
 
 def _descriptor_048(data: bytes, at: int) -> tuple[int, str]:
-    """Return the kind of a plot, and why it is left out, if it is."""
+    """Return the kind of a plot, and the reason for skipping it, if there is one."""
     if at < 0:
         return 0, ""
     first = data[at]
@@ -171,7 +166,7 @@ def _descriptor_048(data: bytes, at: int) -> tuple[int, str]:
 
 
 def _of_plane(data: bytes, at: int) -> tuple[float, float]:
-    """Return range and azimuth of a position in the radar's plane."""
+    """Return range and azimuth of a Cartesian position in the radar's plane."""
     x, y = (int.from_bytes(data[k : k + 2], "big", signed=True) for k in (at, at + 2))
     unit = NAUTICAL_MILE / 128.0
     return unit * math.hypot(x, y), math.atan2(x, y) % (2.0 * math.pi)
@@ -180,22 +175,21 @@ def _of_plane(data: bytes, at: int) -> tuple[float, float]:
 def _amplitudes(data: bytes, at: int) -> tuple[float, float]:
     """Return the amplitudes of the primary plot and of the replies (I048/130), dBm, NaN for none.
 
-    All subitems of the item are of one byte, so that one is as many bytes on as others are before
-    it.
+    Each subitem has one byte, so the offset of a subitem is the number of subitems before it.
     """
     if at < 0:
         return math.nan, math.nan
-    chosen = data[at]
+    selected = data[at]
     primary = secondary = math.nan
-    if chosen & 0x20:
-        secondary = float(_signed(data[at + 1 + (chosen >> 6).bit_count()]))
-    if chosen & 0x08:
-        primary = float(_signed(data[at + 1 + (chosen >> 4).bit_count()]))
+    if selected & 0x20:
+        secondary = float(_signed(data[at + 1 + (selected >> 6).bit_count()]))
+    if selected & 0x08:
+        primary = float(_signed(data[at + 1 + (selected >> 4).bit_count()]))
     return primary, secondary
 
 
 class Cat001(RecordReader):
-    """Monoradar target reports of old radars; times have 16 bits only."""
+    """Monoradar target reports of old radars; their times have 16 bits only."""
 
     def __init__(self) -> None:
         super().__init__(1)
@@ -204,8 +198,9 @@ class Cat001(RecordReader):
     def read(
         self, data: bytes, at: int, limit: int, counts: Counter[str]
     ) -> tuple[Message | None, int]:
-        """Return the plot of the record at `at`, None if it is left out, and where it ends."""
-        # Which items follow depends on the first bit of an item that is at the same place in both.
+        """Return the plot of the record at `at`, None if it is skipped, and the record's end."""
+        # The first bit of item 020 selects the layout; both layouts have this item at the same
+        # place.
         kind = self._plots.first(data, at, limit, "020")
         layout = self._tracks if kind >= 0 and data[kind] & 0x80 else self._plots
         found, end = layout.walk(data, at, limit)
@@ -248,7 +243,7 @@ class Cat001(RecordReader):
         )
 
 
-# Kinds of surface reports (I010/020) as those of I048/020.
+# Kinds of surface reports (I010/020), as the corresponding kinds of I048/020.
 _SURFACE = {0: SECONDARY, 1: ROLL_CALL, 3: PRIMARY}
 
 
@@ -294,7 +289,7 @@ class Cat010(RecordReader):
 
 
 class Service(RecordReader):
-    """North marks and sector crossings: CAT034, and CAT002 of old radars, which is alike."""
+    """North marks and sector crossings of CAT034, and of CAT002 of old radars, which is similar."""
 
     def _message(
         self, data: bytes, begins: list[int], counts: Counter[str]
@@ -319,9 +314,9 @@ class Service(RecordReader):
 
 
 def _site(data: bytes, at: int) -> tuple[float, float, float] | None:
-    """Return the position of the data source (I034/120); None if there is none, or none possible.
+    """Return the position of the data source (I034/120), None if it is absent or implausible.
 
-    A radar that has never been told where it stands says zeros.
+    A radar whose position was never configured sends zeros.
     """
     if at < 0:
         return None
@@ -342,7 +337,7 @@ def prepare() -> None:
 
 @cache
 def reader(category: int) -> RecordReader | None:
-    """Return what reads a category, None for a category that is not read."""
+    """Return the decoder of a category, None if the category is not supported."""
     if category in (2, 34):
         return Service(category)
     kinds: dict[int, Callable[[], RecordReader]] = {1: Cat001, 10: Cat010, 48: Cat048}

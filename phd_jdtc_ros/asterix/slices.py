@@ -1,7 +1,7 @@
-"""The plots of one radar to slices of time, each complete when no plot of it is expected any more.
+"""Cuts the plots of one radar into slices of time, each sent when its plots are complete.
 
-How late plots come is learned from the plots: from how far the radar's latest message is ahead of
-a plot's own time when the plot comes.
+The delay of plots is learned from the plots: it is the lead of the radar's latest message over a
+plot's own time when the plot arrives.
 """
 
 from __future__ import annotations
@@ -13,33 +13,32 @@ from typing import NamedTuple, Protocol
 
 from .messages import Plot
 
-# Plots that wait for their slice's or sector's end. More are lost, the oldest first.
+# Upper bound of plots that wait for the end of their slice or sector; the oldest are dropped first.
 MAX_PENDING = 20_000
-# Two messages that are so much behind the latest say that the times have gone back.
+# Two messages this far behind the latest show that the times have gone back.
 BACK_NS = 60 * 10**9
-# A slice is an eighth of a turn; and no shorter than this, as an antenna on an airport turns in a
+# A slice is 1/PARTS of a turn, but at least SHORTEST_NS, because an airport radar turns in a
 # second.
 PARTS, SHORTEST_NS = 8, 250_000_000
-# After a longer time without plots the radar was off, and no empty slices are sent for it.
+# After this time without plots the radar counts as off, and no empty slices are sent.
 SILENCE_NS = 15 * 10**9
-# How late plots may be: at most, as assumed at first, and how long that is remembered.
+# Upper bound and initial value of the plots' delay, and the time over which its maximum is kept.
 LATEST_NS, MEMORY_NS = 2 * 10**9, 60 * 10**9
-# A slice waits for so much more than plots were late.
+# Factor on the delay of plots for which a slice waits.
 MARGIN = 1.25
 
 
 class SectorReport(NamedTuple):
-    """The plots of a sector, or of a slice of time.
+    """The plots of a sector or a slice of time.
 
     Parameters
     ----------
     stamp_ns : int
-        The slice's end, or when the antenna passed the sector's.
+        End of the slice, or the time at which the antenna passed the end of the sector.
     sector : int or None
-        Counted clockwise from north, from 0; None of a slice.
+        Index from 0, clockwise from north; None for a slice.
     times_ns : list of int
-        Of the plots.
-    plots : list of Plot
+        Times of the plots.
     """
 
     stamp_ns: int
@@ -50,16 +49,16 @@ class SectorReport(NamedTuple):
 
 @dataclass
 class Lateness:
-    """The largest of recent values, of the last one to two spans of time.
+    """Maximum of recent values, over one to two spans of time.
 
     Parameters
     ----------
     most : int
-        Larger values are not believed.
+        Larger values are ignored.
     start : int
-        What counts until a span has passed.
+        Value that holds until a span has passed.
     memory_ns : int
-        The length of a span.
+        Length of a span.
     """
 
     most: int
@@ -72,11 +71,11 @@ class Lateness:
 
     @property
     def value(self) -> int:
-        """The largest."""
+        """The current maximum."""
         return max(self._before, self._now)
 
     def take(self, value: int, time_ns: int) -> None:
-        """Take a value of a time."""
+        """Add a value at a time."""
         if self._since_ns is None:
             self._since_ns = time_ns
         if abs(time_ns - self._since_ns) >= self.memory_ns:
@@ -86,44 +85,43 @@ class Lateness:
 
 
 class TurnFinder(Protocol):
-    """What finds the time of a turn in plots."""
+    """Estimates the time of a turn from plots."""
 
     @property
     def turn_s(self) -> float:
-        """Time of a turn, seconds; 0 if it is not known."""
+        """Time of a turn, seconds; 0 if unknown."""
 
     def add(self, azimuth: float, time_ns: int) -> None:
-        """Take a plot's azimuth, radians clockwise from north, and its time."""
+        """Add a plot's azimuth, radians clockwise from north, and its time."""
 
     def begin_again(self) -> None:
-        """Forget the plots, as times have gone back, but not the turn."""
+        """Forget the plots because times have gone back, but keep the turn."""
 
 
 @dataclass
 class Unknown:
-    """Finds nothing."""
+    """A turn finder for radars whose turn remains unknown."""
 
     turn_s: float = 0.0
 
     def add(self, azimuth: float, time_ns: int) -> None:
-        """Leave a plot alone."""
+        """Ignore a plot."""
 
     def begin_again(self) -> None:
-        """There is nothing to forget."""
+        """Do nothing, because there are no plots to forget."""
 
 
 @dataclass
 class Slicer:
-    """Cuts plots by their times alone.
+    """Cuts plots into slices by their times alone.
 
     Parameters
     ----------
     rotation_s : float
-        Time of a turn, seconds, until the plots tell it; 0 if it is not known.
+        Time of a turn, seconds, until it is estimated from plots; 0 if unknown.
     counts : Counter
-        Gains ``late_plots``, plots that came after their slice was sent and go with the next one,
-        and ``overflow``, plots that were too many to keep.
-    finder : TurnFinder
+        Gains ``late_plots``, plots that arrived after their slice was sent and go with the next
+        one, and ``overflow``, plots dropped because too many waited.
     """
 
     rotation_s: float
@@ -134,10 +132,10 @@ class Slicer:
     def __post_init__(self) -> None:
         self._lateness = Lateness(LATEST_NS, round(LATEST_NS / MARGIN), MEMORY_NS)
         self._pending: list[tuple[int, Plot]] = []
-        # Plots of times that are not believed, which go with the next slice.
+        # Plots with implausible times, which go with the next slice.
         self._aside: list[tuple[int, Plot]] = []
-        # The end of the last slice sent, the latest time that two messages have reached, and the
-        # time of the last message.
+        # End of the last slice sent, the latest time that two messages have reached, and the time
+        # of the last message.
         self._sent_ns = 0
         self._latest_ns = 0
         self._last_ns: int | None = None
@@ -148,7 +146,7 @@ class Slicer:
         return max(SHORTEST_NS, round(turn_s * 1e9 / PARTS))
 
     def add(self, plot: Plot, time_ns: int) -> list[SectorReport]:
-        """Take a plot; return the slices that are complete by it."""
+        """Add a plot, and return the slices that it completes."""
         found = self.advance(time_ns)
         self.finder.add(plot.azimuth, time_ns)
         self._lateness.take(max(self._latest_ns - time_ns, 0), self._latest_ns)
@@ -157,25 +155,25 @@ class Slicer:
         return found
 
     def keep(self, plot: Plot, time_ns: int) -> None:
-        """Take a plot that came before."""
+        """Add an earlier plot, which completes no slice."""
         insort(self._pending, (time_ns, plot), key=_time_of)
         if len(self._pending) > MAX_PENDING:
-            # Those of times far ahead would wait for ever, and take the place of all others.
+            # Plots far ahead would wait forever and displace all others.
             ahead = self._pending[-1][0] > self._latest_ns + SILENCE_NS
             del self._pending[-1 if ahead else 0]
             self.counts["overflow"] += 1
 
     def keep_aside(self, plot: Plot, time_ns: int) -> None:
-        """Take a plot whose time says nothing of slices."""
+        """Add a plot with an implausible time, which goes with the next slice."""
         if len(self._aside) < MAX_PENDING:
             self._aside.append((time_ns, plot))
         else:
             self.counts["overflow"] += 1
 
     def advance(self, time_ns: int) -> list[SectorReport]:
-        """Take the time of a message of the radar; return the slices that are complete by it.
+        """Process the time of a radar's message, and return the slices that it completes.
 
-        One message with a wrong time moves nothing; two of them do.
+        A single message with a wrong time has no effect; two of them have.
         """
         last_ns = time_ns if self._last_ns is None else self._last_ns
         self._last_ns = time_ns
@@ -188,19 +186,18 @@ class Slicer:
         return self._until(self._latest_ns - round(MARGIN * self._lateness.value))
 
     def take(self) -> list[tuple[int, Plot]]:
-        """Give away the plots that wait, by time."""
+        """Remove and return the pending plots, sorted by time."""
         pending, self._pending = self._pending, []
         return pending
 
     def begin(self, time_ns: int) -> None:
-        """Begin slices at a time up to which plots have been reported otherwise."""
+        """Begin slices at a time until which plots have been reported by sector."""
         self._sent_ns = max(self._sent_ns, time_ns)
 
     def finish(self) -> list[SectorReport]:
-        """Return the slices of all plots that wait.
+        """Return the slices of all pending plots.
 
-        Plots of times far ahead, which nothing else has reached, and those that were kept aside go
-        with the last one.
+        The last slice includes plots far ahead of all messages, and the plots kept aside.
         """
         far = bisect_left(self._pending, self._latest_ns + SILENCE_NS, key=_time_of)
         ahead, self._pending = self._pending[far:], self._pending[:far]
@@ -219,8 +216,8 @@ class Slicer:
     def _until(self, time_ns: int) -> list[SectorReport]:
         """Return the slices that end by a time.
 
-        One without plots is a slice too: there the antenna saw nothing. After a long silence
-        slices begin again with the next plot.
+        A slice without plots is returned too, because the antenna saw nothing there. After a long
+        silence slices begin again with the next plot.
         """
         found = []
         while (end_ns := self._end_ns()) is not None and end_ns <= time_ns:
@@ -228,7 +225,7 @@ class Slicer:
         return found
 
     def _end_ns(self) -> int | None:
-        """Return when the next slice ends; None if that is not known before the next plot."""
+        """Return the end of the next slice, None if it depends on the next plot."""
         width_ns = self._width_ns
         first_ns = self._pending[0][0] if self._pending else self._latest_ns
         if self._sent_ns and first_ns - self._sent_ns < SILENCE_NS:
@@ -238,7 +235,7 @@ class Slicer:
         return (max(first_ns, self._sent_ns) // width_ns + 1) * width_ns
 
     def _next(self) -> SectorReport:
-        """Return the next slice."""
+        """Return the next slice with its plots."""
         end_ns = self._end_ns() or self._sent_ns
         count = bisect_left(self._pending, end_ns, key=_time_of)
         taken, self._aside = self._pending[:count] + self._aside, []

@@ -1,8 +1,8 @@
 """The items of ASTERIX categories, compiled from libasterix's specification for a fast walk.
 
-libasterix parses a record into objects of every bit, which takes half a millisecond. Here each
-item becomes a rule that says where it ends, and each selection of items (FSPEC) a plan that is
-kept, so that a record is walked in some microseconds and only what is needed is read.
+libasterix parses a record into an object for every bit, which takes half a millisecond. Here each
+item becomes a rule that finds its end, and each selection of items (FSPEC) becomes a plan that is
+cached. Walking a record then takes a few microseconds, and only the needed items are decoded.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, TypeAlias
 
-# Selections of items that are kept. A radar uses a few dozen; hostile ones would fill the memory.
+# Upper bound of cached plans. A radar uses a few dozen; hostile data would fill the memory.
 MAX_PLANS = 4096
 
 
 class MalformedError(ValueError):
-    """Bytes that are no such record.
+    """A record that does not conform to its specification.
 
     Parameters
     ----------
@@ -33,36 +33,36 @@ class MalformedError(ValueError):
 
 
 class Rule(ABC):
-    """Where an item ends."""
+    """Finds the end of an item."""
 
     size: int | None = None
     """Length in bytes if it is always the same."""
 
     @abstractmethod
     def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return where the item that begins at `at` ends, which may be beyond `limit`.
+        """Return the end of the item that begins at `at`; it may be beyond `limit`.
 
         Raises
         ------
         MalformedError
-            If what would tell the length is beyond `limit`, or does not fit the specification.
+            If the bytes that give the length are beyond `limit` or violate the specification.
         """
 
 
 @dataclass(frozen=True)
 class Fixed(Rule):
-    """An item of one length."""
+    """An item of fixed length."""
 
     size: int
 
     def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return where it ends."""
+        """Return the item's end."""
         return at + self.size
 
 
 @dataclass(frozen=True)
 class Extended(Rule):
-    """Parts, each with a bit (FX) that says whether the next follows.
+    """Parts, each with a bit (FX) that announces the next part.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Extended(Rule):
     last_extends: bool
 
     def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return where it ends."""
+        """Return the item's end."""
         last = len(self.parts) - 1
         for index, size in enumerate(self.parts):
             at += size
@@ -91,13 +91,13 @@ class Extended(Rule):
 
 @dataclass(frozen=True)
 class Counted(Rule):
-    """A number, and so many entries of one length."""
+    """A count, followed by that number of entries of one length."""
 
     count_size: int
     entry_size: int
 
     def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return where it ends."""
+        """Return the item's end."""
         begin = at + self.count_size
         if begin > limit:
             raise MalformedError("truncated")
@@ -106,12 +106,12 @@ class Counted(Rule):
 
 @dataclass(frozen=True)
 class Chained(Rule):
-    """Entries of one length, each with a bit (FX) that says whether another follows."""
+    """Entries of one length, each with a bit (FX) that announces the next entry."""
 
     entry_size: int
 
     def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return where it ends."""
+        """Return the item's end."""
         at += self.entry_size
         while at <= limit:
             if not data[at - 1] & 1:
@@ -122,10 +122,10 @@ class Chained(Rule):
 
 @dataclass(frozen=True)
 class Explicit(Rule):
-    """Bytes whose number is the first of them."""
+    """Bytes preceded by their number, which counts itself."""
 
     def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return where it ends."""
+        """Return the item's end."""
         if at >= limit:
             raise MalformedError("truncated")
         if not data[at]:
@@ -135,20 +135,20 @@ class Explicit(Rule):
 
 @dataclass(frozen=True)
 class Compound(Rule):
-    """A selection of subitems, and these.
+    """A selection of subitems, followed by the selected subitems.
 
     Parameters
     ----------
     rules : tuple of (Rule or None)
-        Of the subitems in the order of the selection's bits; None for a spare bit.
+        Rules of the subitems in the order of the selection's bits; None for a spare bit.
     """
 
     rules: tuple[Rule | None, ...]
-    # By the only byte of a selection, where all that it selects are of fixed length.
+    # Cached length by the selection's single byte, if all selected subitems have fixed lengths.
     _sizes: dict[int, int] = field(default_factory=dict, repr=False, compare=False)
 
     def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return where it ends."""
+        """Return the item's end."""
         first = data[at] if at < limit else 1
         if first in self._sizes:
             return at + self._sizes[first]
@@ -169,12 +169,12 @@ class Compound(Rule):
 
 @dataclass(frozen=True)
 class RandomSequence(Rule):
-    """A number, and so many items of the record in any order, each after its own number."""
+    """A count, followed by that number of items in any order, each after its item number."""
 
     rules: Sequence[Rule | None] = field(repr=False)
 
     def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return where it ends."""
+        """Return the item's end."""
         if at >= limit:
             raise MalformedError("truncated")
         count, at = data[at], at + 1
@@ -190,14 +190,12 @@ class RandomSequence(Rule):
 
 
 def selection(data: bytes, at: int, limit: int, most: int) -> tuple[list[int], int]:
-    """Return the positions of the bits that a field specification (FSPEC) sets, and where it ends.
+    """Return the positions of the bits that a field specification (FSPEC) sets, and its end.
 
     Parameters
     ----------
-    data : bytes
-    at, limit : int
     most : int
-        Number of items that there are.
+        Number of defined items.
 
     Raises
     ------
@@ -226,13 +224,14 @@ Segment: TypeAlias = "tuple[tuple[tuple[int, int], ...], int, Rule | None, int]"
 
 @dataclass(frozen=True)
 class Plan:
-    """How a record with one selection of items is walked.
+    """Steps for walking a record with one selection of items.
 
     Parameters
     ----------
     segments : tuple of Segment
-        Each is a run of items of fixed length, as pairs of the item's place and its offset in the
-        run, the length of the run, and then an item of variable length with its place, or None.
+        Each segment is a run of fixed-length items (pairs of an item's index and its offset in the
+        run), the length of the run, and the index and rule of the variable-length item that
+        follows, or None.
     """
 
     segments: tuple[Segment, ...]
@@ -240,14 +239,12 @@ class Plan:
 
 @dataclass
 class Layout:
-    """The items of a kind of record.
+    """The items of one kind of record.
 
     Parameters
     ----------
-    names : tuple of (str or None)
-        Of the items in the order of the bits of a record's field specification; None for spare
+    Names in the order of the bits of a record's field specification; None for spare bits.
         bits.
-    rules : tuple of (Rule or None)
     """
 
     names: tuple[str | None, ...]
@@ -259,7 +256,7 @@ class Layout:
         self._none = [-1] * len(self.rules)
 
     def walk(self, data: bytes, at: int, limit: int) -> tuple[list[int], int]:
-        """Return where each item of the record at `at` begins, -1 for none, and the record's end.
+        """Return each item's beginning in the record at `at`, -1 if absent, and the record's end.
 
         Raises
         ------
@@ -271,7 +268,7 @@ class Layout:
         key = data[at : end + 1]
         plan = self._plans.get(key)
         if plan is None:
-            plan = self._planned(key)
+            plan = self._plan(key)
         at = end + 1
         begins = self._none.copy()
         for offsets, size, rule, place in plan.segments:
@@ -286,7 +283,7 @@ class Layout:
         return begins, at
 
     def first(self, data: bytes, at: int, limit: int, name: str) -> int:
-        """Return where an item begins that only items of fixed length can be before, -1 for none.
+        """Return the beginning of an item, -1 if absent; only fixed-length items may precede it.
 
         Raises
         ------
@@ -299,8 +296,8 @@ class Layout:
             at += getattr(self.rules[index], "size", None) or 0
         return -1
 
-    def _planned(self, key: bytes) -> Plan:
-        """Return the plan of a selection of items and keep it."""
+    def _plan(self, key: bytes) -> Plan:
+        """Return the cached plan of a selection of items."""
         chosen, _ = selection(key, 0, len(key), len(self.rules))
         if not chosen:
             raise MalformedError("empty_record")
@@ -327,16 +324,16 @@ class Layout:
 
 @cache
 def layouts(category: int) -> dict[str, Layout]:
-    """Return the kinds of records of a category by name; a category with one kind has ``""``.
+    """Return the layouts of a category by the name of the record kind, ``""`` if there is one kind.
 
-    The newest edition is used. Editions of one category only add to each other.
+    The newest edition is used; later editions of a category only add items.
 
     Raises
     ------
     KeyError
         If libasterix does not know the category.
     """
-    # Here, because it takes a second and half, and 70 MB.
+    # Imported here because the import takes 1.5 s and 70 MB.
     from asterix import generated
 
     uap: Any = generated.manifest["CATS"][category][-1].cv_uap
@@ -355,13 +352,14 @@ def _layout(record: Any) -> Layout:
             rules.append(_rule(item.cv_non_spare.cv_rule))
         else:
             names.append(None)
-            # The items of a sequence are known once all are.
+            # The rules of a random sequence include those of the items after it, so the list is
+            # shared.
             rules.append(RandomSequence(rules) if issubclass(item, base.UapItemRFS) else None)
     return Layout(tuple(names), tuple(rules))
 
 
 def _rule(rule: Any) -> Rule:
-    """Return the rule of an item that may depend on another, which changes no length."""
+    """Return the rule of an item; alternatives that depend on another item have equal lengths."""
     return _of_variation(getattr(rule, "cv_variation", None) or rule.cv_default_variation)
 
 
@@ -386,5 +384,5 @@ def _of_variation(kind: Any) -> Rule:
 
 
 def _bits(part: Sequence[tuple[Any, int] | None]) -> int:
-    """Return the length of a part of an extended item; None is the bit that extends it."""
+    """Return the length of a part of an extended item, bits; None stands for the FX bit."""
     return sum(1 if entry is None else entry[1] for entry in part)

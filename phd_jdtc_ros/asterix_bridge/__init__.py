@@ -1,1 +1,1 @@
-"""What the node and the offline tool of the ASTERIX bridge share: settings, clouds and tracks."""
+"""Settings, clouds and tracks of the ASTERIX bridge, shared by its node and its offline tool."""

@@ -1,4 +1,4 @@
-"""Sectors and slices of plots as clouds."""
+"""Converts sectors and slices of plots to clouds."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from .settings import Amplitudes
 
 
 def cloud(report: SectorReport, radar: str, sectors: int, amplitudes: Amplitudes) -> PointCloud2:
-    """Return the cloud of a sector or a slice, in the frame that has the radar's name.
+    """Return the cloud of a sector or a slice, in the frame with the radar's name.
 
-    Fields are those of `columns`; all are FLOAT32, but for ``code address call_sign_high
-    call_sign_low sector``, UINT32, and ``kind``, UINT8.
+    The fields are those of `columns`. All are FLOAT32, except for ``code address call_sign_high
+    call_sign_low sector`` (UINT32) and ``kind`` (UINT8).
     """
     found = columns(report, sectors, amplitudes.noise_dbm, amplitudes.choice)
     return point_cloud.encode(report.stamp_ns, radar, found)
 
 
 def learn_call_signs(cloud: PointCloud2, call_signs: CallSigns) -> None:
-    """Take the call signs of such a cloud; of another one there are none."""
+    """Add the call signs of a cloud, which has none unless `cloud` made it."""
     wanted = ("address", "call_sign_high", "call_sign_low")
     if not {*wanted} <= {*point_cloud.field_names(cloud)}:
         return

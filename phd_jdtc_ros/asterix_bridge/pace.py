@@ -1,4 +1,4 @@
-"""A recording in the order in which it is played: truth, datagrams, and what these lead to."""
+"""Plans the playback of a recording: truth, datagrams, and the clouds and scans they complete."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros.asterix import framing
 from phd_jdtc_ros.asterix.clocks import StreamClock
-from phd_jdtc_ros.asterix.datagram import RecordingError
 from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
+from phd_jdtc_ros.asterix.transport import framing
+from phd_jdtc_ros.asterix.transport.datagram import RecordingError
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage
 from phd_jdtc_ros.configuration.build import TrackerConfig
@@ -24,18 +24,18 @@ from .settings import Bridge
 
 
 class Step(NamedTuple):
-    """A datagram of a recording.
+    """A datagram of a recording with its effects.
 
     Parameters
     ----------
     data : bytes
-        Empty at the end.
+        Data of the datagram; empty at the end.
     clouds : tuple of (str, int)
-        Radar and stamp, ns, of each cloud that a bridge makes once it has this datagram.
+        Radar and stamp, ns, of each cloud that the bridge completes with this datagram.
     scans : int
-        Number of scans that a tracker steps once it has these clouds.
+        Number of scans that the tracker steps with these clouds.
     truth : tuple of BagMessage
-        What is to be published before.
+        Truth messages to publish before the datagram.
     """
 
     data: bytes
@@ -50,19 +50,19 @@ def steps(
     """Yield the datagrams of a recording, each with the truth up to the clouds that it completes.
 
     Times are those of a bridge with the same parameters and ``replayed``. The last step has no
-    datagram, and the rest of the truth.
+    datagram; it has the remaining truth.
 
     Raises
     ------
     BagError
-        If the file is no recording of ASTERIX.
+        If the file is not a recording of ASTERIX.
     """
     stream = bridge.stream(StreamClock())
     scans = _Scans(bridge, config)
     waiting = iter(truth)
     upcoming = next(waiting, None)
     try:
-        with framing.opened(path) as data:
+        with framing.open_recording(path) as data:
             for received in framing.datagrams(data, None, Counter()):
                 reports = stream.feed(received.data)
                 made = tuple((state.settings.name, each.stamp_ns) for state, each in reports)
@@ -80,7 +80,7 @@ def steps(
 
 
 class _Scans:
-    """Counts the scans that a tracker steps, by what groups its reports."""
+    """Counts the scans that a tracker steps, with the tracker's own grouping of reports."""
 
     def __init__(self, bridge: Bridge, config: TrackerConfig) -> None:
         self._bridge = bridge

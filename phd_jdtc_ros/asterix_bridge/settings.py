@@ -1,4 +1,4 @@
-"""The bridge's parameters, of the node and of the offline tool, and what they describe."""
+"""The ASTERIX bridge's parameters, for the node and the offline tool, and their settings."""
 
 from __future__ import annotations
 
@@ -7,164 +7,177 @@ from dataclasses import dataclass
 from typing import Any
 
 from msg_adapters import names
-from phd_jdtc_ros.asterix import udp
 from phd_jdtc_ros.asterix.assembly import LEARNED
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.columns import AMPLITUDES
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
-from phd_jdtc_ros.asterix.tracks_out import Source
-from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, with_members
+from phd_jdtc_ros.asterix.transport import udp
+from phd_jdtc_ros.asterix.writing.tracks import Source
+from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
+from phd_jdtc_ros.configuration import replaced
+from phd_jdtc_ros.configuration.schema import (
+    ConfigError,
+    Parameter,
+    check,
+    parameter,
+    table,
+    with_members,
+)
 from phd_jdtc_ros.earth import SystemPlane
 
 from .tracks import TrackOutput
 
-# What each radar may have of its own; the same without a radar's name is for all.
-# Each is a socket and has a buffer.
+# Upper bound of input addresses, each of which needs a socket and a buffer.
 MOST_INPUTS = 64
-OF_ANY_RADAR = (
-    Parameter(
-        "sectors",
+# Longest prediction of estimates, seconds: some turns of a radar. Tracks without newer estimates
+# end after it.
+MAX_PREDICTION_S = 10.0
+
+
+@dataclass(frozen=True)
+class OfAnyRadar:
+    """Parameters that apply to all radars and can be overridden under a radar's name."""
+
+    sectors: int = parameter(
         32,
         "Number of clouds to a turn, where the radar sends sector crossings; a multiple of 4, and "
         "no more than the radar's own sectors if clouds are to come as evenly as those.",
         4,
         256,
-    ),
-    Parameter(
-        "rotation_s",
+    )
+    rotation_s: float = parameter(
         0.0,
         "Time of a turn of the antenna, s, about; 0 to find it out. Without sector crossings a "
         "cloud is of an eighth of it.",
         0.0,
         60.0,
-    ),
-    Parameter(
-        "hold_sectors",
+    )
+    hold_sectors: int = parameter(
         LEARNED,
         "Number of further sectors that a sector waits for late plots, where the radar sends "
         "sector crossings; late_plots in the diagnostics counts those that came later. -1: as many "
         "as they need.",
         LEARNED,
         32,
-    ),
-    Parameter(
-        "amplitude",
+    )
+    amplitude: str = parameter(
         "any",
         "Where amplitudes are from. primary: PAM of I048/130; secondary: SAM; any: PAM if there "
         "is one, or else SAM.",
         choices=AMPLITUDES,
-    ),
-    Parameter(
-        "amplitude_offset_db",
+    )
+    amplitude_offset_db: float = parameter(
         100.0,
         "What is added to an amplitude in dBm to give the SNR in dB: the receiver's noise level "
         "with the opposite sign. The envelope is then sqrt(2 * 10^(SNR / 10)).",
         -200.0,
         300.0,
-    ),
-)
-RADAR = (
-    Parameter("sac", 0, "System area code of the radar.", 0, 255),
-    Parameter("sic", 0, "System identification code of the radar.", 0, 255),
-    Parameter(
-        "geodetic",
+    )
+
+
+@dataclass(frozen=True)
+class OfRadar(OfAnyRadar):
+    """What each radar has."""
+
+    source: list[float] = parameter(
+        [0, 0], "System area and identification code (SAC and SIC) of the radar.", 0, 255, length=2
+    )
+    geodetic: list[float] = parameter(
         [],
         "Latitude and longitude (degrees, WGS84) and height (m) of its antenna, for the "
         "parameters that are written beside a bag; empty if they are not known, or if it says them "
         "(I034/120).",
-    ),
-    *OF_ANY_RADAR,
-)
-IN = (
-    Parameter(
-        "radars",
+    )
+
+
+@dataclass(frozen=True)
+class In(OfAnyRadar):
+    """What is told of the plots that come in."""
+
+    radars: list[str] = parameter(
         [],
-        "Names of the radars, each with its sac and sic; all others are left out. If empty every "
+        "Names of the radars, each with its source; all others are left out. If empty every "
         "radar is taken, as radar_SAC_SIC.",
         element=str,
         most=MAX_RADARS,
-    ),
-    *OF_ANY_RADAR,
-    Parameter(
-        "max_clock_offset_s",
+    )
+    max_clock_offset_s: float = parameter(
         10.0,
         "A radar whose times differ by more from those of their receipt has a wrong clock; its "
         "times are then shifted by the difference, s.",
         0.5,
         86400.0,
-    ),
-)
-OUT = (
-    Parameter(
-        "output_period_s",
+    )
+
+
+@dataclass(frozen=True)
+class Out:
+    """What is told of the tracks that go out."""
+
+    output_period_s: float = parameter(
         1.0,
         "Time between outputs of all tracks, predicted to the time of output, s; 0 for one with "
         "each cloud of estimates.",
         0.0,
         60.0,
-    ),
-    Parameter("output_sac", 0, "System area code of the tracker.", 0, 255),
-    Parameter("output_sic", 1, "System identification code of the tracker.", 0, 255),
-    Parameter("output_service", 1, "Number of the service (I062/015).", 0, 255),
-    Parameter(
-        "world_origin",
+    )
+    output_source: list[float] = parameter(
+        [0, 1, 1],
+        "System area and identification code of the tracker, and number of the service (I062/015).",
+        0,
+        255,
+        length=3,
+    )
+    world_origin: list[float] = parameter(
         [],
         "Latitude (degrees), longitude (degrees) and height (m) of the map's zero, as the tracker "
         "has it; empty for tracks without latitudes and longitudes, whose heights are above the "
         "map's zero.",
-    ),
-    Parameter(
-        "output_heights",
+    )
+    output_heights: str = parameter(
         "pressure",
         "What heights of tracks are. pressure: of the standard atmosphere, as flight levels are "
         "(I062/136 and 135); geometric: I062/130.",
         choices=("pressure", "geometric"),
-    ),
-    Parameter(
-        "max_prediction_s",
-        10.0,
-        "Longest time for which estimates are predicted, s; without newer ones the tracks then "
-        "end.",
-        0.1,
-        3600.0,
-    ),
-)
-OF_FILES = (*IN, *OUT)
-OF_NODE = (
-    Parameter("autostart", True, "Configure and activate the node by itself at the start."),
-    Parameter(
-        "inputs",
+    )
+
+
+@dataclass(frozen=True)
+class OfNode:
+    """What is told to the node only."""
+
+    autostart: bool = parameter(True, "Configure and activate the node by itself at the start.")
+    inputs: list[str] = parameter(
         ["127.0.0.1:8600"],
         "What to receive: addresses of this machine or of multicast groups, with ports; empty for "
         "nothing.",
         element=str,
         most=MOST_INPUTS,
-    ),
-    Parameter(
-        "interface",
+    )
+    interface: str = parameter(
         "",
         "Address of the network interface for multicast groups, in and out; empty for the "
         "system's choice.",
-    ),
-    Parameter(
-        "replayed",
+    )
+    replayed: bool = parameter(
         False,
         "What comes is a recording that is played. Times of receipt are then not used: the first "
         "message is of 1970-01-01, as for a file without --date.",
-    ),
-    Parameter(
-        "output", "", "Where to send tracks: an address or a group, with a port; empty for nowhere."
-    ),
-    Parameter("estimates_topic", names.estimates("filtered"), "Topic of the estimates to send."),
-)
-TABLE = (*OF_FILES, *OF_NODE)
+    )
+    output: str = parameter(
+        "", "Where to send tracks: an address or a group, with a port; empty for nowhere."
+    )
+
+
+RADAR = table(OfRadar)
+OF_FILES = (*table(In), *table(Out))
+TABLE = (*OF_FILES, *table(OfNode))
 
 
 @dataclass(frozen=True)
 class Amplitudes:
-    """How a radar's amplitudes are read; see `OF_ANY_RADAR`."""
+    """The conversion of a radar's amplitudes; see `OF_ANY_RADAR`."""
 
     choice: str
     noise_dbm: float
@@ -172,17 +185,16 @@ class Amplitudes:
 
 @dataclass(frozen=True)
 class Bridge:
-    """What comes in, as parameters describe it.
+    """The bridge's input as its parameters describe it.
 
     Parameters
     ----------
     values : dict of name to value
         All parameters.
-    table : dict of name to Parameter
     radars : dict of number to RadarSettings
-        By SAC and SIC.
+        Configured radars by SAC and SIC.
     others : RadarSettings
-        Of radars without a name.
+        Settings of all other radars.
     """
 
     values: dict[str, Any]
@@ -191,53 +203,53 @@ class Bridge:
     others: RadarSettings
 
     def amplitudes(self, radar: str) -> Amplitudes:
-        """Return how the amplitudes of a radar are read."""
-        own = f"{radar}." if f"{radar}.sac" in self.table else ""
+        """Return the conversion of a radar's amplitudes."""
+        own = f"{radar}." if f"{radar}.source" in self.table else ""
         get = self.values
         return Amplitudes(get[f"{own}amplitude"], -get[f"{own}amplitude_offset_db"])
 
     def stream(self, clock: StreamClock) -> PlotStream:
-        """Return what takes the radars' datagrams."""
+        """Return the stream that processes the radars' datagrams."""
         return PlotStream(self.radars, self.others, clock, PlotTurns)
 
 
 def output_of(bridge: Bridge, monosensor: bool, call_signs: CallSigns) -> TrackOutput:
-    """Return what makes ASTERIX of estimates; `call_signs` may grow with the radars' plots."""
+    """Return the encoder of estimates; `call_signs` may grow with the radars' plots."""
     get = bridge.values
     origin = get["world_origin"]
+    sac, sic, service = map(int, get["output_source"])
     source = Source(
-        get["output_sac"],
-        get["output_sic"],
-        get["output_service"],
+        sac,
+        sic,
+        service,
         monosensor,
         get["output_heights"] == "geometric",
     )
     plane = SystemPlane(origin) if origin else None
-    return TrackOutput(source, plane, get["max_prediction_s"], call_signs)
+    return TrackOutput(source, plane, MAX_PREDICTION_S, call_signs)
 
 
 def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> Bridge:
-    """Check parameters; those of a radar that are not given are those of all.
+    """Check parameters; a radar's missing parameters default to the common ones.
 
     Parameters
     ----------
-    given : mapping of dotted name to value
     top : tuple of Parameter
         `OF_FILES`, or `TABLE` for the node.
 
     Raises
     ------
     ConfigError
-        With every fault.
+        With all faults.
     """
-    table = with_members(top, "radars", RADAR, given)
-    values, faults = check(table.values(), given)
+    every = with_members(top, "radars", RADAR, given)
+    values, faults = check(every.values(), given, replaced.BRIDGE, replaced.BRIDGE_RADAR)
     if not faults:
         faults = [*_faults(values), *_address_faults(values)]
     if faults:
         raise ConfigError(faults)
     radars = {_number(values, name): _radar(values, name) for name in values["radars"]}
-    return Bridge(values, table, radars, _radar(values, ""))
+    return Bridge(values, every, radars, _radar(values, ""))
 
 
 def _faults(values: Mapping[str, Any]) -> list[str]:
@@ -250,14 +262,14 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
     for name in values["radars"]:
         other = numbers.setdefault(_number(values, name), name)
         if other != name:
-            sac, sic = values[f"{name}.sac"], values[f"{name}.sic"]
-            faults.append(f"{name}.sic: {sac}/{sic} given, is that of {other} too")
+            sac, sic = map(int, values[f"{name}.source"])
+            faults.append(f"{name}.source: {sac}/{sic} given, is that of {other} too")
         faults += _place_faults(f"{name}.geodetic", values[f"{name}.geodetic"])
     return faults + _place_faults("world_origin", values["world_origin"])
 
 
 def _address_faults(values: Mapping[str, Any]) -> list[str]:
-    """Return what is wrong with the addresses of a node."""
+    """Return the faults of a node's addresses."""
     faults = []
     output = values.get("output", "")
     for name, given in (
@@ -288,7 +300,8 @@ def _place_faults(name: str, place: list[float]) -> list[str]:
 
 
 def _number(values: Mapping[str, Any], name: str) -> int:
-    return int(values[f"{name}.sac"]) << 8 | int(values[f"{name}.sic"])
+    sac, sic = map(int, values[f"{name}.source"])
+    return sac << 8 | sic
 
 
 def _radar(values: Mapping[str, Any], name: str) -> RadarSettings:

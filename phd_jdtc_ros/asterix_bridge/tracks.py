@@ -1,71 +1,61 @@
-"""The tracker's estimates as ASTERIX, predicted to the time of output."""
+"""Encodes the tracker's estimates as ASTERIX, predicted to the time of output."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import identities, point_cloud, stamps
+from msg_adapters import estimates
 from msg_adapters.errors import RejectedMessageError
-from phd_jdtc_ros.asterix import tracks_out
 from phd_jdtc_ros.asterix.call_signs import CallSigns
-from phd_jdtc_ros.asterix.tracks_out import Source, TrackReport
+from phd_jdtc_ros.asterix.writing import tracks as tracks_out
+from phd_jdtc_ros.asterix.writing.tracks import Source, TrackReport
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED
-
-# Turns and climbs below these are none, rad/s and m/s (300 ft/min); and a turn is one only if it
-# is so many deviations.
-LEAST_TURN, LEAST_CLIMB, TURN_DEVIATIONS = math.radians(0.5), 1.5, 2.0
-# Tracks that are sent at once: each is a message of its own.
-MOST_TRACKS = 10_000
-# Numbers of tracks in ASTERIX.
-TRACK_NUMBERS = 2**16
-_FLOATS = (
-    "x",
-    "y",
-    "vx",
-    "vy",
-    "omega",
-    "cov_00",
-    "cov_02",
-    "cov_11",
-    "cov_22",
-    "cov_33",
-    "cov_44",
+from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
+from phd_jdtc_ros.core.types import (
+    COASTING,
+    CONFIRMED,
+    SENSORS,
+    UNKNOWN,
+    Attributes,
+    Estimates,
 )
-_VERTICAL = ("z", "vz", "cov_zz", "cov_vzvz")
-_IDENTITIES = {"code": identities.CODES, "address": identities.ADDRESSES}
-_AGES = ("age_psr", "age_ssr", "age_mds")
-FloatArray = npt.NDArray[np.float64]
+
+# Smaller turn rates (rad/s) and climb rates (m/s, 300 ft/min) count as straight and level. A turn
+# must also exceed TURN_DEVIATIONS standard deviations.
+LEAST_TURN, LEAST_CLIMB, TURN_DEVIATIONS = math.radians(0.5), 1.5, 2.0
+# Upper bound of the tracks sent at once, each of which is a message.
+MOST_TRACKS = 10_000
+# Number of track numbers in ASTERIX.
+TRACK_NUMBERS = 2**16
+# Motion model for the prediction to the time of output; covariances are predicted to first order.
+_TURN = CoordinatedTurn(0.0, 0.0)
 
 
 @dataclass
 class _Life:
-    """When a track was first reported, and last seen."""
+    """The times at which a track was first reported and last detected."""
 
     first_ns: int
     seen_ns: int
 
 
 class TrackOutput:
-    """Takes clouds of estimates, returns data blocks.
+    """Converts clouds of estimates to data blocks.
 
     Parameters
     ----------
-    source : Source
     plane : Plane or None
-        Without one there are no latitudes and longitudes, and heights are those above the world's
+        Without a plane there are no latitudes and longitudes, and heights are above the world's
         zero.
     max_prediction_s : float
-        Estimates that are older are not predicted any more, and their tracks end.
+        Tracks end when their latest estimates are older than this.
     call_signs : CallSigns
-        Those of the tracks' addresses.
+        Call signs by the tracks' addresses.
     """
 
     def __init__(
@@ -78,10 +68,11 @@ class TrackOutput:
         self.source = source
         self._call_signs = call_signs
         self._plane = plane
-        # Estimates have heights above the map's zero, which need not be that of flight levels.
+        # Estimates have heights above the map's zero, which may differ from the zero of flight
+        # levels.
         self._datum = 0.0 if plane is None else plane.origin[2]
         self._max_prediction_s = max_prediction_s
-        self._columns: Mapping[str, npt.NDArray[Any]] | None = None
+        self._found: Estimates | None = None
         self.stamp_ns = 0
         self._lives: dict[int, _Life] = {}
         self._reported: dict[int, TrackReport] = {}
@@ -89,30 +80,34 @@ class TrackOutput:
         self.tracks = 0
 
     def take(self, cloud: PointCloud2) -> None:
-        """Take the estimates of a cloud in the place of those before.
+        """Replace the current estimates by those of a cloud.
 
         Raises
         ------
         RejectedMessageError
-            If it is no such cloud.
+            If it is not a cloud of estimates.
         """
-        columns = _columns(cloud)
-        stamp_ns = stamps.of_header(cloud.header)
-        if stamp_ns < self.stamp_ns:  # of a new run, which uses the same numbers for other tracks
-            again = set(columns["track_id"].tolist())
-            ended = {n: track for n, track in self._reported.items() if n not in again}
+        if cloud.width * cloud.height > MOST_TRACKS:
+            raise RejectedMessageError(
+                "oversize",
+                f"{cloud.width * cloud.height} tracks, at most {MOST_TRACKS} are allowed",
+            )
+        found = estimates.from_msg(cloud)
+        stamp_ns, numbers = found.stamp_ns, found.track_id.tolist()
+        if stamp_ns < self.stamp_ns:  # a new run reuses the track numbers for other tracks
+            ended = {n: track for n, track in self._reported.items() if n not in numbers}
             self._lives, self._reported = {}, ended
-        self.stamp_ns, self._columns = stamp_ns, columns
+        self.stamp_ns, self._found = stamp_ns, found
         lives = {}
-        for number, state in zip(columns["track_id"], columns["state"], strict=True):
+        for number, state in zip(numbers, found.track_state, strict=True):
             life = self._lives.get(number) or _Life(self.stamp_ns, self.stamp_ns)
             if state != COASTING:
                 life.seen_ns = self.stamp_ns
-            lives[int(number)] = life
+            lives[number] = life
         self._lives = lives
 
     def datagrams(self, time_ns: int) -> list[bytes]:
-        """Return the data blocks of all tracks at a time, and that of the tracker's own state."""
+        """Return the data blocks of all tracks at a time, and of the tracker's own state."""
         tracks = self.reports(time_ns)
         self.tracks += len(tracks)
         found = tracks_out.track_blocks(tracks, time_ns, self.source)
@@ -121,11 +116,11 @@ class TrackOutput:
         return found
 
     def reports(self, time_ns: int) -> list[TrackReport]:
-        """Return the tracks at a time; one that there is no more, a last time."""
+        """Return the tracks at a time; an ended track is reported a last time."""
         found = {}
         ahead_s = (time_ns - self.stamp_ns) * 1e-9
-        if self._columns is not None and abs(ahead_s) <= self._max_prediction_s:
-            found = self._predicted(self._columns, time_ns, ahead_s)
+        if self._found is not None and abs(ahead_s) <= self._max_prediction_s:
+            found = self._predict(self._found, time_ns, ahead_s)
         ended = [
             replace(track, first=False, last=True)
             for number, track in self._reported.items()
@@ -134,92 +129,78 @@ class TrackOutput:
         self._reported = found
         return [*found.values(), *ended]
 
-    def _predicted(
-        self, columns: Mapping[str, npt.NDArray[Any]], time_ns: int, ahead_s: float
+    def _predict(
+        self, estimated: Estimates, time_ns: int, ahead_s: float
     ) -> dict[int, TrackReport]:
-        get = {name: column.astype(np.float64) for name, column in columns.items()}
-        x, y, vx, vy = _moved(get, ahead_s)
-        height = self._datum + get["z"] + ahead_s * get["vz"]
-        geodetic = None if self._plane is None else np.stack(self._plane.to_geodetic(x, y), axis=1)
-        std = {name: np.sqrt(np.maximum(get[name], 0.0)) for name in get if name.startswith("cov_")}
-        psr, ssr, mds = (np.maximum(get[name] + ahead_s, 0.0).tolist() for name in _AGES)
-        ages = list(zip(psr, ssr, mds, strict=True))
+        space, jacobian = estimated.space, _TURN.jacobian(estimated.state, ahead_s)
+        covariance = jacobian @ estimated.covariance @ jacobian.transpose(0, 2, 1)
+        later = replace(
+            estimated, state=_TURN.mean(estimated.state, ahead_s), covariance=covariance
+        )
+        position, velocity = later.position, later.velocity.tolist()
+        geodetic = None
+        if self._plane is not None:
+            geodetic = np.stack(self._plane.to_geodetic(*position.T), axis=1).tolist()
+        std = _deviations(covariance)
+        position_std, velocity_std = std[:, list(space.position)], std[:, list(space.velocity)]
+        known = estimated.attributes or _nothing(len(later))
+        height = self._datum + known.height @ np.array([1.0, ahead_s])
+        climbed = np.array([[1.0, ahead_s], [0.0, 1.0]])
+        up_std = _deviations(climbed @ known.height_covariance @ climbed.T)
+        ages = _ages(known.seen_ns, len(later), time_ns)
         found: dict[int, TrackReport] = {}
-        for row, number in enumerate(map(int, columns["track_id"])):
-            life = self._lives[number]
-            climb = float(get["vz"][row])
-            known = number in self._reported
+        for row in np.flatnonzero(estimated.track_id > 0).tolist():
+            number = int(estimated.track_id[row])
+            life, climb = self._lives[number], float(known.height[row, 1])
+            turn, turn_std = (float(of[row, space.turn_rate]) for of in (later.state, std))
             found[number] = TrackReport(
                 (number - 1) % (TRACK_NUMBERS - 1) + 1,
-                (float(x[row]), float(y[row])),
-                (float(vx[row]), float(vy[row])),
-                None if geodetic is None else (float(geodetic[row, 0]), float(geodetic[row, 1])),
+                tuple(position[row].tolist()),
+                tuple(velocity[row]),
+                None if geodetic is None else tuple(geodetic[row]),
                 float(height[row]),
                 climb,
-                int(columns["code"][row]),
-                int(columns["address"][row]),
-                _course(float(get["omega"][row]), float(std["cov_44"][row])),
+                int(known.code[row]),
+                int(known.address[row]),
+                _course(turn, turn_std),
                 _vertical(climb),
-                int(columns["state"][row]) in (CONFIRMED, COASTING),
-                int(columns["state"][row]) == COASTING,
-                first=not known,
+                int(estimated.track_state[row]) in (CONFIRMED, COASTING),
+                int(estimated.track_state[row]) == COASTING,
+                first=number not in self._reported,
                 age_s=max(0.0, (time_ns - life.first_ns) * 1e-9),
                 since_s=max(0.0, (time_ns - life.seen_ns) * 1e-9),
-                sensor_ages_s=ages[row],
-                position_std=(float(std["cov_00"][row]), float(std["cov_22"][row])),
-                velocity_std=(float(std["cov_11"][row]), float(std["cov_33"][row])),
-                covariance=float(get["cov_02"][row]),
-                height_std=float(std["cov_zz"][row]),
-                climb_std=float(std["cov_vzvz"][row]),
-                call_sign=self._call_signs.of(int(columns["address"][row])),
+                sensor_ages_s=tuple(ages[row]),
+                position_std=tuple(position_std[row].tolist()),
+                velocity_std=tuple(velocity_std[row].tolist()),
+                covariance=float(later.position_covariance[row, 0, 1]),
+                height_std=float(up_std[row, 0]),
+                climb_std=float(up_std[row, 1]),
+                call_sign=self._call_signs.of(int(known.address[row])),
             )
         return found
 
 
-def _columns(cloud: PointCloud2) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of a cloud's tracks that have a number; unknown is NaN or `UNKNOWN`."""
-    if cloud.width * cloud.height > MOST_TRACKS:
-        raise RejectedMessageError(
-            "oversize", f"{cloud.width * cloud.height} tracks, at most {MOST_TRACKS} are allowed"
-        )
-    there = set(point_cloud.field_names(cloud))
-    aged = all(name in there for name in _AGES)
-    floats = [*_FLOATS, *(_VERTICAL if "cov_zz" in there else ()), *(_AGES if aged else ())]
-    whole = ["track_id", *(name for name in ("state", *_IDENTITIES) if name in there)]
-    wanted = dict.fromkeys(floats, point_cloud.FLOATS) | dict.fromkeys(whole, point_cloud.UNSIGNED)
-    found = point_cloud.decode(cloud, wanted)
-    point_cloud.require_finite({name: found[name] for name in _FLOATS})
-    size = len(found["x"])
-    found.setdefault("state", np.full(size, CONFIRMED))
-    for name in (*_VERTICAL, *_AGES):
-        found.setdefault(name, np.full(size, math.nan))
-    known = np.all([point_cloud.finite(found[name]) for name in _VERTICAL], axis=0)
-    for name in _VERTICAL:
-        found[name] = np.where(known, found[name], math.nan)
-    for name, numbers in _IDENTITIES.items():
-        column = found.get(name, np.full(size, identities.NONE)).astype(np.float64)
-        known_numbers, _ = identities.read(column, np.ones(size, dtype=bool), numbers)
-        found[name] = np.asarray(known_numbers)
-    labelled = found["track_id"] > 0
-    return {name: column[labelled] for name, column in found.items()}
+def _deviations(covariance: FloatArray) -> FloatArray:
+    """Return the standard deviations of covariances, shape (N, D)."""
+    deviations: FloatArray = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
+    return deviations
 
 
-def _moved(
-    get: Mapping[str, FloatArray], ahead_s: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return positions and velocities some seconds on, in a turn with the turn rate."""
-    vx, vy, omega = get["vx"], get["vy"], get["omega"]
-    angle = omega * ahead_s
-    # sin(a) / a and (1 - cos(a)) / a, which are 1 and 0 without a turn.
-    along = np.sinc(angle / math.pi)
-    across = np.sin(0.5 * angle) * np.sinc(0.5 * angle / math.pi)
-    cos, sin = np.cos(angle), np.sin(angle)
-    return (
-        get["x"] + ahead_s * (along * vx - across * vy),
-        get["y"] + ahead_s * (across * vx + along * vy),
-        cos * vx - sin * vy,
-        sin * vx + cos * vy,
-    )
+def _nothing(count: int) -> Attributes:
+    """Return attributes without heights and identities."""
+    unknown = np.full(count, UNKNOWN)
+    none = np.full((count, 2), math.nan)
+    return Attributes(none, np.full((count, 2, 2), math.nan), unknown, unknown, None)
+
+
+def _ages(seen_ns: IntArray | None, count: int, time_ns: int) -> list[list[float]]:
+    """Return the times since the last detections by each kind of sensor, s; NaN for never."""
+    if seen_ns is None:
+        return [[math.nan] * len(SENSORS)] * count
+    ages = np.maximum(time_ns - seen_ns, 0) * 1e-9
+    ages[seen_ns == UNKNOWN] = math.nan
+    found: list[list[float]] = ages.tolist()
+    return found
 
 
 def _course(omega: float, std: float) -> int:

@@ -6,6 +6,6 @@
     reader                 messages in order of log time, every intact chunk of a damaged file
     mcap_index, salvage    the content of a file, from its summary or record by record
     chunks                 unpacks one chunk within bounds
-    foreign                what recordings of other kinds are and how to convert them
-    errors                 the error that says why a bag was refused
+        foreign                recognises recordings of other kinds, and names a converter
+        errors                 the error of a rejected bag
 """

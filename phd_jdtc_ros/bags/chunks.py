@@ -1,8 +1,8 @@
-"""The messages of an MCAP file piece by piece, unpacked within bounds.
+"""Unpacks the messages of an MCAP file piece by piece, within bounds.
 
 A piece is a chunk, or a run of messages that a recorder wrote without chunks. The mcap library
-allocates whatever size a chunk declares, so a damaged or malicious file could exhaust the memory;
-here every size is checked before it is used.
+allocates the size that a chunk declares, so that a damaged or malicious file could exhaust the
+memory. Here every size is checked first.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import breakup_chunk
 
 RECORD_HEAD = 9  # opcode and length
-# A larger piece, packed or unpacked, is refused; rosbag2's largest chunks have 4 MiB.
+# Upper bound of a piece, packed or unpacked, bytes; rosbag2's largest chunks have 4 MiB.
 MAX_CHUNK = 64 * 2**20
 _PIECES = (bytes([Opcode.CHUNK]), bytes([Opcode.MESSAGE]))
 
@@ -35,7 +35,7 @@ def unpack(stream: BinaryIO, offset: int, length: int) -> list[Any]:
     ----------
     stream : BinaryIO
     offset, length : int
-        Of the whole piece, record headers included.
+        Bounds of the whole piece, including record headers.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def unpack(stream: BinaryIO, offset: int, length: int) -> list[Any]:
         return list(breakup_chunk(Chunk("", plain, 0, 0, 0, len(plain))))
     except DamageError:
         raise
-    except Exception as error:  # damaged records raise a dozen kinds of exception
+    except Exception as error:  # damaged records raise many types of exception
         raise DamageError(f"a chunk cannot be read: {error}") from error
 
 
@@ -67,7 +67,7 @@ def _plain(data: bytes) -> bytes:
 
 
 def _decompress(chunk: Chunk) -> bytes:
-    """Return a chunk's records; at most as many bytes as it declares, which are bounded."""
+    """Decompress a chunk to at most the size that it declares, which is bounded."""
     size = chunk.uncompressed_size
     if size > MAX_CHUNK:
         raise DamageError(f"a chunk of {size} bytes, at most {MAX_CHUNK} are allowed")

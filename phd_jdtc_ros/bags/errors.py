@@ -1,4 +1,4 @@
-"""The error that says why a bag was refused."""
+"""The error of a rejected bag."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from phd_jdtc_ros.quoting import short
 
 
 class BagError(Exception):
-    """A bag that cannot be used; the message is one line that says which and why.
+    """The bag cannot be used; the message is one line with the bag and the reason.
 
-    It is cut to a bounded length, because it may quote names that are in the bag.
+    The message has a bounded length, because it may quote names from the bag.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
-"""What a recording of another kind is, and the command that converts it.
+"""Recognises recordings of other kinds, and names the command that converts them.
 
-Read are MCAP files whose messages are CDR, as ROS 2 records them. Everything else is named, because
-"no such topic" or "no MCAP file" does not tell a user what to do.
+Supported are MCAP files whose messages are CDR, as ROS 2 records them. A specific fault for
+everything else helps more than "no such topic" or "no MCAP file".
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ CDR = "cdr"
 _SQLITE, _ZSTD, _ROS1 = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd", b"#ROSBAG V"
 _LONGEST = max(map(len, (_SQLITE, _ZSTD, _ROS1)))
 _NO_CONVERTER = "no command converts it; docs/offline_tools.md shows how a script does"
-# What is known of the encodings other than CDR, by MCAP's names.
+# Description of encodings other than CDR, by their MCAP names.
 _ENCODINGS = {
     "ros1": (
         "a ROS 1 message",
@@ -28,7 +28,7 @@ _ENCODINGS = {
 
 
 def file_fault(path: Path) -> str:
-    """Return what a file is instead of MCAP and how to convert it; empty if that is not known."""
+    """Return the actual kind of a file with its converter; empty if the kind is unknown."""
     with path.open("rb") as stream:
         begin = stream.read(_LONGEST)
     name = shlex.quote(str(path))
@@ -53,7 +53,7 @@ def file_fault(path: Path) -> str:
 
 
 def topic_fault(channel: Channel, schema: Schema | None) -> str:
-    """Return what the messages of a channel are and how to convert them; empty if they are read."""
+    """Return the kind of a channel's messages with their converter; empty if they are supported."""
     if channel.message_encoding == CDR and schema is not None:
         return ""
     kind = f"{channel.message_encoding or 'no'} encoding"

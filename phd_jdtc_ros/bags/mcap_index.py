@@ -1,9 +1,9 @@
-"""What an MCAP file contains and where.
+"""Indexes the content of an MCAP file.
 
 The mcap library's reader trusts a file's summary without verifying its checksum, reads nothing from
-a file without a summary, and ignores messages outside of chunks. Here a summary is used only if
-its checksum, where it has one, matches. What the summary does not list is read record by record;
-without a usable summary the whole file is. A file may leave its summary out, which is no damage.
+a file without a summary, and ignores messages outside of chunks. Here a summary is used only if it
+matches its checksum or has none. Content that the summary does not list is read record by record;
+without a usable summary the whole file is. A missing summary is not damage.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class _UnfinishedError(DamageError):
 
 
 def index(stream: BinaryIO) -> Index:
-    """Return a file's index, from its summary if that is intact, else record by record."""
+    """Return a file's index, from its summary if it is intact, else record by record."""
     size = stream.seek(0, io.SEEK_END)
     try:
         found = _from_summary(stream, size)
@@ -66,14 +66,14 @@ def _from_summary(stream: BinaryIO, size: int) -> Index:
         found, parts = _read_summary(summary)
     except DamageError:
         raise
-    except Exception as error:  # damaged records raise a dozen kinds of exception
+    except Exception as error:  # damaged records raise many types of exception
         raise DamageError("its summary cannot be read") from error
-    _add_unlisted(stream, start, parts, found)
+    _add_remainder(stream, start, parts, found)
     return found
 
 
 def _without_summary(stream: BinaryIO, footer_at: int) -> Index:
-    """Return the index of a finished file that has no summary, read record by record."""
+    """Return the index of a finished file without a summary, read record by record."""
     found = Index()
     if walk(stream, len(MAGIC), footer_at, found) != footer_at:
         found.damage = found.damage or "its data do not end where they should"
@@ -81,7 +81,7 @@ def _without_summary(stream: BinaryIO, footer_at: int) -> Index:
 
 
 def _read_summary(summary: bytes) -> tuple[Index, list[ChunkIndex]]:
-    """Return the index that a summary gives, and the chunk indexes that it lists."""
+    """Return the index and the chunk indexes of a summary."""
     found, parts, statistics = Index(), [], None
     for opcode, content in _records(summary):
         source = ReadDataStream(io.BytesIO(content))
@@ -112,10 +112,10 @@ def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
         position += length
 
 
-def _add_unlisted(stream: BinaryIO, end: int, listed: list[ChunkIndex], found: Index) -> None:
-    """Add messages and definitions that stand before the summary and in none of its chunks.
+def _add_remainder(stream: BinaryIO, end: int, listed: list[ChunkIndex], found: Index) -> None:
+    """Add messages and definitions before the summary that belong to none of its chunks.
 
-    The summary's statistics are kept; messages that contradict them are reported as damage.
+    The summary's statistics are kept; contradicting messages are reported as damage.
     """
     extra = Index(channels=dict(found.channels), schemas=dict(found.schemas))
     begin = len(MAGIC)

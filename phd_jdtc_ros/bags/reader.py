@@ -1,4 +1,4 @@
-"""rosbag2 bags in MCAP, read in order of log time; damaged ones are salvaged."""
+"""Reads rosbag2 bags in MCAP in order of log time, and salvages damaged ones."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from . import chunks, foreign, mcap_index
 from .errors import BagError
 from .writer import Topic
 
-# Bytes of messages that may wait at once for earlier messages further on in the file. Recorders
-# write messages as they arrive, so few wait.
+# Upper bound of messages, bytes, that wait for earlier messages from later in the file. Recorders
+# write messages as they arrive, so only few wait.
 MAX_WAITING = 2**27
-_MESSAGE_COST = 2**8  # bytes that a waiting message takes in addition to its data
+_MESSAGE_COST = 2**8  # bytes of a waiting message in addition to its data
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,9 @@ class BagReader:
     Attributes
     ----------
     types : dict of topic to type
-        Of the topics that can be read.
+        Types of the readable topics.
     foreign : dict of topic to str
-        What the other topics are and how to convert them.
+        Kind and converter of the other topics.
     counts : Counter
         Messages by topic.
     start_ns, end_ns : int
@@ -71,7 +71,7 @@ class BagReader:
     Raises
     ------
     BagError
-        If there is no such bag, it is of another kind, or it is damaged and has no topic.
+        If the bag is missing, of another kind, or damaged without any readable topic.
     """
 
     def __init__(self, path: Path) -> None:
@@ -94,7 +94,7 @@ class BagReader:
             raise BagError(f"{self._file}: is damaged: {self._index.damage}", corrupt=True)
 
     def topic(self, name: str, depth: int = 10) -> Topic:
-        """Return a topic as this bag describes it, to be copied to another bag."""
+        """Return a topic with this bag's description, for copying it to another bag."""
         channels = [c for c in self._index.channels.values() if c.topic == name]
         schema = self._index.schemas[channels[0].schema_id]
         return Topic(
@@ -111,7 +111,7 @@ class BagReader:
         Raises
         ------
         BagError
-            Naming every topic that does not, with its type or what it is instead.
+            With all missing or mismatched topics, and their actual types or kinds.
         """
         found = {**dict.fromkeys(needed, "missing"), **self.foreign, **self.types}
         wrong = [
@@ -132,15 +132,16 @@ class BagReader:
         Raises
         ------
         BagError
-            At the end, if a part of the file is damaged; every intact chunk, and every intact
-            message outside of chunks, has been yielded by then. At once, if messages of more than
-            `MAX_WAITING` bytes would have to wait for earlier ones further on in the file.
+            At the end, if a part of the file is damaged; all intact chunks, and all intact messages
+            outside of chunks, have been yielded by then. Immediately, if messages of more than
+            `MAX_WAITING` bytes would have to wait for earlier ones from later in the file.
         """
         lost: list[str] = []
         read: Counter[int] = Counter()
         waiting = 0
         with self._guard(), self._file.open("rb") as stream:
-            # The queue holds pieces, by their earliest message, and messages, by their own time.
+            # The queue holds pieces, ordered by their earliest message, and messages, ordered by
+            # time.
             queue: list[tuple[int, int, int, Any]] = [
                 (start, offset, -1, length)
                 for start, offset, length in (*self._index.chunks, *self._index.runs)
@@ -163,7 +164,7 @@ class BagReader:
                 for position, record in enumerate(records):
                     if isinstance(record, Message) and record.channel_id in self._index.channels:
                         read[record.channel_id] += 1
-                        if self._wanted(record, topics):
+                        if self._is_wanted(record, topics):
                             waiting += len(record.data) + _MESSAGE_COST
                             heapq.heappush(queue, (record.log_time, offset, position, record))
                 if waiting > MAX_WAITING:
@@ -171,23 +172,23 @@ class BagReader:
                         f"{self._file}: its messages are too far out of order: more than "
                         f"{MAX_WAITING // 2**20} MiB of them would have to wait at once"
                     )
-        # With chunks left unread, the statistics cannot be checked.
+        # The statistics cannot be checked if chunks were left unread.
         self._require_all(read, lost, partly=until_ns is not None and until_ns < self.end_ns)
 
     def _require_all(self, read: Counter[int], lost: Sequence[str], partly: bool) -> None:
-        """Raise `BagError` if something was lost.
+        """Raise `BagError` if messages were lost.
 
         Parameters
         ----------
         read : Counter
             Messages read, by channel id.
         lost : sequence of str
-            Why each lost chunk could not be read.
+            Reasons of the lost chunks.
         partly : bool
-            Chunks were left unread on purpose, so `read` is not checked against the statistics.
+            Whether chunks were left unread on purpose, so that the statistics cannot be checked.
         """
         damage = lost[-1] if lost else self._index.damage
-        # A file may leave out how many messages each channel has.
+        # The number of messages per channel is optional in a file.
         counts = read if partly else self._index.counts or read
         unknown = partly or self._index.expected is None
         expected = read.total() if unknown else self._index.expected
@@ -209,7 +210,7 @@ class BagReader:
             damage += f"; it declares {expected} messages, {read.total()} can be read"
         raise BagError(f"{self._file}: is damaged: {damage}", corrupt=True)
 
-    def _wanted(self, message: Message, topics: list[str] | None) -> bool:
+    def _is_wanted(self, message: Message, topics: list[str] | None) -> bool:
         channel = self._index.channels[message.channel_id]
         return channel.topic in self.types if topics is None else channel.topic in topics
 
@@ -218,9 +219,9 @@ class BagReader:
 
 
 class _CorruptionGuard:
-    """Turns every exception that the MCAP reader raises on damaged bytes into one `BagError`.
+    """Converts every exception of the MCAP reader on damaged bytes to one `BagError`.
 
-    There are a dozen kinds, among them struct, zlib, Unicode and key errors.
+    There are many types, among them struct, zlib, Unicode and key errors.
     """
 
     def __init__(self, path: Path) -> None:

@@ -1,8 +1,8 @@
-"""Reads an MCAP file record by record and salvages what is intact.
+"""Reads an MCAP file record by record and salvages the intact parts.
 
-After a record whose length cannot be right, the next chunk or message is searched for. A chunk is
+After a record with an impossible length, the next chunk or message is searched for. A chunk is
 intact if it matches its checksum. A message outside of chunks has no checksum; it counts as intact
-if another record can begin where it ends.
+if another record can begin at its end.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _IN_DATA = {
     Opcode.METADATA,
     Opcode.DATA_END,
 }
-# The beginning of a chunk: opcode, length (below 2^40), first and last time, size, checksum,
+# Pattern of a chunk's beginning: opcode, length (below 2^40), first and last time, size, checksum,
 # compression, length of its data.
 _CHUNK_HEAD = (
     rb"\x06(?P<length>.{5}\0{3}).{16}.{5}\0{3}.{4}"
@@ -46,20 +46,20 @@ _CHUNK_HEAD = (
 )
 _LONGEST_HEAD = 64
 _BLOCK = 2**20
-# Bounds the work on a file that is made so that every search finds a false record.
+# Upper bound of searches, which limits the work on a malicious file with many false records.
 _MOST_SEARCHES = 1000
 _DAY_NS = 86_400 * 10**9
 
 
 @dataclass
 class Index:
-    """What a file contains.
+    """The content of a file.
 
     Parameters
     ----------
     channels, schemas : dict by id
     chunks, runs : list of (earliest log time, offset, length)
-        For `chunks.unpack`. A run consists of consecutive messages outside of chunks.
+        As for `chunks.unpack`. A run consists of consecutive messages outside of chunks.
     counts : Counter
         Messages by channel id.
     expected : int or None
@@ -67,13 +67,13 @@ class Index:
     start_ns, end_ns : int
         Log times of the first and the last message.
     damage : str
-        Why not everything can be read; empty if everything can.
+        Fault that makes a part of the file unreadable; empty if there is none.
     unfinished : bool
-        The file ends too soon and what there is of it is intact, as after a recorder's kill.
+        Whether the file is intact but ends too soon, as after a recorder was killed.
     lost_bytes : int
-        Bytes of records that could not be read when the file was read record by record.
+        Bytes of unreadable records, if the file was read record by record.
     loose_channels : set of int
-        Ids of the channels that are defined outside of chunks.
+        Ids of the channels defined outside of chunks.
     """
 
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -95,7 +95,7 @@ class Index:
         Raises
         ------
         DamageError
-            If there is already a different one with its id, which is kept.
+            If the id has a different definition already, which is kept.
         """
         known: dict[int, Any]
         if isinstance(record, Channel):
@@ -115,7 +115,7 @@ class Index:
             self.chunks.append((min(message.log_time for message in messages), offset, length))
 
     def add_message(self, offset: int, length: int, channel_id: int, log_time: int) -> None:
-        """Add a message outside of chunks; it joins the run that ends where it begins."""
+        """Add a message outside of chunks; it extends a run that ends at its beginning."""
         self._count(channel_id, log_time)
         earliest, begin, size = self.runs[-1] if self.runs else (log_time, offset, 0)
         if begin + size == offset and size + length <= RUN_SIZE:
@@ -130,7 +130,7 @@ class Index:
 
 
 def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> int:
-    """Read the records from `begin` to `end` and add the intact ones to `found`.
+    """Read the records from `begin` to `end`, and add the intact ones to `found`.
 
     Parameters
     ----------
@@ -138,12 +138,12 @@ def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> int:
     begin, end : int
         Bounds of the data section, or of a part of it.
     found : Index
-        Changed in place; also takes the first damage and how many bytes are lost.
+        Updated in place, with the first damage and the number of lost bytes.
 
     Returns
     -------
     int
-        Where the data end.
+        End of the data.
     """
     position, searches = begin, 0
     while position + RECORD_HEAD <= end:
@@ -155,7 +155,7 @@ def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> int:
             _take(stream, position, end, found)
         except DamageError as error:
             found.damage = found.damage or str(error)
-            # The damage may be in the length itself.
+            # The length itself may be damaged.
             if not _can_follow(stream, after, end):
                 searches += 1
                 after = _next_record(stream, position + 1, end, found)
@@ -219,7 +219,7 @@ def _is_damaged_message(
 ) -> bool:
     """Return whether a message with a damaged header seems to begin at `position`.
 
-    If so, the message before it, which has this log time, is intact.
+    The preceding message, whose log time is given, is intact in this case.
     """
     if position + _MESSAGE_HEAD.size > end:
         return False
@@ -241,12 +241,12 @@ def _take_definition(stream: BinaryIO, position: int, length: int, found: Index)
     kind = Channel if data[0] == Opcode.CHANNEL else Schema
     try:
         record: Channel | Schema = kind.read(source)
-    except Exception as error:  # damaged records raise a dozen kinds of exception
+    except Exception as error:  # damaged records raise many types of exception
         raise DamageError(f"a definition cannot be read: {error}") from error
     found.define(record)
     if isinstance(record, Channel):
         found.loose_channels.add(record.id)
-    # Its content could be read, but its length, and so the next record's place, is wrong.
+    # The content is readable, but the length, and therefore the next record's position, is wrong.
     if source.count != length - RECORD_HEAD:
         raise DamageError("a definition does not have the size that it declares")
 
@@ -260,10 +260,10 @@ def _can_follow(stream: BinaryIO, position: int, end: int) -> bool:
 
 
 def _next_record(stream: BinaryIO, start: int, end: int, found: Index) -> int:
-    """Return where the next chunk or message seems to begin, or `end`.
+    """Return the position of the next plausible chunk or message, or `end`.
 
-    A chunk's two lengths must agree and fit into the data. Only messages of channels that are
-    defined outside of chunks are searched for: a message inside a damaged chunk must not be taken
+    A chunk's two lengths must agree and fit into the data. Messages are searched for only if their
+    channel is defined outside of chunks, because a message in a damaged chunk must not be used
     without the chunk's checksum.
     """
     ids = [re.escape(struct.pack("<H", key)) for key in sorted(found.loose_channels)]
@@ -282,7 +282,7 @@ def _next_record(stream: BinaryIO, start: int, end: int, found: Index) -> int:
 
 
 def _seems_whole(stream: BinaryIO, begin: int, end: int, match: re.Match[bytes]) -> bool:
-    """Return whether the lengths in what looks like a record's header can be right."""
+    """Return whether the lengths of an apparent record header are plausible."""
     if match["length"] is None:
         _, length = head(stream, begin)
         return begin + length <= end and _can_follow(stream, begin + length, end)

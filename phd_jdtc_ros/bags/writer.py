@@ -17,7 +17,7 @@ from msg_adapters import interfaces
 from .errors import BagError
 
 _METADATA = "metadata.yaml"
-# Small chunks, because a damaged byte costs one chunk.
+# Small chunks limit the loss, because a damaged byte costs one chunk.
 CHUNK_SIZE = 2**14
 _ENDLESS = {"sec": 9223372036, "nsec": 854775807}
 ROS_DISTRO = "jazzy"
@@ -31,12 +31,13 @@ class Topic:
     ----------
     name : str
     type_name : str
-        Such as ``sensor_msgs/msg/PointCloud2``.
+        A type name such as ``sensor_msgs/msg/PointCloud2``.
     depth : int
         Offered history depth.
     transient_local : bool
     definition, type_hash : str
-        Of the type, as MCAP and rosbag2 store them; of the installed package where empty.
+        Definition and hash of the type as MCAP and rosbag2 store them; empty for those of the
+        installed package.
     """
 
     name: str
@@ -72,12 +73,12 @@ class BagWriter:
     Parameters
     ----------
     directory : Path
-        Must not exist; it is created.
+        Created; must not exist.
 
     Raises
     ------
     BagError
-        If it exists or cannot be made.
+        If the directory exists or cannot be created.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -91,7 +92,7 @@ class BagWriter:
         except OSError as error:
             raise BagError(f"{directory}: cannot be written: {error.strerror}") from None
         self._writer = Writer(self._stream, chunk_size=CHUNK_SIZE, compression=CompressionType.NONE)
-        # Without the library's version: the bytes must depend on the content only.
+        # The library's version is left out, because the bytes must depend on the content only.
         self._writer.start(profile="ros2", library="phd_jdtc_ros")
         self._channels: dict[str, int] = {}
         self._topics: dict[str, Topic] = {}
@@ -108,7 +109,7 @@ class BagWriter:
         self.close()
 
     def add_topic(self, topic: Topic) -> None:
-        """Declare a topic; messages can be written to it from now on."""
+        """Declare a topic before messages are written to it."""
         if topic.type_name not in self._schemas:
             self._schemas[topic.type_name] = self._writer.register_schema(
                 topic.type_name,
@@ -132,7 +133,7 @@ class BagWriter:
         Raises
         ------
         BagError
-            If writing fails, or failed before.
+            If writing fails, or has failed before.
         """
         if self._stream.closed:
             raise BagError(f"{self._directory}: cannot be written: {self._why_closed}")

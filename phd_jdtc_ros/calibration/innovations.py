@@ -1,9 +1,9 @@
-"""Whether the configured noise is right: innovations against what the noise says of them.
+"""Checks the configured noise by comparing innovations with their expected size.
 
-The innovation of a track is the difference of a detection and what was expected of it. Noise that
-is set much too small breaks tracks: their detections lie outside all gates, which grow with the
-noise. So a detection is a track's here if it is the nearest one by far, at whatever distance. Some
-of these are clutter beside a miss; medians of the squares do not mind.
+If the configured noise is much too small, tracks break, because the gates shrink with it and the
+detections lie outside. So here a detection belongs to a track if it is by far the nearest one, at
+any distance. Some of these detections are clutter beside a miss; medians of the squares are robust
+against them.
 """
 
 from __future__ import annotations
@@ -17,32 +17,32 @@ from scipy.spatial import cKDTree
 
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.targets.motion import MotionModel
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 
-# Innovations that medians are of, and the fewest that say that the noise is too large, or too
-# small, where few tracks are left, and which shows at once.
+# Number of innovations of a median, least number that shows that the noise is too large, and least
+# number that shows that it is too small: then few tracks are left, and the effect is strong.
 MEMORY, LEAST, FEW = 200, 30, 6
-# A track's detection is nearer than its next one, and than that of other tracks, by this factor.
+# Factor by which a track's detection must be nearer than the next one, and than to other tracks.
 APART = 3.0
-# Estimates that are older, in looks of the slowest radar, are not compared.
+# Largest age of an estimate that is compared, in scans of the slowest radar.
 LATELY = 2.5
-# Medians of a square of variance one, and of the sum of two.
+# Medians of chi-square distributions with one and with two degrees of freedom.
 ONE, TWO = 0.4549, 2.0 * np.log(2.0)
-# The noise is too small where squares are larger than expected, by the first factor, and larger
-# than the noise alone, by the second; or than that by the third: tracks that are lost and born
-# again are uncertain, which may explain any innovation. It is too large where squares are below the
-# last. With the right noise the simulated recordings that are shipped have 0.4 to 1.1 and 0.7 to
-# 3.5, at first up to 1.8 and 8.5; with a tenth of it or less 60 and more of the noise alone, and
-# with ten times 0.1 at most of what was expected.
+# The noise is too small if squares exceed the expected ones by EXPECTED and the noise alone by
+# ALONE. Squares beyond the noise by BEYOND suffice, because tracks that are lost and born again are
+# so uncertain that any innovation is expected. The noise is too large if squares are below SMALLER
+# of the expected ones. With the right noise the shipped simulated recordings have 0.4 to 1.1 of the
+# expected squares and 0.7 to 3.5 of the noise's, at first up to 1.8 and 8.5; with a tenth of the
+# noise or less 60 and more of the noise's; with ten times the noise at most 0.1 of the expected.
 EXPECTED, ALONE, BEYOND, SMALLER = 1.2, 20.0, 1000.0, 0.2
-# A warning goes once what it is of has come so much of its way back.
+# A warning ends when the square has returned to this share of its threshold.
 BACK = 0.8
 
 
 class Fit(NamedTuple):
-    """How a radar's innovations compare with the configured noise.
+    """Comparison of a radar's innovations with the configured noise.
 
     Parameters
     ----------
@@ -50,13 +50,13 @@ class Fit(NamedTuple):
     seen : int
         Number of innovations, at most `MEMORY`.
     expected : float
-        Median square of the innovations over that expected; NaN without any.
+        Ratio of the median squared innovation to the expected one; NaN without any.
     alone : float
-        The same over that of the noise alone.
+        The same ratio to the noise alone.
     axes : array of shape (2,)
-        The same as `alone` of range and azimuth, as a factor of deviations.
+        Ratio of the innovations of range and azimuth to the noise, as standard deviations.
     larger, smaller : bool
-        Whether the noise is set too small, or too large.
+        Whether innovations show that the configured noise is too small, or too large.
     """
 
     radar: str
@@ -89,7 +89,7 @@ class InnovationMonitor:
         self._lately_s = LATELY * max(model.modes.interval_s, *turns_s)
 
     def forget_tracks(self) -> None:
-        """Begin a new run; what was seen of the noise stays."""
+        """Begin a new run; the innovations stay."""
         self._tracks = None
 
     def stepped(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
@@ -106,22 +106,21 @@ class InnovationMonitor:
             self._tracks = filtered[-1]
 
     def _squares(
-        self, radar: RadarModel, found: Detections, tracks: Estimates, since_s: float
+        self, radar: Sensor, found: Detections, tracks: Estimates, since_s: float
     ) -> Iterator[FloatArray]:
-        """Yield squares of innovations: as expected, and of range and azimuth over the noise."""
+        """Yield squared innovations relative to the expected ones, and by axis to the noise."""
         position = tracks.position + since_s * tracks.velocity
-        passed = radar.missable(radar.linearised(position)[0], found.coverage) > 0.5
+        passed = radar.missable(radar.linearise(position)[0], found.coverage) > 0.5
         row, column = _pairs(position, radar.to_world(found.measurement), passed)
         own = found.time_s
         after_s = since_s + (np.zeros(len(found)) if own is None else own)[column]
         after_s = np.maximum(after_s, 0.0)
-        expected, slope = radar.linearised(
+        expected, slope = radar.linearise(
             tracks.position[row] + after_s[:, None] * tracks.velocity[row]
         )
         innovation = found.measurement[column] - expected
         innovation[:, 1] = wrap_angle(innovation[:, 1])
-        deviations = radar.detection_noise(found)
-        noise = radar.noise_std if deviations is None else deviations[column]
+        noise = radar.deviations(found)[column]
         variance = np.broadcast_to(noise**2, innovation.shape)
         spread = slope @ self._spread(tracks, row, after_s) @ slope.swapaxes(-1, -2)
         whole = spread + variance[:, :, None] * np.eye(2)
@@ -130,7 +129,7 @@ class InnovationMonitor:
         yield from np.column_stack([squares, innovation**2 / variance])
 
     def _spread(self, tracks: Estimates, row: IntArray, after_s: FloatArray) -> FloatArray:
-        """Return the covariances of tracks' positions some seconds on, (P, 2, 2)."""
+        """Return the covariances of tracks' positions, predicted by `after_s`, (P, 2, 2)."""
         place, speed = list(tracks.space.position), list(tracks.space.velocity)
         covariance = tracks.covariance[row]
         ahead = after_s[:, None, None]
@@ -138,12 +137,12 @@ class InnovationMonitor:
         moved = covariance[:, place][:, :, place] + ahead * (cross + cross.swapaxes(-1, -2))
         moved = moved + ahead**2 * covariance[:, speed][:, :, speed]
         motions = tuple(dict.fromkeys(self._model.modes.motions))
-        # Those of a scan are about as far on.
+        # The tracks of a scan are predicted over about the same time.
         added = _process_noise(motions, float(after_s.mean()) if len(row) else 0.0)
         return np.asarray(moved + added * np.eye(2))
 
     def fits(self) -> list[Fit]:
-        """Return how each radar's innovations compare with its noise."""
+        """Return the comparison of each radar's innovations with its noise."""
         self._fits = [
             _judged(_fit(radar, kept), before)
             for radar, kept, before in zip(self._model.radars, self._kept, self._fits, strict=True)
@@ -152,13 +151,13 @@ class InnovationMonitor:
 
 
 def _pairs(position: FloatArray, world: FloatArray, passed: BoolArray) -> tuple[IntArray, IntArray]:
-    """Return tracks that the antenna passed, and the detection of each that is beyond doubt."""
+    """Return tracks that the antenna passed, each with its unambiguous detection."""
     row = np.flatnonzero(passed)
     if not len(row):
         return row, row
     near, column = cKDTree(world).query(position[row], k=2)
     column = column[:, 0]
-    # Distances are infinite where there is no second one.
+    # The second distance is infinite if there is one detection only.
     alone = near[:, 1] >= APART * near[:, 0]
     row, column, near = row[alone], column[alone], near[alone, 0]
     if not len(row):
@@ -169,7 +168,7 @@ def _pairs(position: FloatArray, world: FloatArray, passed: BoolArray) -> tuple[
 
 
 def _process_noise(motions: Sequence[MotionModel], dt: float) -> float:
-    """Return the variance, along an axis, that the least calm motion adds to positions in `dt`."""
+    """Return the largest variance that a motion adds to positions along an axis in `dt`."""
     if dt <= 0.0:
         return 0.0
     axes = [motion.support.index(motion.space.position[0]) for motion in motions]
@@ -179,7 +178,7 @@ def _process_noise(motions: Sequence[MotionModel], dt: float) -> float:
     )
 
 
-def _fit(radar: RadarModel, kept: Sequence[FloatArray] | deque[FloatArray]) -> Fit:
+def _fit(radar: Sensor, kept: Sequence[FloatArray] | deque[FloatArray]) -> Fit:
     if not kept:
         return Fit(radar.name, 0, np.nan, np.nan, np.full(2, np.nan))
     squares = np.array(kept)
@@ -189,7 +188,7 @@ def _fit(radar: RadarModel, kept: Sequence[FloatArray] | deque[FloatArray]) -> F
 
 
 def _judged(fit: Fit, before: Fit) -> Fit:
-    """Return a fit with its verdict, which stays until it is clearly otherwise."""
+    """Return a fit with its verdict, which has hysteresis."""
     share = BACK if before.larger else 1.0
     larger = fit.alone > share * BEYOND
     larger |= fit.expected > share * EXPECTED and fit.alone > share * ALONE

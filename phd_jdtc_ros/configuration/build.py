@@ -7,10 +7,10 @@ The tables of parameters are in `parameters` and `radar_parameters`; what become
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import repeat
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from phd_jdtc_ros.core.attributes.height import HeightModel
 from phd_jdtc_ros.core.attributes.identity import ADDRESSES, CODES, IdentityModel
 from phd_jdtc_ros.core.attributes.memory import AttributeModel
 from phd_jdtc_ros.core.engine import Lag
+from phd_jdtc_ros.core.gaussian.reduction import Bounds
 from phd_jdtc_ros.core.intake.antenna import SHORTEST_S
 from phd_jdtc_ros.core.intake.input_checks import ReportWatch
 from phd_jdtc_ros.core.intake.poses import Platform
@@ -26,8 +27,9 @@ from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.smc.correction import CORRECTORS
+from phd_jdtc_ros.core.smc.resampling import ParticleBudget
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.targets.birth import BirthTerm
 from phd_jdtc_ros.core.targets.modes import ClassModel, ModeSpace
@@ -37,16 +39,54 @@ from phd_jdtc_ros.core.tracks.common_stamp import Schedule
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule, rule_of
 
+from . import replaced
+from .accuracy import MOST_PARTICLES, bounds_of, budget_of, particles_per_detection
 from .checks import CHECKS, square
-from .parameters import BIRTH, MOTION, REPLACED, schema
-from .radar_build import platform_of, radar_input, radar_model, site_of, watch_of
+from .forms import lag_of
+from .parameters import GROUPS, LABELLED, engine_of, every_name, schema
+from .radar_build import fields_of, platform_of, radar_input, radar_model, site_of, watch_of
 from .radar_input import RadarInput
-from .schema import ConfigError, unknown
+from .schema import ConfigError
+from .schema import refused as schema_refused
 
 # An address stays with its aircraft; but a track may have taken over another's.
 ADDRESS_KEPT_S = 1e6
 # A jump of the stamps back by more than this begins a new run.
 RESET_THRESHOLD_SCANS = 3.0
+# Random step of ln(1 + SNR) per interval, where every target's own SNR is estimated: slow, as an
+# aspect that changes within some tens of scans.
+AMPLITUDE_JITTER = 0.1
+# Transponders answer almost always, and one reply in a hundred is garbled.
+REPLY_PROBABILITY, GARBLED_PROBABILITY = 0.95, 0.01
+# An aircraft gets another code at a border of control, some half hour apart.
+CODE_KEPT_S = 1800.0
+# One code in five is that of flights under visual rules or of an emergency.
+SHARED_CODE_PROBABILITY = 0.2
+# False detections with a reply are replies to other interrogators.
+CLUTTER_REPLY_PROBABILITY = 0.05
+# Vertical motion of air traffic: levelling off within some ten seconds, m^2/s^3, and climbs of some
+# 2000 ft/min, m/s.
+HEIGHT_NOISE_DENSITY, HEIGHT_CLIMB_STD = 1.0, 10.0
+# What a target spawns begins beside it and moves as it does: m, m/s and rad/s about the parent.
+SPAWN_STD = (10.0, 1.0, 1e-4)
+SPAWN_PARTICLES = 100
+# Probability that a spawned target has its parent's motion, and that it has another one.
+SPAWN_SAME_MOTION, SPAWN_OTHER_MOTION = 0.9, 0.1
+
+
+class Recursion(NamedTuple):
+    """The parts of the particle engine that differ between its filters, by their names there."""
+
+    corrector: str = "bernoulli"
+    death_term: str = "bernoulli"
+    extraction: str = "components"
+
+
+# By the value of ``engine``, where they are not those of the labelled filter.
+RECURSIONS = {
+    "phd": Recursion("poisson"),
+    "phd_as_printed": Recursion("poisson", "paper", "clusters"),
+}
 
 
 @dataclass(frozen=True)
@@ -62,6 +102,12 @@ class TrackerConfig:
     model : TrackerModel
     engine : str
         One of `engines.ENGINES`.
+    recursion : Recursion
+        That of the particle engine.
+    bounds : Bounds
+        Those of the Gaussian engine.
+    budget : ParticleBudget
+        That of the particle engine.
     lag : Lag
     schedule : Schedule
         When estimates go out.
@@ -70,8 +116,6 @@ class TrackerConfig:
     seed : int
     max_gap_s : float
         Longest time between consecutive scans of one run, seconds.
-    reorder_scans : int
-        Number of the newest scans that are held back for late reports.
     reorder_s : float
         Longest time that scans are held back for radars that are behind, seconds.
     plane : Plane or None
@@ -87,12 +131,14 @@ class TrackerConfig:
     inputs: tuple[RadarInput, ...]
     model: TrackerModel
     engine: str
+    recursion: Recursion
+    bounds: Bounds
+    budget: ParticleBudget
     lag: Lag
     schedule: Schedule
     rule: ReportingRule
     seed: int
     max_gap_s: float
-    reorder_scans: int
     reorder_s: float = 0.0
     plane: Plane | None = None
     late_reports: str = "drop"
@@ -125,7 +171,7 @@ class TrackerConfig:
             if radar.rotation_s
         ]
         late_s = max(radar.bias.time_offset_s for radar in self.inputs)
-        return max(parts, default=0.0) + float(self.values["reorder_s"]) + max(late_s, 0.0)
+        return max(parts, default=0.0) + self.reorder_s + max(late_s, 0.0)
 
     def grouper(self) -> ScanGrouper:
         """Return a new grouper of the radars' reports into scans."""
@@ -133,7 +179,6 @@ class TrackerConfig:
             len(self.inputs),
             self.reset_threshold_s,
             self.max_gap_s,
-            self.reorder_scans,
             self.reorder_s,
         )
 
@@ -172,7 +217,7 @@ class TrackerConfig:
 
     def watches(self) -> tuple[ReportWatch, ...]:
         """Return what watches each radar's reports, in the configured order; all new."""
-        return tuple(map(watch_of, self.inputs, self.model.radars))
+        return tuple(map(watch_of, self.inputs, polar_radars(self.model.radars)))
 
 
 def resolve(
@@ -202,8 +247,7 @@ def resolve(
         if coerced is None:
             faults.append(f"{name}: {value!r} given, must be {parameter.allowed}")
         values[name] = coerced
-    faults += [_replaced(name) for name in given if name in REPLACED]
-    faults += unknown((name for name in given if name not in REPLACED), table)
+    faults += refused(given, table)
     if not faults:
         faults = [fault for check in CHECKS for fault in check(values)]
     if not faults and values["world_origin"] and plane_about is None:
@@ -214,13 +258,23 @@ def resolve(
     return _build(values, plane_about(origin) if plane_about is not None and origin else None)
 
 
-def _replaced(name: str) -> str:
-    """Return what is wrong with a parameter that is no longer there."""
-    return f"{name}: no longer a parameter, use {REPLACED[name]}"
+def refused(given: Mapping[str, Any], table: Collection[str]) -> list[str]:
+    """Return a fault for each parameter that is no longer there or never was.
+
+    Parameters
+    ----------
+    given : mapping of dotted name to value
+    table : collection of str
+        Names of all parameters.
+    """
+    known = every_name(table, given)
+    return schema_refused(
+        given, table, known, {**replaced.TRACKER, **replaced.NODE}, replaced.RADAR
+    )
 
 
 def _build(values: dict[str, Any], plane: Plane | None) -> TrackerConfig:
-    sites = [site_of(values, name, plane) for name in values["radars"]]
+    sites = [site_of(values, name, plane) for name in values["sensors"]]
     motions = {name: _motion(values, name) for name in values["motions"]}
     classes = tuple(_class(values, name, motions) for name in values["classes"])
     modes = ModeSpace(classes, values["interval_s"])
@@ -231,33 +285,35 @@ def _build(values: dict[str, Any], plane: Plane | None) -> TrackerConfig:
             rate=np.array(values["detection_births.rates"] or [0.0] * len(classes)),
             velocity_std=values["detection_births.velocity_std"],
             turn_rate_std=values["detection_births.turn_rate_std"],
-            particles=values["detection_births.particles"],
-            most=values["max_particles"],
+            particles=particles_per_detection(values),
+            most=MOST_PARTICLES,
             least_mass=values["detection_births.least_probability"],
         ),
         spawn=_spawn(values, modes),
         amplitudes=_amplitudes(values),
-        radars=tuple(map(radar_model, repeat(values), values["radars"], sites)),
+        radars=tuple(map(radar_model, repeat(values), values["sensors"], sites)),
         attributes=_attributes(values),
     )
     return TrackerConfig(
         values=values,
         world_frame=values["world_frame"],
-        inputs=tuple(map(radar_input, repeat(values), values["radars"], sites)),
+        inputs=tuple(map(radar_input, repeat(values), values["sensors"], sites)),
         model=model,
-        engine=values["engine"],
-        lag=Lag(values["lag"], values["lag_s"] or None),
+        engine=engine_of(values),
+        recursion=RECURSIONS.get(values["engine"], Recursion()),
+        bounds=bounds_of(values),
+        budget=budget_of(values),
+        lag=Lag(*lag_of(values["lag"])),
         schedule=Schedule(round(values["estimates_period_s"] * 1e9)),
         rule=rule_of(
             model,
-            CORRECTORS[values["corrector"]].labelled,
+            values["engine"] in LABELLED,
             values["confirm_probability"],
             values["delete_probability"],
             values["coasting_scans"],
         ),
         seed=values["seed"],
         max_gap_s=values["max_gap_scans"] * _slowest_s(values),
-        reorder_scans=values["reorder_scans"],
         reorder_s=values["reorder_s"],
         plane=plane,
         late_reports=values["late_reports"],
@@ -268,60 +324,59 @@ def _build(values: dict[str, Any], plane: Plane | None) -> TrackerConfig:
 def _region(values: Mapping[str, Any]) -> Region | None:
     if not values["region"]:
         return None
-    x_min, y_min, x_max, y_max = values["region"]
-    return Region(x_min, y_min, x_max, y_max, values["region_margin"])
+    return Region(*values["region"])
 
 
 def _slowest_s(values: Mapping[str, Any]) -> float:
     """Return the nominal interval or the longest turn, seconds: until all has been seen again."""
-    turns = [values[f"{name}.rotation_s"] for name in values["radars"]]
+    turns = [values[f"{name}.rotation_s"] for name in values["sensors"]]
     return float(max([values["interval_s"], *turns]))
 
 
 def _attributes(values: Mapping[str, Any]) -> AttributeModel | None:
     """Return the model of identities and heights; None where no radar reports any."""
-    fields_ = ("fields.code", "fields.address", "fields.height", "fields.kind")
-    if not any(values[f"{name}.{member}"] for name in values["radars"] for member in fields_):
+    layouts = [fields_of(values, name) for name in values["sensors"]]
+    identifying = ("code", "address", "height", "kind")
+    if not any(layout.get(quantity) for layout in layouts for quantity in identifying):
         return None
-    if not CORRECTORS[values["corrector"]].labelled:
+    if values["engine"] not in LABELLED:
         return None
     common = {
         "equipped": values["equipped_probability"],
-        "reply": values["reply_probability"],
-        "garbled": values["code_garbled"],
+        "reply": REPLY_PROBABILITY,
+        "garbled": GARBLED_PROBABILITY,
     }
     shared = tuple(int(code, 8) for code in values["shared_codes"])
     return AttributeModel(
         code=IdentityModel(
             CODES,
-            kept_s=values["code_kept_s"],
+            kept_s=CODE_KEPT_S,
             shared=shared,
-            shared_probability=values["shared_code_probability"] if shared else 0.0,
+            shared_probability=SHARED_CODE_PROBABILITY if shared else 0.0,
             **common,
         ),
         address=IdentityModel(ADDRESSES, kept_s=ADDRESS_KEPT_S, unique=True, **common),
         height=HeightModel(
             std=values["height_std"],
-            noise_density=values["height_noise_density"],
-            climb_std=values["height_climb_std"],
-            garbled=values["height_garbled"],
-            evidence=values["height_evidence"],
+            noise_density=HEIGHT_NOISE_DENSITY,
+            climb_std=HEIGHT_CLIMB_STD,
+            garbled=GARBLED_PROBABILITY,
         ),
-        clutter_reply=values["clutter_reply_probability"],
-        ages=any(values[f"{name}.fields.kind"] for name in values["radars"]),
+        clutter_reply=CLUTTER_REPLY_PROBABILITY,
+        ages=any(layout.get("kind") for layout in layouts),
     )
 
 
 def _amplitudes(values: Mapping[str, Any]) -> AmplitudeModel:
     if values["amplitude"] == "memory":
-        return Memory(values["amplitude_jitter"])
+        return Memory(AMPLITUDE_JITTER)
     return Band() if values["amplitude"] == "band" else Ignored()
 
 
 def _motion(values: Mapping[str, Any], name: str) -> MotionModel:
     kind = MOTIONS[values[f"{name}.model"]]
     used = {field.name for field in fields(kind)}
-    return kind(**{p.name: values[f"{name}.{p.name}"] for p in MOTION if p.name in used})
+    return kind(**{p.name: values[f"{name}.{p.name}"] for p in GROUPS["motions"] if p.name in used})
 
 
 def _class(values: Mapping[str, Any], name: str, motions: dict[str, MotionModel]) -> ClassModel:
@@ -339,7 +394,7 @@ def _class(values: Mapping[str, Any], name: str, motions: dict[str, MotionModel]
 
 
 def _birth(values: Mapping[str, Any], name: str, modes: ModeSpace) -> BirthTerm:
-    get = {member.name: values[f"{name}.{member.name}"] for member in BIRTH}
+    get = {member.name: values[f"{name}.{member.name}"] for member in GROUPS["births"]}
     motions_of_class = np.bincount(modes.class_of)
     rate = (np.array(get["rates"]) / motions_of_class)[modes.class_of]
     return BirthTerm(
@@ -351,25 +406,18 @@ def _birth(values: Mapping[str, Any], name: str, modes: ModeSpace) -> BirthTerm:
 
 
 def _spawn(values: Mapping[str, Any], modes: ModeSpace) -> SpawnModel:
-    classes = len(modes.classes)
-    class_matrix = square(values["spawn.class_transition"])
-    if class_matrix is None or not len(class_matrix):
-        class_matrix = np.full((classes, classes), 1.0 / classes)
     motions_of_class = np.bincount(modes.class_of)
-    mode_matrix = square(values["spawn.mode_transition"])
-    if mode_matrix is None or not len(mode_matrix):
-        to_mode = np.tile((1.0 / motions_of_class)[modes.class_of], (len(modes), 1))
-    else:
-        to_mode = np.tile(mode_matrix, (classes, classes))
-    transition = class_matrix[np.ix_(modes.class_of, modes.class_of)] * to_mode
+    to_mode = np.tile((1.0 / motions_of_class)[modes.class_of], (len(modes), 1))
+    count = int(motions_of_class[0])
+    if count > 1 and (motions_of_class == count).all():
+        same_motion = np.full((count, count), SPAWN_OTHER_MOTION / (count - 1))
+        np.fill_diagonal(same_motion, SPAWN_SAME_MOTION)
+        to_mode = np.tile(same_motion, (len(modes.classes), len(modes.classes)))
+    transition = to_mode * (1.0 / len(modes.classes))
     transition /= transition.sum(axis=1, keepdims=True)
     return SpawnModel(
         rate=values["spawn.rate"],
         transition=transition,
-        std=modes.space.state(
-            values["spawn.position_std"],
-            values["spawn.velocity_std"],
-            values["spawn.turn_rate_std"],
-        ),
-        particles_per_target=values["spawn.particles_per_target"],
+        std=modes.space.state(*SPAWN_STD),
+        particles_per_target=SPAWN_PARTICLES,
     )

@@ -6,7 +6,7 @@ A check is a function of all values by dotted name that returns one line per fau
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,15 +15,13 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors import wgs84
 from phd_jdtc_ros.core.sensors.site import MOST_FROM_ORIGIN
 from phd_jdtc_ros.core.targets import amplitude_density
-from phd_jdtc_ros.core.targets.modes import markov_generator
 
-from .parameters import GROUPS, REFERENCE, TOP
-from .radar_parameters import RADAR
+from .forms import FIXED, MOST_PROBABILITY, lag_of, pose_of
+from .parameters import GROUPS, LABELLED, REFERENCE, TOP
+from .radar_parameters import QUANTITIES, USUAL_FIELDS
 
-# The value of a radar's parameter `pose` for one that stands.
-FIXED = "fixed"
-# A target that cannot be missed would be lost for good with its first miss.
-MOST_PROBABILITY = 0.999
+# Fewer particles do not represent a target.
+LEAST_PER_TARGET = 10
 # In deviations; in a smaller ambiguity interval range rates tell nothing.
 LEAST_INTERVAL = 4.0
 
@@ -71,57 +69,47 @@ def _check_classes(values: Mapping[str, Any]) -> list[str]:
                 f"{name}.motions: {motions} given, must be some of motions {values['motions']}"
             )
         key = f"{name}.mode_transition"
-        wrong = _matrix_faults(key, values[key], len(motions))
-        if not wrong and not values["fixed_interval"]:
-            matrix = square(values[key])
-            if matrix is not None and markov_generator(matrix) is None:
-                wrong = [
-                    f"{key}: {values[key]} given, has no rate matrix, so it cannot be converted to "
-                    "other intervals; must be another matrix, or fixed_interval true"
-                ]
-        faults += wrong
+        faults += _matrix_faults(key, values[key], len(motions))
     return faults
 
 
-def _check_spawn(values: Mapping[str, Any]) -> list[str]:
-    faults = []
-    if values["spawn.class_transition"]:
-        key = "spawn.class_transition"
-        faults += _matrix_faults(key, values[key], len(values["classes"]))
-    if values["spawn.mode_transition"]:
-        sizes = {len(values[f"{name}.motions"]) for name in values["classes"]}
-        if len(sizes) > 1:
-            faults.append(
-                "spawn.mode_transition: must be empty if classes differ in their number of motions"
-            )
-        else:
-            key = "spawn.mode_transition"
-            faults += _matrix_faults(key, values[key], sizes.pop())
-    return faults
+def is_region(region: Sequence[float]) -> bool:
+    """Return whether these are two corners of a rectangle, with or without a margin."""
+    return (
+        len(region) in (4, 5)
+        and region[0] < region[2]
+        and region[1] < region[3]
+        and all(margin >= 0.0 for margin in region[4:])
+    )
 
 
 def _region_faults(values: Mapping[str, Any]) -> list[str]:
     region = values["region"]
     if not region:
         return []
-    if len(region) != 4 or not (region[0] < region[2] and region[1] < region[3]):
+    if not is_region(region):
         return [
-            f"region: {region} given, must be empty or [x_min, y_min, x_max, y_max] with the "
-            "third above the first and the fourth above the second"
+            f"region: {region} given, must be empty or [x_min, y_min, x_max, y_max], and a margin "
+            "of at least 0, with the third above the first and the fourth above the second"
         ]
     return [
         f"{name}.clutter_rate: {values[f'{name}.clutter_rate']} given with a region, must be a "
         "number: the rate is that of the radar's whole field, of which a part is taken in"
-        for name in values["radars"]
+        for name in values["sensors"]
         if isinstance(values[f"{name}.clutter_rate"], str)
     ]
 
 
 def _check_rest(values: Mapping[str, Any]) -> list[str]:
     faults = []
-    if values["late_reports"] == "rework" and not (values["lag"] or values["lag_s"]):
-        faults.append("late_reports: 'rework' given with lag 0, needs a lag or lag_s above 0")
+    if values["late_reports"] == "rework" and lag_of(values["lag"]) == (0, None):
+        faults.append("late_reports: 'rework' given with lag 0, needs a lag above 0")
     faults += _region_faults(values)
+    if 0 < values["particles_per_target"] < LEAST_PER_TARGET:
+        faults.append(
+            f"particles_per_target: {values['particles_per_target']} given, must be 0 or at least "
+            f"{LEAST_PER_TARGET}"
+        )
     for name in ("particles_per_birth", "detection_births.particles"):
         count = values[name]
         if count & (count - 1):
@@ -139,16 +127,16 @@ def _check_rest(values: Mapping[str, Any]) -> list[str]:
                 f"{name}.rates: {rates} given, must be {len(values['classes'])} numbers, one per "
                 "class, not all 0"
             )
-        elif values["corrector"] == "bernoulli" and sum(rates) > 1.0:
+        elif values["engine"] in LABELLED and sum(rates) > 1.0:
             faults.append(
-                f"{name}.rates: {rates} given, must sum to at most 1: with corrector bernoulli a "
-                "birth term is at most one target per scan"
+                f"{name}.rates: {rates} given, must sum to at most 1: but for engine phd a birth "
+                "term is at most one target per scan"
             )
     for group in ("topic", "frame"):
-        used = [name_or(values, radar, group) for radar in values["radars"]]
+        used = [name_or(values, radar, group) for radar in values["sensors"]]
         faults += [
             f"{radar}.{group}: {name!r} given, another radar has it too"
-            for radar, name in zip(values["radars"], used, strict=True)
+            for radar, name in zip(values["sensors"], used, strict=True)
             if used.count(name) > 1
         ]
     return faults
@@ -156,7 +144,7 @@ def _check_rest(values: Mapping[str, Any]) -> list[str]:
 
 def _check_reporting(values: Mapping[str, Any]) -> list[str]:
     confirm, delete = values["confirm_probability"], values["delete_probability"]
-    if 0.0 < confirm < delete and values["corrector"] != "poisson":
+    if 0.0 < confirm < delete and values["engine"] in LABELLED:
         return [
             f"delete_probability: {delete} given, must be at most confirm_probability, {confirm}, "
             "or 0"
@@ -166,7 +154,7 @@ def _check_reporting(values: Mapping[str, Any]) -> list[str]:
 
 def _check_visibility(values: Mapping[str, Any]) -> list[str]:
     faults = []
-    for name in values["radars"]:
+    for name in values["sensors"]:
         key = f"{name}.fov_deg"
         begin, end = values[key]
         if begin == end or abs(end - begin) > 360.0:
@@ -185,8 +173,8 @@ def _check_visibility(values: Mapping[str, Any]) -> list[str]:
 
 
 def _table_faults(values: Mapping[str, Any], radar: str) -> list[str]:
-    key = f"{radar}.detection_probability_over_range"
-    table = np.array(values[key])
+    key = f"{radar}.detection_probability"
+    table = np.array(values[key] if isinstance(values[key], list) else [])
     if len(table) % 2:
         return [f"{key}: {len(table)} numbers given, must be pairs of range and probability"]
     ranges, probabilities = table[::2], table[1::2]
@@ -197,41 +185,29 @@ def _table_faults(values: Mapping[str, Any], radar: str) -> list[str]:
             f"{key}: probabilities {probabilities.tolist()} given, must be above 0 and at most "
             f"{MOST_PROBABILITY}"
         ]
-    if len(table) and values[f"{radar}.detection_probability"]:
-        return [f"{key}: given beside detection_probability, must be one of the two"]
     return []
-
-
-def _check_engine(values: Mapping[str, Any]) -> list[str]:
-    """Return a fault for each choice that the engine of Gaussians does not have."""
-    only = {"corrector": "bernoulli", "death_term": "bernoulli", "extraction": "components"}
-    return [
-        f"{key}: {values[key]} given, must be {choice} with engine gaussian"
-        for key, choice in only.items()
-        if values["engine"] == "gaussian" and values[key] != choice
-    ]
 
 
 def _check_turns(values: Mapping[str, Any]) -> list[str]:
     faults = []
-    for name in values["radars"]:
+    for name in values["sensors"]:
         rotation_s, sectors = values[f"{name}.rotation_s"], values[f"{name}.sectors"]
         if sectors and not rotation_s:
             faults.append(f"{name}.rotation_s: 0 given, must be above 0 with sectors")
-        if values[f"{name}.fields.sector"] and not sectors:
+        if values.get(f"{name}.fields.sector") and not sectors:
             faults.append(f"{name}.sectors: 0 given, must be above 0 with fields.sector")
-        timed = rotation_s and values[f"{name}.fields.time"]
-        if (sectors or timed) and values["corrector"] != "bernoulli":
+        timed = rotation_s and values.get(f"{name}.fields.time")
+        if (sectors or timed) and values["engine"] not in LABELLED:
             faults.append(
-                f"corrector: {values['corrector']} given, must be bernoulli where turns are taken "
-                f"in by sectors, as those of {name} are"
+                f"engine: {values['engine']} given, must be {' or '.join(LABELLED)} where turns "
+                f"are taken in by sectors, as those of {name} are"
             )
     return faults
 
 
 def _check_radars(values: Mapping[str, Any]) -> list[str]:
     faults = []
-    for radar in values["radars"]:
+    for radar in values["sensors"]:
         moves = values[f"{radar}.pose"] != FIXED
         if values[f"{radar}.clutter_map"] and moves and values["engine"] != "gaussian":
             faults.append(
@@ -252,10 +228,11 @@ def _check_radars(values: Mapping[str, Any]) -> list[str]:
 def _check_poses(values: Mapping[str, Any]) -> list[str]:
     faults = []
     kinds: dict[str, str] = {}
-    topics = {name_or(values, radar, "topic"): radar for radar in values["radars"]}
-    for radar in values["radars"]:
-        key, pose, kind = f"{radar}.pose", values[f"{radar}.pose"], values[f"{radar}.pose_message"]
-        if pose == FIXED:
+    topics = {name_or(values, radar, "topic"): radar for radar in values["sensors"]}
+    for radar in values["sensors"]:
+        key = f"{radar}.pose"
+        pose, kind, _ = pose_of(values[key])
+        if values[key] == FIXED:
             continue
         if pose == "tf":
             faults.append(
@@ -269,9 +246,7 @@ def _check_poses(values: Mapping[str, Any]) -> list[str]:
             faults.append(f"{key}: {pose!r} given, {topics[pose]} has its detections there")
         elif kinds and kind not in kinds.values():
             other = next(iter(kinds))
-            faults.append(
-                f"{radar}.pose_message: {kind} given, must be {kinds[other]} as that of {other}"
-            )
+            faults.append(f"{key}: {kind} given, must be {kinds[other]} as that of {other}")
         else:
             kinds[radar] = kind
     return faults
@@ -281,9 +256,9 @@ def _field_faults(values: Mapping[str, Any], radar: str) -> list[str]:
     """Return a fault for each quantity of a cloud whose field another quantity has too."""
     faults: list[str] = []
     taken: dict[str, str] = {}
-    for quantity in (entry.name for entry in RADAR if entry.name.startswith("fields.")):
-        key = f"{radar}.{quantity}"
-        field = values[key]
+    for quantity in QUANTITIES:
+        key = f"{radar}.fields.{quantity}"
+        field = values.get(key, USUAL_FIELDS.get(quantity))
         if field and field in taken:
             faults.append(f"{key}: {field!r} given, {taken[field]} has it too")
         elif field:
@@ -293,15 +268,16 @@ def _field_faults(values: Mapping[str, Any], radar: str) -> list[str]:
 
 def _check_range_rates(values: Mapping[str, Any]) -> list[str]:
     faults = []
-    for name in values["radars"]:
+    for name in values["sensors"]:
         key = f"{name}.range_rate_ambiguity"
         interval, std = values[key], values[f"{name}.range_rate_std"]
-        if values[f"{name}.fields.range_rate"] and 0.0 < interval < LEAST_INTERVAL * std:
+        rated = values.get(f"{name}.fields.range_rate")
+        if rated and 0.0 < interval < LEAST_INTERVAL * std:
             faults.append(
                 f"{key}: {interval:g} given, must be 0 or at least {LEAST_INTERVAL:g} times "
                 f"range_rate_std, {std:g}"
             )
-        if values[f"{name}.fields.range_rate_std"] and not values[f"{name}.fields.range_rate"]:
+        if values.get(f"{name}.fields.range_rate_std") and not rated:
             faults.append(f"{name}.fields.range_rate: '' given, must be a name with range_rate_std")
     return faults
 
@@ -310,7 +286,7 @@ def _check_places(values: Mapping[str, Any]) -> list[str]:
     """Return a fault for each place on the earth that is none, or that does not go with others."""
     origin = values["world_origin"]
     faults = _place_faults("world_origin", origin)
-    for radar in values["radars"]:
+    for radar in values["sensors"]:
         key, place = f"{radar}.geodetic", values[f"{radar}.geodetic"]
         wrong = _place_faults(key, place)
         if values[f"{radar}.assumed_height"][1:]:
@@ -330,11 +306,6 @@ def _check_places(values: Mapping[str, Any]) -> list[str]:
         default = REFERENCE.get(f"{radar}.position", [0.0, 0.0])
         if values[f"{radar}.position"] != default:
             faults.append(f"{radar}.position: given beside geodetic, must be one of the two")
-        if values[f"{radar}.height"]:
-            faults.append(
-                f"{radar}.height: {values[f'{radar}.height']:g} given, must be 0 with geodetic, "
-                "whose third number is the height"
-            )
         if values[f"{radar}.pose"] != FIXED:
             faults.append(
                 f"{radar}.pose: {values[f'{radar}.pose']!r} given, must be {FIXED} with geodetic; "
@@ -376,11 +347,9 @@ def _check_identities(values: Mapping[str, Any]) -> list[str]:
 CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_names,
     _check_classes,
-    _check_spawn,
     _check_rest,
     _check_reporting,
     _check_visibility,
-    _check_engine,
     _check_turns,
     _check_radars,
     _check_range_rates,

@@ -42,13 +42,12 @@ def particle_engine(config: TrackerConfig) -> ParticleEngine:
     from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
     from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
 
-    values = config.values
     return ParticleEngine(
         forward=particle_filter(config),
         lag=config.lag,
         schedule=config.schedule,
-        death_term=DEATH_TERMS[str(values["death_term"])],
-        extraction=EXTRACTIONS[str(values["extraction"])],
+        death_term=DEATH_TERMS[config.recursion.death_term],
+        extraction=EXTRACTIONS[config.recursion.extraction],
         rule=config.rule,
     )
 
@@ -58,35 +57,21 @@ def particle_filter(config: TrackerConfig) -> ParticleFilter:
     from phd_jdtc_ros.core.association import marginals  # noqa: F401, not during the first scan
     from phd_jdtc_ros.core.smc.correction import CORRECTORS
     from phd_jdtc_ros.core.smc.filter import ParticleFilter
-    from phd_jdtc_ros.core.smc.resampling import ParticleBudget
+    from phd_jdtc_ros.core.targets.sobol import sobol_points
 
-    values = config.values
-    budget = ParticleBudget(
-        per_target=values["particles_per_target"],
-        least=values["least_particles"],
-        per_birth_term=values["particles_per_birth"],
-        most=values["max_particles"],
-    )
-    return ParticleFilter(config.model, CORRECTORS[values["corrector"]], budget, config.seed)
+    corrector = CORRECTORS[config.recursion.corrector]
+    # Loads the module of Sobol points now and not during the first scan.
+    sobol_points(1, 1)
+    return ParticleFilter(config.model, corrector, config.budget, config.seed)
 
 
 def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
     """Return a new engine of Gaussian mixtures."""
     from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
     from phd_jdtc_ros.core.gaussian.filter import GaussianFilter
-    from phd_jdtc_ros.core.gaussian.reduction import Bounds
 
-    values = config.values
-    bounds = Bounds(
-        hypotheses=values["hypotheses_per_target"],
-        least_share=values["least_hypothesis"],
-        merge_distance=values["merge_distance"],
-        least_existence=values["detection_births.least_probability"],
-        most=values["max_hypotheses"],
-        least_mode=values["least_mode"],
-    )
     return GaussianEngine(
-        forward=GaussianFilter(config.model, bounds),
+        forward=GaussianFilter(config.model, config.bounds),
         lag=config.lag,
         schedule=config.schedule,
         rule=config.rule,

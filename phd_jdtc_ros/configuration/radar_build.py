@@ -17,16 +17,26 @@ from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
 from phd_jdtc_ros.core.sensors.bias import RadarBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
+from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.sensors.site import Plane, Site
 from phd_jdtc_ros.core.sensors.slant_range import HeightReading
 from phd_jdtc_ros.core.sensors.visibility import TURN_TOLERANCE, Visibility
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage
 
-from .checks import FIXED, name_or
+from .checks import name_or
+from .forms import clutter_of, pose_of
 from .radar_input import RadarInput
-from .radar_parameters import AUTO, RADAR
+from .radar_parameters import AUTO, USUAL_FIELDS, Radar
+from .schema import build
 
+# Standard deviation of the level of log-normal clutter, dB: that of sea and land at low angles.
+CLUTTER_STD_DB = 6.0
+# Width of the interval about zero in which false detections have range rates, m/s, where the radar
+# measures them without ambiguity: that of road traffic and more.
+RANGE_RATE_SPAN = 200.0
+# A change between two poses is a jump above this speed, which no ship or vehicle has, m/s.
+POSE_MAX_SPEED = 100.0
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -40,28 +50,27 @@ def site_of(values: Mapping[str, Any], name: str, plane: Plane | None) -> Site |
 
 def radar_model(values: Mapping[str, Any], name: str, site: Site | None) -> RadarModel:
     """Return how a radar detects and measures."""
-    get = {member.name: values[f"{name}.{member.name}"] for member in RADAR}
-    threshold = amplitude_density.threshold_for(get["false_alarm_probability"])
-    range_std = _rounded(get["range_std"], get["range_step"])
-    azimuth_std = math.radians(_rounded(get["azimuth_std_deg"], get["azimuth_step_deg"]))
+    own = build(Radar, values, f"{name}.")
+    threshold = amplitude_density.threshold_for(own.false_alarm_probability)
+    azimuth_std = math.radians(own.azimuth_std_deg)
     return RadarModel(
         name=name,
-        position=tuple(get["position"]) if site is None else site.position,
-        yaw=math.radians(get["yaw_deg"]) if site is None else site.yaw,
-        range_std=range_std,
+        position=(own.position[0], own.position[1]) if site is None else site.position,
+        yaw=math.radians(own.yaw_deg) if site is None else site.yaw,
+        range_std=own.range_std,
         azimuth_std=azimuth_std,
-        visibility=_visibility(get),
-        clutter_rate=START_RATE if get["clutter_rate"] == AUTO else get["clutter_rate"],
-        clutter_count=ClutterCount() if get["clutter_rate"] == AUTO else None,
-        clutter_max_range=get["clutter_max_range"],
+        visibility=_visibility(own),
+        clutter_rate=START_RATE if own.clutter_rate == AUTO else float(own.clutter_rate),
+        clutter_count=ClutterCount() if own.clutter_rate == AUTO else None,
+        clutter_max_range=own.clutter_max_range,
         threshold=threshold,
-        range_growth=get["range_std_growth"],
-        rotation_s=get["rotation_s"],
-        clutter_amplitude=_clutter_amplitude(get, threshold),
-        clutter_map=_clutter_map(get, range_std, azimuth_std) if get["clutter_map"] else None,
-        clutter_map_speed=get["clutter_map_speed"],
-        range_rate=_range_rate(get),
-        cluster_distance=get["cluster_distance"],
+        range_growth=own.range_std_growth,
+        rotation_s=own.rotation_s,
+        clutter_amplitude=_clutter_amplitude(own, threshold),
+        clutter_map=_clutter_map(own, azimuth_std) if own.clutter_map else None,
+        clutter_map_speed=own.clutter_map_speed,
+        range_rate=_range_rate(own),
+        cluster_distance=own.cluster_distance,
         height_reading=_height_reading(radar_input(values, name, site)),
     )
 
@@ -73,45 +82,39 @@ def _height_reading(layout: RadarInput) -> HeightReading | None:
     return HeightReading(layout.height, layout.datum, layout.site, layout.assumed_height)
 
 
-def _range_rate(get: Mapping[str, Any]) -> RangeRateModel | None:
-    if not get["fields.range_rate"]:
+def _range_rate(own: Radar) -> RangeRateModel | None:
+    if not own.fields.get("range_rate"):
         return None
-    return RangeRateModel(
-        get["range_rate_std"], get["range_rate_ambiguity"], get["range_rate_span"]
-    )
+    return RangeRateModel(own.range_rate_std, own.range_rate_ambiguity, RANGE_RATE_SPAN)
 
 
-def _clutter_map(get: Mapping[str, Any], range_std: float, azimuth_std: float) -> ClutterMap:
-    if get["pose"] == FIXED:
-        return ClutterMap(PolarGrid.of_noise(range_std, azimuth_std))
-    return ClutterMap(GroundGrid.of_noise(range_std, azimuth_std, get["max_range"]))
+def _clutter_map(own: Radar, azimuth_std: float) -> ClutterMap:
+    if not pose_of(own.pose)[0]:
+        return ClutterMap(PolarGrid.of_noise(own.range_std, azimuth_std))
+    return ClutterMap(GroundGrid.of_noise(own.range_std, azimuth_std, own.max_range))
 
 
-def _clutter_amplitude(get: Mapping[str, Any], threshold: float) -> ClutterAmplitude:
-    if get["clutter_amplitude"] == "learned":
+def _clutter_amplitude(own: Radar, threshold: float) -> ClutterAmplitude:
+    law, level_db = clutter_of(own.clutter_amplitude)
+    if law == "learned":
         return Learned(threshold)
-    if get["clutter_amplitude"] == "log_normal":
-        return LogNormal(get["clutter_level_db"], get["clutter_std_db"])
-    return Rayleigh(amplitude_density.snr_from_db(get["clutter_level_db"]))
+    if law == "log_normal":
+        return LogNormal(level_db, CLUTTER_STD_DB)
+    return Rayleigh(amplitude_density.snr_from_db(level_db))
 
 
-def _rounded(std: float, step: float) -> float:
-    """Return a standard deviation after rounding to multiples of `step`."""
-    return math.hypot(std, step / math.sqrt(12.0)) if step else std
-
-
-def _visibility(get: Mapping[str, Any]) -> Visibility:
-    table = np.reshape(get["detection_probability_over_range"], (-1, 2))
-    if get["detection_probability"]:
-        table = np.array([[0.0, get["detection_probability"]]])
-    compass = get["azimuth_convention"] == "compass_cw"
+def _visibility(own: Radar) -> Visibility:
+    given = own.detection_probability
+    pairs = given if isinstance(given, list) else [0.0, given] if given else []
+    table = np.reshape(pairs, (-1, 2))
+    compass = own.azimuth_convention == "compass_cw"
     return Visibility(
-        max_range=get["max_range"],
-        min_range=get["min_range"],
-        fov=_sector(get["fov_deg"][0], get["fov_deg"][1], compass),
+        max_range=own.max_range,
+        min_range=own.min_range,
+        fov=_sector(own.fov_deg[0], own.fov_deg[1], compass),
         blind=tuple(
             _sector(begin, end, compass)
-            for begin, end in np.reshape(get["blind_sectors_deg"], (-1, 2))
+            for begin, end in np.reshape(own.blind_sectors_deg, (-1, 2))
         ),
         ranges=tuple(table[:, 0].tolist()),
         probabilities=tuple(table[:, 1].tolist()),
@@ -127,58 +130,65 @@ def _sector(begin_deg: float, end_deg: float, compass: bool) -> Coverage:
     return Coverage(math.radians(start), min(math.radians(width), FULL_TURN))
 
 
+def fields_of(values: Mapping[str, Any], name: str) -> dict[str, str]:
+    """Return the names of a cloud's fields by quantity; of those that are not used none or ''."""
+    return {**USUAL_FIELDS, **build(Radar, values, f"{name}.").fields}
+
+
 def radar_input(values: Mapping[str, Any], name: str, site: Site | None) -> RadarInput:
     """Return the layout of a radar's messages."""
-    get = {member.name: values[f"{name}.{member.name}"] for member in RADAR}
+    own = build(Radar, values, f"{name}.")
+    fields = {**USUAL_FIELDS, **own.fields}
+    pose_topic, pose_message, pose_yaw = pose_of(own.pose)
+    antenna = [*own.position, 0.0][2]
     return RadarInput(
         name=name,
         topic=name_or(values, name, "topic"),
         frame=name_or(values, name, "frame"),
-        message=get["message"],
-        range_field=get["fields.range"],
-        azimuth_field=get["fields.azimuth"],
-        elevation_field=get["fields.elevation"],
-        amplitude_field=get["fields.amplitude"],
-        amplitude_in_db=get["amplitude_unit"] == "db",
-        amplitude_offset_db=get["amplitude_offset_db"],
-        compass=get["azimuth_convention"] == "compass_cw",
-        azimuth_in_degrees=get["azimuth_unit"] == "deg",
-        max_range=get["max_range"],
-        time_field=get["fields.time"],
-        time_unit_s=TIME_UNITS[get["time_unit"]],
-        time_since_epoch=get["time_reference"] == "epoch",
-        sector_field=get["fields.sector"],
-        height_field=get["fields.height"],
-        height=get["height"] if site is None else site.geodetic[2] - values["world_origin"][2],
+        message=own.message,
+        range_field=fields.get("range", ""),
+        azimuth_field=fields.get("azimuth", ""),
+        elevation_field=fields.get("elevation", ""),
+        amplitude_field=fields.get("amplitude", ""),
+        amplitude_in_db=own.amplitude_unit == "db",
+        amplitude_offset_db=own.amplitude_offset_db,
+        compass=own.azimuth_convention == "compass_cw",
+        azimuth_in_degrees=own.azimuth_unit == "deg",
+        max_range=own.max_range,
+        time_field=fields.get("time", ""),
+        time_unit_s=TIME_UNITS[own.time_unit],
+        time_since_epoch=own.time_reference == "epoch",
+        sector_field=fields.get("sector", ""),
+        height_field=fields.get("height", ""),
+        height=antenna if site is None else site.geodetic[2] - values["world_origin"][2],
         datum=values["world_origin"][2] if values["world_origin"] else 0.0,
         site=site,
-        assumed_height=get["assumed_height"][0] if get["assumed_height"] else math.nan,
-        code_field=get["fields.code"],
-        address_field=get["fields.address"],
-        kind_field=get["fields.kind"],
-        range_std_field=get["fields.range_std"],
-        azimuth_std_field=get["fields.azimuth_std"],
-        range_rate_field=get["fields.range_rate"],
-        range_rate_std_field=get["fields.range_rate_std"],
-        range_rate_ambiguity=get["range_rate_ambiguity"],
-        rotation_s=get["rotation_s"],
-        sectors=get["sectors"],
-        pose_topic="" if get["pose"] == FIXED else get["pose"],
-        pose_message=get["pose_message"],
-        pose_yaw=get["pose_yaw"],
-        pose_max_age_s=get["pose_max_age_s"],
-        pose_max_speed=get["pose_max_speed"],
-        bias=_bias(get),
+        assumed_height=own.assumed_height[0] if own.assumed_height else math.nan,
+        code_field=fields.get("code", ""),
+        address_field=fields.get("address", ""),
+        kind_field=fields.get("kind", ""),
+        range_std_field=fields.get("range_std", ""),
+        azimuth_std_field=fields.get("azimuth_std", ""),
+        range_rate_field=fields.get("range_rate", ""),
+        range_rate_std_field=fields.get("range_rate_std", ""),
+        range_rate_ambiguity=own.range_rate_ambiguity,
+        rotation_s=own.rotation_s,
+        sectors=own.sectors,
+        pose_topic=pose_topic,
+        pose_message=pose_message,
+        pose_yaw=pose_yaw,
+        pose_max_age_s=own.pose_max_age_s,
+        bias=_bias(own),
     )
 
 
-def _bias(get: Mapping[str, Any]) -> RadarBias:
-    compass = get["azimuth_convention"] == "compass_cw"
+def _bias(own: Radar) -> RadarBias:
+    compass = own.azimuth_convention == "compass_cw"
     return RadarBias(
-        get["range_bias"],
-        get["range_gain"],
-        math.radians(get["azimuth_bias_deg"]) * _sense(compass, get["message"]),
-        get["time_offset_s"],
+        own.range_bias,
+        own.range_gain,
+        math.radians(own.azimuth_bias_deg) * _sense(compass, own.message),
+        own.time_offset_s,
     )
 
 
@@ -198,11 +208,11 @@ def bias_parameters(radar: RadarInput, bias: RadarBias) -> dict[str, float]:
     }
 
 
-def platform_of(radar: RadarInput, model: RadarModel, reset_threshold_s: float) -> Platform | None:
+def platform_of(radar: RadarInput, model: Sensor, reset_threshold_s: float) -> Platform | None:
     """Return what carries a radar; None if it stands."""
     if not radar.pose_topic:
         return None
-    track = PoseTrack(radar.pose_yaw, radar.pose_max_age_s, radar.pose_max_speed, reset_threshold_s)
+    track = PoseTrack(radar.pose_yaw, radar.pose_max_age_s, POSE_MAX_SPEED, reset_threshold_s)
     return Platform(track, Mount(model.position, model.yaw))
 
 

@@ -76,8 +76,6 @@ class RadarInput:
         Whether the orientation of what carries it turns it too.
     pose_max_age_s : float
         Farthest that a detection may be from the nearest pose, seconds.
-    pose_max_speed : float
-        Speed above which a change between two poses is a jump, metres per second.
     bias : RadarBias
         What its measurements are corrected for as they are read.
     """
@@ -118,5 +116,4 @@ class RadarInput:
     pose_message: str = "odometry"
     pose_yaw: bool = True
     pose_max_age_s: float = 1.0
-    pose_max_speed: float = 100.0
     bias: RadarBias = NO_BIAS

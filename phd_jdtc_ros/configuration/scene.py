@@ -10,23 +10,27 @@ from collections.abc import Mapping
 from typing import Any
 
 from .checks import name_or
-from .radar_parameters import RADAR
+from .radar_parameters import QUANTITIES, RADAR, USUAL_FIELDS
 
 # What the whole scene has.
 OF_ALL = ("world_origin",)
 # What says where a radar is.
-PLACE = ("position", "geodetic", "yaw_deg", "pose", "pose_message", "pose_yaw")
+PLACE = ("position", "geodetic", "yaw_deg", "pose")
 # The lists that name the scene's parts, and the parameters of each part that belong to it.
 # What a radar is corrected for is found in a recording, and is no part of its scene.
 CORRECTIONS = ("range_bias", "range_gain", "azimuth_bias_deg", "time_offset_s")
 PARTS: dict[str, tuple[str, ...]] = {
-    "radars": tuple(each.name for each in RADAR if each.name not in CORRECTIONS),
+    "sensors": (
+        *(each.name for each in RADAR if not each.keys and each.name not in CORRECTIONS),
+        *(f"fields.{quantity}" for quantity in QUANTITIES),
+    ),
     "classes": ("snr_band_db",),
     "births": ("position",),
 }
 # Radars whose topic or frame is empty have these by default, so that both forms are equal.
 _WITH_DEFAULT = ("topic", "frame")
 _ANYWHERE = "detection_births.rates"
+_FIELDS = "fields."
 
 
 def differences(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> list[str]:
@@ -66,7 +70,7 @@ def other_places(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> dict[
 
     Parameters are those of `differences`. A radar that only one of both has is left out.
     """
-    radars = [radar for radar in recorded["radars"] if radar in given["radars"]]
+    radars = [radar for radar in recorded["sensors"] if radar in given["sensors"]]
     names = (*OF_ALL, *(f"{radar}.{member}" for radar in radars for member in PLACE))
     return {name: recorded[name] for name in names if recorded[name] != given[name]}
 
@@ -77,10 +81,14 @@ def _of_part(
     found = []
     for member in members:
         name = f"{part}.{member}"
-        if name not in given or name not in recorded:
+        field = member.startswith(_FIELDS)
+        # A field that is not given has its usual name; of parameters that are no whole set nothing
+        # is known.
+        if f"{part}.topic" not in given if field else not (name in given and name in recorded):
             continue
+        usual = USUAL_FIELDS.get(member.removeprefix(_FIELDS), "")
         before, now = (
-            name_or(values, part, member) if member in _WITH_DEFAULT else values[name]
+            name_or(values, part, member) if member in _WITH_DEFAULT else values.get(name, usual)
             for values in (recorded, given)
         )
         if before != now:

@@ -1,12 +1,18 @@
-"""Definition of a parameter: name, default, which fixes the type, and allowed values."""
+"""Definition of a parameter: name, default, which fixes the type, and allowed values.
+
+A parameter is declared once, as a field of a dataclass: `parameter` gives it a default, a
+description and bounds. `table` returns the parameters of such a class, from which the checks, the
+documentation and the descriptors of ROS follow, and `build` makes an instance of checked values.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import Field, dataclass, field, fields, replace
 from difflib import get_close_matches
-from typing import Any, TypeAlias
+from types import MappingProxyType
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -19,6 +25,22 @@ SMALL = 1e-9
 # How much a misspelt name is like the one that is meant, and how many are looked for: more than
 # these are another program's, and each takes time.
 LIKENESS, MISSPELT = 0.8, 20
+
+
+@dataclass(frozen=True)
+class Form:
+    """A way to write a value that is no plain number, text or list.
+
+    Parameters
+    ----------
+    allowed : str
+        The allowed values in words.
+    read : callable
+        Returns a given value as it is kept, or None if it is not allowed.
+    """
+
+    allowed: str
+    read: Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
@@ -47,6 +69,10 @@ class Parameter:
     mutable : bool
         Whether it may change between two scans. The other parameters determine the structure of
         the tracker or of what it keeps from scan to scan.
+    form : Form or None
+        How a value is written that is no plain number, text or list.
+    keys : tuple of str
+        Those of a mapping: each has a parameter of its own, ``NAME.KEY``, where it is given.
     """
 
     name: str
@@ -60,10 +86,16 @@ class Parameter:
     most: int | None = None
     words: tuple[str, ...] = ()
     mutable: bool = False
+    form: Form | None = None
+    keys: tuple[str, ...] = ()
 
     @property
     def allowed(self) -> str:
         """The allowed values in words."""
+        if self.form is not None:
+            return self.form.allowed
+        if self.choices and isinstance(self.default, list):
+            return "a list of some of " + ", ".join(self.choices)
         if self.choices:
             return "one of " + ", ".join(self.choices)
         if isinstance(self.default, bool):
@@ -88,6 +120,9 @@ class Parameter:
 
     def coerce(self, value: Any) -> Value | None:
         """Return `value` as the parameter's type, or None if it is not allowed."""
+        if self.form is not None:
+            found: Value | None = self.form.read(value)
+            return found
         if isinstance(self.default, bool):
             return value if isinstance(value, bool) else None
         if isinstance(self.default, str):
@@ -119,11 +154,61 @@ class Parameter:
             return None
         if self.element is str:
             valid = all(isinstance(entry, str) and entry for entry in entries)
-            return entries if valid and len(set(entries)) == len(entries) else None
+            valid = valid and len(set(entries)) == len(entries)
+            return entries if valid and set(entries) <= set(self.choices or entries) else None
         number = Parameter("", 0.0, "", self.low, self.high)
         found = [number._coerce_number(entry) for entry in entries]
         valid_numbers = [float(value) for value in found if value is not None]
         return valid_numbers if len(valid_numbers) == len(entries) else None
+
+
+# Where a field's metadata has its parameter.
+_DECLARED = "parameter"
+T = TypeVar("T")
+
+
+def parameter(
+    default: Any,
+    description: str,
+    low: float = -INFINITY,
+    high: float = INFINITY,
+    name: str = "",
+    **more: Any,
+) -> Any:
+    """Return a field of a dataclass that is a parameter; see `Parameter`.
+
+    The parameter has the name of the field, unless it is given: a dotted one.
+    """
+    declared = Parameter(name, default, description, low, high, **more)
+    return field(default_factory=lambda: default, metadata={_DECLARED: declared})
+
+
+def table(declared: type) -> tuple[Parameter, ...]:
+    """Return the parameters that a dataclass declares, in their order."""
+    return tuple(
+        replace(entry.metadata[_DECLARED], name=entry.metadata[_DECLARED].name or entry.name)
+        for entry in _entries(declared)
+    )
+
+
+def _entries(declared: type) -> tuple[Field[Any], ...]:
+    return fields(declared)
+
+
+def build(declared: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
+    """Return an instance of a dataclass that declares parameters; `prefix` ends with a dot."""
+    given: dict[str, Any] = {}
+    for entry in _entries(declared):
+        own: Parameter = entry.metadata[_DECLARED]
+        name = f"{prefix}{own.name or entry.name}"
+        if own.keys:
+            own_keys = {
+                key: values[f"{name}.{key}"] for key in own.keys if f"{name}.{key}" in values
+            }
+            given[entry.name] = own_keys
+        else:
+            given[entry.name] = values[name]
+    return declared(**given)
 
 
 def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -151,6 +236,32 @@ def unknown(given: Iterable[str], known: Collection[str]) -> list[str]:
     return [f"{name}: unknown parameter{_meant(name, known)}" for name in names]
 
 
+def refused(
+    given: Iterable[str],
+    table: Collection[str],
+    known: Collection[str],
+    old: Mapping[str, str],
+    old_members: Mapping[str, str],
+) -> list[str]:
+    """Return a fault for each parameter that is no longer there or never was.
+
+    Parameters
+    ----------
+    given : iterable of str
+        Dotted names.
+    table : collection of str
+        Names of all parameters; none of them is a fault.
+    known : collection of str
+        Those that may be meant.
+    old, old_members : mapping of a name of before to what takes its place
+        Of the whole, and of each name in a list.
+    """
+    others = [name for name in given if name not in table]
+    instead = {name: old.get(name) or old_members.get(name.partition(".")[2]) for name in others}
+    faults = [f"{name}: no longer a parameter, {text}" for name, text in instead.items() if text]
+    return faults + unknown((name for name in others if not instead[name]), known)
+
+
 def _meant(name: str, known: Iterable[str]) -> str:
     """Return a question for the most similar name of the same group, empty without one."""
     group = name.rpartition(".")[0]
@@ -173,10 +284,18 @@ class ConfigError(ValueError):
         super().__init__("\n".join(self.faults))
 
 
-def check(table: Iterable[Parameter], found: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Return the values of a plain table's parameters, and every fault of the given ones."""
+def check(
+    table: Iterable[Parameter],
+    found: Mapping[str, Any],
+    old: Mapping[str, str] = MappingProxyType({}),
+    old_members: Mapping[str, str] = MappingProxyType({}),
+) -> tuple[dict[str, Any], list[str]]:
+    """Return the values of a plain table's parameters, and every fault of the given ones.
+
+    `old` and `old_members` are those of `replaced.faults`.
+    """
     by_name = {parameter.name: parameter for parameter in table}
-    faults = unknown(found, by_name)
+    faults = refused(found, by_name, by_name, old, old_members)
     values = {}
     for name, parameter in by_name.items():
         value = found.get(name, parameter.default)

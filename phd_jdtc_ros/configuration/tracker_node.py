@@ -11,102 +11,62 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from phd_jdtc_ros.configuration import build
-from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.configuration.parameters import schema
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, unknown
 from phd_jdtc_ros.earth import SystemPlane
 
-from .schema import check
+from . import build
+from .build import TrackerConfig
+from .parameters import schema
+from .schema import ConfigError, Parameter, check, parameter, table
 
-TABLE = (
-    Parameter("autostart", True, "Configure and activate the node by itself at the start."),
-    Parameter(
-        "max_wait_s",
-        0.0,
-        "Longest time by the wall clock that a scan waits for radars that have not reported it, or "
-        "is held back by reorder_scans, s; at 0 it waits for a later stamp.",
-        0.0,
-        3600.0,
-    ),
-    Parameter(
-        "publish_detections",
-        True,
-        "Publish ~/detections: the detections of all radars in world_frame, for viewers.",
-    ),
-    Parameter(
-        "publish_frames",
-        True,
-        "Publish the radars' frames on /tf_static, where tf2_msgs is installed; false if another "
-        "node does.",
-    ),
-    Parameter("publish_markers", True, "Publish ~/markers.", mutable=True),
-    Parameter(
-        "publish_plots", True, "Publish ~/plot/..., one number per topic for plotting tools."
-    ),
-    Parameter("publish_path", False, "Publish ~/tracks/path, one message per track."),
-    Parameter("publish_odometry", False, "Publish ~/odometry, one message per track."),
-    Parameter("publish_radar_tracks", False, "Publish ~/radar_tracks (radar_msgs/RadarTracks)."),
-    Parameter(
-        "publish_detections_3d", False, "Publish ~/detections_3d (vision_msgs/Detection3DArray)."
-    ),
-    Parameter(
-        "publish_navsat",
-        False,
-        "Publish ~/navsat (sensor_msgs/NavSatFix), one message per track; needs world_origin.",
-    ),
-    Parameter(
-        "publish_geojson",
-        False,
-        "Publish ~/tracks/geojson (foxglove_msgs/GeoJSON), all tracks with where they were; needs "
-        "world_origin.",
-    ),
-    Parameter(
-        "checkpoint.path",
-        "",
-        "File in which the tracker's state is stored, for a warm restart; empty for none.",
-    ),
-    Parameter("checkpoint.every", 0, "Scans between checkpoints; 0 for on request only.", 0, 10**6),
-    Parameter(
-        "checkpoint.max_age_s",
-        60.0,
-        "Greatest age of a checkpoint, s: it is not used if the first scan comes later than this, "
-        "or than max_gap_scans, after the checkpoint's last one.",
-        0.0,
-        86400.0,
-    ),
-    Parameter(
-        "registration_monitor",
-        False,
-        "Watch whether radars agree: /diagnostics warns of one whose ranges or azimuths are off "
-        "the tracks that others see too. It changes no estimate.",
-    ),
-    Parameter(
-        "path_length",
-        100,
-        "Number of positions of a track in ~/tracks/path and ~/tracks/geojson.",
-        2,
-        10**5,
-    ),
-    Parameter(
-        "silent_after_scans",
-        2.0,
-        "Number of its scans that a radar may miss; within half a second more it is called silent.",
-        0.5,
-        1000.0,
-        mutable=True,
-    ),
-    Parameter(
-        "step_time_limit",
-        1.0,
-        "Step time above which diagnostics warn, in intervals between scans.",
-        0.01,
-        100.0,
-        mutable=True,
-    ),
+OUTPUTS = (
+    *("detections", "frames", "markers", "plots", "paths", "odometry", "radar_tracks"),
+    *("detections_3d", "navsat", "geojson", "registration"),
 )
 # What is published by latitude and longitude.
-ON_THE_EARTH = ("publish_navsat", "publish_geojson")
+ON_THE_EARTH = ("navsat", "geojson")
+# The one that may come and go while the tracker runs.
+MARKERS = "markers"
+
+
+@dataclass(frozen=True)
+class Node:
+    """What the live node has beside the tracker."""
+
+    autostart: bool = parameter(True, "Configure and activate the node by itself at the start.")
+    max_wait_s: float = parameter(
+        0.0,
+        "Longest time by the wall clock that a scan waits for radars that have not reported it, s; "
+        "at 0 it waits for a later stamp.",
+        0.0,
+        3600.0,
+    )
+    outputs: list[str] = parameter(
+        ["detections", "frames", "markers", "plots"],
+        "What is published beside estimates, poses and figures. detections: ~/detections, all "
+        "radars' in world_frame; frames: the radars' frames on /tf_static, where tf2_msgs is "
+        "installed and no other node does; markers: ~/markers; plots: ~/plot/..., one number per "
+        "topic for plotting tools; paths: ~/tracks/path, one message per track; odometry: "
+        "~/odometry, one message per track; radar_tracks: ~/radar_tracks (radar_msgs); "
+        "detections_3d: ~/detections_3d (vision_msgs); navsat: ~/navsat, one message per track, "
+        "and geojson: ~/tracks/geojson (foxglove_msgs), all tracks with where they were, both "
+        "with world_origin only; registration: a warning on /diagnostics where a radar's ranges "
+        "or azimuths are off the tracks that others see too. Only markers may come and go while "
+        "the tracker runs.",
+        element=str,
+        choices=OUTPUTS,
+        mutable=True,
+    )
+    checkpoint_path: str = parameter(
+        "",
+        "File in which the tracker's state is stored, for a warm restart; empty for none.",
+        name="checkpoint.path",
+    )
+    checkpoint_every: int = parameter(
+        0, "Scans between checkpoints; 0 for on request only.", 0, 10**6, name="checkpoint.every"
+    )
+
+
+TABLE = table(Node)
 NAMES = frozenset(parameter.name for parameter in TABLE)
 
 
@@ -154,8 +114,12 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         tracker = build.resolve(of_tracker, SystemPlane)
     except ConfigError as error:
         raise ConfigError([*faults, *error.faults]) from error
-    if tracker.plane is None:
-        faults += [f"{name}: true given, needs world_origin" for name in ON_THE_EARTH if node[name]]
+    if tracker.plane is None and node["outputs"]:
+        faults += [
+            f"outputs: {name} given, needs world_origin"
+            for name in ON_THE_EARTH
+            if name in node["outputs"]
+        ]
     if faults:
         raise ConfigError(faults)
     return Settings(_table(of_tracker), tracker, node)
@@ -171,7 +135,7 @@ def edited(
     """Return the table and the values after a change while the tracker is not configured.
 
     Every value is checked by itself, and not yet whether they fit together: they may come one by
-    one. A name that comes to a list such as ``radars`` brings its parameters, and one that goes
+    one. A name that comes to a list such as ``sensors`` brings its parameters, and one that goes
     takes them along.
 
     Raises
@@ -180,13 +144,18 @@ def edited(
         With every fault: unknown parameters, and values that are not allowed.
     """
     wanted = {**values, **changes}
-    table = _table(wanted)
-    found = {name: wanted.get(name, parameter.default) for name, parameter in table.items()}
-    checked, faults = check(table.values(), found)
-    faults += unknown(changes, table)
+    every = _table(wanted)
+    found = {name: wanted.get(name, own.default) for name, own in every.items()}
+    checked, faults = check(every.values(), found)
+    faults += _refused(changes, every)
     if faults:
         raise ConfigError(faults)
-    return table, checked
+    return every, checked
+
+
+def _refused(changes: Mapping[str, Any], known: Mapping[str, Parameter]) -> list[str]:
+    """Return a fault for each parameter that there is not."""
+    return build.refused(changes, known)
 
 
 def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
@@ -202,12 +171,15 @@ def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
         for name in changes
         if name in settings.table and name not in settings.mutable
     ]
-    faults += unknown(changes, settings.table)
+    faults += _refused(changes, settings.table)
     allowed = {name: value for name, value in changes.items() if name in settings.mutable}
     try:
         found = resolve({**settings.values, **allowed})
     except ConfigError as error:
         raise ConfigError([*faults, *error.faults]) from error
+    before, after = ({*each.node["outputs"]} - {MARKERS} for each in (settings, found))
+    if before != after:
+        faults.append("outputs: only markers may come and go while the tracker is configured")
     if faults:
         raise ConfigError(faults)
     return found

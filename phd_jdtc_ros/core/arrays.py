@@ -1,4 +1,4 @@
-"""Array types, and operations on arrays that several rooms of the core use."""
+"""Array types, and operations on arrays that several packages of the core use."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 # scipy ships no type information.
 SparseArray = Any
-# Mean length of a run of equal values from which on summing by runs pays off, and the number of
-# values up to which it does not pay to look.
+# `SHORT_RUN` is the mean length of a run of equal values above which a sum by runs is faster.
+# `FEW_VALUES` is the number of values up to which the test for runs costs more than it saves.
 SHORT_RUN = 4
 FEW_VALUES = 64
-# Up to this many cells an entry, a table of all cells is faster than a sort of the entries.
+# Largest number of cells per entry at which a table of all cells is faster than a sort of entries.
 CELLS_AN_ENTRY = 8
 
 
@@ -43,8 +43,8 @@ def wrap_angle(angle: FloatArray) -> FloatArray:
 def sum_by(index: IntArray, weight: FloatArray, size: int) -> FloatArray:
     """Return the sums of `weight` over equal `index`, shape (size,).
 
-    Long runs of equal indices, as the particles of one target have, are summed run by run, which
-    is ten times as fast.
+    Long runs of equal indices, such as the particles of one target, are summed run by run, which is
+    ten times as fast.
     """
     if len(index) > FEW_VALUES:
         first = run_starts(index)
@@ -57,14 +57,14 @@ def sum_by(index: IntArray, weight: FloatArray, size: int) -> FloatArray:
 
 
 def run_starts(value: IntArray) -> IntArray:
-    """Return where each run of equal values begins."""
+    """Return the index at which each run of equal values begins."""
     return np.flatnonzero(np.concatenate([[True], value[1:] != value[:-1]])[: len(value)])
 
 
 def factorize(value: IntArray) -> tuple[IntArray, IntArray]:
     """Return the distinct values, ascending, and for each entry the index of its value in them.
 
-    Same as `numpy.unique` with the inverse, but fast for long runs of equal values, as origins are.
+    This equals `numpy.unique` with the inverse, but is fast for long runs of equal values.
     """
     first = run_starts(value)
     distinct, run = np.unique(value[first], return_inverse=True)
@@ -82,8 +82,8 @@ def add_by_row(total: FloatArray | IntArray, row: IntArray, weight: FloatArray |
 def distinct_cells(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
     """Return the distinct cells, ascending, and the index of each entry's cell among them.
 
-    A table of all cells replaces the sort of `numpy.unique` where the pairs are many, as those of
-    particles are: there the sort takes half of the time of an update.
+    For many entries, a table of all cells replaces the sort of `numpy.unique`, which would take
+    half of the time of an update with particles.
     """
     if cells > CELLS_AN_ENTRY * len(cell):
         found, place = np.unique(cell, return_inverse=True)

@@ -1,8 +1,8 @@
-"""Which inner loops are in use: those of NumPy, or those that numba compiles.
+"""Selection of the inner loops: NumPy, or compiled by numba.
 
-A room of the core that has both kinds keeps the compiled ones in its module `compiled`, behind the
-same functions. They are used where numba is installed, unless the environment variable
-``PHD_JDTC_KERNELS`` says otherwise: ``numpy`` or ``numba``, by default ``auto``.
+A package of the core with both kinds keeps the compiled loops in its module `compiled`, behind the
+same functions. They are used if numba is installed, unless the environment variable
+``PHD_JDTC_KERNELS`` selects ``numpy`` or ``numba``; its default is ``auto``.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ _USED: ContextVar[str | None] = ContextVar("backend", default=None)
 
 
 @cache
-def resolved(wanted: str) -> str:
-    """Return the backend of this name; ``auto`` is numba where it is installed, or else numpy.
+def resolve(wanted: str) -> str:
+    """Return the backend for a setting; ``auto`` is numba if it is installed, and otherwise numpy.
 
     Raises
     ------
     ValueError
-        If there is none of this name.
+        If the setting is unknown.
     ImportError
-        If numba is asked for and not installed.
+        If the setting is ``numba`` and numba is not installed.
     """
     if wanted not in ("auto", NUMPY, NUMBA):
         raise ValueError(f"{VARIABLE}: {wanted!r} given, must be auto, numpy or numba")
@@ -44,15 +44,15 @@ def resolved(wanted: str) -> str:
     return NUMBA
 
 
-def chosen() -> str:
-    """Return the name of the backend in use: that of `using`, or else what the environment says."""
-    return _USED.get() or resolved(os.environ.get(VARIABLE, "auto"))
+def current() -> str:
+    """Return the name of the backend in use: set by `using`, or else by the environment."""
+    return _USED.get() or resolve(os.environ.get(VARIABLE, "auto"))
 
 
 @contextmanager
 def using(name: str) -> Iterator[None]:
-    """Use the backend of this name for as long as the block lasts."""
-    token = _USED.set(resolved(name))
+    """Use the backend of this name within the block."""
+    token = _USED.set(resolve(name))
     try:
         yield
     finally:
@@ -62,17 +62,17 @@ def using(name: str) -> Iterator[None]:
 def load(modules: Sequence[str]) -> None:
     """Load modules of the core with compiled loops, if numba is in use.
 
-    Where none of their code is stored on disk yet they are compiled, which takes seconds: a tracker
-    loads them before its first scan.
+    A tracker loads them before its first scan, because without a cache on disk their compilation
+    takes seconds.
     """
-    if chosen() == NUMBA:
+    if current() == NUMBA:
         for module in modules:
             _module(f"{__package__}.{module}")
 
 
 def compiled(room: str) -> Any:
-    """Return the compiled loops of a room of the core; None if those of NumPy are in use."""
-    return _module(f"{__package__}.{room}.compiled") if chosen() == NUMBA else None
+    """Return the compiled loops of a package of the core; None if NumPy's loops are in use."""
+    return _module(f"{__package__}.{room}.compiled") if current() == NUMBA else None
 
 
 @cache

@@ -21,10 +21,10 @@ class Step:
     Parameters
     ----------
     filtered : tuple of Estimates
-        Those that are due: at the scan's stamp, or at the stamps of the schedule until then.
+        Estimates that are due: at the scan's stamp, or at the schedule's stamps until then.
     smoothed : tuple of Estimates
-        Those whose lag is reached. With a lag in scans these are none while the window fills, and
-        then one per step.
+        Estimates whose lag is reached. A lag in scans gives none while the window fills, and then
+        one per step.
     class_mass : array of shape (C,)
         Expected number of targets of each class after the update.
     figures : mapping of name to number
@@ -38,26 +38,27 @@ class Step:
 
     @property
     def targets(self) -> int:
-        """Number of filtered targets in the estimates that are due."""
+        """Number of filtered targets, summed over the estimates that are due."""
         return sum(map(len, self.filtered))
 
 
 @dataclass(frozen=True)
-class Held:
-    """What an engine held before a scan, to return to.
+class EngineState:
+    """The state of an engine before a scan, for reprocessing from there.
 
-    Its sets are those of the engine itself and are never changed, so that it costs some references.
+    It shares its sets with the engine, which never modifies them, so that it costs only references.
     Unlike a `Snapshot` it cannot be stored.
 
     Parameters
     ----------
     stamp_ns : int or None
-        Of the scan before; None if there was none.
+        Stamp of the previous scan; None before the first.
     model : TrackerModel
+        Model of the next scan's step.
     rule : ReportingRule
-        With the model, what the next scan was stepped with.
+        Rule of the next scan's step.
     state : mapping of name to value
-        The engine's own.
+        The engine's own state.
     """
 
     stamp_ns: int | None
@@ -67,24 +68,24 @@ class Held:
 
 
 @dataclass(frozen=True)
-class Reworked:
-    """The result of stepping scans again.
+class Reprocessed:
+    """The result of reprocessing scans.
 
     Parameters
     ----------
-    held : tuple of Held
-        What the engine held before each of them.
+    states : tuple of EngineState
+        The engine's state before each scan.
     filtered, smoothed : tuples of Estimates
-        Those that have become due and had not been given out before.
+        Estimates that have become due and were not published before.
     """
 
-    held: tuple[Held, ...]
+    states: tuple[EngineState, ...]
     filtered: tuple[Estimates, ...]
     smoothed: tuple[Estimates, ...]
 
 
 class Engine(Protocol):
-    """A filter and a smoother behind one interface."""
+    """A filter with a smoother."""
 
     def step(self, scan: Scan) -> Step:
         """Predict to the scan, update with it, and smooth; stamps must increase.
@@ -97,19 +98,19 @@ class Engine(Protocol):
         ...
 
     def flush(self) -> tuple[Estimates, ...]:
-        """Return the smoothed estimates that are held back, oldest first, and reset."""
+        """Return the pending smoothed estimates, oldest first, and reset."""
         ...
 
     def interrupt(self) -> tuple[Estimates, ...]:
-        """Do as `flush`, but use no track number a second time.
+        """Flush without reuse of track numbers.
 
-        This is for a gap after which the stamps continue to increase. A subscriber that follows
-        tracks by their numbers must not take a new target for an old one.
+        This is for a gap after which the stamps continue to increase: a subscriber that follows
+        tracks by number must not mistake a new target for an old one.
         """
         ...
 
     def clutter_raster(self) -> ClutterRaster | None:
-        """Return where clutter comes from, as far as it was learned; None if nothing was."""
+        """Return the learned clutter density; None if nothing was learned."""
         ...
 
     def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
@@ -120,22 +121,22 @@ class Engine(Protocol):
         """Return to the initial state."""
         ...
 
-    def hold(self) -> Held:
-        """Return what the engine holds, to step later scans again from there."""
+    def save_state(self) -> EngineState:
+        """Return the engine's state, from which later scans can be reprocessed."""
         ...
 
-    def rework(self, scans: Sequence[tuple[Held, Scan]]) -> Reworked:
-        """Step scans again, with others between them or with more reports in them.
+    def reprocess(self, scans: Sequence[tuple[EngineState, Scan]]) -> Reprocessed:
+        """Reprocess scans, with other scans between them or other reports in them.
 
-        The engine is then in the state in which it would be had it stepped these scans at once.
-        Only track numbers are those that have been given out: a target keeps its own, and no number
-        is used for another target.
+        The engine is then in the state that it would have if it had stepped these scans at once.
+        Only published track numbers remain: a target keeps its number, and no number is used for
+        another target.
 
         Parameters
         ----------
-        scans : sequence of (Held, Scan)
-            By ascending stamp: every scan from some stamp on. The engine returns to the first
-            `Held`; of the others only the model and the rule are used.
+        scans : sequence of (EngineState, Scan)
+            Every scan from some stamp on, in ascending order. The engine returns to the first
+            `EngineState`; only the model and the rule of the others are used.
         """
         ...
 
@@ -149,7 +150,7 @@ class Engine(Protocol):
         Parameters
         ----------
         snapshot : Snapshot
-            Of an engine with the same configuration.
+            Snapshot of an engine with the same configuration.
 
         Raises
         ------
@@ -161,14 +162,14 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class Lag:
-    """The number of later scans, or seconds, that a smoothed estimate takes into account.
+    """The lag of smoothed estimates: a number of later scans, or seconds.
 
     Parameters
     ----------
     scans : int
         Used if `seconds` is None.
     seconds : float or None
-        For radars without common stamps: a scan is smoothed once the newest one is at least this
+        For radars without common stamps: a scan is smoothed when the newest scan is at least this
         much later.
     """
 

@@ -1,9 +1,9 @@
-"""How loops are compiled by numba, an optional dependency.
+"""Compilation of loops by numba, an optional dependency.
 
-Only this module and those of the rooms named `compiled` or `compiled_kernel` import numba. No
-compiled function calls one of another file, because numba caches compiled code on disk by source
-file and does not notice a change in another one. Signatures are given, so that compilation happens
-at import and not during a scan.
+Only this module, and modules named `compiled` or `compiled_kernel`, import numba. No compiled
+function calls one of another file, because numba caches compiled code by source file and does not
+notice a change in another file. Signatures are explicit, so that compilation happens at import and
+not during a scan.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ types: Any = numba.types
 
 
 def read(element: Any, dimensions: int) -> Any:
-    """Return the type of a contiguous array that is only read: it may be read-only."""
+    """Return the type of a contiguous array that may be read-only."""
     return types.Array(element, dimensions, "C", readonly=True)
 
 
@@ -28,7 +28,7 @@ def compiled(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     def compile_it(function: Callable[..., Any]) -> Any:
         try:
             return numba.njit(signature, cache=True, error_model="numpy")(function)
-        except RuntimeError:  # no writable cache directory: compiled again at every start
+        except RuntimeError:  # without a writable cache directory every start compiles again
             return numba.njit(signature, error_model="numpy")(function)
 
     return compile_it

@@ -1,9 +1,8 @@
 """The pipeline from reports to estimates, which the live node and the offline tracker share.
 
-Reports of turning radars are cut into slices, those of moving radars get the poses that they were
-measured from, reports are grouped into scans, scans step the engine, and jumps of the stamps end
-runs. The live node publishes the estimates, and the offline
-tracker writes them.
+Reports of turning radars are cut into slices, reports of moving radars get the pose of their radar,
+reports are grouped into scans, scans step the engine, and jumps of the stamps end runs. The live
+node publishes the estimates, and the offline tracker writes them.
 """
 
 from __future__ import annotations
@@ -17,14 +16,13 @@ from typing import TypeAlias
 
 from .engine import Engine, Step
 from .intake.input_checks import ReportWatch, ResultWatch
-from .intake.out_of_sequence import Dropped, LateReports
+from .intake.out_of_sequence import DropLateReports, LateReports
 from .intake.posed_reports import PosedReports
 from .intake.poses import Platform, PoseFault
 from .intake.scans import Rejection, Reset, ScanGrouper
 from .intake.turn_history import Recut, TurnHistory
 from .intake.turns import Piece, Turns
 from .models.tracker_model import TrackerModel
-from .sensors.polar_radar import RadarModel
 from .tracks.region import Everywhere, Region, within
 from .tracks.reporting_rule import ReportingRule, slowest_s
 from .types import Detections, Estimates, Pose, Scan
@@ -36,10 +34,8 @@ class Stepped:
 
     Parameters
     ----------
-    scan : Scan
-    step : Step
     overdue : int
-        Number of scans with detections since there was a target, when that is worth a warning.
+        Number of scans with detections but without any target, if it warrants a warning; else 0.
     """
 
     scan: Scan
@@ -56,16 +52,16 @@ class RunEnded:
     reset : Reset or None
         The jump; None if the run was flushed.
     smoothed : tuple of Estimates
-        Estimates that were held back, oldest first.
+        Pending smoothed estimates, oldest first.
     """
 
     reset: Reset | None
     smoothed: tuple[Estimates, ...]
 
 
-# Why a report of a moving radar is not used: where the radar was is not known.
+# Counts reports of moving radars that are dropped because the radar's pose is unknown.
 POSE_MISSING = "pose_missing"
-# Of what is counted as bridged: reports, or parts of turns, of closed scans that were worked in.
+# Counts reports, or slices of turns, of closed scans that are reprocessed.
 LATE_REWORKED = "late_reworked"
 EVERYWHERE = Everywhere()
 
@@ -73,7 +69,7 @@ Event: TypeAlias = "Stepped | RunEnded"
 
 
 def start_cold(engine: Engine, stamp_ns: int) -> None:
-    """Leave the engine in its initial state."""
+    """Start a run without restoring the engine."""
 
 
 class Pipeline:
@@ -85,28 +81,26 @@ class Pipeline:
 
     Parameters
     ----------
-    grouper : ScanGrouper
-    engine : Engine
     begin : callable
         Called with the engine and the stamp of a run's first scan before that scan is stepped; it
         may restore the engine.
     turns : sequence of Turns
-        What cuts each radar's reports, in the configured order; empty if nothing is to be cut.
+        Slicer of each radar's turns, in the configured order; empty if no report is cut.
     watches : sequence of ReportWatch
-        What watches each radar's reports, in the configured order; empty for nothing.
-    results : ResultWatch or None
+        Input checks of each radar, in the configured order; empty for none.
     platforms : sequence of (Platform or None)
-        What carries each radar, in the configured order, None for one that stands; empty if none
-        of them moves.
+        Platform of each radar, in the configured order, None for a fixed radar; empty if all are
+        fixed.
     late : LateReports or None
-        What becomes of reports of closed scans, with the same engine; None to drop them.
+        Policy for reports of closed scans, with the same engine; None to drop them.
     histories : mapping of int to TurnHistory
-        Of the radars whose late reports are cut in their places, by index; with their `turns`.
+        Histories, by radar index, of the turning radars whose out-of-sequence reports are recut;
+        they share their `turns`.
     region : Region or Everywhere
-        What is taken in and reported.
+        Region in which detections are used and targets reported.
     tuned : tuple of (TrackerModel, ReportingRule) or None
-        Those of the engine, which are changed where it is found out how an antenna turns; needed
-        with a region. None to change nothing.
+        The engine's model and rule, which the pipeline adapts to the estimated antenna rotation;
+        required with a region. None to leave the engine unchanged.
     """
 
     def __init__(
@@ -128,7 +122,7 @@ class Pipeline:
         self._watches = tuple(watches) or tuple(ReportWatch() for _ in range(grouper.radars))
         self._results = results or ResultWatch(math.inf)
         self._grouper = grouper
-        self._late = late or Dropped(engine, grouper.radars)
+        self._late = late or DropLateReports(engine, grouper.radars)
         self._histories = histories
         self._region, self._tuned = region, tuned
         self._posed = PosedReports(platforms)
@@ -138,14 +132,14 @@ class Pipeline:
 
     @property
     def waiting(self) -> bool:
-        """Whether a report is held back: its scan is not complete, or its pose is not known."""
+        """Whether a report is pending: its scan is not complete, or its pose is not known."""
         return self._grouper.waiting or self._posed.waiting
 
     @property
     def awaited_pose(self) -> int | None:
-        """The radar whose report is held back until its pose is known; None if none is.
+        """The radar whose oldest pending report waits for a pose; None if none waits.
 
-        Reports behind it are held back too.
+        Later reports wait behind it.
         """
         return self._posed.awaited
 
@@ -158,16 +152,14 @@ class Pipeline:
         ----------
         radar : int
             Index in the configured order.
-        stamp_ns : int
-        detections : Detections
         sector : int or None
-            Number of the sector, if the report says it.
+            Sector number, if the report contains it.
 
         Returns
         -------
         iterator of Event
         Rejection
-            If no part of the report is part of any scan.
+            If no part of the report is used in any scan.
         """
         turns = self._turns[radar]
         noticed = self._watches[radar].add(detections)
@@ -208,31 +200,30 @@ class Pipeline:
         self._turning()
 
     def _turning(self) -> None:
-        """Let the engine know how the antennas turn of which that was found out."""
+        """Adapt the engine's model and rule to the antennas' estimated rotation times."""
         if self._tuned is None:
             return
         model, rule = self._tuned
-        turns_s = [
-            turns.usual_s or radar.rotation_s
+        radars = tuple(
+            radar.turning_in(turns.usual_s or radar.rotation_s)
             for radar, turns in zip(model.radars, self._turns, strict=True)
-        ]
-        radars = tuple(map(RadarModel.turning_in, model.radars, turns_s))
+        )
         turning = replace(model, radars=radars)
         self.engine.retune(turning, rule.slower(slowest_s(turning) / slowest_s(model)))
 
     def turn_s(self, radar: int) -> float:
-        """Return the time of a radar's turn as its detections show it, seconds; 0 for none."""
+        """Return the rotation time of a radar as estimated from its detections, s; 0 for none."""
         return self._turns[radar].turn_s
 
     def turn_found_s(self, radar: int) -> float:
-        """Return the time of a radar's turn that is not set and was found out, seconds; or 0."""
+        """Return the estimated rotation time, s, of a radar without a configured one; else 0."""
         turns = self._turns[radar]
         return 0.0 if turns.rotation_s else turns.state.found_s
 
     def _group(
         self, radar: int, stamp_ns: int, detections: Detections
     ) -> list[Scan | Reset] | Rejection:
-        """Put a report, or a part of one, in its scan; return what that closes."""
+        """Add a report, or a slice of one, to its scan; return the scans that this closes."""
         detections = self._inside(radar, detections)
         found = self._grouper.add(radar, stamp_ns, detections)
         if found is not Rejection.LATE:
@@ -251,7 +242,7 @@ class Pipeline:
     def _insert(
         self, radar: int, stamp_ns: int, detections: Detections, sector: int | None
     ) -> list[Piece] | Rejection:
-        """Cut a report in its place among those of its turning radar; none of it is left over."""
+        """Recut the turns of a radar with an out-of-sequence report; no slice is left pending."""
         turns, history = self._turns[radar], self._histories[radar]
         later = history.later(stamp_ns)
         if isinstance(later, Rejection):
@@ -268,7 +259,7 @@ class Pipeline:
         return []
 
     def _replace(self, radar: int, recut: Recut, since_ns: int, closed_ns: int) -> None:
-        """Put parts of turns in their scans, in place of those that were cut without the late."""
+        """Replace the slices that were cut without an out-of-sequence report by the recut ones."""
         pieces = [(stamp_ns, self._inside(radar, piece)) for stamp_ns, piece in recut.pieces]
         self._grouper.replace(radar, recut.stamps_ns, pieces)
         closed = [piece for piece in pieces if since_ns < piece[0] <= closed_ns]
@@ -276,41 +267,39 @@ class Pipeline:
         self._late.place(radar, recut.stamps_ns, closed)
 
     def _inside(self, radar: int, detections: Detections) -> Detections:
-        """Return the detections of a radar that are in the region."""
+        """Return the detections of a radar within the region."""
         if isinstance(self._region, Everywhere) or self._tuned is None:
             return detections
-        return self._region.seen(detections, self._tuned[0].radars[radar])
+        return self._region.select_detections(detections, self._tuned[0].radars[radar])
 
     def add_pose(self, radar: int, stamp_ns: int, pose: Pose) -> Iterator[Event] | PoseFault:
-        """Add a pose of what carries a radar.
+        """Add a pose of a radar's platform.
 
         Parameters
         ----------
         radar : int
-            Index in the configured order, of a radar that moves.
-        stamp_ns : int
-        pose : Pose
+            Index of a moving radar in the configured order.
 
         Returns
         -------
         iterator of Event
-            Of the scans that waited for it.
+            Events of the scans that waited for the pose.
         PoseFault
-            If the pose is not used.
+            If the pose is rejected.
         """
         fault = self._posed.add_pose(radar, stamp_ns, pose)
         return fault if fault is not None else self._events(self._released())
 
     def take_drops(self, radar: int) -> Counter[str]:
-        """Return what of a radar's reports was not used after `add`, counted since the last call.
+        """Return the counts, by reason, of reports dropped after `add` since the last call.
 
-        Reports of moving radars wait for their poses, so that it is not known earlier.
+        Only reports of moving radars are dropped after `add`, since they wait for their poses.
         """
         taken, self._drops[radar] = self._drops[radar], Counter()
         return taken
 
     def _released(self, everything: bool = False) -> list[Scan | Reset]:
-        """Return what the reports close that no longer wait for their poses, or all reports."""
+        """Return the scans closed by reports that no longer wait for poses, or by all reports."""
         closed: list[Scan | Reset] = []
         for report in self._posed.released(everything):
             if report.detections is None:
@@ -326,7 +315,7 @@ class Pipeline:
         return closed
 
     def take_doubts(self, radar: int) -> Counter[str]:
-        """Return what was bridged or noticed in a radar's reports since the last call, counted."""
+        """Return the counts of a radar's input warnings since the last call."""
         doubts = self._turns[radar].doubts
         taken = +doubts
         doubts.clear()
@@ -373,14 +362,14 @@ class Pipeline:
             yield Stepped(event, step, self._results.scans if overdue else 0)
 
     def _reported(self, step: Step) -> Step:
-        """Return a step with the estimates in the region."""
+        """Return a step with only the estimates within the region."""
         if isinstance(self._region, Everywhere):
             return step
         filtered, smoothed = (within(self._region, own) for own in (step.filtered, step.smoothed))
         return replace(step, filtered=filtered, smoothed=smoothed)
 
     def _end(self, reset: Reset | None) -> RunEnded:
-        """End the run; after a jump ahead, no track number is used a second time."""
+        """End the run; after a jump ahead, track numbers are not reused."""
         ahead = reset is not None and reset.ahead
         due = self._late.finish()
         rest = self.engine.interrupt() if ahead else self.engine.flush()

@@ -1,76 +1,37 @@
-"""A snapshot: an engine's state as plain arrays and numbers, to be stored and restored.
+"""Snapshots: an engine's state as named arrays, to be stored and restored.
 
-A snapshot may come from a forged file: every value is checked against what the tracker itself could
-have stored, so that none of them ends it or becomes an estimate.
+A value type declares the bounds of the array with each field, for example
+``mean: Annotated[FloatArray, floats("TD", -1e9, 1e9)]``. `to_snapshot` and `from_snapshot` follow
+these declarations, so that no module converts its fields by hand.
+
+A snapshot may come from a forged file. Every value is checked against the values that the tracker
+could have stored, so that none of them crashes the tracker or becomes an estimate.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from functools import cache
+from typing import Any, Protocol, TypeVar, cast, get_args, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
+from scipy import sparse
 
 AnyArray = npt.NDArray[Any]
+T = TypeVar("T")
 # The latest stamp that a ROS message can have.
 MOST_STAMP_NS = (1 << 31) * 1_000_000_000 - 1
-# Of origins and rows; far from where sums of them overflow.
+# Bound on labels and rows; sums of them cannot overflow.
 MOST_INDEX = 1 << 60
-# By which rounding may make correlations differ from those of a covariance.
+# Largest component of a state: metres, metres per second, radians per second.
+MOST_STATE = 1e9
+# Largest mass of one target, and of the mass traced back to it. Both exceed 1 at times, because a
+# random draw preserves a mass only in the mean.
+MASS_SLACK = 100.0
+# Tolerance for rounding in the correlations of a covariance.
 ROUNDING = 1e-6
-
-
-def whole(name: str, value: Any, low: int, high: int) -> int:
-    """Return a fact that must be a whole number in [low, high].
-
-    Raises
-    ------
-    ValueError
-        If it is something else.
-    """
-    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise ValueError(
-            f"{name}: {str(value)[:40]} given, must be a whole number in [{low}, {high}]"
-        )
-    return value
-
-
-def require_numbers(name: str, array: AnyArray, low: float, high: float) -> None:
-    """Raise ValueError unless all entries are floats in [low, high], and finite."""
-    if array.dtype.kind != "f":
-        raise ValueError(f"{name}: {array.dtype} given, expected floats")
-    if not (np.isfinite(array) & (array >= low) & (array <= high)).all():
-        raise ValueError(f"{name}: a number is not finite, or outside [{low:g}, {high:g}]")
-
-
-def require_whole(name: str, array: AnyArray, low: int, high: int) -> None:
-    """Raise ValueError unless all entries are whole numbers in [low, high]."""
-    if array.dtype.kind != "i":
-        raise ValueError(f"{name}: {array.dtype} given, expected whole numbers")
-    if not ((array >= low) & (array <= high)).all():
-        raise ValueError(f"{name}: a number is outside [{low}, {high}]")
-
-
-def require_covariances(name: str, array: AnyArray) -> None:
-    """Raise ValueError unless all matrices of finite numbers, (..., D, D), are covariances.
-
-    Axes whose variance is zero are allowed.
-    """
-    axes = np.arange(array.shape[-1])
-    variance = array[..., axes, axes]
-    std = np.sqrt(np.maximum(variance, 0.0))
-    scale = std[..., None] * std[..., None, :]
-    used = scale > 0.0
-    correlation = np.where(used, array / np.where(used, scale, 1.0), 0.0)
-    turned = correlation.swapaxes(-1, -2)
-    if (
-        (variance < 0.0).any()
-        or array[~used].any()
-        or (np.abs(correlation - turned) > ROUNDING).any()
-        or np.linalg.eigvalsh(correlation).min(initial=0.0) < -ROUNDING
-    ):
-        raise ValueError(f"{name}: not a covariance")
 
 
 @dataclass(frozen=True)
@@ -82,9 +43,9 @@ class Snapshot:
     stamp_ns : int or None
         Stamp of the last scan; None before the first.
     arrays : dict of name to array
-        By dotted name.
+        Arrays by dotted name.
     facts : dict
-        Values that JSON can represent: numbers, strings, lists and dicts.
+        Values that JSON can represent: the states of random generators.
     """
 
     stamp_ns: int | None
@@ -102,3 +63,201 @@ class Snapshot:
         if name not in self.arrays:
             raise ValueError(f"{name}: missing")
         return self.arrays[name]
+
+    def names_below(self, name: str) -> set[str]:
+        """Return the next component of every array name below this dotted name."""
+        start = f"{name}."
+        return {
+            full.removeprefix(start).split(".")[0] for full in self.arrays if full.startswith(start)
+        }
+
+
+class _Stored(Protocol):
+    """Storage of a field, and the bounds of its arrays."""
+
+    def put(self, snapshot: Snapshot, name: str, value: Any) -> None:
+        """Store a value under a name."""
+        ...
+
+    def get(self, snapshot: Snapshot, name: str, sizes: dict[str, int]) -> Any:
+        """Return the value of a name; raises ValueError if the tracker could not have stored it."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Array:
+    """An array of numbers; `shape` has a letter for each axis, and is empty for a single number."""
+
+    kind: str
+    shape: str
+    low: float
+    high: float
+    below: str = ""
+    ascending: bool = False
+    covariances: bool = False
+
+    def put(self, snapshot: Snapshot, name: str, value: Any) -> None:
+        snapshot.arrays[name] = np.asarray(value, None if self.shape else f"{self.kind}8")
+
+    def get(self, snapshot: Snapshot, name: str, sizes: dict[str, int]) -> Any:
+        array = snapshot.array(name)
+        if array.dtype.kind != self.kind:
+            expected = "floats" if self.kind == "f" else "whole numbers"
+            raise ValueError(f"{name}: {array.dtype} given, expected {expected}")
+        _require_shape(name, array.shape, self.shape, sizes)
+        high = sizes[self.below] - 1 if self.below else self.high
+        # This comparison also rejects NaN.
+        if not ((array >= self.low) & (array <= high)).all() or np.isinf(array).any():
+            given = f"{array.item()} given" if array.ndim == 0 else "a number is not finite, or"
+            raise ValueError(f"{name}: {given} outside [{self.low:g}, {high:g}]")
+        if self.ascending and (array[1:] <= array[:-1]).any():
+            raise ValueError(f"{name}: must increase")
+        if self.covariances:
+            _require_covariances(name, array)
+        return array if self.shape else array.item()
+
+
+@dataclass(frozen=True)
+class _Sparse:
+    """A sparse matrix in rows or columns, with numbers of at least 0."""
+
+    matrix: Any
+    shape: str
+    high: float = np.inf
+
+    def put(self, snapshot: Snapshot, name: str, value: Any) -> None:
+        for part in ("data", "indices", "indptr"):
+            snapshot.arrays[f"{name}.{part}"] = getattr(value, part)
+        snapshot.arrays[f"{name}.shape"] = np.array(value.shape, dtype=np.int64)
+
+    def get(self, snapshot: Snapshot, name: str, sizes: dict[str, int]) -> Any:
+        bounds = {"data": _Array("f", "n", 0.0, self.high)}
+        bounds |= {part: _Array("i", part[0], 0, MOST_INDEX) for part in ("indices", "shape")}
+        bounds["indptr"] = _Array("i", "p", 0, MOST_INDEX)
+        parts = {part: bound.get(snapshot, f"{name}.{part}", {}) for part, bound in bounds.items()}
+        shape = tuple(parts.pop("shape").tolist())
+        _require_shape(name, shape, self.shape, sizes)
+        matrix = self.matrix((parts["data"], parts["indices"], parts["indptr"]), shape=shape)
+        matrix.check_format()
+        return matrix
+
+
+def integers(
+    shape: str, low: int, high: int = MOST_INDEX, *, below: str = "", ascending: bool = False
+) -> _Stored:
+    """Declare an array of integers.
+
+    Parameters
+    ----------
+    shape : str
+        A letter for each axis; axes of the same letter have the same size.
+    low, high : int
+        Bounds, included.
+    below : str
+        Letter of an axis, in the place of `high`: all numbers are below the size of that axis.
+    ascending : bool
+        Whether the numbers must increase.
+    """
+    return _Array("i", shape, low, high, below, ascending)
+
+
+def floats(shape: str, low: float, high: float) -> _Stored:
+    """Declare an array of finite floats; see `integers`."""
+    return _Array("f", shape, low, high)
+
+
+def covariances(shape: str, std: float) -> _Stored:
+    """Declare covariances with standard deviations from 0 to `std`."""
+    return _Array("f", shape, -(std**2), std**2, covariances=True)
+
+
+def sparse_rows(shape: str, high: float) -> _Stored:
+    """Declare a sparse matrix in rows, with numbers of at least 0."""
+    return _Sparse(sparse.csr_array, shape, high)
+
+
+def sparse_columns(shape: str) -> _Stored:
+    """Declare a sparse matrix in columns, with numbers of at least 0."""
+    return _Sparse(sparse.csc_array, shape)
+
+
+@cache
+def _fields(kind: type[Any]) -> dict[str, tuple[_Stored, bool]]:
+    """Return the declared fields of a value type, and whether each may be None."""
+    declared = {}
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        for stored in getattr(hint, "__metadata__", ()):
+            declared[name] = stored, type(None) in get_args(get_args(hint)[0])
+    return declared
+
+
+def to_snapshot(value: Any, snapshot: Snapshot, name: str) -> None:
+    """Store the declared fields of a value, except for those that are None.
+
+    Parameters
+    ----------
+    value : dataclass or named tuple
+    name : str
+        The fields are stored under ``name.field``.
+    """
+    for part, (stored, _) in _fields(cast(Any, type(value))).items():
+        content = getattr(value, part)
+        if content is not None:
+            stored.put(snapshot, f"{name}.{part}", content)
+
+
+def from_snapshot(
+    kind: type[T], snapshot: Snapshot, name: str, sizes: Mapping[str, int], **others: Any
+) -> T:
+    """Return a stored value.
+
+    Parameters
+    ----------
+    kind : type
+        A dataclass or named tuple with declared fields.
+    sizes : mapping of letter to int
+        Sizes of axes. Other letters may have any size that is the same in all fields.
+    **others
+        Values of the fields that are not stored.
+
+    Raises
+    ------
+    ValueError
+        If an array is missing, or the tracker could not have stored it.
+    """
+    known, values = dict(sizes), others
+    for part, (stored, optional) in _fields(cast(Any, kind)).items():
+        full = f"{name}.{part}"
+        absent = optional and full not in snapshot.arrays
+        values[part] = None if absent else stored.get(snapshot, full, known)
+    return kind(**values)
+
+
+def _require_shape(name: str, shape: tuple[int, ...], axes: str, sizes: dict[str, int]) -> None:
+    """Raise ValueError unless axes have their sizes; record the sizes of new letters."""
+    expected = ", ".join(str(sizes.get(axis, axis)) for axis in axes)
+    if len(shape) != len(axes) or list(shape) != [
+        sizes.setdefault(axis, size) for axis, size in zip(axes, shape, strict=True)
+    ]:
+        raise ValueError(f"{name}: shape {shape}, expected ({expected})")
+
+
+def _require_covariances(name: str, array: AnyArray) -> None:
+    """Raise ValueError unless all matrices, (..., D, D), are covariances.
+
+    The numbers are finite. Axes of zero variance are allowed.
+    """
+    axes = np.arange(array.shape[-1])
+    variance = array[..., axes, axes]
+    std = np.sqrt(np.maximum(variance, 0.0))
+    scale = std[..., None] * std[..., None, :]
+    used = scale > 0.0
+    correlation = np.where(used, array / np.where(used, scale, 1.0), 0.0)
+    turned = correlation.swapaxes(-1, -2)
+    if (
+        (variance < 0.0).any()
+        or array[~used].any()
+        or (np.abs(correlation - turned) > ROUNDING).any()
+        or np.linalg.eigvalsh(correlation).min(initial=0.0) < -ROUNDING
+    ):
+        raise ValueError(f"{name}: not a covariance")

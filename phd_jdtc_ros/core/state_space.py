@@ -32,9 +32,12 @@ class StateSpace:
         return len(self.axes)
 
     def state(
-        self, position: Sequence[float] | float, velocity: Sequence[float] | float, turn_rate: float
+        self,
+        position: Sequence[float] | FloatArray | float,
+        velocity: Sequence[float] | FloatArray | float,
+        turn_rate: float,
     ) -> FloatArray:
-        """Return a state of these values, shape (D,); a single number is used for both axes."""
+        """Return a state with these values, shape (D,); a single number stands for both axes."""
         state = np.zeros(len(self))
         state[list(self.position)] = position
         state[list(self.velocity)] = velocity
@@ -42,7 +45,7 @@ class StateSpace:
         return state
 
 
-# The axes of `PLANAR`, for code that must know the layout: motions, radars and messages.
+# The axes of `PLANAR`, for code that depends on the layout: motions, radars and messages.
 X, VX, Y, VY, OMEGA = range(5)
 PLANAR = StateSpace(
     axes=("x", "vx", "y", "vy", "omega"), position=(X, Y), velocity=(VX, VY), turn_rate=OMEGA

@@ -1,8 +1,8 @@
-"""Values that pass through the tracker: scans in, estimates out.
+"""The tracker's input and output values: scans in, estimates out.
 
-Every type is frozen and its arrays are read-only, so a later stage can keep a value without a copy,
-as the fixed-lag window does. The entries of sparse arrays, which scipy requires to be writable, are
-never written to either.
+Every type is frozen and its arrays are read-only, so that a later stage, such as the fixed-lag
+window, can keep a value without a copy. Entries of sparse arrays, which scipy requires to be
+writable, are never written to either.
 
 Dimension letters, the same everywhere: N particles, M detections, J components,
 T targets, O modes, C classes, D state, Z measurement.
@@ -12,37 +12,44 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated, Any
 
 import numpy as np
 
 from .arrays import FloatArray, IntArray, read_only
+from .snapshot import MASS_SLACK, MOST_STATE, covariances, floats, integers
 from .state_space import PLANAR, StateSpace
 
 FULL_TURN = 2.0 * np.pi
-# States of a track, see `confirmation`.
+# Track states, see `confirmation`.
 TENTATIVE, CONFIRMED, COASTING = range(3)
-# A code or an address that is not known.
+# Marks an unknown code or address.
 UNKNOWN = -1
-# The columns of detections that have one number for each, and those of them that are whole numbers.
+# The columns of detections with one number per detection, and the integer columns of these.
 _IDENTITIES = ("code", "address")
 _WHOLE = (*_IDENTITIES, "kind")
 _PER_DETECTION = (*("amplitude", "time_s", "range_rate", "range_rate_std", "height"), *_WHOLE)
-# Kinds of sensors that see targets: primary and secondary radar, and Mode S.
+# Sensor types of detections: primary radar, secondary radar, Mode S.
 SENSORS = ("psr", "ssr", "mds")
+# The columns of estimates with one entry per target.
+_PER_TARGET = (
+    *("state", "covariance", "weight", "class_probability"),
+    *("class_id", "track_id", "track_state"),
+)
 _NOT_GIVEN: IntArray = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """The azimuths that a radar's antenna passed for one report.
+    """The azimuths that a radar's antenna swept for one report.
 
     Parameters
     ----------
     start : float
-        Where it begins, in the radar's frame, radians counter-clockwise from the x axis.
+        First azimuth in the radar's frame, radians counter-clockwise from the x axis.
     width : float
-        Its extent counter-clockwise from there, radians; more than 0 and at most 2 pi. An antenna
-        that turns clockwise passes it from its end to its start.
+        Extent counter-clockwise from `start`, radians; more than 0 and at most 2 pi. An antenna
+        that turns clockwise sweeps it from end to start.
     """
 
     start: float
@@ -57,27 +64,26 @@ class Coverage:
 
     @property
     def turns(self) -> float:
-        """Its share of a turn; 0 where nobody knows what the antenna passed."""
+        """Share of a turn; 0 if the swept azimuths are unknown."""
         return 0.0 if self == UNKNOWN_COVERAGE else self.width / FULL_TURN
 
 
-# Of a report that does not say what was missed: all that it has is where its detections are.
+# Coverage of a report without known coverage: its detections count, but it implies no misses.
 UNKNOWN_COVERAGE = Coverage(0.0, 1e-9)
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a sensor, or what carries it, is and how it is turned.
+    """Position, heading and velocity of a sensor or its platform.
 
     Parameters
     ----------
     position : tuple of two floats
         In the world frame, metres.
     yaw : float
-        Direction of its x axis in the world frame, radians counter-clockwise; NaN if it is not
-        known.
+        Direction of its x axis in the world frame, radians counter-clockwise; NaN if unknown.
     velocity : tuple of two floats
-        In the world frame, metres per second; zero where nobody needs it.
+        In the world frame, metres per second; zero where it is not needed.
     """
 
     position: tuple[float, float]
@@ -87,7 +93,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Detections:
-    """What one radar reports in one scan, in that radar's own frame.
+    """Detections of one radar in one scan, in the frame of that radar.
 
     Parameters
     ----------
@@ -103,25 +109,25 @@ class Detections:
         Standard deviations of each detection, in the units of the measurement; None for the radar
         model's.
     coverage : Coverage or None
-        The azimuths that the antenna passed; None for the radar's whole field, `UNKNOWN_COVERAGE`
-        where that is not known. Detections elsewhere are none the less detections.
+        The swept azimuths; None for the radar's whole field of view, `UNKNOWN_COVERAGE` if they are
+        unknown. Detections outside the coverage are valid.
     pose : Pose or None
-        Of the radar at the scan's stamp, which all measurements are relative to; None for the
+        Pose of the radar at the scan's stamp, to which all measurements are relative; None for the
         radar model's.
     range_rate : array of shape (M,) or None
-        Metres per second relative to the radar, positive where a target recedes; modulo the radar's
-        ambiguity. NaN where it is unknown. None when the radar reports none.
+        Metres per second relative to the radar, positive for a receding target, modulo the radar's
+        ambiguity; NaN if unknown. None when the radar reports none.
     range_rate_std : array of shape (M,) or None
         Standard deviation of each range rate, metres per second; NaN, and None for all, for the
         radar model's.
     height : array of shape (M,) or None
         Above the world's zero, metres; NaN where it is unknown. None when the radar reports none.
     code, address : int array of shape (M,) or None
-        Mode A code, 12 bits, and Mode S address, 24 bits, of the transponder that answered;
-        `UNKNOWN` where there is none. None when the radar reports none.
+        Mode A code, 12 bits, and Mode S address, 24 bits, of the transponder's reply; `UNKNOWN`
+        without one. None when the radar reports none.
     kind : int array of shape (M,) or None
-        What saw it, the TYP of I048/020: 1 primary, 2 secondary, 3 both, 4 and 5 Mode S, 6 and 7
-        Mode S and primary; `UNKNOWN` otherwise. None when the radar does not say.
+        Sensor type, the TYP of I048/020: 1 primary, 2 secondary, 3 both, 4 and 5 Mode S, 6 and 7
+        Mode S and primary; `UNKNOWN` otherwise. None when the radar reports none.
     """
 
     measurement: FloatArray
@@ -167,15 +173,15 @@ class Detections:
 
 @dataclass(frozen=True)
 class Scan:
-    """All detections that carry one stamp.
+    """All detections with a common stamp.
 
     Parameters
     ----------
     stamp_ns : int
         Time of the scan in nanoseconds.
     detections : tuple of (Detections or None), one entry per radar, in the configured order
-        None if that radar did not report this stamp. There is then no update with it, which is
-        not the same as an update with zero detections.
+        None if that radar did not report at this stamp. The filter is then not updated with it,
+        which differs from an update with zero detections.
     """
 
     stamp_ns: int
@@ -184,7 +190,7 @@ class Scan:
 
 @dataclass(frozen=True)
 class Attributes:
-    """What is known of targets beside their states.
+    """Heights and identities of targets, in addition to their states.
 
     Parameters
     ----------
@@ -193,10 +199,10 @@ class Attributes:
     height_covariance : array of shape (T, 2, 2)
         NaN where unknown.
     code, address : int arrays of shape (T,)
-        Mode A code and Mode S address; `UNKNOWN` where there is none or none is probable enough.
+        Mode A code and Mode S address; `UNKNOWN` if there is none or none is probable enough.
     seen_ns : int array of shape (T, S) or None
-        When each of `SENSORS` last saw the target, nanoseconds; `UNKNOWN` for never. None where no
-        radar says what saw its detections, and in smoothed estimates.
+        Time of the last detection by each of `SENSORS`, nanoseconds; `UNKNOWN` for never. None if
+        no radar reports sensor types, and in smoothed estimates.
     """
 
     height: FloatArray
@@ -213,7 +219,7 @@ class Attributes:
 
     @staticmethod
     def joined(parts: Sequence[Attributes]) -> Attributes:
-        """Return those of several sets of targets, one after the other; there must be one set."""
+        """Concatenate the attributes of several sets of targets, at least one."""
         return Attributes(
             np.concatenate([part.height for part in parts]),
             np.concatenate([part.height_covariance for part in parts]),
@@ -224,7 +230,7 @@ class Attributes:
 
     @staticmethod
     def _seen(parts: Sequence[Attributes]) -> IntArray | None:
-        """Return the times of several sets of targets; None where none of them has any."""
+        """Concatenate the detection times of several sets of targets; None if no set has any."""
         if all(part.seen_ns is None for part in parts):
             return None
         return np.concatenate(
@@ -238,12 +244,12 @@ class Attributes:
 
     @staticmethod
     def unknown(count: int) -> Attributes:
-        """Return those of so many targets of which nothing is known."""
+        """Return unknown attributes for `count` targets."""
         none = np.full(count, UNKNOWN)
         return Attributes(np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan), none, none)
 
     def take(self, rows: IntArray) -> Attributes:
-        """Return those of some targets."""
+        """Return the attributes of the targets of these rows."""
         return Attributes(
             self.height[rows],
             self.height_covariance[rows],
@@ -262,14 +268,13 @@ class Estimates:
     stamp_ns : int
         Time of the states in nanoseconds.
     lag : int
-        Number of later scans that the estimates take into account; 0 for filtered ones.
+        Number of later scans used in the estimates; 0 for filtered ones.
     state : array of shape (T, D)
         In the world frame; metres, metres per second, radians per second.
     covariance : array of shape (T, D, D)
-        Of the target's density about the state, in the same units.
+        Covariance of the state, in the same units.
     weight : array of shape (T,)
-        Mass of the component: the probability that the target exists; biased if the filter is the
-        PHD filter.
+        Existence probability of the target: the mass of its component; biased with the PHD filter.
     class_probability : array of shape (T, C)
     class_id : int array of shape (T,)
     track_id : int array of shape (T,)
@@ -277,21 +282,23 @@ class Estimates:
     space : StateSpace
         What the axes of the states are.
     track_state : int array of shape (T,)
-        `TENTATIVE`, `CONFIRMED` or `COASTING`; all are confirmed if it is not given.
+        `TENTATIVE`, `CONFIRMED` or `COASTING`; by default all are confirmed.
     attributes : Attributes or None
-        Heights and identities; None where no radar reports any.
+        Heights and identities; None if no radar reports any.
     """
 
     stamp_ns: int
     lag: int
-    state: FloatArray
-    covariance: FloatArray
-    weight: FloatArray
-    class_probability: FloatArray
-    class_id: IntArray
-    track_id: IntArray
+    state: Annotated[FloatArray, floats("TD", -MOST_STATE, MOST_STATE)]
+    covariance: Annotated[FloatArray, covariances("TDD", MOST_STATE)]
+    weight: Annotated[FloatArray, floats("T", 0.0, MASS_SLACK)]
+    class_probability: Annotated[FloatArray, floats("TC", 0.0, MASS_SLACK)]
+    class_id: Annotated[IntArray, integers("T", 0, below="C")]
+    track_id: Annotated[IntArray, integers("T", 0)]
     space: StateSpace = PLANAR
-    track_state: IntArray = field(default_factory=lambda: _NOT_GIVEN)
+    track_state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)] = field(
+        default_factory=lambda: _NOT_GIVEN
+    )
     attributes: Attributes | None = None
 
     @property
@@ -321,9 +328,50 @@ class Estimates:
     def __len__(self) -> int:
         return len(self.state)
 
+    def take(self, rows: IntArray) -> Estimates:
+        """Return the estimates of these rows."""
+        columns = {name: getattr(self, name)[rows] for name in _PER_TARGET}
+        known = None if self.attributes is None else self.attributes.take(rows)
+        return replace(self, attributes=known, **columns)
+
+    @staticmethod
+    def concatenate(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:
+        """Concatenate estimates of several stamps; return them by ascending track, with each stamp.
+
+        At least one part is required. The result has the stamp of the last part.
+        """
+        stamps = np.repeat([part.stamp_ns for part in parts], [len(part) for part in parts])
+        if len(parts) == 1:
+            return parts[0], stamps
+        order = np.argsort(np.concatenate([part.track_id for part in parts]), kind="stable")
+        columns: dict[str, Any] = {
+            name: np.concatenate([getattr(part, name) for part in parts])[order]
+            for name in _PER_TARGET
+        }
+        known = [part.attributes for part in parts if part.attributes is not None]
+        attributes = Attributes.joined(known).take(order) if len(known) == len(parts) else None
+        last = parts[-1]
+        return replace(last, lag=lag, attributes=attributes, **columns), stamps[order]
+
+    @staticmethod
+    def empty(stamp_ns: int, lag: int, classes: int, space: StateSpace = PLANAR) -> Estimates:
+        """Return estimates of no targets."""
+        size, no_one = len(space), np.zeros(0, dtype=np.int64)
+        return Estimates(
+            stamp_ns=stamp_ns,
+            lag=lag,
+            state=np.zeros((0, size)),
+            covariance=np.zeros((0, size, size)),
+            weight=np.zeros(0),
+            class_probability=np.zeros((0, classes)),
+            class_id=no_one,
+            track_id=no_one,
+            space=space,
+        )
+
     @property
     def unresolved(self) -> int:
-        """Number of estimates with the mass of two targets that were not resolved."""
+        """Number of estimates with the mass of two or more unresolved targets."""
         return int(np.count_nonzero(self.weight > 1.5))
 
 
@@ -336,7 +384,6 @@ class Truth:
 
     Parameters
     ----------
-    stamp_ns : int
     state : array of shape (T, D)
     track_id : int array of shape (T,)
         Counted from 1 in the order of the scenario.

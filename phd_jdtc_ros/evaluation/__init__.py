@@ -3,14 +3,15 @@
 ::
 
     truth, estimates (PointSet): pairs by stamp    evaluation, true_tracks
-      |  by position alone                         scan_scores, metrics
+      |  by position alone                         comparison, metrics
     PairedScan
-      |  distances, gaps, tracks, per set          scan_scores, metrics, surveillance, consistency
-    Comparison, of all targets and of each class   scan_scores
-      |  values per scan                           metric_table
-    ScanScore                                      scan_scores
+      |  split: all targets, each class            comparison
+    Comparison
+      |  values of a scan                          accumulators
+    ScanScore                                      run_scores
       |  totals over the run                       run_scores, totals
-    figures per run                                metric_table
+    figures per run                                accumulators, metric_table
 
-`metric_table` alone lists the metrics, with their computation, format and definition.
+An `accumulator` computes values of scans and defines the metrics derived from them, each with its
+heading, unit, format and definition; `metric_table` collects the metrics.
 """

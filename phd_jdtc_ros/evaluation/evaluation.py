@@ -1,4 +1,4 @@
-"""The evaluation of a run: estimates are compared with the truth at their own stamps."""
+"""The evaluation of a run: compares estimates with the truth at the estimates' stamps."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES
 
-from .limits import LONG_GAP_S, OSPA2_WINDOW
-from .metric_table import CLASS_ACCURACY, FALSE_PER_SCAN, IDENTITY_SWITCHES, reduction
-from .run_scores import RunScores
-from .scan_scores import ALL, PairedScan, PointSet, ScanScore, class_set
-from .slow_targets import without_slow
-from .true_tracks import TrueTracks
+from .accumulators.gaps import LONG_GAP_S
+from .accumulators.tracks import OSPA2_WINDOW
+from .comparison import ALL, PairedScan, PointSet, class_set
+from .metric_table import reduction
+from .run_scores import RunScores, ScanScore
+from .true_tracks import TrueTracks, without_slow
 
 __all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
 
-# A stamp of the truth that comes again, earlier than more than so many others, begins another pass:
-# as a tracker begins a new run, see RESET_THRESHOLD_SCANS.
+# A repeated stamp of the truth that is earlier than more than this many others begins a new pass,
+# as a tracker begins a new run; see RESET_THRESHOLD_SCANS.
 JUMP_SCANS = 3
 
 Key = TypeVar("Key")
@@ -29,10 +29,9 @@ Value = TypeVar("Value")
 
 @dataclass
 class Evaluation:
-    """Compares estimates with the truth at their stamps, in any order of arrival; totals scores.
+    """Compares estimates with the truth at their stamps, in any order of arrival, and sums scores.
 
-    Between samples the truth is interpolated, see `TrueTracks`. Samples come in the order of their
-    stamps.
+    Truth is interpolated between samples, see `TrueTracks`; samples must arrive in order.
 
     Parameters
     ----------
@@ -40,27 +39,26 @@ class Evaluation:
     cutoff : float
         c of OSPA and GOSPA, metres.
     order : float
-        p of both.
+        p of OSPA and GOSPA.
     keep : int or None
-        Number of scans of which truth, unpaired estimates and scores are kept, so that a run may be
-        of any length; None keeps all. The summary is always of the whole run.
+        Number of scans whose truth, unpaired estimates and scores are kept, which bounds the
+        memory; None keeps all. The summary always covers the whole run.
     class_names : tuple of str
-        For readers of the summary; ``class_0`` and so on if empty.
+        Names in the summary; ``class_0`` and so on if empty.
     least_speed : float
-        Slower targets are not scored, nor the estimates of them, metres per second.
+        Slower targets and their estimates are not scored, metres per second.
 
     Attributes
     ----------
     scores : dict
-        By source and stamp, the last `keep` of each.
+        The last `keep` scores by source and stamp.
     scored : dict
         Number of scores by source.
     truth_scans : int
         Number of stamps of the truth.
     repeated : int
-        Number of sets of a stamp that was there already, which are not scored: a stamp is scored
-        once in each pass. If the stamps of the truth jump back, another pass begins, as in the
-        replay of a bag in a loop.
+        Number of sets with a repeated stamp, which are not scored: a stamp is scored once per pass.
+        A jump back of the truth's stamps begins a new pass, as when a bag is replayed in a loop.
     """
 
     classes: int
@@ -72,19 +70,19 @@ class Evaluation:
     scores: dict[str, dict[int, ScanScore]] = field(init=False)
     truth_scans: int = field(init=False, default=0)
     repeated: int = field(init=False, default=0)
-    _between: bool = field(init=False, default=False)  # any estimates between samples
+    _between: bool = field(init=False, default=False)  # whether estimates came between samples
     _runs: dict[str, RunScores] = field(init=False)
     _truth: TrueTracks = field(init=False)
     _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)
-    # Stamps for which only one source has a score so far, and that source.
+    # Stamps with a score of one source only so far, and this source.
     _half: dict[int, str] = field(init=False, default_factory=dict)
-    # Of this pass the stamps of the truth, and source and stamp of what has been scored; and of the
-    # pass before what was still to come.
+    # Stamps of the truth and scored (source, stamp) in this pass; `_owed` are the (source, stamp)
+    # of the previous pass whose estimates were still to come.
     _seen: dict[int, None] = field(init=False, default_factory=dict)
     _done: dict[tuple[str, int], None] = field(init=False, default_factory=dict)
     _owed: set[tuple[str, int]] = field(init=False, default_factory=set)
     _scans: int = field(init=False, default=0)
-    # Targets that were too slow, of so many scores.
+    # Number of slow targets, summed over all scores.
     _slow: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
@@ -100,10 +98,10 @@ class Evaluation:
 
     @property
     def own_stamps(self) -> bool:
-        """Whether the estimates come in a time of their own, and not once a sample of the truth.
+        """Whether the estimates have their own stamps instead of the stamps of the truth.
 
-        They do if they are between samples, as those of radars that turn, or if every other sample
-        or more is without any, as with estimates once in a longer period.
+        This is so if estimates come between samples, as with turning radars, or if half of the
+        samples or more have no estimates, as with a longer period of output.
         """
         apart = max(_interval_ns(scores) for scores in self.scores.values())
         return self._between or apart >= 2.0 * _interval_ns(self._seen) > 0.0
@@ -141,7 +139,7 @@ class Evaluation:
         return [self._score(source, stamp_ns, targets, estimate)]
 
     def _begin_pass(self) -> None:
-        """Let the stamps be scored again; a tracker's last estimates of a pass come after it."""
+        """Allow stamps to be scored again; the last estimates of a pass arrive after its end."""
         stamps = {*self._seen, *(stamp for _, stamp in self._done)}
         self._owed = {(source, stamp) for source in SOURCES for stamp in stamps}
         self._owed.difference_update(self._done)
@@ -149,7 +147,7 @@ class Evaluation:
         self._seen.clear()
 
     def _put(self, store: dict[Key, Value], key: Key, value: Value, each: int = 1) -> None:
-        """Store as the newest entry, and remove the oldest ones beyond `each` times `keep`."""
+        """Store the newest entry, and remove the oldest ones beyond `each` times `keep`."""
         store.pop(key, None)
         store[key] = value
         while self.keep is not None and len(store) > each * self.keep:
@@ -179,19 +177,16 @@ class Evaluation:
         -------
         dict
             The result of `RunScores.figures` per source; ``reduction`` of the mean OSPA by
-            smoothing; ``class_accuracy``, ``identity_switches`` and ``false_per_scan`` of the
-            smoothed estimates;
+            smoothing; the headlines, such as ``class_accuracy``, of the smoothed estimates;
             ``consistency``, the result of `RunScores.consistency` per source; ``p``, ``c``;
-            ``long_gap_s``, and ``ospa2_window`` in scans; ``scans``, the number of stamps with
-            scores of both sources, of ``truth_scans`` stamps of the truth, None where estimates
-            have stamps of their own; ``class_names``; ``least_speed``, and ``slow_targets``, the
-            mean number in a score of targets that were slower. A figure without data is None.
+            ``long_gap_s``; ``ospa2_window`` in scans; ``scans``, the number of stamps with scores
+            of both sources; ``truth_scans``, the number of stamps of the truth, None if estimates
+            have stamps of their own; ``class_names``; ``least_speed``; ``slow_targets``, the mean
+            number of slower targets per score. A figure without data is None.
         """
         result: dict[str, Any] = {source: run.figures() for source, run in self._runs.items()}
         result["reduction"] = reduction(*(result[source][ALL]["ospa"] for source in SOURCES))
-        result["class_accuracy"] = self._runs[SMOOTHED].of_all(CLASS_ACCURACY)
-        result["identity_switches"] = result[SMOOTHED][ALL][IDENTITY_SWITCHES.key]
-        result["false_per_scan"] = result[SMOOTHED][ALL][FALSE_PER_SCAN.key]
+        result |= self._runs[SMOOTHED].headlines()
         result["consistency"] = {source: run.consistency() for source, run in self._runs.items()}
         result["p"], result["c"] = self.order, self.cutoff
         result["long_gap_s"], result["ospa2_window"] = LONG_GAP_S, OSPA2_WINDOW
@@ -210,6 +205,6 @@ def _interval_ns(stamps: Iterable[int]) -> float:
 
 
 def _by_stamp(entry: tuple[str, int]) -> tuple[int, int]:
-    """Return the order of a source and a stamp among those that wait."""
+    """Return the sort key of a source and a stamp: by stamp, then by source."""
     source, stamp_ns = entry
     return stamp_ns, SOURCES.index(source)

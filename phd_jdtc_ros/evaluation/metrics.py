@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
@@ -15,13 +13,29 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 class Ospa:
     """An OSPA distance and its two parts, in metres.
 
-    For order p the parts obey ``distance^p = localization^p + cardinality^p``; only for p = 1 do
-    they add.
+    For order p the parts obey ``distance^p = localization^p + cardinality^p``; they add up for
+    p = 1 only.
     """
 
     distance: float
     localization: float
     cardinality: float
+
+
+def distances(truth: FloatArray, estimate: FloatArray) -> FloatArray:
+    """Return the distance of each of T positions from each of E, shape (T, E)."""
+    # Imported here, as in `_assignment`, to shorten the start of a tracker, which reads only names.
+    from scipy.spatial.distance import cdist
+
+    found: FloatArray = cdist(truth, estimate)
+    return found
+
+
+def _assignment(cost: FloatArray) -> tuple[IntArray, IntArray]:
+    from scipy.optimize import linear_sum_assignment
+
+    row, column = linear_sum_assignment(cost)
+    return row, column
 
 
 def ospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -> Ospa:
@@ -40,14 +54,14 @@ def ospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -
     Returns
     -------
     Ospa
-        Zero for two empty sets; c, all of it cardinality, if one of them is empty.
+        Zero for two empty sets; c, all of it cardinality, if only one set is empty.
 
     References
     ----------
     Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object
     filters", IEEE Transactions on Signal Processing 56(8), 2008.
     """
-    return ospa_of_distances(cdist(truth, estimate), cutoff, order)
+    return ospa_of_distances(distances(truth, estimate), cutoff, order)
 
 
 def ospa_of_distances(distance: FloatArray, cutoff: float, order: float) -> Ospa:
@@ -56,15 +70,15 @@ def ospa_of_distances(distance: FloatArray, cutoff: float, order: float) -> Ospa
     Parameters
     ----------
     distance : array of shape (T, E)
-        Distance of each member of one set to each of the other, metres.
+        Distance of each member of one set to each member of the other, metres.
     cutoff, order : float
-        As of `ospa`.
+        See `ospa`.
     """
     fewest, most = sorted(distance.shape)
     if most == 0:
         return Ospa(0.0, 0.0, 0.0)
     cost = np.minimum(distance, cutoff) ** order
-    matched = float(cost[linear_sum_assignment(cost)].sum())
+    matched = float(cost[_assignment(cost)].sum())
     unmatched = float(cutoff**order * (most - fewest))
     return Ospa(
         distance=((matched + unmatched) / most) ** (1.0 / order),
@@ -88,8 +102,8 @@ def assign(
     order : float
         The assignment minimises the sum of this power of the distances.
     """
-    distance = cdist(truth, estimate)
-    row, column = linear_sum_assignment(np.minimum(distance, cutoff) ** order)
+    distance = distances(truth, estimate)
+    row, column = _assignment(np.minimum(distance, cutoff) ** order)
     near = distance[row, column] < cutoff
     return row[near], column[near]
 
@@ -104,7 +118,7 @@ class Gospa:
     ----------
     distance : float
     localization : float
-        Part of the assigned pairs; not divided by their number.
+        Part of the assigned pairs, not divided by their number.
     missed, false : int
         Targets without an estimate and estimates without a target.
     """
@@ -118,8 +132,8 @@ class Gospa:
 def gospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -> Gospa:
     """Return the generalised optimal sub-pattern assignment distance of two sets of positions.
 
-    Unlike OSPA it is not divided by the number of targets, and a missed target next to a false
-    one costs as much as the two far apart.
+    Unlike OSPA it is not divided by the number of targets, and a missed target and a false one cost
+    the same near each other and far apart.
 
     Parameters
     ----------

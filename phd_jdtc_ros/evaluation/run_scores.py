@@ -2,20 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from . import consistency
-from .metric_table import OF_ALL, OF_SETS, VALUES, Metric, values_of
-from .scan_scores import ALL, Comparison, PairedScan, ScanComparer, set_names
-from .surveillance import confusion_matrix
+from .accumulator import Accumulator, Metric
+from .accumulators import ACCUMULATORS, consistency
+from .accumulators.pairs import confusion_matrix
+from .comparison import ALL, Comparison, PairedScan, set_names
+from .metric_table import BY_KEY, OF_ALL, OF_SETS
 from .totals import Totals
 
-NAMES = tuple(VALUES)
-# Values of a scan, by set and name.
-ScanValues = dict[str, dict[str, float | None]]
+# Values of a scan by set and name; None for a missing value.
+ScanValues: TypeAlias = "dict[str, dict[str, float | None]]"
+
+
+@dataclass(frozen=True)
+class ScanScore:
+    """The score of one source at one stamp.
+
+    Parameters
+    ----------
+    source : str
+        ``filtered`` or ``smoothed``.
+    stamp_ns : int
+    values : ScanValues
+    """
+
+    source: str
+    stamp_ns: int
+    values: ScanValues
+
+
+class ScanComparer:
+    """Compares a source's scans with the truth, in order.
+
+    Parameters
+    ----------
+    classes : int
+    accumulators : sequence of Accumulator
+        New accumulators, which keep the state they need from earlier scans.
+    """
+
+    def __init__(self, classes: int, accumulators: Sequence[Accumulator]) -> None:
+        self.names = tuple(name for each in accumulators for name in each.names)
+        self._classes, self._accumulators = classes, accumulators
+        self._newest: dict[str, Comparison] = {}
+
+    def compare(self, scan: PairedScan) -> ScanValues:
+        """Return the values of each set at the next scan."""
+        for each in self._accumulators:
+            each.update(scan)
+        self._newest = Comparison.of(scan, self._classes)
+        return self._values(last=False)
+
+    def final_values(self) -> ScanValues:
+        """Return the values of the newest scan as if the run ended with it."""
+        return self._values(last=True)
+
+    def _values(self, last: bool) -> ScanValues:
+        return {
+            key: {
+                name: value
+                for each in self._accumulators
+                for name, value in zip(
+                    each.names, each.values(replace(part, last=last)), strict=True
+                )
+            }
+            for key, part in self._newest.items()
+        }
 
 
 class RunScores:
@@ -31,10 +88,10 @@ class RunScores:
     def __init__(self, classes: int, cutoff: float, order: float) -> None:
         self.scans = 0
         self._sets = set_names(classes)
-        self._comparer = ScanComparer(classes, cutoff, order)
-        # The newest scan is kept apart, because all open gaps end with it if the run does.
-        self._before = Totals.of(NAMES, np.zeros((len(self._sets), 0, len(NAMES))))
-        self._newest: dict[str, Comparison] = {}
+        self._comparer = ScanComparer(classes, [each(cutoff, order) for each in ACCUMULATORS])
+        # The newest scan is kept apart: if the run ends with it, all open gaps end.
+        names = self._comparer.names
+        self._before = Totals.of(names, np.zeros((len(self._sets), 0, len(names))))
         self._values: ScanValues = {}
         self._confusion = np.zeros((classes + 1, classes + 1), dtype=np.int64)
 
@@ -42,8 +99,7 @@ class RunScores:
         """Add the next scan; return its values by set and name."""
         self.scans += 1
         self._before = self._totals_with(self._values)
-        self._newest = self._comparer.compare(scan)
-        self._values = _values(self._newest)
+        self._values = self._comparer.compare(scan)
         truth, estimate = scan.truth.class_id, scan.estimate.class_id
         self._confusion += confusion_matrix(scan.pairs, truth, estimate, len(self._sets) - 1)
         return self._values
@@ -54,8 +110,8 @@ class RunScores:
         Returns
         -------
         dict
-            By set, the figures of `OF_SETS`; for all targets also those of `OF_ALL` and
-            ``confusion``, the `confusion_matrix` of the run. None where a figure has no meaning.
+            The figures of `OF_SETS` by set; for all targets also the figures of `OF_ALL` and
+            ``confusion``, the `confusion_matrix` of the run. None for an undefined figure.
         """
         totals = self._totals()
         of_sets = {metric.key: _by_set(metric, totals) for metric in OF_SETS}
@@ -71,25 +127,22 @@ class RunScores:
         """Return the consistency of the covariances, see `consistency.figures`."""
         return consistency.figures(self._totals())
 
-    def of_all(self, metric: Metric) -> float | None:
-        """Return a figure of all targets."""
-        return _by_set(metric, self._totals())[0]
+    def headlines(self) -> dict[str, float | None]:
+        """Return the figures of all targets at the top level of `metrics.json`."""
+        figures = self.figures()[ALL]
+        return {key: figures[key] for key, metric in BY_KEY.items() if metric.headline}
 
     def _totals(self) -> Totals:
-        return self._totals_with(_values(self._comparer.ended(self._newest)))
+        return self._totals_with(self._comparer.final_values())
 
     def _totals_with(self, newest: ScanValues) -> Totals:
-        """Return the totals, by set, of the earlier scans and of the newest if there is one."""
+        """Return the totals by set of the earlier scans and of the newest, if any."""
         if not newest:
             return self._before
         rows = [[list(newest[key].values())] for key in self._sets]
-        return self._before.plus(Totals.of(NAMES, np.array(rows, dtype=np.float64)))
-
-
-def _values(scan: Mapping[str, Comparison]) -> ScanValues:
-    return {key: values_of(comparison) for key, comparison in scan.items()}
+        return self._before.plus(Totals.of(self._comparer.names, np.array(rows, dtype=np.float64)))
 
 
 def _by_set(metric: Metric, totals: Totals) -> list[float | None]:
-    """Return a metric of every set, None where it has no meaning."""
+    """Return a metric of every set, None where undefined."""
     return [None if np.isnan(value) else float(value) for value in metric.of_run(totals)]

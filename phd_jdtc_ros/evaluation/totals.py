@@ -1,4 +1,4 @@
-"""Totals over a run of the values of its scans."""
+"""Totals of scan values over a run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Totals:
-    """Totals of the values of scans, for several runs or sets at once.
+    """Totals of scan values, for several runs or sets at once.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Totals:
 
     @staticmethod
     def of(names: tuple[str, ...], values: FloatArray) -> Totals:
-        """Return the totals of values of shape (..., scans, V), NaN where there is no value."""
+        """Return the totals of values of shape (..., scans, V), NaN for missing values."""
         known = np.isfinite(values)
         return Totals(
             names,
@@ -44,7 +44,7 @@ class Totals:
         )
 
     def plus(self, more: Totals) -> Totals:
-        """Return the totals of the scans of both totals."""
+        """Return the totals over the scans of both."""
         return Totals(
             self.names,
             self.scans + more.scans,
@@ -54,17 +54,17 @@ class Totals:
         )
 
     def mean(self, name: str) -> FloatArray:
-        """Return the mean over the scans that have the value, shape (...); NaN if none of them."""
+        """Return the mean over the scans that have the value, shape (...); NaN without any."""
         column = self.names.index(name)
         return ratio(self.sums[..., column], self.known[..., column])
 
     def sum(self, name: str) -> FloatArray:
-        """Return the sum over the scans, shape (...); NaN unless each of them has the value."""
+        """Return the sum over the scans, shape (...); NaN unless all scans have the value."""
         column = self.names.index(name)
         return np.where(self.known[..., column] == self.scans, self.sums[..., column], np.nan)
 
     def maximum(self, name: str) -> FloatArray:
-        """Return the maximum over the scans, shape (...); NaN unless each of them has the value."""
+        """Return the maximum over the scans, shape (...); NaN unless all scans have the value."""
         column = self.names.index(name)
         known = (self.known[..., column] == self.scans) & (self.scans > 0)
         return np.where(known, self.maxima[..., column], np.nan)

@@ -1,4 +1,4 @@
-"""The truth at any time: samples, and what is interpolated between them."""
+"""The truth at any time: samples, interpolation between them, and removal of slow targets."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ from bisect import bisect_left, insort
 
 import numpy as np
 
-from .limits import LONGEST_INTERPOLATION_S
-from .scan_scores import PointSet
+from .comparison import PointSet
+from .metrics import assign
+
+# Longest interval between samples over which the truth is interpolated, seconds.
+LONGEST_INTERPOLATION_S = 10.0
 
 
 class TrueTracks:
@@ -20,10 +23,10 @@ class TrueTracks:
 
     Notes
     -----
-    At the stamp of a sample the truth is that sample. Between two samples a target exists if it
-    does in both. It moves by the cubic that has its positions and velocities at both (Hermite), or
-    straight where the velocities are not known. Samples further apart than
-    `LONGEST_INTERPOLATION_S` are not interpolated, nor are targets without labels.
+    At the stamp of a sample the truth is that sample. A target exists between two samples if it
+    exists in both. Its path is the cubic through both positions with both velocities (Hermite), or
+    a straight line if velocities are unknown. There is no interpolation over more than
+    `LONGEST_INTERPOLATION_S`, or of targets without labels.
     """
 
     def __init__(self, keep: int | None = None) -> None:
@@ -48,7 +51,7 @@ class TrueTracks:
         return len(self._samples)
 
     def at(self, stamp_ns: int) -> PointSet | None:
-        """Return the targets at a time; None if they are not known, or not yet."""
+        """Return the targets at a time; None if unknown, or not yet known."""
         if stamp_ns in self._samples:
             return self._samples[stamp_ns]
         after = bisect_left(self._stamps, stamp_ns)
@@ -58,26 +61,28 @@ class TrueTracks:
         if end - begin > LONGEST_INTERPOLATION_S * 1e9:
             return None
         part = (stamp_ns - begin) / (end - begin)
-        return between(self._samples[begin], self._samples[end], part, (end - begin) * 1e-9)
+        return interpolate(self._samples[begin], self._samples[end], part, (end - begin) * 1e-9)
 
 
-def between(first: PointSet, second: PointSet, part: float, interval_s: float) -> PointSet | None:
-    """Return the targets that exist in two samples, at a time between these.
+def interpolate(
+    first: PointSet, second: PointSet, part: float, interval_s: float
+) -> PointSet | None:
+    """Return the targets that exist in two samples, at a time between the samples.
 
     Parameters
     ----------
     first, second : PointSet
     part : float
-        Of the interval that is over, between 0 and 1.
+        Elapsed share of the interval, between 0 and 1.
     interval_s : float
-        From the first to the second, seconds.
+        Time from the first to the second sample, seconds.
 
     Returns
     -------
     PointSet or None
-        In the order of the first; None unless all targets have labels.
+        The targets in the order of the first sample; None unless all have labels.
     """
-    labelled = first.labelled(), second.labelled()
+    labelled = first.with_labels(), second.with_labels()
     if labelled[0] is None or labelled[1] is None:
         return None
     _, row, column = np.intersect1d(labelled[0].label, labelled[1].label, return_indices=True)
@@ -87,9 +92,33 @@ def between(first: PointSet, second: PointSet, part: float, interval_s: float) -
     position = rest * begin.position + part * end.position
     velocity = None
     if begin.velocity is not None and end.velocity is not None:
-        # By how much the velocity at each end differs from that of the straight line.
+        # The cubic corrects for the difference of each end's velocity from the mean velocity.
         mean = (end.position - begin.position) / interval_s
         bends = rest * (begin.velocity - mean) - part * (end.velocity - mean)
         position = position + interval_s * part * rest * bends
         velocity = rest * begin.velocity + part * end.velocity
     return PointSet(position, begin.class_id, begin.track_id, velocity)
+
+
+def without_slow(
+    truth: PointSet, estimate: PointSet, least_speed: float, near: float
+) -> tuple[PointSet, PointSet]:
+    """Return targets and estimates of a stamp without slow targets and their estimates.
+
+    Some trackers leave out slow targets by design, such as ships at anchor.
+
+    Parameters
+    ----------
+    truth, estimate : PointSet
+        Both are returned unchanged if the velocities of the truth are unknown.
+    least_speed : float
+        Slower targets are left out, metres per second.
+    near : float
+        Largest distance of a target and its estimate in the assignment by position, metres.
+    """
+    if least_speed <= 0.0 or truth.velocity is None:
+        return truth, estimate
+    slow = np.hypot(*truth.velocity.T) < least_speed
+    target, row = assign(truth.position, estimate.position, near)
+    rest = np.setdiff1d(np.arange(len(estimate)), row[slow[target]])
+    return truth.only(np.flatnonzero(~slow)), estimate.only(rest)

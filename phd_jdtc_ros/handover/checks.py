@@ -1,4 +1,4 @@
-"""Which estimates can be joined with those of other trackers."""
+"""Checks whether estimates can be joined with those of other trackers."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import numpy as np
 
 from phd_jdtc_ros.core.types import Estimates
 
-# Targets of one stamp at most: work and memory grow with them, and with the stamps that wait.
+# Upper bound of the targets of one stamp, which limits work and memory.
 MOST_TARGETS = 10_000
-# Of a covariance as a correlation: an eigenvalue that is lower than this is no rounding of FLOAT32.
+# An eigenvalue of a correlation matrix below this is not explained by FLOAT32 rounding.
 ROUNDING = -1e-6
-# What matching adds to each axis; half of it belongs to either estimate.
+# Matching adds this to each axis; half of it belongs to each estimate.
 _SLACK = 0.5
 
 
 def why_not(found: Estimates) -> tuple[str, str] | None:
-    """Return why estimates cannot be joined: a key to count it by, and words; None if they can.
+    """Return why estimates cannot be joined, as a key and a sentence; None if they can.
 
-    Tracks must have numbers, each its own. Covariances of positions and velocities must be
-    positive semidefinite, or else no distance between two estimates is defined. There are
-    `MOST_TARGETS` at most.
+    Tracks must have unique numbers. Covariances of position and velocity must be positive
+    semidefinite, because a distance between two estimates is undefined otherwise. There may be at
+    most `MOST_TARGETS` of them.
     """
     if len(found) > MOST_TARGETS:
         return "oversize", f"{len(found)} targets, at most {MOST_TARGETS} are allowed"
@@ -28,7 +28,7 @@ def why_not(found: Estimates) -> tuple[str, str] | None:
         count = int(times[tracks <= 0].sum())
         return "unlabelled", (
             f"{count} of {len(found)} targets have track_id 0, must be above 0: a tracker with "
-            "corrector: poisson has no tracks"
+            "engine: phd has no tracks"
         )
     if (times > 1).any():
         return "schema", f"track_id {tracks[times > 1][0]} is given twice, must be once"

@@ -1,4 +1,4 @@
-"""The numbers of the joint picture that each tracker's tracks had, by stamp."""
+"""Keeps the joint picture's number of each track, by stamp."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 
 from .ownership import Track
 
-# For so long a track that the filter has no more keeps its number for smoothed estimates, and for
-# so long the filtered picture's numbers are kept at most, seconds.
+# A track that has ended keeps its number for smoothed estimates for KEPT_S seconds. Numbers are
+# forgotten after FORGOTTEN_S seconds.
 KEPT_S, FORGOTTEN_S = 60.0, 600.0
-# Tracks at most whose numbers are kept, the latest ones: numbers that change with every stamp would
-# else fill the memory.
+# Upper bound of the tracks whose numbers are kept, the latest ones. Without it a tracker that
+# numbers its tracks anew at every stamp would fill the memory.
 MOST_TRACKS = 50_000
 
 
 @dataclass
 class _Spell:
-    """A time in which a track had one number."""
+    """An interval in which a track had one number."""
 
     first_ns: int
     last_ns: int
@@ -31,14 +31,14 @@ class Numbers:
     Parameters
     ----------
     wait_ns : int
-        How much later than a stamp its tracks may have got their numbers.
+        Longest delay after a stamp with which its tracks receive their numbers.
     """
 
     wait_ns: int
     _spells: dict[Track, list[_Spell]] = field(init=False, default_factory=dict)
 
     def add(self, stamp_ns: int, numbers: Mapping[Track, int]) -> None:
-        """Take in the numbers of a stamp; stamps must increase."""
+        """Add the numbers of a stamp; stamps must increase."""
         for track, number in numbers.items():
             spells = self._spells.setdefault(track, [])
             if spells and spells[-1].number == number:
@@ -57,7 +57,7 @@ class Numbers:
         self._spells = kept
 
     def at(self, stamp_ns: int) -> dict[Track, int]:
-        """Return each track's number at a stamp, or else its next one, or else its last one."""
+        """Return each track's number at a stamp, else its next number, else its last one."""
         found = {}
         oldest_ns = stamp_ns - round(KEPT_S * 1e9)
         for track, spells in self._spells.items():

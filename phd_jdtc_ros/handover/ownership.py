@@ -1,9 +1,9 @@
-"""One picture of several trackers that part an area, with numbers that stay at the seams.
+"""Joins the pictures of trackers with adjacent regions, and keeps track numbers across the seams.
 
-Where margins overlap, two trackers have a track of one target. Such tracks are found by their
-positions and velocities, stamp by stamp, and get one number. One of the trackers owns it: that in
-whose core region the target is. It owns it until the target is well inside another's, so that it
-does not change over to and fro along a seam.
+Where margins overlap, two trackers have a track of the same target. Such tracks are found by their
+positions and velocities, stamp by stamp, and get one number. The tracker whose core region contains
+the target owns the number. It keeps the number until the target is well inside another core region,
+so that ownership does not alternate along a seam.
 """
 
 from __future__ import annotations
@@ -15,21 +15,20 @@ from itertools import combinations
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.tracks.common_stamp import chosen, joined
 from phd_jdtc_ros.core.tracks.region import Region
-from phd_jdtc_ros.core.tracks.renumbering import matched
+from phd_jdtc_ros.core.tracks.renumbering import match
 from phd_jdtc_ros.core.types import Attributes, Estimates
 
-# Tracks are of one target once they have been near each other for so many stamps in a row, and no
-# longer once they have been apart for so many.
+# Two tracks belong to one target after this many consecutive stamps near each other, and no longer
+# after this many apart.
 TOGETHER, APART = 2, 3
-# Only tracks that are so near to a neighbour's margin are compared with the neighbour's, metres:
-# more than any two estimates of one target are apart, and much less than most regions are wide.
+# Only tracks within this distance of a neighbour's margin, metres, are compared with its tracks.
+# Two estimates of one target are always closer, and most regions are much wider.
 REACH = 5e3
 
 _NO_ROWS = np.zeros(0, dtype=np.int64)
 
-# A tracker, by its index, and its number of a track.
+# Index of a tracker, and its number of a track.
 Track = tuple[int, int]
 
 
@@ -40,31 +39,31 @@ class Handover:
     Parameters
     ----------
     regions : sequence of Region
-        One per tracker; their core regions should not overlap, and their margins should.
+        One per tracker; their margins should overlap, and their core regions should not.
     hysteresis : float
-        How far a target must be inside another tracker's core region to change over, metres; less
-        than the margins.
+        Depth inside another tracker's core region at which a target changes over, metres; less than
+        the margins.
     """
 
     regions: Sequence[Region]
     hysteresis: float
-    # The number in the joint picture, of each track and of what it is one with.
+    # Joint number of each track.
     _number: dict[Track, int] = field(init=False, default_factory=dict)
-    # The tracks that have a number, one of each tracker at most.
+    # Tracks with a number, at most one per tracker.
     _tracks: dict[int, dict[int, Track]] = field(init=False, default_factory=dict)
     _owner: dict[int, int] = field(init=False, default_factory=dict)
-    # Stamps in a row: positive together, negative apart.
+    # Numbers of consecutive stamps: positive together, negative apart.
     _together: dict[tuple[Track, Track], int] = field(init=False, default_factory=dict)
     _count: int = field(init=False, default=0)
     _changes: int = field(init=False, default=0)
 
     @property
     def handed_over(self) -> int:
-        """How often a target has changed over from one tracker to another."""
+        """Number of times that a target has changed over from one tracker to another."""
         return self._changes
 
     def forget(self) -> None:
-        """Forget all tracks; their numbers are not used again."""
+        """Forget all tracks; their numbers are not reused."""
         self._number, self._tracks, self._owner, self._together = {}, {}, {}, {}
 
     def add(self, said: Mapping[int, Estimates]) -> Estimates:
@@ -73,13 +72,13 @@ class Handover:
         Parameters
         ----------
         said : mapping of tracker to Estimates
-            All of one stamp, at least one. Of those that are not in it nothing is known: their
-            tracks have the same numbers once they are there again. Stamps must increase.
+            At least one, all of one stamp. Stamps must increase. The tracks of a tracker that is
+            missing keep their numbers.
 
         Returns
         -------
         Estimates
-            With numbers that are given here, in the order in which targets are first reported.
+            Numbers are assigned in the order in which targets are first reported.
         """
         found = self._of_all(said)
         depth = self._depths(found)
@@ -103,13 +102,13 @@ class Handover:
 
     @property
     def numbers(self) -> dict[Track, int]:
-        """The joint number of each track that is there; a copy."""
+        """A copy of the joint number of each current track."""
         return dict(self._number)
 
     def numbered(self, said: Mapping[int, Estimates], numbers: Mapping[Track, int]) -> Estimates:
         """Return the joint estimates of a stamp whose tracks have numbers already; see `add`.
 
-        Of several of one number that is reported which is deepest in its tracker's core region.
+        Among estimates with one number, the one deepest in its tracker's core region is reported.
         """
         found = self._of_all(said)
         best: dict[int, tuple[float, int, int]] = {}
@@ -125,12 +124,12 @@ class Handover:
         return _joint(found, parts)
 
     def _of_all(self, said: Mapping[int, Estimates]) -> list[Estimates]:
-        """Return the estimates of every tracker, none of those that say nothing."""
-        nothing = chosen(next(iter(said.values())), _NO_ROWS)
+        """Return the estimates of every tracker, empty ones for those that are missing."""
+        nothing = next(iter(said.values())).take(_NO_ROWS)
         return [said.get(tracker, nothing) for tracker in range(len(self.regions))]
 
     def _depths(self, found: Sequence[Estimates]) -> list[list[FloatArray]]:
-        """Return how deep each tracker's estimates are in each region, [tracker][region]."""
+        """Return the depths of each tracker's estimates in each region, [tracker][region]."""
         return [[region.depth(own.position) for region in self.regions] for own in found]
 
     def _begin(self, track: Track) -> int:
@@ -144,14 +143,14 @@ class Handover:
         depth: Sequence[Sequence[FloatArray]],
         heard: Collection[int],
     ) -> None:
-        """Find which tracks of neighbours are of one target, and give them one number."""
+        """Find the tracks of neighbours that belong to one target, and give them one number."""
         near: set[tuple[Track, Track]] = set()
         for one, other in combinations(range(len(found)), 2):
             mine, theirs = (
                 np.flatnonzero(depth[own][next_to] >= -self.regions[next_to].margin - REACH)
                 for own, next_to in ((one, other), (other, one))
             )
-            pairs = matched(chosen(found[one], mine), chosen(found[other], theirs), moving=True)
+            pairs = match(found[one].take(mine), found[other].take(theirs), moving=True)
             numbers = found[one].track_id[mine[pairs[0]]], found[other].track_id[theirs[pairs[1]]]
             for number, beside in zip(*(column.tolist() for column in numbers), strict=True):
                 near.add(((one, number), (other, beside)))
@@ -168,10 +167,10 @@ class Handover:
                 del self._together[pair]
 
     def _join(self, mine: Track, theirs: Track) -> None:
-        """Give two tracks one number: the older one of those that are reported, if any is.
+        """Give two tracks one number: the older reported one, if any is reported.
 
-        A track that only follows its number may have gone over to another target, which keeps its
-        own.
+        A track that is not reported under its number may have moved to another target, which keeps
+        its own number.
         """
         known = [track for track in (mine, theirs) if track in self._number]
         reported = [track for track in known if self._owns(track)]
@@ -181,7 +180,7 @@ class Handover:
             self._give(theirs, joint)
 
     def _owns(self, track: Track) -> bool:
-        """Return whether a track is the one that is reported under its number."""
+        """Return whether a track is reported under its number."""
         return self._owner.get(self._number[track], track[0]) == track[0]
 
     def _give(self, track: Track, joint: int) -> None:
@@ -196,13 +195,13 @@ class Handover:
         self._tracks.setdefault(joint, {})[track[0]] = track
 
     def _take_number(self, track: Track) -> None:
-        """Take away the number of a track, if it has one."""
+        """Remove the number of a track, if it has one."""
         joint = self._number.pop(track, None)
         if joint is not None:
             del self._tracks[joint][track[0]]
 
     def _part(self, mine: Track, theirs: Track) -> None:
-        """Leave the number to its owner once two tracks are no longer of one target."""
+        """Leave the number to its owner when two tracks no longer belong to one target."""
         joint = self._number.get(mine)
         if joint is None or joint != self._number.get(theirs):
             return
@@ -210,7 +209,7 @@ class Handover:
         self._take_number(lost)
 
     def _owned(self, joint: int, depth: Mapping[int, float]) -> int:
-        """Return which tracker's estimate is reported, given how deep each one's is."""
+        """Return the tracker whose estimate is reported, given the depth of each."""
         before = owner = self._owner.get(joint)
         if owner is None or owner not in depth:
             owner = max(depth, key=lambda k: depth[k])
@@ -222,7 +221,7 @@ class Handover:
         return owner
 
     def _forget(self, found: Sequence[Estimates], heard: Collection[int]) -> None:
-        """Forget tracks that are no longer there; a tracker does not use a number twice."""
+        """Forget tracks that have ended; a tracker does not reuse a number."""
         there = {tracker: set(found[tracker].track_id.tolist()) for tracker in heard}
 
         def stays(track: Track) -> bool:
@@ -240,15 +239,15 @@ class Handover:
 
 
 def _joint(found: Sequence[Estimates], parts: Sequence[Sequence[tuple[int, int]]]) -> Estimates:
-    """Return rows of several trackers' estimates as one, with joint numbers."""
+    """Return rows of several trackers' estimates in one, with joint numbers."""
     told = any(estimates.attributes is not None for estimates in found)
     own = []
     for estimates, rows in zip(found, parts, strict=True):
         index = np.array([row for row, _ in rows], dtype=np.int64)
         number = np.array([joint for _, joint in rows], dtype=np.int64)
-        part = replace(chosen(estimates, index), track_id=number)
+        part = replace(estimates.take(index), track_id=number)
         if told and part.attributes is None:
             part = replace(part, attributes=Attributes.unknown(len(part)))
         own.append(part)
-    # Of no estimates the lag is not known: messages carry it with each of them.
-    return joined(own, max(estimates.lag for estimates in found))[0]
+    # The lag of empty estimates is unknown, because messages carry it with each estimate.
+    return Estimates.concatenate(own, max(estimates.lag for estimates in found))[0]

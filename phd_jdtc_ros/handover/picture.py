@@ -1,12 +1,12 @@
-"""One picture of several trackers' filtered and smoothed estimates, as they come.
+"""Joins several trackers' filtered and smoothed estimates into one picture, live and offline.
 
-Live and offline alike: estimates go in one by one, and come out joined, stamp by stamp. Filtered
-ones get their numbers by `Handover`. Smoothed ones get the numbers of the same tracks at their
-stamp, or those that the tracks have a little later: the smoother knows a target before the filter
-is sure of it. So they wait until the filtered picture is ahead of them by that much.
+Estimates go in one by one, and come out joined, stamp by stamp. `Handover` numbers the filtered
+ones. Smoothed ones get the numbers of the same tracks at their stamp or shortly after it, because
+the smoother reports a target before the filter has confirmed it. They wait until the filtered
+picture is ahead of them by that time.
 
-Where the filtered stamps of a tracker go back, a new run begins. The others' stamps do not go back
-at the same instant: what comes of the earlier run is still known as such.
+A new run begins when the filtered stamps of a tracker go back. The other trackers' stamps do not go
+back at the same instant; their remaining estimates of the earlier run are recognised.
 """
 
 from __future__ import annotations
@@ -24,16 +24,17 @@ from .ownership import Handover
 from .restarts import SeriesOfAll
 from .synchroniser import Gathered, Gathering, Refused, too_many
 
-# Of so many stamps most must be of all trackers that are not silent, or else they are not common.
+# Window of stamps in which most must have estimates of all live trackers; otherwise the trackers
+# have no common stamps.
 LATEST_STAMPS = 10
 
-# Joint estimates, and whether they are filtered or smoothed.
+# Source, filtered or smoothed, and joint estimates.
 Joint = tuple[str, Estimates]
 
 
 @dataclass
 class _Run:
-    """What belongs to stamps that do not go back.
+    """A run: estimates whose stamps do not go back.
 
     Parameters
     ----------
@@ -41,13 +42,13 @@ class _Run:
     series : SeriesOfAll
     numbers : Numbers
     smoothed : list of Gathered
-        Those that wait for their numbers.
+        Smoothed estimates that wait for their numbers.
     reached_ns : float
-        The stamp of the filtered picture; infinite once the run is over.
+        Stamp of the filtered picture; infinite after the end of the run.
     until_ns : mapping of tracker to float
-        Of a run that is over: until which stamp there may still be something of it on its way.
+        Latest stamp of an ended run whose estimates may still arrive.
     closed : bool
-        Whether later smoothed estimates of it are too late.
+        Whether further smoothed estimates are too late.
     """
 
     gathered: Mapping[str, Gathering]
@@ -60,7 +61,7 @@ class _Run:
 
 
 class JointPicture:
-    """Joins the estimates of trackers that part an area.
+    """Joins the estimates of trackers with adjacent regions.
 
     Parameters
     ----------
@@ -69,10 +70,9 @@ class JointPicture:
     hysteresis : float
         See `Handover`.
     wait_s : float
-        By how much the filtered picture is ahead when smoothed estimates get their numbers,
-        seconds.
+        Lead of the filtered picture at which smoothed estimates get their numbers, seconds.
     longest_delay_s, most_waiting
-        See `Gathering`; as many smoothed stamps wait for their numbers at most.
+        See `Gathering`; `most_waiting` also bounds the smoothed stamps that wait for numbers.
     """
 
     def __init__(
@@ -100,36 +100,36 @@ class JointPicture:
 
     @property
     def silent(self) -> frozenset[int]:
-        """The trackers without which the filtered picture goes on, by their index."""
+        """Indices of the trackers that the filtered picture does not wait for."""
         return self._run.gathered[FILTERED].silent
 
     @property
     def handed_over(self) -> int:
-        """How often a target has changed over from one tracker to another."""
+        """Number of times that a target has changed over from one tracker to another."""
         return self._handover.handed_over
 
     @property
     def parted(self) -> int:
-        """How many of the latest `LATEST_STAMPS` were of some trackers only, silent ones apart."""
+        """Number of the latest `LATEST_STAMPS` without estimates of some live tracker."""
         return self._common.count(False)
 
     @property
     def overflow(self) -> int:
-        """How many stamps were closed before they were complete, because too many waited."""
+        """Number of stamps that were closed incomplete because too many waited."""
         gathered = self._run.gathered.values()
         return self._overflow + sum(one.overflow for one in gathered)
 
     def behind_s(self, tracker: int) -> float:
-        """Return how much older a tracker's filtered estimates are than the newest, seconds."""
+        """Return the age of a tracker's filtered estimates relative to the newest, seconds."""
         return self._run.gathered[FILTERED].behind_s(tracker)
 
     def ahead_of(self, stamp_ns: int) -> frozenset[int]:
-        """Return the trackers whose filtered stamps are later by more than the longest delay."""
+        """Return the trackers whose filtered stamps are ahead by more than the longest delay."""
         longest_ns, latest = self._longest_delay_s * 1e9, self._run.gathered[FILTERED].latest_ns
         return frozenset(k for k in self._trackers if (latest(k) or 0) - stamp_ns > longest_ns)
 
     def jumps_back(self, tracker: int, source: str, stamp_ns: int) -> bool:
-        """Return whether `add` begins a new run, in which stamps are those of another time."""
+        """Return whether `add` of such estimates would begin a new run."""
         return (
             source == FILTERED
             and not self._is_of_before(tracker, source, stamp_ns)
@@ -137,23 +137,23 @@ class JointPicture:
         )
 
     def add(self, tracker: int, source: str, found: Estimates) -> list[Joint] | Refused:
-        """Take in the filtered or smoothed estimates of a tracker.
+        """Add the filtered or smoothed estimates of a tracker.
 
         Parameters
         ----------
         tracker : int
-            Its index.
+            Index of the tracker.
         source : str
             ``filtered`` or ``smoothed``.
         found : Estimates
-            For which `checks.why_not` has no reason.
+            Estimates that pass `checks.why_not`.
 
         Returns
         -------
         list of (source, Estimates)
-            What is complete by this, in the order of time for each source and run.
+            Joint estimates that are now complete, in the order of time for each source and run.
         Refused
-            If they come too late or for the second time.
+            If they are too late or duplicates.
         """
         if self._is_of_before(tracker, source, found.stamp_ns):
             return self._add_to_before(tracker, source, found)
@@ -171,22 +171,22 @@ class JointPicture:
         return done + self._numbered(self._run)
 
     def close_all(self) -> list[Joint]:
-        """Return all that waits, and begin a new run; numbers go on and are not used again."""
+        """Return all pending estimates, and begin a new run; numbers are not reused."""
         gathered = self._run.gathered[FILTERED]
-        # What comes later than all that was heard is of the new run: stamps may go on.
+        # Stamps may go on: estimates after the newest stamp belong to the new run.
         done = self._begin(gathered.expected_ns(gathered.newest_ns))
         self._before.smoothed += self._before.gathered[SMOOTHED].close_all()
         return done + self._numbered(self._before)
 
     def begin_again(self) -> list[Joint]:
-        """Return all that waits, and begin a new run to which all belongs that comes from now on.
+        """Return all pending estimates, and begin a new run with the next ones at any stamp.
 
-        For stamps that were wrong.
+        It serves to recover from wrong stamps.
         """
         return self._begin({}) + self._close_before()
 
     def _begin(self, until_ns: Mapping[int, float]) -> list[Joint]:
-        """Begin a new run; of the one until now no filtered estimates are taken any more."""
+        """Begin a new run; the current one accepts no more filtered estimates."""
         over = self._run
         done = self._close_before() + self._filtered(over.gathered[FILTERED].close_all())
         over.reached_ns, over.until_ns = math.inf, until_ns
@@ -196,9 +196,9 @@ class JointPicture:
         return done + self._numbered(over)
 
     def _is_of_before(self, tracker: int, source: str, stamp_ns: int) -> bool:
-        """Return whether estimates are of the run before.
+        """Return whether estimates belong to the previous run.
 
-        Topics are not ordered among each other: the last estimates of one tracker may come after
+        Topics are not ordered relative to each other: a tracker's last estimates may arrive after
         another tracker's stamps have jumped back.
         """
         before, gathered = self._before, self._run.gathered
@@ -206,15 +206,15 @@ class JointPicture:
             return False
         if stamp_ns > before.until_ns.get(tracker, -math.inf):
             return False
-        # Where a tracker's first smoothed estimates come only now: those of the new run are of
-        # stamps that it has filtered.
+        # A tracker's first smoothed estimates belong to the new run if it has filtered their stamp
+        # in it.
         latest = before.gathered[source].latest_ns(tracker)
         if latest is None:
             latest = gathered[FILTERED].latest_ns(tracker)
         return latest is None or stamp_ns > latest
 
     def _add_to_before(self, tracker: int, source: str, found: Estimates) -> list[Joint] | Refused:
-        """Take in what comes of the run before: smoothed estimates still have its numbers."""
+        """Add estimates of the previous run; smoothed ones still get its numbers."""
         before = self._before
         closed = before.gathered[source].add(tracker, found)
         if isinstance(closed, Refused):
@@ -225,14 +225,14 @@ class JointPicture:
         return self._numbered(before)
 
     def _close_before(self) -> list[Joint]:
-        """Return what waits of the run before; nothing of it is taken any more."""
+        """Return the pending estimates of the previous run, which accepts no more."""
         before = self._before
         before.smoothed += before.gathered[SMOOTHED].close_all()
         before.closed = True
         return self._numbered(before)
 
     def _filtered(self, closed: Sequence[Gathered]) -> list[Joint]:
-        """Return the joint filtered estimates of stamps, and the smoothed ones that waited."""
+        """Return the joint filtered estimates of stamps, and the smoothed ones that are now due."""
         run, done = self._run, []
         live = set(self._trackers) - self.silent
         for gathered in closed:
@@ -246,7 +246,7 @@ class JointPicture:
         return done
 
     def _numbered(self, run: _Run) -> list[Joint]:
-        """Return the smoothed estimates that a run's filtered picture is ahead of by enough."""
+        """Return a run's smoothed estimates that the filtered picture is far enough ahead of."""
         done: list[Joint] = []
         while run.smoothed:
             stamp_ns = next(iter(run.smoothed[0].values())).stamp_ns
@@ -256,5 +256,5 @@ class JointPicture:
             gathered = run.series.apart(run.smoothed.pop(0))
             joint = self._handover.numbered(gathered, run.numbers.at(stamp_ns))
             done.append((SMOOTHED, joint))
-        # Those of the run before come first.
+        # The previous run's estimates come first.
         return self._close_before() + done if done and run is self._run else done

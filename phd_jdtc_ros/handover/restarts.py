@@ -1,10 +1,10 @@
-"""Tells the tracks of a tracker apart that began again with number 1.
+"""Detects that a tracker restarted its track numbers, and keeps the series of numbers apart.
 
-A tracker numbers its tracks from 1 after a cold start, a reset or a flush, while its stamps go on.
-Its earlier tracks with these numbers were other targets. Nothing in the estimates says that it
-began again, but its tracks do not go on then, and numbers come that were used before. That is also
-what it looks like where all tracks are lost for a while and come back, which are then taken for
-others, as the joint picture does anyway.
+After a cold start, a reset or a flush a tracker numbers its tracks from 1 again, while its stamps
+continue. Earlier tracks with these numbers were other targets. The estimates do not announce a
+restart, but the tracks do not continue, and numbers reappear that were used before. The same
+happens when all tracks are lost for a while and return; they then count as new tracks, as they do
+in the joint picture.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from .synchroniser import Gathered
 
 # Track numbers of messages are less than this.
 SERIES = 2**32
-# For so long the beginnings of series are kept, seconds.
+# Time for which the beginning of a series is remembered, seconds.
 KEPT_S = 600.0
-# After so long without a word of it, a tracker's tracks may be anywhere, seconds.
+# After this silence the tracks of a tracker cannot be matched with the earlier ones, seconds.
 SILENT_S = 60.0
 
 
@@ -31,17 +31,14 @@ class TrackSeries:
     """The series of one tracker's track numbers."""
 
     _count: int = field(init=False, default=0)
-    # Stamps after which series began, and their numbers, ascending.
+    # Stamps after which series began, ascending, and the series' numbers.
     _begun: list[tuple[int, int]] = field(init=False, default_factory=list)
     _highest: int = field(init=False, default=0)
     _there: Estimates | None = field(init=False, default=None)
     _last_ns: int = field(init=False, default=0)
 
     def take(self, stamp_ns: int, found: Estimates | None) -> None:
-        """Take in the filtered estimates of a stamp, None where there are none of it.
-
-        Stamps must increase.
-        """
+        """Add the filtered estimates of a stamp, None if the tracker has none; stamps increase."""
         before = self._there
         if found is None:
             if before is not None and stamp_ns - before.stamp_ns > SILENT_S * 1e9:
@@ -53,8 +50,8 @@ class TrackSeries:
         goes_on = before is not None and _goes_on(before, found)
         if not goes_on and int(found.track_id.min()) <= self._highest:
             self._count += 1
-            # All that comes after the last track of the earlier series is of this one: the smoother
-            # knows a target before the filter does.
+            # Everything after the last track of the earlier series belongs to this one, because
+            # the smoother reports a target before the filter does.
             self._begun.append((self._last_ns, self._count))
             self._highest = 0
         self._highest = max(self._highest, int(found.track_id.max()))
@@ -63,7 +60,7 @@ class TrackSeries:
         self._begun = [entry for entry in self._begun if entry[0] >= oldest_ns]
 
     def apart(self, found: Estimates) -> Estimates:
-        """Return estimates with track numbers that no track of another series has."""
+        """Return estimates with track numbers that are unique over all series."""
         if not self._count:
             return found
         series = self._begun[0][1] - 1 if self._begun else self._count
@@ -78,7 +75,7 @@ class SeriesOfAll:
     Parameters
     ----------
     trackers : int
-        How many there are.
+        Number of trackers.
     """
 
     def __init__(self, trackers: int) -> None:

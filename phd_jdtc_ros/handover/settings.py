@@ -1,4 +1,4 @@
-"""The parameters of the hand-over, and what they describe."""
+"""Checks the parameters of the hand-over, and builds its settings."""
 
 from __future__ import annotations
 
@@ -8,64 +8,70 @@ from itertools import combinations
 from typing import Any
 
 from msg_adapters import names
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, with_members
+from phd_jdtc_ros.configuration import replaced
+from phd_jdtc_ros.configuration.checks import is_region
+from phd_jdtc_ros.configuration.schema import (
+    ConfigError,
+    Parameter,
+    check,
+    parameter,
+    table,
+    with_members,
+)
 from phd_jdtc_ros.core.tracks.region import Region
 
-# How far beyond a seam a target changes over unless that is given, in the smallest margin.
+# Default distance beyond a seam at which a target changes over, as a share of the smallest margin.
 HYSTERESIS = 0.2
+# How much later than a smoothed estimate's stamp its track may have got its number, seconds: the
+# smoother knows a target before the filter is sure of it. Up to the trackers' lag nothing waits.
 SMOOTHED_WAIT_S = 8.0
-# Bound of all waiting, seconds.
+# Upper bound of every waiting time, seconds.
 LONGEST_S = 600.0
-# Each pair of them is compared, here and at every stamp.
+# Upper bound of the trackers, because each pair of them is compared at every stamp.
 MOST_TRACKERS = 50
 
-TRACKER = (
-    Parameter("node", "", "Full name of the tracker's node; /NAME/tracker if empty."),
-    Parameter(
-        "region",
-        [],
-        "The tracker's region: [x_min, y_min, x_max, y_max] in the world frame, m.",
-    ),
-    Parameter("region_margin", 0.0, "The tracker's region_margin, m; above 0.", 0.0),
-)
-TABLE = (
-    Parameter(
-        "trackers",
+
+@dataclass(frozen=True)
+class OfTracker:
+    """What each tracker has."""
+
+    node: str = parameter("", "Full name of the tracker's node; /NAME/tracker if empty.")
+    region: list[float] = parameter(
+        [], "The tracker's region: [x_min, y_min, x_max, y_max, margin], world frame, m."
+    )
+
+
+@dataclass(frozen=True)
+class HandOver:
+    """What the node is told."""
+
+    trackers: list[str] = parameter(
         [],
         "Names of the trackers that part the area, two or more, each with its region.",
         element=str,
         most=MOST_TRACKERS,
-    ),
-    Parameter(
-        "hysteresis",
+    )
+    hysteresis: float = parameter(
         0.0,
         "How far beyond a seam a target changes over, m; at most the smallest margin, and 0 for a "
         "fifth of that.",
         0.0,
-    ),
-    Parameter(
-        "max_delay_s",
+    )
+    max_delay_s: float = parameter(
         5.0,
         "How long a stamp waits for a tracker, by the stamps of the others, s. Once the newest is "
         "later by more the picture goes on without those that have not reached it.",
         0.1,
         LONGEST_S,
-    ),
-    Parameter(
-        "smoothed_wait_s",
-        SMOOTHED_WAIT_S,
-        "How much later than a smoothed estimate's stamp its track may have got its number, s. Up "
-        "to the trackers' lag nothing waits for it.",
-        0.0,
-        LONGEST_S,
-    ),
-    Parameter("world_frame", "map", "Frame of the estimates, and of the picture."),
-)
+    )
+
+
+TRACKER, TABLE = table(OfTracker), table(HandOver)
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What is joined, as parameters describe it.
+    """The settings of the hand-over.
 
     Parameters
     ----------
@@ -73,7 +79,7 @@ class Settings:
         All parameters.
     table : dict of name to Parameter
     names : tuple of str
-        Of the trackers.
+        Names of the trackers.
     nodes : tuple of str
         Full names of their nodes.
     regions : tuple of Region
@@ -93,7 +99,7 @@ class Settings:
         return names.estimates(source, self.nodes[tracker])
 
     def origin(self, tracker: int) -> tuple[str, str]:
-        """Return the parameter that the name of a tracker's node comes from, and its value."""
+        """Return the parameter that names a tracker's node, and its value."""
         name = self.names[tracker]
         node = self.values[f"{name}.node"]
         return (f"{name}.node", node) if node else ("trackers", name)
@@ -109,10 +115,10 @@ def resolve(given: Mapping[str, Any]) -> Settings:
     Raises
     ------
     ConfigError
-        With every fault.
+        It lists every fault.
     """
-    table = with_members(TABLE, "trackers", TRACKER, given)
-    values, faults = check(table.values(), given)
+    every = with_members(TABLE, "trackers", TRACKER, given)
+    values, faults = check(every.values(), given, replaced.HAND_OVER, replaced.HAND_OVER_TRACKER)
     if None not in values.values():
         faults += _faults(values)
     if faults:
@@ -124,7 +130,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         raise ConfigError(faults)
     return Settings(
         values,
-        table,
+        every,
         trackers,
         tuple(_node(values, name) for name in trackers),
         regions,
@@ -133,7 +139,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
 
 
 def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hysteresis") -> float:
-    """Return how far beyond a seam a target changes over, metres.
+    """Return the distance beyond a seam at which a target changes over, metres.
 
     Parameters
     ----------
@@ -141,7 +147,7 @@ def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hyst
     given : float or None
         None for `HYSTERESIS` of the smallest margin.
     name : str
-        Of the parameter or the option.
+        Name of the parameter or the option, for the error.
 
     Raises
     ------
@@ -156,16 +162,16 @@ def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hyst
 
 
 def region_faults(owners: Sequence[str], regions: Sequence[Region]) -> list[str]:
-    """Return what is wrong with regions that are to part an area.
+    """Return the faults of adjacent regions.
 
     Parameters
     ----------
     owners : sequence of str
-        What stands before the name of the parameter of each.
+        Prefix of each region's parameter names.
     regions : sequence of Region
     """
     faults = [
-        f"{owner}region_margin: {region.margin:g} given, must be above 0: a target is handed over "
+        f"{owner}region: margin {region.margin:g} given, must be above 0: a target is handed over "
         "where both trackers have it"
         for owner, region in zip(owners, regions, strict=True)
         if region.margin <= 0.0
@@ -184,8 +190,7 @@ def _node(values: Mapping[str, Any], name: str) -> str:
 
 
 def _region(values: Mapping[str, Any], name: str) -> Region:
-    x_min, y_min, x_max, y_max = values[f"{name}.region"]
-    return Region(x_min, y_min, x_max, y_max, values[f"{name}.region_margin"])
+    return Region(*values[f"{name}.region"])
 
 
 def _faults(values: Mapping[str, Any]) -> list[str]:
@@ -196,10 +201,10 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
     nodes: dict[str, str] = {}
     for name in trackers:
         region = values[f"{name}.region"]
-        if len(region) != 4 or not (region[0] < region[2] and region[1] < region[3]):
+        if not is_region(region):
             faults.append(
-                f"{name}.region: {region} given, must be [x_min, y_min, x_max, y_max] of the "
-                "tracker's region"
+                f"{name}.region: {region} given, must be [x_min, y_min, x_max, y_max, margin] of "
+                "the tracker's region"
             )
         node = _node(values, name)
         other = nodes.setdefault(node, name)

@@ -1,10 +1,10 @@
-"""Gathers what several trackers say of one stamp, and decides when no more of it can come.
+"""Gathers the estimates of several trackers by stamp, and decides when a stamp is complete.
 
-Time is given by stamps, never by arrival: the same estimates are gathered in the same way however
-their topics are delayed among each other. A stamp is closed once every tracker has reported it or a
-later one. A stamp waits for the longest delay at most: once the newest of all is later by more, it
-is overdue, and the trackers that have not reached it are silent. The others do not wait for them
-until they report a stamp that is not that old.
+Stamps define time; the time of arrival does not matter, so that delays of topics do not change the
+result. A stamp is closed when every tracker has reported it or a later one. It waits at most for
+the longest delay: when the newest stamp is later by more, the stamp is overdue, and the trackers
+that have not reached it are silent. The others do not wait for a silent tracker until it reports a
+recent stamp.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from enum import Enum
 
 from phd_jdtc_ros.core.types import Estimates
 
-# Those of one stamp, by the index of their tracker.
+# Estimates of one stamp, by the index of their tracker.
 Gathered = Mapping[int, Estimates]
-# Where the number of stamps that wait is bounded, so many targets may wait with each, on average.
+# If the number of waiting stamps is bounded, so is their mean number of targets.
 TARGETS_OF_A_STAMP = 100
 
 
 def too_many(waiting: Collection[Gathered], most: int | None) -> bool:
-    """Return whether more stamps wait than are to, or more targets with them; one always may."""
+    """Return whether too many stamps, or too many targets with them, wait; one stamp always may."""
     if most is None or len(waiting) < 2:
         return False
     targets = sum(len(own) for gathered in waiting for own in gathered.values())
@@ -32,7 +32,7 @@ def too_many(waiting: Collection[Gathered], most: int | None) -> bool:
 
 
 class Refused(Enum):
-    """Why estimates are not part of what is gathered."""
+    """Reason why estimates are refused."""
 
     DUPLICATE = "duplicate"
     LATE = "late"
@@ -40,23 +40,23 @@ class Refused(Enum):
 
 @dataclass
 class Gathering:
-    """Gathers the estimates of one kind and of one run.
+    """Gathers the filtered or the smoothed estimates of one run.
 
     Parameters
     ----------
     trackers : int
-        How many there are.
+        Number of trackers.
     longest_delay_s : float
-        How much older than the newest of all a stamp may become while it waits for a tracker,
-        seconds; infinite for recordings, all of which is there.
+        Longest time by which a waiting stamp may be behind the newest one, seconds; infinite for
+        recordings, which are complete.
     most_waiting : int or None
-        How many stamps may wait; with more of them, see `too_many`, the oldest no longer waits for
-        its trackers. None for any number.
+        Upper bound of the waiting stamps (see `too_many`), above which the oldest is closed; None
+        for no bound.
 
     Attributes
     ----------
     overflow : int
-        How many stamps were closed because too many waited.
+        Number of stamps that were closed because too many waited.
     """
 
     trackers: int
@@ -68,30 +68,30 @@ class Gathering:
     _interval: dict[int, int] = field(init=False, default_factory=dict)
     _first_ns: int | None = field(init=False, default=None)
     _closed_ns: int | None = field(init=False, default=None)
-    # The stamps that were heard of and are not overdue, ascending; the newest one that is overdue.
+    # Known stamps that are not overdue, ascending; and the newest overdue one.
     _recent: list[int] = field(init=False, default_factory=list)
     _overdue_ns: int | None = field(init=False, default=None)
     _silent: set[int] = field(init=False, default_factory=set)
 
     @property
     def silent(self) -> frozenset[int]:
-        """The trackers that are not waited for."""
+        """Indices of the silent trackers."""
         return frozenset(self._silent)
 
     @property
     def newest_ns(self) -> int:
-        """The newest stamp of all; 0 before the first."""
+        """The newest stamp of any tracker; 0 before the first."""
         return max(self._latest.values(), default=0)
 
     def latest_ns(self, tracker: int) -> int | None:
-        """Return a tracker's latest stamp, also one that was refused; None before its first."""
+        """Return a tracker's latest stamp, even a refused one; None before its first."""
         return self._latest.get(tracker)
 
     def expected_ns(self, at_most_ns: float = math.inf) -> dict[int, float]:
-        """Return until which stamp there may be something of each tracker on its way, nanoseconds.
+        """Return the latest stamp whose estimates may still arrive from each tracker, nanoseconds.
 
-        That is the longest delay after the stamp that its last interval leads to. A tracker that
-        has said nothing is not in it.
+        This is the longest delay after its next stamp, extrapolated by its last interval. Trackers
+        without estimates are left out.
         """
         longest_ns = self.longest_delay_s * 1e9
         return {
@@ -100,9 +100,9 @@ class Gathering:
         }
 
     def behind_s(self, tracker: int) -> float:
-        """Return how much older a tracker's latest stamp is than the newest of all, seconds.
+        """Return the age of a tracker's latest stamp relative to the newest of all, seconds.
 
-        One that has said nothing is as old as the first stamp.
+        For a tracker without estimates it is the age of the first stamp.
         """
         if self._first_ns is None:
             return 0.0
@@ -113,15 +113,15 @@ class Gathering:
         return stamp_ns < self._latest.get(tracker, stamp_ns)
 
     def add(self, tracker: int, found: Estimates) -> list[Gathered] | Refused:
-        """Take in the estimates of a tracker.
+        """Add the estimates of a tracker.
 
         Returns
         -------
         list of mappings of tracker to Estimates
-            What is closed by this, a mapping for each stamp, oldest first; without those trackers
-            that say nothing of it.
+            One mapping for each stamp that is now closed, oldest first, without the trackers that
+            have no estimates of it.
         Refused
-            If the stamp is closed already, or the tracker has said something of it.
+            If the stamp is closed already, or the tracker has reported it before.
         """
         stamp = found.stamp_ns
         if stamp == self._latest.get(tracker) or tracker in self._pending.get(stamp, {}):
@@ -130,7 +130,7 @@ class Gathering:
         if self._closed_ns is not None and stamp <= self._closed_ns:
             return Refused.LATE
         self._pending.setdefault(stamp, {})[tracker] = found
-        # The newest is never silent, so that one is waited for at least.
+        # The newest tracker is never silent, so at least one is awaited.
         awaited = [self._latest.get(k) for k in range(self.trackers) if k not in self._silent]
         until = None if None in awaited else min(stamp for stamp in awaited if stamp is not None)
         closed = [] if until is None else self._close(until)
@@ -144,7 +144,7 @@ class Gathering:
         return self._close(max(self._pending, default=0))
 
     def _hear(self, tracker: int, stamp: int) -> None:
-        """Note a tracker's stamp, and find out who is silent."""
+        """Record a tracker's stamp, and update the silent trackers."""
         before = self._latest.get(tracker, stamp)
         if stamp > before:
             self._interval[tracker] = stamp - before
@@ -163,7 +163,7 @@ class Gathering:
             self._silent.discard(tracker)
         overdue = self._overdue_ns
         if overdue is not None:
-            # A tracker that has said nothing yet has not reached any stamp.
+            # A tracker without estimates has not reached any stamp.
             self._silent.update(
                 k for k in range(self.trackers) if self._latest.get(k, overdue - 1) < overdue
             )

@@ -18,12 +18,10 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.parameter_files import yaml_files
 
 from . import sections
-from .sections import BAG_PARAMETERS as NAME
 
+NAME = sections.BAG_PARAMETERS
 # The section, as in the shipped profiles: of the tracker in any namespace.
 ANY_TRACKER = "/**/tracker"
-# The rule of earlier versions, and what a threshold of zero is now.
-ONE_THRESHOLD, LEAST_THRESHOLD = "existence_threshold", 1e-9
 _HEAD = """\
 # The tracker's parameters for this recording; those that are not here have their defaults.
 """
@@ -62,29 +60,13 @@ def path_of(bag: Path) -> Path:
 def read(bag: Path) -> dict[str, Any] | None:
     """Return the parameters beside a bag by dotted name, not checked; None if there are none.
 
-    Those of earlier versions have the names that they have now.
-
     Raises
     ------
     ConfigError
         If the file cannot be read, or has no section for a tracker.
     """
     path = path_of(bag)
-    return _as_now(sections.read(path).values("/tracker")) if path.is_file() else None
-
-
-def _as_now(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return recorded parameters, of earlier versions too, under the names that they have now.
-
-    A recording cannot be corrected by who made it. One threshold for all is a rule in which tracks
-    are confirmed and deleted at the same existence probability.
-    """
-    kept = {name: value for name, value in values.items() if name != ONE_THRESHOLD}
-    if ONE_THRESHOLD in values:
-        # Zero, which reported every target, would now mean that it is derived.
-        threshold = values[ONE_THRESHOLD] or LEAST_THRESHOLD
-        kept = {"confirm_probability": threshold, "delete_probability": threshold, **kept}
-    return kept
+    return sections.read(path).values("/tracker") if path.is_file() else None
 
 
 def write(path: Path, values: Mapping[str, Any], section: str = ANY_TRACKER) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from msg_adapters import names
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter
+from phd_jdtc_ros.configuration.schema import ConfigError, parameter, table
 from phd_jdtc_ros.exit_status import ArgumentParser
 
 _PURPOSE = (
@@ -14,76 +15,74 @@ _PURPOSE = (
 )
 SLOWEST_RATE = 0.1
 
-AT_THE_START = (
-    Parameter(
-        "bag",
-        "",
-        "Path of the bag: a rosbag2 directory or an MCAP file; or the name of a shipped bag.",
-    ),
-    Parameter(
-        "rate",
+
+@dataclass(frozen=True)
+class Replay:
+    """What the replay is told at the start."""
+
+    bag: str = parameter(
+        "", "Path of the bag: a rosbag2 directory or an MCAP file; or the name of a shipped bag."
+    )
+    rate: float = parameter(
         1.0,
         "Speed relative to the recording, at least 0.1; 0 is lock-step: a scan is published once "
         "the estimate of the previous scan has come back.",
         0.0,
         1000.0,
-    ),
-    Parameter("loop", False, "Start again at the end."),
-    Parameter("start_s", 0.0, "Length of the bag's beginning to skip, s.", 0.0),
-    Parameter("duration_s", 0.0, "Length of the part to play, s; 0 for all.", 0.0),
-    Parameter("start_paused", False, "Start paused and wait for ~/resume or ~/step."),
-    Parameter(
-        "topics",
+    )
+    loop: bool = parameter(False, "Start again at the end.")
+    start_s: float = parameter(0.0, "Length of the bag's beginning to skip, s.", 0.0)
+    duration_s: float = parameter(0.0, "Length of the part to play, s; 0 for all.", 0.0)
+    start_paused: bool = parameter(False, "Start paused and wait for ~/resume or ~/step.")
+    topics: list[str] = parameter(
         [],
         "Topics to play; empty for all but /clock, /diagnostics, /rosout, /parameter_events and "
         "those under /tracker and /evaluator.",
         element=str,
-    ),
-    Parameter(
-        "subscribers",
+    )
+    subscribers: int = parameter(
         1,
         "Number of subscribers of each topic of detections or of truth to wait for. As many as "
         "there will be, no one misses the beginning.",
         1,
         100,
-    ),
-    Parameter(
-        "subscriber_timeout_s",
-        5.0,
-        "Longest wait for subscribers of the detections, s.",
-        0.0,
-        3600.0,
-    ),
-    Parameter(
-        "truth_timeout_s",
+    )
+    subscriber_timeout_s: float = parameter(
+        5.0, "Longest wait for subscribers of the detections, s.", 0.0, 3600.0
+    )
+    truth_timeout_s: float = parameter(
         1.0,
         "Longest further wait for subscribers of the truth, which a tracker does not need, s.",
         0.0,
         3600.0,
-    ),
-    Parameter(
-        "estimates_topic",
-        names.estimates("filtered"),
-        "Topic of the estimates that lock-step waits for.",
-    ),
-    Parameter(
-        "answer_delay_s",
+    )
+    estimates_topic: str = parameter(
+        names.estimates("filtered"), "Topic of the estimates that lock-step waits for."
+    )
+    answer_delay_s: float = parameter(
         0.0,
         "For a tracker of turning radars, whose scans have stamps of their own, s: lock-step waits "
         "for the figures of a scan that is at most this much older than the cloud.",
         0.0,
         1e3,
-    ),
-    Parameter("flush_service", "", "Service called at the end, such as /tracker/flush."),
-    Parameter("progress", True, "Draw a progress line if there is a terminal."),
-)
-SEEK = Parameter(
-    "seek_s",
-    0.0,
-    "Set while it runs, not before: go on from here, s from the bag's start; refused outside the "
-    "part that is played.",
-    0.0,
-)
+    )
+    flush_service: str = parameter("", "Service called at the end, such as /tracker/flush.")
+
+
+@dataclass(frozen=True)
+class Seek:
+    """What may be set while it runs."""
+
+    seek_s: float = parameter(
+        0.0,
+        "Set while it runs, not before: go on from here, s from the bag's start; refused outside "
+        "the part that is played.",
+        0.0,
+    )
+
+
+AT_THE_START = table(Replay)
+(SEEK,) = table(Seek)
 TABLE = (*AT_THE_START, SEEK)
 
 
@@ -111,10 +110,10 @@ def rate(given: Any) -> float:
     ConfigError
         If it is not allowed.
     """
-    (parameter,) = (entry for entry in AT_THE_START if entry.name == "rate")
-    value = parameter.coerce(given)
+    (own,) = (entry for entry in AT_THE_START if entry.name == "rate")
+    value = own.coerce(given)
     if not isinstance(value, float):
-        raise ConfigError([f"rate: {given!r} given, must be {parameter.allowed}"])
+        raise ConfigError([f"rate: {given!r} given, must be {own.allowed}"])
     if faults := _rate_faults(value):
         raise ConfigError(faults)
     return value

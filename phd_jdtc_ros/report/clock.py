@@ -52,7 +52,8 @@ class Clock:
 
     def seconds(self, stamp_ns: Sequence[int]) -> FloatArray:
         """Return seconds from the origin; the difference is taken in integers."""
-        return np.array([stamp - self.origin_ns for stamp in stamp_ns], dtype=np.int64) * 1e-9
+        elapsed_ns = np.array([stamp - self.origin_ns for stamp in stamp_ns], dtype=np.int64)
+        return elapsed_ns.astype(float) * 1e-9
 
     def number(self, seconds: float) -> str:
         """Return a time without its unit."""

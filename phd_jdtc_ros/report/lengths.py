@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 
 from .record import Record
 
-# Maps of a smaller extent than this are in metres.
+# Maps with a smaller extent than this are in metres.
 SHORT_M = 2000.0
 
 
@@ -25,7 +25,7 @@ class MapScale:
     metres : float
         Length of the unit.
     decimals : int
-        Of coordinates: a tenth of a metre in kilometres, a centimetre in metres.
+        Decimals of coordinates: four in kilometres, two in metres.
     """
 
     unit: str
@@ -34,7 +34,7 @@ class MapScale:
 
     @staticmethod
     def of(record: Record) -> MapScale:
-        """Return the scale that suits the places of a record."""
+        """Return the scale that suits the positions of a record."""
         places = places_of(record)
         return MapScale.of_extent(float(np.ptp(places, axis=0).max()) if len(places) else SHORT_M)
 
@@ -44,32 +44,32 @@ class MapScale:
         return MapScale("m", 1.0, 2) if extent < SHORT_M else MapScale("km", 1e3, 4)
 
     def of_metres(self, metres: FloatArray) -> FloatArray:
-        """Return lengths or places in the unit."""
+        """Return lengths or positions in the unit."""
         return metres / self.metres
 
 
 def places_of(record: Record) -> FloatArray:
-    """Return the places of a record's targets and estimates, or if none its detections.
+    """Return the positions of a record's targets and estimates, or of its detections without any.
 
     Returns
     -------
     array of shape (N, 2)
         Metres.
     """
-    targets = _joined(
+    targets = _concat(
         entry.position
         for part in (record.truth, record.filtered, record.smoothed)
         for entry in part
     )
-    return targets if len(targets) else _joined(plot.position for plot in record.plots)
+    return targets if len(targets) else _concat(plot.position for plot in record.plots)
 
 
-def _joined(places: Iterable[FloatArray]) -> FloatArray:
+def _concat(places: Iterable[FloatArray]) -> FloatArray:
     return np.concatenate([np.zeros((0, 2)), *places])
 
 
 def metres_text(metres: float) -> str:
-    """Return a length with its unit and at least two digits, however short it is."""
+    """Return a length with its unit and at least two significant digits."""
     rounded = abs(metres)
     decimals = 0 if rounded >= 9.95 or rounded < 5e-3 else 1 if rounded >= 0.995 else 2
     return f"{metres:.{decimals}f} m"

@@ -25,20 +25,20 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.intake.posed_reports import PosedReport, PosedReports
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
 from .record import Plot, RadarSite, Record
 
 
 def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> Record:
-    """Return the record of the run in a bag; of a damaged bag, of what is intact.
+    """Return the record of the run in a bag, or of the intact part of a damaged bag.
 
     Parameters
     ----------
     path : Path
     config : TrackerConfig
-        Has the topics and positions of the radars.
+        Provides the topics and positions of the radars.
     tracker : str
         Name of the node whose estimates are read.
 
@@ -49,7 +49,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
 
     Notes
     -----
-    What is wrong with a damaged bag is the record's `damage`.
+    The fault of a damaged bag is in the record's `damage`.
     """
     bag = BagReader(path)
     sources = {names.estimates(source, tracker): source for source in (FILTERED, SMOOTHED)}
@@ -64,6 +64,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
     wanted[clutter] = names.GRID
     bag.require({topic: kind for topic, kind in wanted.items() if topic in present})
     intact = _Intact(bag)
+    radars = polar_radars(config.model.radars)
     parts: dict[str, list[Any]] = defaultdict(list)
     classes = 0
     try:
@@ -81,7 +82,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
                 parts[sources[topic]].append(estimates.from_msg(message))
         found = sorted(_posed_reports(intact, config), key=lambda report: report.radar)
         for report in found:
-            parts["plots"] += _plots(report, config.model.radars[report.radar])
+            parts["plots"] += _plots(report, radars[report.radar])
     except RejectedMessageError as error:
         raise BagError(f"{path}: {error}") from error
     return Record(
@@ -93,7 +94,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         step_ms=np.array(parts["step_ms"], dtype=float),
         radars=tuple(
             RadarSite(radar.name, radar.position, source.height)
-            for radar, source in zip(config.model.radars, config.inputs, strict=True)
+            for radar, source in zip(radars, config.inputs, strict=True)
             if not source.pose_topic
         ),
         damage=intact.damage,
@@ -105,7 +106,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
 
 
 class _Intact:
-    """Reads the intact messages of a bag and remembers what is wrong with it.
+    """Reads the intact messages of a bag and keeps its damage.
 
     Attributes
     ----------
@@ -117,7 +118,7 @@ class _Intact:
         self.damage: BagError | None = None
 
     def messages(self, topics: list[str]) -> Iterator[BagMessage]:
-        """Yield the intact messages of those topics that the bag has."""
+        """Yield the intact messages of the given topics that are in the bag."""
         present = [topic for topic in topics if topic in self._bag.types]
         if not present:
             return
@@ -130,7 +131,7 @@ class _Intact:
 
 
 def _posed_reports(intact: _Intact, config: TrackerConfig) -> Iterator[PosedReport]:
-    """Yield the reports of all radars, those that move with their poses, in order of log time.
+    """Yield the reports of all radars, of moving ones with poses, ordered by log time.
 
     Messages that the tracker rejects and counts are left out.
     """
@@ -154,7 +155,7 @@ def _posed_reports(intact: _Intact, config: TrackerConfig) -> Iterator[PosedRepo
 
 
 def _plots(report: PosedReport, model: RadarModel) -> Iterator[Plot]:
-    """Yield the detections of a report in the world frame; none if the pose is not known."""
+    """Yield the detections of a report in the world frame; none if the pose is unknown."""
     found = report.detections
     if found is None:
         return

@@ -11,8 +11,8 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Truth
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
 
 from .sets import Sets
 
@@ -30,9 +30,9 @@ class Plot:
     amplitude : array of shape (M,)
         Linear envelope; NaN where the radar reports none.
     sensor : tuple of two floats, or None
-        Where a radar that moves was, metres; None for one that stands.
+        Position of a moving radar, metres; None for a stationary one.
     height : array of shape (M,) or None
-        Above the world's zero, metres; NaN where it is unknown. None where the radar reports none.
+        Heights above the world's zero, metres; NaN where unknown. None if the radar reports none.
     """
 
     stamp_ns: int
@@ -59,25 +59,25 @@ class Record:
     Parameters
     ----------
     truth : tuple of Truth
-        Empty if the truth is not known.
+        Empty if the truth is unknown.
     plots : tuple of Plot
     filtered, smoothed : tuple of Estimates
-        Empty if they were not recorded.
+        Empty if not recorded.
     classes : int
     step_ms : array of shape (scans,)
-        CPU time of each step, milliseconds; empty if it was not measured.
+        CPU time of each step, milliseconds; empty if not measured.
     radars : tuple of RadarSite
-        Those that stand.
+        The stationary radars.
     damage : BagError or None
-        What is wrong with the bag that the run was read from; the run is what is intact of it.
+        Damage of the bag, of which the run contains the intact part; None for an intact bag.
     class_names : tuple of str
-        As configured; empty if they are not known.
+        Configured names; empty if unknown.
     clutter : ClutterRaster or None
-        Where clutter came from, as learned in the end; None if that was not recorded.
+        Clutter map learned by the end of the run; None if not recorded.
     plane : Plane or None
-        The map of the earth that the world frame is; None if it is a plane anywhere.
+        The world frame's map projection; None if its position on the earth is unknown.
     least_speed : float
-        Of the targets that the tracker was to report, metres per second.
+        Least speed of the targets that the tracker had to report, metres per second.
     """
 
     truth: tuple[Truth, ...]
@@ -104,7 +104,7 @@ class Record:
 
     @property
     def class_fault(self) -> str | None:
-        """What is wrong with the classes of the truth; None if the tracker has them all."""
+        """Fault of the truth's classes; None if the tracker has all of them."""
         known = [int(truth.class_id.max()) for truth in self.truth if len(truth.class_id)]
         if not known or max(known) < self.classes:
             return None

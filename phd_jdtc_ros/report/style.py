@@ -1,9 +1,11 @@
 """The style of all pictures: sizes, lines and markers of classes, and axes.
 
-Colour-blind readers can tell the palette's colours apart; lines and markers differ in grey too.
+The palette suits colour-blind readers; lines and markers also differ in greyscale.
 """
 
 from __future__ import annotations
+
+from typing import Literal, TypeAlias
 
 import numpy as np
 from matplotlib import colormaps
@@ -13,32 +15,34 @@ from msg_adapters.palette import COLOURS as COLOURS
 from msg_adapters.palette import class_colour as class_colour
 from phd_jdtc_ros.core.arrays import FloatArray
 
+Line: TypeAlias = Literal["-", "--", "-.", ":"]
+
 WIDTH_IN = 8.0
 DPI = 150
 
-LINES = ("-", "--", "-.", ":")
+LINES: tuple[Line, ...] = ("-", "--", "-.", ":")
 MARKERS = ("o", "^", "s", "D", "v", "P")
-# Of detections without amplitudes, on light and on dark pages.
+# Colour of detections without amplitudes, on light and on dark pages.
 DETECTION = "#807dba"
-# Of learned clutter: red, green and blue.
+# Colour of learned clutter: red, green and blue.
 CLUTTER = "176,118,42"
 INK, GREY, FAINT = "#222222", "#9A9A9A", "#E4E4E4"
 
 
 def purples(weak: float, strong: float, steps: int) -> FloatArray:
-    """Return shades for amplitudes, in a hue that no class has; shape (steps, 4).
+    """Return shades for amplitudes, in a hue that differs from all classes; shape (steps, 4).
 
     Parameters
     ----------
     weak, strong : float
-        Of low and of high amplitudes, from 0 (white) to 1.
+        Darkness of low and of high amplitudes, from 0 (white) to 1.
     steps : int
     """
     shades: FloatArray = colormaps["Purples"](np.linspace(weak, strong, steps))
     return shades
 
 
-def class_line(class_id: int) -> str:
+def class_line(class_id: int) -> Line:
     """Return the line style of a class."""
     return LINES[class_id % len(LINES)]
 

@@ -12,20 +12,17 @@ from rich.table import Table
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.metric_table import (
-    CLASS_ACCURACY,
-    FALSE_PER_SCAN,
+from phd_jdtc_ros.evaluation.accumulator import (
+    CLASSES,
     GOSPA,
-    GROUPS,
-    IDENTITY_SWITCHES,
     NEES,
     OSPA,
-    OSPA2,
     SURVEILLANCE,
+    TRACKS,
     Metric,
-    reduction,
 )
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.metric_table import BY_KEY, GROUPS, OF_ALL, reduction
 
 from .sets import Sets
 
@@ -41,9 +38,9 @@ def metrics(
     ----------
     evaluation : Evaluation
     step_ms : array of shape (scans,)
-        CPU time of each step, milliseconds; empty if it was not measured.
+        CPU time of each step, milliseconds; empty if not measured.
     engine : str or None
-        The tracker's engine; None if it is not known.
+        The tracker's engine; None if unknown.
     """
     summary = evaluation.summary()
     if engine is not None:
@@ -56,8 +53,8 @@ def metrics(
     return summary
 
 
-def unscored(summary: Mapping[str, Any]) -> str:
-    """Return a sentence about the targets that are not scored; empty if all are."""
+def unscored_note(summary: Mapping[str, Any]) -> str:
+    """Return a sentence about the unscored targets; empty if there are none."""
     number, speed = summary.get("slow_targets"), summary.get("least_speed")
     if not number:
         return ""
@@ -70,12 +67,12 @@ def unscored(summary: Mapping[str, Any]) -> str:
 def score_tables(summary: dict[str, Any]) -> Group:
     """Return the figures of filter and smoother, for all targets and for each class, as tables.
 
-    A single class is shown once, and figures of covariances only where there are any.
+    A single class is shown once, and figures of covariances only if estimates have any.
 
     Parameters
     ----------
     summary : dict
-        As of `metrics`.
+        Result of `metrics`.
 
     Returns
     -------
@@ -85,28 +82,30 @@ def score_tables(summary: dict[str, Any]) -> Group:
     """
     distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
     gaps = f"long gaps: over {summary['long_gap_s']:g} s between estimates\n{_of_tracks(summary)}"
-    tables = [
-        _reduced(OSPA, summary, f"means over {_scans(summary)} scans (OSPA: {distance})"),
-        _plain(GOSPA, summary, f"means over the scans (GOSPA: {distance})", None),
-        _plain(SURVEILLANCE, summary, "surveillance figures", gaps),
-    ]
-    others = {t: group for t, group in GROUPS.items() if group not in (OSPA, GOSPA, SURVEILLANCE)}
+    title = f"means over {_scans(summary)} scans (OSPA: {distance})"
+    tables = [_table_with_reduction(GROUPS[OSPA], summary, title)]
+    # These tables are shown even without any value.
+    titles = {
+        GOSPA: f"means over the scans (GOSPA: {distance})",
+        SURVEILLANCE: SURVEILLANCE.title,
+    }
+    captions = {SURVEILLANCE: gaps, NEES: _bands(summary)}
     tables += [
-        _plain(group, summary, title, _bands(summary) if group is NEES else None)
-        for title, group in others.items()
-        if _any_known(group, summary)
+        _plain(metrics, summary, titles.get(group, group.title), captions.get(group))
+        for group, metrics in GROUPS.items()
+        if group.of_sets and group != OSPA and (group in titles or _any_known(metrics, summary))
     ]
     sets, matrix = Sets.of_summary(summary), summary[SMOOTHED]["all"]["confusion"]
     if matrix is not None and not sets.one_class:
         tables.append(_confusion(matrix, sets))
     if compared := summary.get("compared"):
         tables.append(_engines(summary, compared))
-    words = filter(None, [unscored(summary)])
+    words = filter(None, [unscored_note(summary)])
     return Group(*[part for table in tables for part in ("", table)][1:], *words)
 
 
 def _engines(summary: dict[str, Any], compared: dict[str, Any]) -> Table:
-    """Return a table of both engines: of the one that ran live, and of the other offline."""
+    """Return a table of both engines: the live one, and the other one offline."""
     table = Table(title="both engines on these detections: OSPA of all targets")
     table.add_column("engine")
     for heading in ("filter", "smoother", "reduction", "right\nclass", "CPU per\nscan"):
@@ -117,9 +116,10 @@ def _engines(summary: dict[str, Any], compared: dict[str, Any]) -> Table:
 
 
 def engine_rows(summary: dict[str, Any], compared: dict[str, Any]) -> list[list[str]]:
-    """Return the cells of a table of both engines, a row for each.
+    """Return the rows of a table of both engines.
 
-    Engine, OSPA of filter and smoother, reduction, class accuracy, median CPU time per scan.
+    Columns: engine, OSPA of filter and smoother, reduction, class accuracy, median CPU time per
+    scan.
     """
     rows = []
     for found, how in ((summary, "live"), (compared, "offline")):
@@ -129,10 +129,10 @@ def engine_rows(summary: dict[str, Any], compared: dict[str, Any]) -> list[list[
         rows.append(
             [
                 f"{found['engine']}, {how}",
-                _cell(OSPA[0], before),
-                _cell(OSPA[0], after),
+                _cell(BY_KEY["ospa"], before),
+                _cell(BY_KEY["ospa"], after),
                 _reduction(before["ospa"], after["ospa"]),
-                "-" if accuracy is None else CLASS_ACCURACY.text(accuracy),
+                "-" if accuracy is None else BY_KEY["class_accuracy"].text(accuracy),
                 "-" if cpu_ms is None else f"{cpu_ms:.1f} ms",
             ]
         )
@@ -140,12 +140,12 @@ def engine_rows(summary: dict[str, Any], compared: dict[str, Any]) -> list[list[
 
 
 def _scans(summary: dict[str, Any]) -> str:
-    """Return the number of scans, and of how many if that is known and some were not scored."""
+    """Return the number of scored scans, with the total if it is known and larger."""
     scored, known = summary["scans"], summary["truth_scans"]
     return str(scored) if known in (None, scored) else f"{scored} of {known}"
 
 
-def _reduced(columns: Columns, summary: dict[str, Any], title: str) -> Table:
+def _table_with_reduction(columns: Columns, summary: dict[str, Any], title: str) -> Table:
     """Return a table of both sources and of the reduction by smoothing."""
     table, sets = _table(columns, title, _headline(summary)), Sets.of_summary(summary)
     for key in sets.keys:
@@ -178,7 +178,7 @@ def _any_known(columns: Columns, summary: dict[str, Any]) -> bool:
 
 
 def _bands(summary: dict[str, Any]) -> str:
-    """Return the bands of the NEES of all targets and ages, a line for each source."""
+    """Return the NEES bands of all targets and ages, one line per source."""
     lines = []
     for source, name in ((FILTERED, "filter"), (SMOOTHED, "smoother")):
         found = summary["consistency"][source]
@@ -189,19 +189,19 @@ def _bands(summary: dict[str, Any]) -> str:
 
 
 def _of_tracks(summary: dict[str, Any]) -> str:
-    """Return the figures of all targets only, a line each; most need track ids."""
-    false = (_cell(FALSE_PER_SCAN, summary[source]["all"]) for source in (FILTERED, SMOOTHED))
-    lines = ["false beyond c, per scan: filter {}, smoother {}".format(*false)]
-    headings = (
-        (OSPA2, f"{OSPA2.heading} over {summary['ospa2_window']} scans"),
-        (IDENTITY_SWITCHES, IDENTITY_SWITCHES.heading),
-    )
-    for metric, heading in headings:
-        before, after = (_cell(metric, summary[source]["all"]) for source in (FILTERED, SMOOTHED))
-        if before == after == "-":
-            lines.append("no OSPA(2) and no identity switches: the estimates carry no track ids")
-            break
-        lines.append(f"{heading}: filter {before}, smoother {after}")
+    """Return the figures that exist for all targets only, one line each."""
+    sources = [summary[source]["all"] for source in (FILTERED, SMOOTHED)]
+    known = [
+        metric
+        for metric in OF_ALL
+        if metric.group != CLASSES and any(each.get(metric.key) is not None for each in sources)
+    ]
+    lines = [
+        "{}: filter {}, smoother {}".format(m.heading, *(_cell(m, each) for each in sources))
+        for m in known
+    ]
+    if not any(metric in known for metric in GROUPS[TRACKS]):
+        lines.append("no OSPA(2) and no identity switches: the estimates carry no track ids")
     return "\n".join(lines)
 
 
@@ -252,7 +252,7 @@ def _headline(summary: dict[str, Any]) -> str:
     if summary.get("engine"):
         parts.append(f"engine: {summary['engine']}")
     if summary["class_accuracy"] is not None and not Sets.of_summary(summary).one_class:
-        parts.append(f"right class: {CLASS_ACCURACY.text(summary['class_accuracy'])}")
+        parts.append(f"right class: {BY_KEY['class_accuracy'].text(summary['class_accuracy'])}")
     if "step_ms" in summary:
         step = summary["step_ms"]
         times = [f"CPU per scan: median {step['median']:.1f} ms, p99 {step['p99']:.1f} ms"]

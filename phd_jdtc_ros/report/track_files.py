@@ -1,4 +1,4 @@
-"""The tracks of a run as CSV, and as GeoJSON where it is known where on the earth they are."""
+"""The tracks of a run as CSV, and as GeoJSON if their position on the earth is known."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Fix(NamedTuple):
     x, y, vx, vy : float
         In the world frame, metres and metres per second.
     latitude, longitude : float
-        Degrees; NaN where it is not known where the world frame is.
+        Degrees; NaN if the position of the world frame on the earth is unknown.
     height, speed, course : float
         Metres, metres per second and degrees from true north; NaN where unknown.
     class_name, state : str
@@ -64,16 +64,16 @@ class Fix(NamedTuple):
 def fixes(
     run: Sequence[Estimates], plane: Plane | None, class_names: Sequence[str]
 ) -> Iterator[Fix]:
-    """Yield every labelled estimate of a run, in the order of time and then of number.
+    """Yield every labelled estimate of a run, ordered by time and number.
 
     Parameters
     ----------
     run : sequence of Estimates
         Ordered by stamp.
     plane : Plane or None
-        Where the world frame is on the earth, if that is known.
+        Position of the world frame on the earth, if known.
     class_names : sequence of str
-        By class id.
+        Names by class id.
     """
     for found in run:
         places = _nowhere(found) if plane is None else geodetic.of(found, plane)
@@ -83,12 +83,17 @@ def fixes(
                 continue
             identity = geo_json.identity(found, row)
             level = geo_json.level(places.height[row])
+            x, y = map(float, found.position[row])
+            vx, vy = map(float, found.velocity[row])
             yield Fix(
                 found.stamp_ns,
                 number,
-                *map(float, found.position[row]),
-                *map(float, found.velocity[row]),
-                *(float(column[row]) for column in places[:5]),
+                *(x, y, vx, vy),
+                latitude=float(places.latitude[row]),
+                longitude=float(places.longitude[row]),
+                height=float(places.height[row]),
+                speed=float(places.speed[row]),
+                course=float(places.course[row]),
                 class_name=class_names[int(found.class_id[row])],
                 state=geo_json.STATES[int(found.track_state[row])],
                 code=identity.get("code", ""),
@@ -98,7 +103,7 @@ def fixes(
 
 
 def _nowhere(found: Estimates) -> geodetic.Places:
-    """Return places of which only heights and speeds are known: no axis need be to the north."""
+    """Return places with heights and speeds only: the frame's position on the earth is unknown."""
     unknown = np.full(len(found), np.nan)
     speed = np.hypot(*found.velocity.T)
     return geodetic.Places(
@@ -109,7 +114,7 @@ def _nowhere(found: Estimates) -> geodetic.Places:
 def to_csv(rows: Sequence[Fix]) -> str:
     """Return fixes as comma-separated values with a header; unknown ones are empty.
 
-    Times are seconds since the zero of the stamps.
+    Times are stamps in seconds.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -127,11 +132,11 @@ def to_csv(rows: Sequence[Fix]) -> str:
 
 
 def to_geojson(rows: Sequence[Fix]) -> str:
-    """Return fixes as GeoJSON: a line for each track, or a point for one that has one fix.
+    """Return fixes as GeoJSON: a line for each track, or a point for a track of one fix.
 
-    Properties of a track are ``number``, ``name``, ``class``, ``code`` and ``address`` where they
-    are known, the most frequent ones, ``flight_level``, the last one, and ``times``, seconds, one
-    per fix. The two positions that are added where a track crosses the antimeridian have none.
+    Properties of a track are ``number``, ``name``, the most frequent ``class``, ``code`` and
+    ``address`` if known, the last ``flight_level``, and ``times``, seconds, one per fix. The two
+    positions added where a track crosses the antimeridian have no time.
     """
     tracks: dict[int, list[Fix]] = {}
     for row in rows:
@@ -146,7 +151,7 @@ def _feature(rows: Sequence[Fix]) -> dict[str, Any]:
         np.array([getattr(row, name) for row in rows])
         for name in ("latitude", "longitude", "height")
     )
-    # RFC 7946 has no position without a height among others with one.
+    # RFC 7946 requires heights in all positions of a geometry or in none.
     if np.isnan(height).any():
         height = np.full(len(rows), np.nan)
     way = geo_json.positions(latitude, longitude, height)
@@ -168,7 +173,7 @@ def _feature(rows: Sequence[Fix]) -> dict[str, Any]:
 
 
 def _usual(values: Any) -> str:
-    """Return the most frequent value, the first one of equals."""
+    """Return the most frequent value, the first in case of a tie."""
     return str(Counter(values).most_common(1)[0][0])
 
 

@@ -1,13 +1,13 @@
-"""Scenarios with known truth, and what radars report of them.
+"""Scenarios with known truth, and radars' simulated reports of them.
 
 ::
 
     document (YAML, read elsewhere)
       |  check                               scenario_file, checked
-      |  many targets by one block           generators, traffic, geodesy
-    Scenario: targets, turns, radars         scenario, flight, platform
-      |  detect, with clutter                simulate, clutter_law, reflectors
+      |  many targets by one block           traffic
+    Scenario: targets, turns, radars         scenario, platform
+      |  detect, with clutter                simulate, clutter
     (Truth, Scan) by stamp
-      |  where antennas turn                 sweep
+      |  where antennas turn                 looks, turning_antenna
     Report by turn or sector, with times
 """

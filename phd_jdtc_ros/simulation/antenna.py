@@ -1,4 +1,4 @@
-"""How the antenna of a simulated radar turns, and where it points when."""
+"""The rotation of a simulated radar's antenna: pointing direction by time."""
 
 from __future__ import annotations
 
@@ -10,26 +10,27 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FULL_TURN
 
-# Each leaves at most the share of the wobble of the error that the one before left.
+# Fixed-point steps for the time of a direction; each reduces the error at least by the factor
+# `wobble`.
 STEPS = 12
 
 
 @dataclass(frozen=True)
 class Antenna:
-    """The sense in which a radar's antenna turns, how evenly, and where it points at scan 0.
+    """The rotation of a radar's antenna: sense, evenness, and direction at scan 0.
 
     Parameters
     ----------
     bearing : float
-        At scan 0, radians from the sensor's y axis in the sense in which it turns, from 0 to 2 pi.
-        A turn, and its first sector, begins at the y axis.
+        Direction at scan 0: radians from the sensor's y axis in the sense of rotation, from 0 to
+        2 pi. A turn, and its first sector, begins at the y axis.
     clockwise : bool
     wobble : float
-        Largest share by which it is faster or slower than on average, as by wind; below 1.
+        Largest relative deviation from the mean speed, as by wind; below 1.
     wobble_period_s : float
-        In which it becomes faster, slower, and again as it was.
+        Period of the deviation, seconds.
     lowest, highest : float
-        Elevations between which targets are in its beam, radians. Only of radars on the round
+        Elevations between which targets are in the beam, radians. Used only for radars on the round
         earth.
     """
 
@@ -42,17 +43,17 @@ class Antenna:
 
     @property
     def begin(self) -> float:
-        """Turns from the y axis to where it points at scan 0."""
+        """Turns from the y axis to the direction at scan 0."""
         return self.bearing / FULL_TURN
 
     def turns_to(self, azimuth: FloatArray) -> FloatArray:
-        """Return the part of a turn from the y axis to azimuths, in [0, 1); shape kept."""
+        """Return the part of a turn from the y axis to azimuths, in [0, 1); same shape."""
         turned = np.pi / 2.0 - azimuth if self.clockwise else azimuth - np.pi / 2.0
         part: FloatArray = np.mod(turned / FULL_TURN, 1.0)
         return np.where(part < 1.0, part, 0.0)  # rounding may reach 1
 
     def turns_at(self, time_s: FloatArray, rotation_s: float) -> FloatArray:
-        """Return the turns at times after scan 0, counted from that turn's begin; shape kept.
+        """Return the turns at times after scan 0, counted from the begin of scan 0's turn.
 
         Parameters
         ----------
@@ -65,7 +66,7 @@ class Antenna:
         return turns
 
     def times_at(self, turns: FloatArray, rotation_s: float) -> FloatArray:
-        """Return when it has turned so far, seconds after scan 0; the inverse of `turns_at`."""
+        """Return the times of turns, seconds after scan 0; the inverse of `turns_at`."""
         even = (turns - self.begin) * rotation_s
         time_s: FloatArray = even
         for _ in range(STEPS if self.wobble else 0):
@@ -73,17 +74,17 @@ class Antenna:
         return time_s
 
     def ahead_s(self, time_s: FloatArray) -> FloatArray:
-        """Return what it is ahead of even turns at times after scan 0, seconds; shape kept."""
+        """Return the lead over an even rotation at times after scan 0, seconds; same shape."""
         pulsatance = FULL_TURN / self.wobble_period_s
         ahead: FloatArray = self.wobble / pulsatance * np.sin(pulsatance * time_s)
         return ahead
 
 
 def usual_antenna(radar: int) -> Antenna:
-    """Return the antenna of a scenario's k-th radar where the scenario does not say.
+    """Return the default antenna of a scenario's k-th radar.
 
-    The first begins at its y axis, and each of the others a golden angle behind the one before, so
-    that radars with equal turns are not synchronous.
+    The first radar begins at its y axis, and each further one a golden angle behind the previous
+    one, so that radars with equal turns are not synchronous.
     """
     golden = 0.5 * (3.0 - math.sqrt(5.0))
     return Antenna(FULL_TURN * (radar * golden % 1.0))

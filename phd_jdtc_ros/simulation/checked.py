@@ -25,12 +25,12 @@ def take(
     table : tuple of Parameter
     given : mapping
     prefix : str
-        Of the names in faults.
+        Prefix of the names in faults.
     faults : list of str
     optional : tuple of str
-        Names that may be missing and then have their defaults.
+        Names that have defaults and may be missing.
     also : tuple of str
-        Other keys that may be there.
+        Other allowed keys.
     """
     known = {parameter.name for parameter in table}.union(also)
     faults += [f"{prefix}{name}: unknown key" for name in given if name not in known]
@@ -54,7 +54,7 @@ def names_of(table: tuple[Parameter, ...]) -> tuple[str, ...]:
 def mappings(
     given: Mapping[str, Any], name: str, prefix: str, faults: list[str]
 ) -> list[Mapping[str, Any]]:
-    """Return a list of mappings, empty if it is absent; add a fault if it is something else."""
+    """Return a list of mappings, empty if absent; add a fault for any other value."""
     value = given.get(name, [])
     if isinstance(value, list) and all(isinstance(entry, Mapping) for entry in value):
         return value
@@ -63,7 +63,7 @@ def mappings(
 
 
 def mapping(given: Mapping[str, Any], name: str, faults: list[str]) -> Mapping[str, Any]:
-    """Return a mapping, empty if it is absent; add a fault if it is something else."""
+    """Return a mapping, empty if absent; add a fault for any other value."""
     value = given.get(name, {})
     if isinstance(value, Mapping):
         return value
@@ -72,7 +72,7 @@ def mapping(given: Mapping[str, Any], name: str, faults: list[str]) -> Mapping[s
 
 
 def place(given: Any, name: str, faults: list[str]) -> tuple[float, float]:
-    """Return a latitude and a longitude, degrees; add a fault if it is something else."""
+    """Return a latitude and a longitude, degrees; add a fault for any other value."""
     pair = PLACE.coerce(given)
     if isinstance(pair, list) and abs(float(pair[0])) <= 90.0:
         return float(pair[0]), float(pair[1])

@@ -1,4 +1,4 @@
-"""When the beam of a radar that turns looks at targets, and what it would measure of them."""
+"""Passes of a turning radar's beam over targets, and their noise-free measurements."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.slant_range import LEAST
 
 from .antenna import Antenna
@@ -17,25 +17,26 @@ from .scenario import Scenario
 from .simulate import BoolArray
 from .traffic.flight import Flight
 
-# The beam is far faster than any target, so that each step leaves a small part of the error.
+# Fixed-point steps for the time of a pass; the beam is far faster than any target, so that each
+# step greatly reduces the error.
 STEPS = 12
-# Nobody passes a target twice within so short a time; near the radar, steps may end at one pass.
+# Solutions closer than this are the same pass, to which several steps may converge near the radar.
 SAME_PASS_S = 1e-3
-# Turns beyond a target's end: one that circles the radar is passed more often than the beam turns.
+# Turns added for targets that circle the radar, which are passed more often than the beam turns.
 SPARE_TURNS = 8
 
 
 class Looks(NamedTuple):
-    """The passes of one radar's beam over targets that could be in its sight.
+    """The passes of one radar's beam over targets.
 
     Parameters
     ----------
     time_s : array of shape (N,)
-        After scan 0; ascending for each target.
+        Seconds after scan 0; ascending for each target.
     state : array of shape (N, D)
-        Of the target then.
+        State of the target at the pass.
     exact : array of shape (N, 2)
-        What it would measure without noise, as `Plots.measurement`.
+        Noise-free measurement, in the form of `Plots.measurement`.
     source : int array of shape (N,)
         The track_id of the target.
     """
@@ -53,7 +54,7 @@ def passes(
     until_s: float,
     carrier: MovingPlatform | None = None,
 ) -> FloatArray:
-    """Return when the beam passes a target, seconds after scan 0, ascending.
+    """Return the times at which the beam passes a target, seconds after scan 0, ascending.
 
     Parameters
     ----------
@@ -61,15 +62,15 @@ def passes(
     radar : RadarModel
     antenna : Antenna
     until_s : float
-        Passes after it are left out.
+        Later passes are left out.
     carrier : MovingPlatform or None
-        What carries the radar; None if it stands.
+        Platform of the radar; None if stationary.
 
     Notes
     -----
-    The target moves while the beam turns. Its bearing is unwrapped over the turns, so that one
-    that crosses the y axis is passed neither twice nor not at all. In each step the beam is turned
-    to where the target is at the time of the step before.
+    The target moves while the beam turns. Its bearing is unwrapped over the turns, so that a
+    target that crosses the y axis is passed exactly once. Each step turns the beam to the target's
+    position at the time of the previous step.
     """
     rotation_s = radar.rotation_s
     end = min(flight.end_s, until_s)
@@ -78,7 +79,7 @@ def passes(
 
     def part(time_s: FloatArray) -> FloatArray:
         state = flight.states(time_s)
-        seen = state if carrier is None else carrier.seen(state, time_s)
+        seen = state if carrier is None else carrier.to_platform(state, time_s)
         return antenna.turns_to(radar.measure(seen)[:, 1])
 
     unwrapped = np.unwrap(part(grid), period=1.0)
@@ -93,9 +94,9 @@ def passes(
 
 
 def looks(scenario: Scenario, index: int, layout: RadarInput | None = None) -> Looks:
-    """Return when one radar's beam passes the targets; see `plots_of`.
+    """Return the passes of one radar's beam over all targets; see `plots_of` for the layout.
 
-    Those that are out of sight are left out, but not those out of its ranges and azimuths.
+    Targets in gaps are left out; targets outside the radar's ranges and azimuths are not.
     """
     radar, antenna = scenario.radars[index], scenario.antennas[index]
     nothing = np.zeros(0), np.zeros((0, len(radar.space))), np.zeros((0, 2))
@@ -103,7 +104,7 @@ def looks(scenario: Scenario, index: int, layout: RadarInput | None = None) -> L
     for number, flight in enumerate(scenario.flights, start=1):
         time = passes(flight, radar, antenna, scenario.duration_s, scenario.carrier(index))
         time = time[_among_nearest(scenario, index, flight, time) & ~scenario.hidden(number, time)]
-        parts.append(_seen(scenario, index, layout, number, time))
+        parts.append(_looks_at(scenario, index, layout, number, time))
     return Looks(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -114,32 +115,32 @@ def looks_beside(
     number: int,
     place: tuple[float, float],
 ) -> Looks:
-    """Return a target's state whenever the beam points at a place, metres in the world.
+    """Return a target's states when the beam points at a place, metres in the world.
 
-    What it would measure has the target's range, and the azimuth of the place.
+    The noise-free measurement has the target's range and the azimuth of the place.
     """
     radar, antenna = scenario.radars[index], scenario.antennas[index]
     state = np.zeros((1, len(radar.space)))
     state[:, list(radar.space.position)] = place
-    beside = scenario.measured(index, state, np.zeros(1))
+    beside = scenario.measure(index, state, np.zeros(1))
     end = antenna.turns_at(np.array([scenario.duration_s]), radar.rotation_s)[0]
     turns = antenna.turns_to(beside[:, 1]) + np.arange(np.ceil(end))
     time = antenna.times_at(turns, radar.rotation_s)
     flight = scenario.flights[number - 1]
     time = time[(time >= max(flight.start_s, 0.0)) & (time <= flight.end_s)]
-    found = _seen(scenario, index, layout, number, time[~scenario.hidden(number, time)])
+    found = _looks_at(scenario, index, layout, number, time[~scenario.hidden(number, time)])
     azimuth = slant(layout, beside, np.zeros(1))[0, 1]
     exact = np.stack([found.exact[:, 0], np.full(len(found.exact), azimuth)], axis=1)
     return found._replace(exact=exact)
 
 
-def _seen(
+def _looks_at(
     scenario: Scenario, index: int, layout: RadarInput | None, number: int, time_s: FloatArray
 ) -> Looks:
-    """Return what a radar sees of a target at times, those outside its elevations left out."""
+    """Return a radar's looks at a target at given times, without those outside its elevations."""
     state = scenario.flights[number - 1].states(time_s)
     height = scenario.height(number, time_s)
-    exact = slant(layout, scenario.measured(index, state, time_s), height)
+    exact = slant(layout, scenario.measure(index, state, time_s), height)
     found = Looks(time_s, state, exact, np.full(len(time_s), number))
     antenna = scenario.antennas[index]
     if layout is None or layout.site is None:
@@ -152,15 +153,15 @@ def _seen(
 
 
 def slant(layout: RadarInput | None, measured: FloatArray, height: FloatArray) -> FloatArray:
-    """Return (range, azimuth) as a radar on the round earth measures them, others as they are.
+    """Return (range, azimuth) as measured by a radar on the round earth; others unchanged.
 
     Parameters
     ----------
     layout : RadarInput or None
     measured : array of shape (N, 2)
-        In the plane.
+        Range and azimuth in the plane.
     height : array of shape (N,)
-        Above the world's zero, metres.
+        Heights above the world's zero, metres.
     """
     if layout is None or layout.site is None:
         return measured
@@ -170,11 +171,11 @@ def slant(layout: RadarInput | None, measured: FloatArray, height: FloatArray) -
 
 
 def _among_nearest(scenario: Scenario, index: int, flight: Flight, time_s: FloatArray) -> BoolArray:
-    """Return when a radar is among the nearest `most_radars` that see a target, shape (N,)."""
+    """Return whether a radar is among the `most_radars` nearest to a target, shape (N,)."""
     if not scenario.most_radars:
         return np.ones(len(time_s), dtype=np.bool_)
     state = flight.states(time_s)
-    exact = [scenario.measured(k, state, time_s) for k in range(len(scenario.radars))]
+    exact = [scenario.measure(k, state, time_s) for k in range(len(scenario.radars))]
     sees = [radar.visibility.sees(z) > 0.0 for radar, z in zip(scenario.radars, exact, strict=True)]
     distance = np.where(sees, [z[:, 0] for z in exact], np.inf)
     nearer: BoolArray = (distance < distance[index]).sum(axis=0) < scenario.most_radars

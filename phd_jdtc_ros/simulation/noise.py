@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 
 def with_noise(exact: FloatArray, radar: RadarModel, rng: np.random.Generator) -> FloatArray:

@@ -29,17 +29,17 @@ _POSITION, _VELOCITY = list(PLANAR.position), list(PLANAR.velocity)
 
 @dataclass(frozen=True)
 class MovingPlatform:
-    """What carries radars. It heads where it goes, so that they turn with its course.
+    """A ship with radars. It heads along its course, and its radars turn with it.
 
     Parameters
     ----------
     motion : Flight
-        From scan 0 on; after its last leg it goes on as in it.
+        Motion from scan 0 on; after the last leg it continues as in that leg.
     radars : tuple of int
-        Indices in the scenario. Their positions and directions are in the platform's frame: x
-        ahead, y to the left.
+        Indices of the carried radars. Their positions and directions are in the platform's frame:
+        x ahead, y to the left.
     pose_interval_s : float
-        Its poses are known so often.
+        Interval of the published poses, seconds.
     """
 
     motion: Flight
@@ -57,21 +57,21 @@ class MovingPlatform:
         return Pose((x, y), math.remainder(yaw, 2.0 * math.pi))
 
     def poses_until(self, end_s: float) -> list[tuple[float, Pose]]:
-        """Return its poses with their times, from scan 0 on, the last at the end or after it."""
+        """Return poses with their times from scan 0 on; the last is not before the end."""
         count = math.ceil(end_s / self.pose_interval_s - 1e-9) + 1
         times = [index * self.pose_interval_s for index in range(count)]
         return [(time_s, self.pose(time_s)) for time_s in times]
 
-    def mounted(self, radar: RadarModel, time_s: float) -> Pose:
-        """Return the pose of a radar that it carries, in the world."""
+    def radar_pose(self, radar: RadarModel, time_s: float) -> Pose:
+        """Return the pose of a carried radar in the world."""
         own, (ahead, left) = self.pose(time_s), radar.position
         cos, sin = math.cos(own.yaw), math.sin(own.yaw)
         x, y = own.position
         place = x + cos * ahead - sin * left, y + sin * ahead + cos * left
         return Pose(place, math.remainder(own.yaw + radar.yaw, 2.0 * math.pi))
 
-    def seen(self, state: FloatArray, time_s: FloatArray) -> FloatArray:
-        """Return states in the platform's frame as of these times, shape (N, D); positions only."""
+    def to_platform(self, state: FloatArray, time_s: FloatArray) -> FloatArray:
+        """Return states with positions in the platform's frame at these times, shape (N, D)."""
         x, y, yaw = self.poses(time_s).T
         east, north = state[:, _POSITION[0]] - x, state[:, _POSITION[1]] - y
         relative = np.zeros_like(state)

@@ -19,13 +19,13 @@ from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
 from phd_jdtc_ros.core.types import UNKNOWN, Detections, Pose, Truth
 
 from .antenna import Antenna, usual_antenna
-from .clutter_law import NOISE, ClutterLaw
-from .echoes import Echoes
-from .gaps import Gap, hidden
-from .mirrors import Mirror
+from .clutter.echoes import Echoes
+from .clutter.law import NOISE, ClutterLaw
+from .clutter.mirrors import Mirror
+from .clutter.reflectors import Reflectors
 from .platform import MovingPlatform
-from .reflectors import Reflectors
 from .traffic.flight import ROUNDING_S, Flight, Leg
+from .traffic.gaps import Gap, in_gap
 from .transponder import STREAM, Card, Transponders
 
 BoolArray = npt.NDArray[np.bool_]
@@ -40,8 +40,8 @@ class Turn:
     Parameters
     ----------
     first_scan, last_scan : int
-        The turn lasts from the stamp of the first to that of the last, at which the target flies
-        straight again.
+        The turn lasts from the stamp of the first scan to the stamp of the last, at which the
+        target flies straight again.
     turn_rate : float
         Radians per second, counter-clockwise.
     """
@@ -61,15 +61,15 @@ class TargetScript:
     snr : float
         Mean signal-to-noise ratio, linear.
     position : tuple of two floats
-        At its first scan, world frame, metres.
+        Position at the first scan, world frame, metres.
     velocity : tuple of two floats
-        At its first scan, metres per second.
+        Velocity at the first scan, metres per second.
     first_scan, last_scan : int
-        First and last scan in which it exists.
+        First and last scan in which the target exists.
     turns : tuple of Turn
-        One after the other, not before its first scan.
+        Successive turns, none before the first scan.
     height : float
-        Above the world's zero, metres.
+        Height above the world's zero, metres.
     """
 
     class_id: int
@@ -98,7 +98,7 @@ class TargetScript:
         scan : int
             At least `first_scan`.
         interval_s : float
-            Between scans.
+            Time between scans, seconds.
         """
         space = NOISE_FREE.space
         state = space.state(self.position, self.velocity, 0.0)[None]
@@ -147,33 +147,33 @@ class Scenario:
     Parameters
     ----------
     start_ns : int
-        Stamp of scan 0; not zero, because no real stamp is.
+        Stamp of scan 0; not zero, which marks an unset time.
     interval_s : float
     scans : int
-        The truth is published at every scan. Radars that do not turn report every scan; radars
-        that turn report in their own time until the last scan.
+        Number of scans, each with the truth. Staring radars report every scan; turning radars
+        report at their own times until the last scan.
     targets : tuple of TargetScript or Flight
     radars : tuple of RadarModel
     antennas : tuple of Antenna
         One per radar.
     most_radars : int
-        Largest number of turning radars that see a target at a time, the nearest ones; 0 for all.
+        Number of the nearest turning radars that may detect a target at a time; 0 for all.
     clutter : tuple of ClutterLaw
         One per radar; noise if empty.
     echoes : tuple of (Echoes or None)
-        One per radar; empty if targets answer once.
+        One per radar; empty if targets have a single detection.
     reflectors : tuple of Reflectors
-        What answers all radars and is no target.
+        Fixed clutter of all radars.
     platform : MovingPlatform or None
-        What carries radars; the positions and directions of these are in its frame.
+        A ship with radars, whose positions and directions are in its frame.
     transponders : Transponders or None
-        What targets answer; None if they have none.
+        Targets' transponders; None for none.
     biases : tuple of RadarBias
-        The systematic errors of each radar; empty if there are none. Only where radars turn.
+        The biases of each radar; empty for none. Only for turning radars.
     gaps : tuple of Gap
-        When targets are out of sight of radars that turn.
+        Times in which targets are out of sight of turning radars.
     mirrors : tuple of Mirror
-        What lets radars that turn see targets' answers elsewhere, too.
+        Surfaces that reflect targets' replies to turning radars.
     """
 
     start_ns: int
@@ -212,40 +212,40 @@ class Scenario:
         return self.clutter[radar] if self.clutter else NOISE
 
     def laws(self, radar: int) -> tuple[ClutterLaw, Echoes | None]:
-        """Return the law of a radar's clutter and the echoes that it sees, by its index."""
+        """Return the law of a radar's clutter and its echoes, by the radar's index."""
         return self.law(radar), self.echoes[radar] if self.echoes else None
 
     def bias(self, radar: int) -> RadarBias:
-        """Return the systematic errors of a radar, by the radar's index."""
+        """Return the biases of a radar, by the radar's index."""
         return self.biases[radar] if self.biases else NO_BIAS
 
     def carrier(self, radar: int) -> MovingPlatform | None:
-        """Return what carries a radar, by the radar's index; None if it stands."""
+        """Return the platform of a radar, by the radar's index; None if it is stationary."""
         carries = self.platform is not None and radar in self.platform.radars
         return self.platform if carries else None
 
-    def measured(self, radar: int, state: FloatArray, time_s: FloatArray) -> FloatArray:
-        """Return noise-free (range, azimuth) of states from where a radar is at their times.
+    def measure(self, radar: int, state: FloatArray, time_s: FloatArray) -> FloatArray:
+        """Return noise-free (range, azimuth) of states from a radar's pose at their times.
 
         Parameters
         ----------
         radar : int
         state : array of shape (N, D)
         time_s : array of shape (N,)
-            After scan 0, seconds.
+            Seconds after scan 0.
 
         Returns
         -------
         array of shape (N, 2)
         """
         carrier = self.carrier(radar)
-        seen = state if carrier is None else carrier.seen(state, time_s)
+        seen = state if carrier is None else carrier.to_platform(state, time_s)
         return self.radars[radar].measure(seen)
 
     def poses(self) -> list[tuple[int, Pose]]:
-        """Return the stamps and poses of what carries radars, ascending; the last one is the end's.
+        """Return the stamps and poses of the platform, ascending, until the end of the run.
 
-        Empty if all stand.
+        Empty without a platform.
         """
         if self.platform is None:
             return []
@@ -253,13 +253,13 @@ class Scenario:
         return [(self.ns_after(elapsed_s), pose) for elapsed_s, pose in known]
 
     def radar_at(self, radar: int, elapsed_s: float) -> RadarModel:
-        """Return a radar where it is in the world at a time after scan 0."""
+        """Return a radar with its position in the world at a time after scan 0, seconds."""
         model, carrier = self.radars[radar], self.carrier(radar)
-        return model if carrier is None else model.at(carrier.mounted(model, elapsed_s))
+        return model if carrier is None else model.at(carrier.radar_pose(model, elapsed_s))
 
     @property
     def turning(self) -> bool:
-        """Whether a radar's antenna turns, so that there is no common scan."""
+        """Whether any radar's antenna turns, so that there is no common scan."""
         return any(radar.rotation_s > 0.0 for radar in self.radars)
 
     @property
@@ -281,9 +281,9 @@ class Scenario:
         Parameters
         ----------
         number : int
-            Of the target, from 1.
+            Number of the target, from 1.
         time_s : array of shape (N,)
-            After scan 0, seconds.
+            Seconds after scan 0.
         """
         if self.transponders is not None:
             return self.cards[number].height(time_s)[:, 0]
@@ -291,7 +291,7 @@ class Scenario:
 
     @cached_property
     def cards(self) -> dict[int, Card]:
-        """What each target answers, by its number from 1; empty without transponders."""
+        """The transponder settings of each target, by number from 1; empty without transponders."""
         if self.transponders is None:
             return {}
         return {
@@ -300,24 +300,24 @@ class Scenario:
         }
 
     def hidden(self, number: int, time_s: FloatArray) -> BoolArray:
-        """Return when a target, by its number from 1, is in a gap; times after scan 0, (N,)."""
-        return hidden(self.gaps, number, time_s)
+        """Return whether a target, by number from 1, is in a gap at times after scan 0, (N,)."""
+        return in_gap(self.gaps, number, time_s)
 
     def answers(self, number: int) -> bool:
-        """Return whether a target, by its number from 1, has a transponder."""
+        """Return whether a target, by number from 1, has a transponder."""
         return number in self.cards and self.cards[number].code != UNKNOWN
 
-    def answered(
+    def with_replies(
         self, found: Detections, source: IntArray, time_s: FloatArray, seed: Sequence[int]
     ) -> Detections:
-        """Return detections with what their targets answer; see `Transponders.answered`."""
+        """Return detections with their targets' replies; see `Transponders.with_replies`."""
         if self.transponders is None:
             return found
         rng = np.random.default_rng([*seed, STREAM])
-        return self.transponders.answered(found, source, time_s, self.cards, rng)
+        return self.transponders.with_replies(found, source, time_s, self.cards, rng)
 
     def until(self, elapsed_s: float) -> Scenario:
-        """Return the scenario up to a time after scan 0, seconds, with the targets until then."""
+        """Return the scenario cut at a time after scan 0, seconds."""
         there = [row for row, flight in enumerate(self.flights) if flight.start_s <= elapsed_s]
         number = {row + 1: own for own, row in enumerate(there, start=1)}
         return replace(
@@ -386,9 +386,9 @@ def paper_scenario(radars: tuple[RadarModel, ...]) -> Scenario:
 
     Notes
     -----
-    Sec. V, which does not give the speeds. With these, target 1 crosses target 2 (of the other
-    class) and then target 3 (of its own class), and target 4 crosses target 2 (of its own class),
-    near the radars.
+    Sec. V, which does not give the speeds. With the speeds chosen here, target 1 crosses target 2
+    (of the other class) and then target 3 (of its own class), and target 4 crosses target 2 (of its
+    own class), near the radars.
     """
     strong, weak = snr_from_db(45.0), snr_from_db(25.0)
     return Scenario(

@@ -1,4 +1,4 @@
-"""Scenario files: checks a document as a whole and turns it into a `Scenario`."""
+"""Checks a scenario document as a whole and converts it to a `Scenario`."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 
-from . import clutter_law, echoes, gaps
 from .antenna import Antenna, usual_antenna
 from .checked import mapping, mappings, names_of, place, take
-from .mirrors import mirrors
+from .clutter import echoes, law
+from .clutter.mirrors import mirrors
+from .clutter.reflectors import reflectors
 from .platform import platform
-from .reflectors import reflectors
 from .scenario import Scenario, Target, TargetScript, Turn
-from .traffic import generators
+from .traffic import gaps, generators
 from .traffic.flight import Flight, Leg
 from .traffic.geodesy import east_north
 from .transponder import transponders
 
-# Stamps count seconds in signed 32-bit integers.
+# Limit of a stamp's seconds, which are signed 32-bit integers.
 END_OF_TIME_S = 2**31
 TIMING = (
-    # No real scan has the stamp 0.
+    # The stamp 0 marks an unset time.
     Parameter("start_s", 1000.0, "Stamp of scan 0, s.", 1e-3, 4e9),
     Parameter("interval_s", 6.0, "Interval between scans, s.", SMALL, 1e6),
     Parameter("scans", 80, "Number of scans.", 1, 10**6),
@@ -117,7 +117,7 @@ OTHER_KEYS = (
 
 
 def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
-    """Check a scenario document and build what it describes.
+    """Check a scenario document and build its scenario.
 
     Parameters
     ----------
@@ -125,22 +125,22 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         The keys of `TIMING`, all optional, and ``targets``: a list of mappings with all keys of
         `TARGET`. A target may have ``turns``: a list of mappings with all keys of `TURN`. A target
         with ``legs``, a list of mappings of `LEG`, has the keys of `FLIGHT` instead. ``traffic``
-        and ``manoeuvres`` stand for many targets, see `generators`. ``antennas`` has the keys of
-        `ANTENNA` by name of the radar, ``biases`` those of `BIAS`, ``clutter`` the law of its
-        amplitudes, see `clutter_law`, and ``echoes`` how targets answer to it more than once, see
+        and ``manoeuvres`` generate many targets, see `generators`. By name of the radar,
+        ``antennas`` has the keys of `ANTENNA`, ``biases`` the keys of `BIAS`, ``clutter`` the law
+        of the amplitudes, see `clutter.law`, and ``echoes`` further detections of targets, see
         `echoes`. ``world_origin`` is the latitude and longitude of the world's zero, and ``sites``
-        has those of radars by name, see `site_parameters`. ``reflectors`` is a list of
-        mappings, see `reflectors`, and ``platform`` what carries radars, with ``legs``.
-        ``transponders`` says what targets answer, see `transponder`, ``gaps`` when they are out of
-        sight, see `gaps`, and ``mirrors`` where their answers are seen, too, see `mirrors`.
-        ``parameters`` are those of the tracker and the radars, and are ignored here, as are
-        ``sites``, and ``sending``, how radars send what they see.
+        has the positions of radars by name, see `site_parameters`. ``reflectors`` is a list of
+        mappings, see `reflectors`, and ``platform`` a ship that carries radars, with ``legs``.
+        ``transponders`` describes targets' replies, see `transponder`, ``gaps`` times out of sight,
+        see `gaps`, and ``mirrors`` surfaces that reflect replies, see `mirrors`. ``parameters`` (of
+        the tracker and the radars), ``sites`` and ``sending`` (timing of messages) are ignored
+        here.
     radars : tuple of RadarModel
 
     Raises
     ------
     ConfigError
-        With every fault.
+        With all faults.
     """
     if not isinstance(document, Mapping):
         raise ConfigError(["scenario: must be a mapping"])
@@ -149,7 +149,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     targets = _targets(document, faults)
     antennas = _antennas(mapping(document, "antennas", faults), radars, faults)
     biases = _biases(mapping(document, "biases", faults), radars, faults)
-    clutter = clutter_law.laws(document, radars, faults)
+    clutter = law.laws(document, radars, faults)
     answers = echoes.of_radars(document, radars, faults)
     carrier = platform(document, radars, _legs, faults)
     still = reflectors(document, radars, faults)
@@ -185,10 +185,10 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
 
 
 def site_parameters(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters that ``world_origin`` and ``sites`` stand for, by dotted name.
+    """Return the parameters equivalent to ``world_origin`` and ``sites``, by dotted name.
 
-    Of an origin with a height they are ``world_origin`` and each radar's ``geodetic``, on the round
-    earth, and are not checked here; else each radar's ``position``, in a plane.
+    If the origin has a height, these are ``world_origin`` and each radar's ``geodetic``, on the
+    round earth, which are not checked here; otherwise each radar's ``position``, in a plane.
 
     Raises
     ------
@@ -226,7 +226,7 @@ def _has_height(document: Mapping[str, Any]) -> bool:
 def _antennas(
     given: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
 ) -> tuple[Antenna, ...]:
-    """Return every radar's antenna, the usual one where none is given; add faults to `faults`."""
+    """Return every radar's antenna, by default the usual one; add faults to `faults`."""
     known = [radar.name for radar in radars]
     faults += [
         f"antennas.{name}: must be one of the radars, {', '.join(known)}"
@@ -259,7 +259,7 @@ def _antennas(
 def _biases(
     given: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
 ) -> tuple[RadarBias, ...]:
-    """Return every radar's systematic errors; empty if none are given; add faults to `faults`."""
+    """Return every radar's biases; empty if none are given; add faults to `faults`."""
     known = [radar.name for radar in radars]
     faults += [
         f"biases.{name}: must be one of the radars, {', '.join(known)}"
@@ -319,7 +319,7 @@ def _flight(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Flight
 
 
 def _legs(script: Mapping[str, Any], prefix: str, faults: list[str]) -> tuple[Leg, ...]:
-    """Return the checked legs of a block; add faults to `faults`, after which there are none."""
+    """Return the checked legs of a block; add faults to `faults` and then return none."""
     found: list[str] = []
     legs = []
     for index, given in enumerate(mappings(script, "legs", prefix, found)):

@@ -1,4 +1,4 @@
-"""How and when radars send their plots over a network; the block ``sending`` of a scenario."""
+"""The timing of radars' messages on a network; the block ``sending`` of a scenario."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SENDING = (
 
 @dataclass(frozen=True)
 class Sending:
-    """How a radar sends its plots; see `SENDING`."""
+    """The timing of a radar's messages; see `SENDING`."""
 
     sectors: int = 32
     plots: int = 10
@@ -33,7 +33,7 @@ class Sending:
 def of_radars(
     document: Mapping[str, object], radars: tuple[RadarModel, ...], faults: list[str]
 ) -> tuple[Sending, ...]:
-    """Return how each radar of a scenario document sends its plots; add faults to `faults`."""
+    """Return the timing of each radar's messages in a document; add faults to `faults`."""
     given = mapping(document, "sending", faults)
     known = [radar.name for radar in radars]
     faults += [

@@ -11,10 +11,10 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import FULL_TURN, Detections, Scan, Truth
 
-from .clutter_law import NOISE, ClutterLaw
-from .echoes import Echoes
+from .clutter.echoes import Echoes
+from .clutter.law import NOISE, ClutterLaw
+from .clutter.reflectors import Reflectors
 from .noise import polar, with_noise
-from .reflectors import Reflectors
 from .scenario import Scenario, truth_at
 
 BoolArray = npt.NDArray[np.bool_]
@@ -40,23 +40,23 @@ def detect(
     radar : RadarModel
     rng : numpy.random.Generator
     law : ClutterLaw
-        Of the envelopes of clutter.
+        Law of the clutter's envelopes.
     echoes : Echoes or None
-        How targets answer more than once; None if they do not.
+        Further detections of targets; None for none.
     reflectors : sequence of Reflectors
-        What else answers.
+        Fixed clutter.
 
     Returns
     -------
     detections : Detections
-        M of them.
+        M detections.
     source : int array of shape (M,)
         The track_id of each detection's target; 0 for clutter.
 
     Notes
     -----
-    Target envelopes are Rayleigh with sigma^2 = 1 + d, those of noise with sigma^2 = 1; all are
-    reported only above the radar's threshold. The clutter rate counts reported detections.
+    The envelopes of targets are Rayleigh with sigma^2 = 1 + d, and of noise with sigma^2 = 1; only
+    envelopes above the radar's threshold are reported. The clutter rate counts reported detections.
     """
     exact = radar.measure(truth.state)
     measurement, envelope, seen = observe(exact, snr, radar, rng)
@@ -69,7 +69,7 @@ def detect(
         state, target = np.concatenate([state, echo[shown]]), np.append(target, target[row[shown]])
         measurement = np.concatenate([measurement, further[shown]])
         envelope = np.append(envelope, level[shown])
-    places, high = _reflected(radar, reflectors, rng)
+    places, high = _reflector_detections(radar, reflectors, rng)
     count = len(clutter) + len(places)
     rate = range_rates(state, count, radar, rng)
     measurement = np.concatenate([measurement, clutter, places])
@@ -91,7 +91,7 @@ def range_rates(
     Parameters
     ----------
     state : array of shape (N, D)
-        Of the targets that are detected, or of where they answer.
+        States of the detected targets, or of the sources of their echoes.
     clutter : int
         Number of false detections.
     radar : RadarModel
@@ -99,48 +99,48 @@ def range_rates(
 
     Notes
     -----
-    Ambiguous ones are between minus and plus half an interval.
+    Ambiguous range rates are within plus or minus half the ambiguity interval.
     """
     model = radar.range_rate
     if model is None:
         return None
     noisy = radar.range_rate_of(state) + model.std * rng.standard_normal(len(state))
     uniform = model.clutter_width * (rng.random(clutter) - 0.5)
-    return np.append(model.wrapped(noisy), uniform)
+    return np.append(model.wrap(noisy), uniform)
 
 
 def observe(
     exact: FloatArray, snr: FloatArray, radar: RadarModel, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return the measurements of targets, and which of them the radar detects.
+    """Return the measurements of targets, and whether the radar detects each.
 
     Parameters
     ----------
     exact : array of shape (N, 2)
         True range and azimuth, metres and radians.
     snr : array of shape (N,)
-        Linear.
+        Mean signal-to-noise ratio, linear.
     radar : RadarModel
     rng : numpy.random.Generator
 
     Returns
     -------
     measurement : array of shape (N, 2)
-        With noise; ranges are not negative, azimuths in (-pi, pi].
+        Noisy range and azimuth; ranges are not negative, azimuths are in (-pi, pi].
     envelope : array of shape (N,)
     seen : bool array of shape (N,)
 
     Notes
     -----
-    A target is detected if its envelope exceeds the threshold or, where the radar's detection
-    probability is given, with that; its envelope then is one above the threshold.
+    A target is detected if its envelope exceeds the threshold. If the radar has a detection
+    probability, detection follows it, and the envelope is drawn above the threshold.
     """
     visible = radar.visibility.sees(exact) > 0.0
     envelope = rng.rayleigh(np.sqrt(1.0 + snr))
     noisy = with_noise(exact, radar, rng)
     if radar.visibility.given:
         found = rng.random(len(exact)) < radar.visibility.probability(exact[:, 0])
-        # Squares of Rayleigh envelopes are exponential, and these forget what is exceeded.
+        # Squares of Rayleigh envelopes are exponential, and the exponential law is memoryless.
         envelope = np.sqrt(radar.threshold**2 + envelope**2)
     else:
         found = envelope > radar.threshold
@@ -152,10 +152,10 @@ def false_detections(
 ) -> tuple[FloatArray, FloatArray]:
     """Return measurements of clutter, shape (count, 2), and their envelopes, shape (count,).
 
-    It is uniform in the azimuths of the field of view.
+    Clutter is uniform in the azimuths of the field of view.
     """
     fov = radar.visibility.fov
-    # Whatever a whole turn begins at.
+    # The start of a field of view of a whole turn has no meaning.
     first = -np.pi if fov.width == FULL_TURN else fov.start
     clutter = np.stack(
         [
@@ -167,10 +167,10 @@ def false_detections(
     return polar(clutter), law.draw(radar.threshold, count, rng)
 
 
-def _reflected(
+def _reflector_detections(
     radar: RadarModel, reflectors: Sequence[Reflectors], rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the measurements of reflectors that a radar detects, (K, 2), and envelopes, (K,)."""
+    """Return measurements (K, 2) and envelopes (K,) of the detected reflectors."""
     measurement, amplitude = [np.zeros((0, 2))], [np.zeros(0)]
     for kind in reflectors:
         state = np.zeros((len(kind.points), len(radar.space)))
@@ -189,7 +189,7 @@ def simulate(scenario: Scenario, seed: int) -> list[tuple[Truth, Scan]]:
 def simulate_with_sources(
     scenario: Scenario, seed: int
 ) -> list[tuple[Truth, Scan, tuple[IntArray, ...]]]:
-    """Return what `simulate` returns, with the source of each detection for every radar."""
+    """Return the result of `simulate` with the source of each detection for every radar."""
     rng = np.random.default_rng(seed)
     snr_of = np.array([target.snr for target in scenario.targets])
     run = []
@@ -208,7 +208,7 @@ def simulate_with_sources(
             for number in range(len(scenario.radars))
         ]
         found = (
-            scenario.answered(
+            scenario.with_replies(
                 *(detections, source, np.full(len(source), elapsed_s)), (seed, index, number)
             )
             for number, (detections, source) in enumerate(reports)

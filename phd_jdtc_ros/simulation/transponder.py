@@ -1,7 +1,7 @@
-"""Targets that answer with a code, an address and their height: ``transponders`` of a scenario.
+"""Transponders that reply with code, address and height; the block ``transponders`` of a scenario.
 
-What answers is drawn by generators of their own, so that the plots of a seed are the same without
-transponders. Ranges over ground are measured as without heights.
+Replies have their own random generators, so that the plots of a seed are the same without
+transponders. Ground ranges do not depend on the heights.
 """
 
 from __future__ import annotations
@@ -30,24 +30,25 @@ TRANSPONDERS = (
     Parameter("seed", 0, "Seed of the targets' codes and heights.", 0, 2**31 - 1),
 )
 SHARED = 0o7000
-# Metres: Mode C counts in hundreds of feet; levels, and what garbled heights are within.
+# Heights in metres: resolution of Mode C (100 ft), range of the levels, range of garbled heights.
 MODE_C, LEVELS, GARBLED = 30.48, (1500.0, 11e3), (0.0, 14e3)
-# Metres per second, and seconds of a climb or descent; what is slower than the last two is on
-# ground, and takes off or lands.
+# Climb rates in m/s and durations of a climb or descent in s; below the last two speeds, in m/s, an
+# aircraft is on the ground, and takes off or lands.
 CLIMB, CLIMB_S, GROUND_SPEED, RUNWAY_SPEED = (3.0, 12.0), (60.0, 300.0), 20.0, 85.0
-# Third word of the seeds.
+# Third word of the seeds of the replies' generators.
 STREAM = 3
 
 
 class Card(NamedTuple):
-    """What a target answers.
+    """The content of a target's replies.
 
     Parameters
     ----------
     code, address : int
         `UNKNOWN` without a transponder.
     level, climb, since_s, for_s : float
-        It is at a level, metres, until a time after scan 0, and then climbs for so long.
+        Initial height, metres; climb rate, metres per second; begin of the climb, seconds after
+        scan 0, and its duration, seconds.
     """
 
     code: int
@@ -69,7 +70,7 @@ class Card(NamedTuple):
 
 @dataclass(frozen=True)
 class Transponders:
-    """What the targets of a scenario answer, and how well.
+    """The transponders of a scenario's targets, and the quality of their replies.
 
     Parameters
     ----------
@@ -89,21 +90,21 @@ class Transponders:
     seed: int = 0
 
     def card(self, number: int, flight: Flight, duration_s: float) -> Card:
-        """Return what a target, counted from 1, answers; equal arguments give equal cards.
+        """Return the replies' content of a target, by number from 1; it is deterministic.
 
         Parameters
         ----------
         number : int
         flight : Flight
         duration_s : float
-            Of the run.
+            Length of the run, seconds.
         """
         rng = np.random.default_rng([self.seed, number, STREAM])
         equipped, shared = rng.random() < self.share, rng.random() < self.shared_code_share
         own, address = int(rng.integers(1, 0o7000)), int(rng.integers(1, 1 << 24))
         code = SHARED if shared else own
         level, climb = rng.uniform(*LEVELS), rng.uniform(*CLIMB)
-        # A third each stays, climbs and descends.
+        # A third of the targets each keeps its level, climbs and descends.
         sense = int(rng.integers(-1, 2))
         since_s, for_s = rng.uniform(0.0, duration_s), rng.uniform(*CLIMB_S)
         begins, ends = (np.hypot(*velocity) for velocity in (flight.velocity, flight.end_velocity))
@@ -121,7 +122,7 @@ class Transponders:
         climb *= sense
         return Card(code, address, float(level), float(climb), float(since_s), float(for_s))
 
-    def answered(
+    def with_replies(
         self,
         found: Detections,
         source: IntArray,
@@ -129,16 +130,16 @@ class Transponders:
         cards: Mapping[int, Card],
         rng: np.random.Generator,
     ) -> Detections:
-        """Return detections with answers.
+        """Return detections with replies.
 
         Parameters
         ----------
         found : Detections
-            M of them.
+            M detections.
         source : int array of shape (M,)
-            The number of each one's target; 0 for clutter, which does not answer.
+            The number of each detection's target; 0 for clutter, which does not reply.
         time_s : array of shape (M,)
-            After scan 0.
+            Seconds after scan 0.
         cards : mapping of number to Card
         rng : numpy.random.Generator
         """
@@ -157,7 +158,7 @@ class Transponders:
             height[own] = card.height(time_s[own])[:, 0]
         answers = code != UNKNOWN
         code = np.where(garbled[0] & answers, wrong, code)
-        # Drawn last, so that the others do not depend on it.
+        # Drawn last, so that the other draws do not depend on it.
         other = rng.random(count) < self.address_garbled
         address = np.where(other & (address != UNKNOWN), rng.integers(1, 1 << 24, count), address)
         height = np.where(garbled[1], wrong_height, height)
@@ -166,7 +167,7 @@ class Transponders:
 
 
 def transponders(document: Mapping[str, Any], faults: list[str]) -> Transponders | None:
-    """Return what a document's ``transponders`` says, None without; add its faults to `faults`."""
+    """Return the document's ``transponders``, None without; add its faults to `faults`."""
     if "transponders" not in document:
         return None
     found: list[str] = []

@@ -1,13 +1,13 @@
-"""Simulates radars whose antennas turn: plots at their own times, reported by turn or by sector.
+"""Simulates turning radars: plots with their own times, reported by turn or by sector.
 
 ::
 
     Scenario, seed
-      |  when the beam passes each target        passes, looks
+      |  passes of the beam over targets         passes, looks
       |  detection, noise, clutter               plots_of
-    Plots of a radar, in the order of time
+    Plots of a radar, ordered by time
       |  by turn or by sector                    reports_of
-      |  slant ranges to the plane               placed
+      |  slant ranges to the plane               to_plane
     Report: stamp, detections, sources
 
 The plots of a seed do not depend on how they are reported.
@@ -23,8 +23,7 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.slant_range import HeightReading, over_ground
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 
@@ -39,14 +38,14 @@ PRIMARY, COMBINED = 1, 3
 
 
 class Report(NamedTuple):
-    """What one radar publishes at once.
+    """One message of a radar.
 
     Parameters
     ----------
     radar : int
         Index in the scenario.
     stamp_ns : int
-        When the turn or the sector ended.
+        End of the turn or of the sector.
     detections : Detections
     source : int array of shape (M,)
         The track_id of each detection's target; 0 for clutter.
@@ -64,15 +63,15 @@ class Plots(NamedTuple):
     Parameters
     ----------
     turns : array of shape (M,)
-        Turns of the antenna from scan 0's turn until it points at the measured azimuth, ascending.
+        Turns of the antenna from the begin of scan 0's turn to the measured azimuth, ascending.
     measurement : array of shape (M, 2)
-        Of a radar with a site slant ranges, and azimuths from true east.
+        Range and azimuth; slant range and azimuth from true east for a radar with a site.
     amplitude : array of shape (M,)
     source : int array of shape (M,)
         The track_id of each plot's target; 0 for clutter.
     answering : int array of shape (M,)
-        The track_id of the target whose transponder answers: of a mirrored answer, too, which is
-        clutter.
+        The track_id of the target whose transponder replies; set also for a mirrored reply, whose
+        source is clutter.
     range_rate : array of shape (M,) or None
     """
 
@@ -84,7 +83,7 @@ class Plots(NamedTuple):
     range_rate: FloatArray | None = None
 
     def take(self, rows: IntArray) -> Plots:
-        """Return some of them."""
+        """Return the plots of some rows."""
         rate = None if self.range_rate is None else self.range_rate[rows]
         turns, measurement, amplitude, source, answering, _ = self
         return Plots(
@@ -100,8 +99,8 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
     ----------
     scenario : Scenario
     inputs : sequence of RadarInput
-        One per radar: in how many sectors a turn is reported, and whether its messages have times
-        and amplitudes. What they do not have, the detections do not have.
+        One per radar: number of sectors per turn, and whether its messages have times and
+        amplitudes. Detections have only the fields of the messages.
     seed : int
     """
     reports = []
@@ -117,12 +116,7 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
 
 
 def check_sites(inputs: Sequence[RadarInput]) -> None:
-    """Refuse radars on the round earth that do not turn: they are simulated over a plane only.
-
-    Raises
-    ------
-    ConfigError
-    """
+    """Refuse staring radars on the round earth, which are simulated over a plane only."""
     faults = [
         f"{radar.name}.rotation_s: 0 given, must be above 0 to simulate a radar with geodetic"
         for radar in inputs
@@ -132,54 +126,54 @@ def check_sites(inputs: Sequence[RadarInput]) -> None:
         raise ConfigError(faults)
 
 
-def answered_plots(
+def plots_with_replies(
     scenario: Scenario, index: int, layout: RadarInput, seed: int
 ) -> tuple[Plots, Detections]:
-    """Return the plots of a radar from scan 0 on, and the same as it measures them.
+    """Return the plots of a turning radar from scan 0 on, and the same as detections.
 
-    The radar turns. The detections have its errors, all that its targets answer, and a kind,
-    whatever the `layout` of its messages is; of a radar with a site slant ranges. Their times are
-    `plot_times`.
+    The detections have the radar's biases, all replies of its targets and a sensor type,
+    independent of the message `layout`; their ranges are slant ranges if the radar has a site.
+    Their times are `plot_times`.
     """
     plots = plots_of(scenario, index, _generator(seed, index), layout)
     found = _answers(scenario, index, plots, seed)
     if scenario.transponders is None:
         every = slice(0, len(plots.turns))
         found = replace(found, height=_heights(scenario, index, plots, every))
-    _, found = scenario.bias(index).added(0, replace(found, kind=_kind(found)))
+    _, found = scenario.bias(index).apply_to(0, replace(found, kind=_kind(found)))
     rows = np.flatnonzero(plot_times(scenario, index, plots) >= 0.0)
     return plots.take(rows), found.take(rows)
 
 
 def _generator(seed: int, index: int) -> np.random.Generator:
-    """Return the generator of a radar, which has its own so as not to depend on the others."""
+    """Return the generator of a radar, which is independent of the other radars."""
     return np.random.default_rng([seed, index])
 
 
 def _biased(report: Report, scenario: Scenario) -> Report:
-    """Return a report with the systematic errors of its radar."""
-    stamp_ns, found = scenario.bias(report.radar).added(report.stamp_ns, report.detections)
+    """Return a report with the biases of its radar."""
+    stamp_ns, found = scenario.bias(report.radar).apply_to(report.stamp_ns, report.detections)
     return report._replace(stamp_ns=stamp_ns, detections=found)
 
 
 def plots_of(
     scenario: Scenario, index: int, rng: np.random.Generator, layout: RadarInput | None = None
 ) -> Plots:
-    """Return the plots of one radar, with clutter, in the order of time.
+    """Return the plots of one radar, with clutter, ordered by time.
 
-    Its `layout` says where it stands on the round earth; None if it measures over a plane.
+    `layout` has the radar's site on the round earth; None if it measures over a plane.
     """
     radar, antenna = scenario.radars[index], scenario.antennas[index]
     _, state, true, source = own = looks(scenario, index, layout)
     snr = np.array([0.0, *(flight.snr for flight in scenario.flights)])[source]
     found, amplitude, seen = observe(true, snr, radar, rng)
-    turned = _turned(antenna, antenna.turns_at(own.time_s, radar.rotation_s), true, found)
+    turned = _plot_turns(antenna, antenna.turns_at(own.time_s, radar.rotation_s), true, found)
     targets = Plots(turned[seen], found[seen], amplitude[seen], source[seen], source[seen])
     parts = (
         targets,
         _clutter(scenario, index, rng),
-        *_reflected(scenario, index, rng),
-        *_mirrored(scenario, index, layout, rng),
+        *_reflector_plots(scenario, index, rng),
+        *_mirror_plots(scenario, index, layout, rng),
     )
     turned = np.concatenate([part.turns for part in parts])
     others = len(turned) - len(targets.turns)
@@ -195,25 +189,25 @@ def plots_of(
     return every.take(np.argsort(turned, kind="stable"))
 
 
-def _turned(
+def _plot_turns(
     antenna: Antenna, turns: FloatArray, exact: FloatArray, found: FloatArray
 ) -> FloatArray:
-    """Return the turns at which the antenna points at measured azimuths: the times of the plots.
+    """Return the turns at which the antenna points at measured azimuths.
 
     Parameters
     ----------
     antenna : Antenna
     turns : array of shape (N,)
-        Until it points at the true azimuths.
+        Turns at which the antenna points at the true azimuths.
     exact, found : arrays of shape (N, 2)
-        True and measured.
+        True and measured range and azimuth.
     """
     moved = wrap_angle(found[:, 1] - exact[:, 1]) / FULL_TURN
     return turns + (-moved if antenna.clockwise else moved)
 
 
-def _reflected(scenario: Scenario, index: int, rng: np.random.Generator) -> Iterator[Plots]:
-    """Yield what a radar detects of each kind of reflectors."""
+def _reflector_plots(scenario: Scenario, index: int, rng: np.random.Generator) -> Iterator[Plots]:
+    """Yield a radar's plots of each kind of reflectors."""
     radar, antenna = scenario.radars[index], scenario.antennas[index]
     whole = (Leg(max(scenario.duration_s, radar.rotation_s)),)
     for kind in scenario.reflectors:
@@ -221,19 +215,19 @@ def _reflected(scenario: Scenario, index: int, rng: np.random.Generator) -> Iter
         for point in kind.points:
             still = Flight(0, 0.0, 0.0, point, (0.0, 0.0), whole)
             time = passes(still, radar, antenna, scenario.duration_s, scenario.carrier(index))
-            exact.append(scenario.measured(index, still.states(time), time))
+            exact.append(scenario.measure(index, still.states(time), time))
             turns.append(antenna.turns_at(time, radar.rotation_s))
         true = np.concatenate(exact)
         found, amplitude, seen = kind.answers(true, radar, rng)
-        turned = _turned(antenna, np.concatenate(turns), true, found)
+        turned = _plot_turns(antenna, np.concatenate(turns), true, found)
         none = np.zeros(int(np.count_nonzero(seen)), dtype=np.int64)
         yield Plots(turned[seen], found[seen], amplitude[seen], none, none)
 
 
-def _mirrored(
+def _mirror_plots(
     scenario: Scenario, index: int, layout: RadarInput | None, rng: np.random.Generator
 ) -> Iterator[Plots]:
-    """Yield the answers of each target that each mirror sends to a radar."""
+    """Yield a radar's plots of each target's replies by each mirror."""
     radar, antenna = scenario.radars[index], scenario.antennas[index]
     axes = list(radar.space.position)
     for mirror in scenario.mirrors:
@@ -248,13 +242,15 @@ def _mirrored(
             snr = np.full(len(position), flight.snr)
             found, amplitude, seen = observe(exact, snr, radar, rng)
             seen &= mirror.reflects(position, radar, rng)
-            turned = _turned(antenna, antenna.turns_at(own.time_s, radar.rotation_s), exact, found)
+            turned = _plot_turns(
+                antenna, antenna.turns_at(own.time_s, radar.rotation_s), exact, found
+            )
             none = np.zeros(int(np.count_nonzero(seen)), dtype=np.int64)
             yield Plots(turned[seen], found[seen], amplitude[seen], none, own.source[seen])
 
 
 def _clutter(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
-    """Return one radar's clutter in its field of view; the rate is that of a whole turn."""
+    """Return one radar's clutter in its field of view; the clutter rate is per whole turn."""
     radar, antenna = scenario.radars[index], scenario.antennas[index]
     end = antenna.turns_at(np.array([scenario.duration_s]), radar.rotation_s)
     last = int(np.ceil(end[0]))
@@ -269,13 +265,13 @@ def _clutter(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
 def reports_of(
     scenario: Scenario, index: int, plots: Plots, layout: RadarInput, seed: int = 0
 ) -> list[Report]:
-    """Return the plots of one radar by turn, or by sector; also those without plots.
+    """Return one report per turn or sector of a radar, also without plots.
 
-    Turns that had begun before scan 0, or had not ended at the last scan, are left out. `seed` is
-    that of what targets answer.
+    Incomplete turns at the begin and the end of the run are left out. `seed` is the seed of the
+    replies.
     """
     radar, antenna = scenario.radars[index], scenario.antennas[index]
-    # Turns and sectors begin where the antenna says so, not where it is.
+    # Turns and sectors begin by the biased azimuth that the antenna reports.
     ahead = scenario.bias(index).azimuth / FULL_TURN * (-1.0 if antenna.clockwise else 1.0)
     turned, offset = plots.turns + ahead, antenna.begin + ahead
     answers = _answers(scenario, index, plots, seed)
@@ -290,18 +286,18 @@ def reports_of(
         edge = (number + 1) / parts
         end_s = float(antenna.times_at(np.array(edge - ahead), radar.rotation_s))
         rows = slice(int(begin), int(end))
-        # What the antenna is ahead of even turns changes between the plot and the stamp.
+        # Change of the antenna's lead over an even rotation between plot and stamp.
         gained_s = antenna.ahead_s(time_s[rows]) - antenna.ahead_s(np.array(end_s))
         own_s = (turned[rows] - edge) * radar.rotation_s - gained_s
         coverage = _coverage(antenna, number % parts, parts) if layout.sectors else None
-        detections = _reported(plots, rows, own_s, coverage, layout)
+        detections = _to_detections(plots, rows, own_s, coverage, layout)
         if scenario.transponders is not None:
             own = answers.take(np.arange(len(plots.turns))[rows])
             detections = _with_answers(detections, own, layout)
             detections = _read(detections, _heights(scenario, index, plots, rows), layout)
         elif layout.height_field and layout.site is not None:
             detections = replace(detections, height=_heights(scenario, index, plots, rows))
-        detections = placed(detections, layout)
+        detections = to_plane(detections, layout)
         reports.append(Report(index, scenario.ns_after(end_s), detections, plots.source[rows]))
     return reports
 
@@ -311,10 +307,10 @@ def plot_times(scenario: Scenario, index: int, plots: Plots) -> FloatArray:
     return scenario.antennas[index].times_at(plots.turns, scenario.radars[index].rotation_s)
 
 
-def _reported(
+def _to_detections(
     plots: Plots, rows: slice, time_s: FloatArray, coverage: Coverage | None, layout: RadarInput
 ) -> Detections:
-    """Return some plots as detections, with what the radar's messages have."""
+    """Return some plots as detections with the fields of the radar's messages."""
     return Detections(
         plots.measurement[rows],
         plots.amplitude[rows] if layout.amplitude_field else None,
@@ -339,14 +335,14 @@ def _heights_at(scenario: Scenario, source: IntArray, time_s: FloatArray) -> Flo
 
 
 def _read(found: Detections, true: FloatArray, layout: RadarInput) -> Detections:
-    """Return detections over a plane with the ranges that a reader makes of the heights they tell.
+    """Return detections over a plane with ranges as a reader converts them, given their heights.
 
     Parameters
     ----------
     found : Detections
-        With the ranges over ground of their true heights.
+        Detections with the ground ranges of their true heights.
     true : array of shape (M,)
-        Metres; NaN for clutter.
+        True heights, metres; NaN for clutter.
     layout : RadarInput
     """
     if layout.site is not None or found.height is None:
@@ -355,14 +351,14 @@ def _read(found: Detections, true: FloatArray, layout: RadarInput) -> Detections
     return replace(found, measurement=reading.at(found.measurement, true, found.height))
 
 
-def placed(found: Detections, layout: RadarInput) -> Detections:
-    """Return detections with the ranges and azimuths in the plane that a reader makes of them.
+def to_plane(found: Detections, layout: RadarInput) -> Detections:
+    """Return detections with ranges and azimuths in the plane, as a reader converts them.
 
     Parameters
     ----------
     found : Detections
-        Of a radar with a site, with slant ranges and azimuths from true east. Those of another are
-        returned as they are.
+        Slant ranges and azimuths from true east, if the radar has a site; other detections are
+        returned unchanged.
     layout : RadarInput
     """
     if layout.site is None:
@@ -376,14 +372,14 @@ def placed(found: Detections, layout: RadarInput) -> Detections:
 
 
 def _answers(scenario: Scenario, index: int, plots: Plots, seed: int) -> Detections:
-    """Return all plots with what their targets answer, however they are reported."""
+    """Return all plots with their targets' replies, independent of the messages."""
     found = Detections(plots.measurement, None)
     time_s = plot_times(scenario, index, plots)
-    return scenario.answered(found, plots.answering, time_s, (seed, index))
+    return scenario.with_replies(found, plots.answering, time_s, (seed, index))
 
 
 def _with_answers(found: Detections, answers: Detections, layout: RadarInput) -> Detections:
-    """Return detections with those of their answers that the radar's messages have."""
+    """Return detections with the replies that the radar's messages contain."""
     return replace(
         found,
         code=answers.code if layout.code_field else None,
@@ -394,7 +390,7 @@ def _with_answers(found: Detections, answers: Detections, layout: RadarInput) ->
 
 
 def _kind(answers: Detections) -> IntArray:
-    """Return the kinds of a combined radar's plots: primary, or with an answer both."""
+    """Return the sensor types of a combined radar's plots: primary, or combined with a reply."""
     kind = np.full(len(answers), PRIMARY)
     for known in (answers.code, answers.address):
         if known is not None:
@@ -403,7 +399,7 @@ def _kind(answers: Detections) -> IntArray:
 
 
 def _coverage(antenna: Antenna, sector: int, sectors: int) -> Coverage:
-    """Return the azimuths of a sector, counted from the y axis in the antenna's sense."""
+    """Return the coverage of a sector; sectors count from the y axis in the antenna's sense."""
     width = FULL_TURN / sectors
     start = -(sector + 1) * width if antenna.clockwise else sector * width
     return Coverage(float(wrap_angle(np.array(np.pi / 2.0 + start))), width)
@@ -412,7 +408,7 @@ def _coverage(antenna: Antenna, sector: int, sectors: int) -> Coverage:
 def _still_reports(
     scenario: Scenario, index: int, layout: RadarInput, rng: np.random.Generator, seed: int
 ) -> list[Report]:
-    """Return the reports of a radar that does not turn: one at every scan."""
+    """Return the reports of a staring radar, one per scan."""
     snr_of = np.array([target.snr for target in scenario.targets])
     reports = []
     for scan in range(scenario.scans):
@@ -424,7 +420,7 @@ def _still_reports(
         if not layout.amplitude_field:
             found = replace(found, amplitude=None)
         time_s = np.full(len(source), scan * scenario.interval_s)
-        answers = scenario.answered(found, source, time_s, (seed, scan, index))
+        answers = scenario.with_replies(found, source, time_s, (seed, scan, index))
         found = _read(
             _with_answers(found, answers, layout), _heights_at(scenario, source, time_s), layout
         )

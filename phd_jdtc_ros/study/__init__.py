@@ -15,7 +15,6 @@
       |  draw, tabulate                      figures
     pictures, tables
 
-`monte_carlo` reads a study's definition, plans its tasks and runs them. `madap` has the figures of
-a published benchmark. `autoferry` reads recordings of a public dataset, and `autoferry_scores`
-compares the trackers on them.
+`monte_carlo` reads a study's definition, plans its tasks and runs them. The repository's folder
+`studies` has studies of single questions, which use these modules.
 """

@@ -2,11 +2,11 @@
 
 It runs one iterated extended Kalman filter per true target, with the tracker's motion model, radars
 and birth prior, and a Rauch-Tung-Striebel smoother over a fixed lag. It is given the association,
-the lifetime and the class of every target, so its only error is localisation. A tracker of the
-same model can approach this error but hardly fall below it. A tracker of another model can: the
-targets of most scenarios fly straight on, without the noise of the model.
+the lifetime and the class of every target, so its only error is localisation. A tracker with the
+same model can approach this error but hardly fall below it. A tracker with another model can: most
+scenarios' targets fly straight, without the process noise of the model.
 
-A target that is alone and has one motion is the case N = 1 of the update in `kalman`.
+A single target with one motion model is the case N = 1 of the functions in `kalman`.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, MotionModel
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 
 from .runs import SimulatedRun, Tracks
 
-# A limit must not have an error of its own, and one target costs little.
+# Largest number of linearisations and their convergence: strict, because the reference must add no
+# error of its own and one target costs little.
 ITERATIONS, CONVERGED = 10, 1e-5
 
 
-# Of a target that flies straight on, m^2/s^3; found on seeds 9000 to 9009 of the scenarios without
-# turns, of 0.001 to 10, as the least that was tried.
+# Spectral density of the acceleration for straight flight, m^2/s^3: the best, and smallest, of the
+# values 0.001 to 10 on seeds 9000 to 9009 of the scenarios without turns.
 BEST_NOISE = 0.001
 
 
@@ -41,7 +42,7 @@ class Gaussian:
     ----------
     mean : array of shape (D,)
     covariance : array of shape (D, D)
-        Zero on the axes that the motion is not defined on.
+        Zero on axes on which the motion is not defined.
     """
 
     mean: FloatArray
@@ -80,14 +81,14 @@ class Backward:
 
 @dataclass(frozen=True)
 class Filtered:
-    """The filter's result for one scan, as the smoother needs it.
+    """The filter's result for one scan, for use by the smoother.
 
     Parameters
     ----------
     updated : Gaussian
-        After the scan's measurements.
+        Distribution after the scan's measurements.
     back : Backward or None
-        From this scan to the target's previous one; None on its first.
+        Backward step from this scan to the target's previous one; None on its first scan.
     """
 
     updated: Gaussian
@@ -105,14 +106,14 @@ def birth(
         World frame, metres.
     motion : MotionModel
     position_std, velocity_std : float
-        Along each axis, in metres and metres per second.
+        Standard deviations along each axis, metres and metres per second.
     """
     std = motion.space.state(position_std, velocity_std, 0.0)
     return Gaussian(motion.space.state(position, 0.0, 0.0), np.diag(std**2))
 
 
 def predict(before: Gaussian, motion: MotionModel, dt: float) -> tuple[Gaussian, Backward]:
-    """Return the distribution `dt` seconds later, and what leads back from it."""
+    """Return the distribution `dt` seconds later, and the backward step from it."""
     size, axes = len(motion.space), list(motion.support)
     state = before.mean[None]
     later_mean, jacobian = motion.mean(state, dt)[0], motion.jacobian(state, dt)[0]
@@ -133,12 +134,12 @@ def update(
     prior : Gaussian
     radar : RadarModel
     measurement : array of shape (2,)
-        In the radar's frame.
+        Range and azimuth in the radar's frame.
     iterations : int
         Largest number of linearisations; 1 is the plain extended Kalman filter.
     """
     state = prior.mean[None], prior.covariance[None]
-    found = kalman.located(
+    found = kalman.iterated_update(
         *state,
         radar,
         measurement[None],
@@ -151,17 +152,17 @@ def update(
 
 
 def smooth(filtered: Sequence[Filtered]) -> Gaussian:
-    """Return the first scan's distribution given the measurements of all of them.
+    """Return the first scan's distribution given the measurements of all scans.
 
     Parameters
     ----------
     filtered : sequence of Filtered
-        Consecutive scans of one target; for a single scan its filtered distribution is returned.
+        Consecutive scans of one target; a single scan's smoothed distribution is the filtered one.
     """
     smoothed = filtered[-1].updated
     for step in filtered[:0:-1]:
         if step.back is None:
-            raise ValueError("filtered: a scan after the first leads back to none")
+            raise ValueError("filtered: a scan after the first has no backward step")
         smoothed = step.back.earlier(smoothed)
     return smoothed
 
@@ -176,7 +177,7 @@ def filter_target(
     run : SimulatedRun
     track_id : int
     prior : Gaussian
-        At the target's first scan, before its measurements.
+        Distribution at the target's first scan, before its measurements.
     model : MotionModel
 
     Notes
@@ -217,7 +218,7 @@ def known_association(
     ----------
     run : SimulatedRun
     lags : sequence of int
-        Scans; 0 is the filter. Near the end of a target's life fewer later scans are used.
+        Lags in scans; 0 is the filter. Near the end of a target's life fewer later scans are used.
     noise_density : float
         Spectral density l of the constant-velocity model, m^2/s^3.
     position_std, velocity_std : float

@@ -1,4 +1,4 @@
-"""The input and output of a study's trackers: simulated runs, and estimates by lag."""
+"""Input and output of a study's trackers: simulated runs and estimates by lag."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from typing import NamedTuple, TypeAlias
 
 from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.types import Scan, Truth
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.simulate import simulate_with_sources
 
 
 class Ignored(NamedTuple):
-    """Which targets of a radar that turns are not scored, nor the estimates of them.
+    """Criteria of the targets of turning radars that are not scored, with their estimates.
 
     Parameters
     ----------
     below : float
-        Those slower than this, metres per second.
+        Targets slower than this are not scored, metres per second.
     near : float
-        An estimate nearer than this to such a target is its, metres.
+        Gate of the assignment of estimates to these targets, metres.
     """
 
     below: float = 40.0
     near: float = 1000.0
 
 
-# Aircraft that taxi.
+# The default leaves out taxiing aircraft.
 TAXIING = Ignored()
 
 
@@ -42,14 +42,14 @@ class SimulatedRun:
     scenario : Scenario
     seed : int
     truth : tuple of Truth
-        At every scan, or where antennas turn at every turn.
+        Truth at every scan, or at every turn if antennas turn.
     scans : tuple of Scan
-        Empty where antennas turn.
+        Empty if antennas turn.
     sources : tuple of tuples of int arrays
-        Per scan and radar, the track_id of the target of every detection, 0 for clutter. Only
-        references with known association may use it.
+        The track_id of every detection's target by scan and radar, 0 for clutter. Only references
+        with known association may use it.
     ignored : Ignored
-        Where antennas turn.
+        Unscored targets if antennas turn.
     """
 
     scenario: Scenario
@@ -61,7 +61,7 @@ class SimulatedRun:
 
 
 def simulated_run(scenario: Scenario, seed: int) -> SimulatedRun:
-    """Return a simulated run, which depends on scenario and seed only."""
+    """Return the simulated run of a scenario and a seed."""
     truth, scans, sources = zip(*simulate_with_sources(scenario, seed), strict=True)
     return SimulatedRun(scenario, seed, truth, scans, sources)
 
@@ -71,13 +71,13 @@ Tracks: TypeAlias = Mapping[int, list[PointSet]]
 
 
 class Tracked(NamedTuple):
-    """What a tracker makes of a run.
+    """A tracker's estimates of a run, with its CPU time.
 
     Parameters
     ----------
     tracks : Tracks
     cpu_ms : float
-        CPU time per turn, milliseconds; NaN if it was not measured.
+        CPU time per turn, milliseconds; NaN if not measured.
     """
 
     tracks: Tracks

@@ -1,7 +1,7 @@
 """The package's tracker on a simulated run: one filter, with several extractions and all lags.
 
 The filter does not depend on death term and extraction. Variants that differ only in these share
-one filter, and one backward pass over the window gives the smoothed sets of all lags, with every
+one filter, and one backward pass over the window gives the smoothed sets of all lags, for every
 engine.
 """
 
@@ -24,24 +24,24 @@ from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.core.window.entries import Entry
 from phd_jdtc_ros.core.window.forward_filter import ForwardFilter
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 
 from .runs import SimulatedRun, Tracks
 
-# The entries of the latest scans, oldest first; what their sets are is the engine's.
+# The entries of the latest scans, oldest first; the type of their sets depends on the engine.
 Window: TypeAlias = "Sequence[Entry[Any, Any]]"
 
 
 class Reading(NamedTuple):
-    """A death term and an extraction for the filter's sets.
+    """A variant of extraction: death term and extraction method.
 
     Parameters
     ----------
     label : str
     death_term : str
-        A value of the tracker's parameter `death_term`.
+        One of `DEATH_TERMS`.
     extraction : str
-        A value of the tracker's parameter `extraction`.
+        One of `EXTRACTIONS`.
     """
 
     label: str
@@ -50,7 +50,7 @@ class Reading(NamedTuple):
 
 
 class _Parts(NamedTuple):
-    """The parts of an engine, to be used one by one.
+    """The parts of an engine.
 
     Parameters
     ----------
@@ -101,12 +101,12 @@ def _of_gaussians(config: TrackerConfig) -> _Parts:
         threshold: float,
         __: np.random.Generator,
     ) -> Estimates:
-        return gaussian_extraction.extracted(stored, forward.dynamics, stamp_ns, lag, threshold)
+        return gaussian_extraction.extract(stored, forward.dynamics, stamp_ns, lag, threshold)
 
     return _Parts(forward, backward, extract, config.rule)
 
 
-# By the name of the engine, see `configuration.engines`.
+# Functions that return an engine's parts, by its name, see `configuration.engines`.
 PARTS = {"particles": _of_particles, "gaussian": _of_gaussians}
 
 
@@ -118,13 +118,12 @@ def track(
     Parameters
     ----------
     run : SimulatedRun
-        Its seed is also that of the filter.
+        The run, whose seed is also the filter's.
     config : TrackerConfig
-        Its lag, seed, death term and extraction are not used.
+        Configuration, without use of its lag, seed, death term and extraction.
     readings : sequence of Reading
     lags : sequence of int
-        Scans; 0 is the filter. The last scans of the run are smoothed with the fewer scans that
-        follow them.
+        Lags in scans; 0 is the filter. The last scans of the run have fewer later scans.
 
     Notes
     -----
@@ -154,7 +153,7 @@ def _read_window(window: Window, newest: int, readers: Sequence[_Reader], parts:
 
 
 class _Reader:
-    """Collects the estimates of one reading, by lag and scan."""
+    """Collects the estimates of one variant of extraction, by lag and scan."""
 
     def __init__(
         self, reading: Reading, run: SimulatedRun, lags: Sequence[int], parts: _Parts
@@ -169,7 +168,7 @@ class _Reader:
         """Extract the filtered estimates, on which the smoothed ones depend too."""
         scan, longest = self._run.scans[index], max(self._estimates)
         found = self._extract(updated, index, 0, self._parts.rule.least, self._rng[0])
-        found = self._states.filtered(
+        found = self._states.report_filtered(
             found, updated.label, (scan.stamp_ns,), scan, self._parts.forward.mapped_model
         )
         self._states.note(found)
@@ -183,7 +182,7 @@ class _Reader:
             if wanted > 0 and (wanted == lag or (run_over and wanted > lag)):
                 least, rng = self._parts.rule.least_smoothed, self._rng[wanted]
                 found = self._extract(smoothed, index, lag, least, rng)
-                self._estimates[wanted][index] = PointSet.of(self._states.smoothed(found))
+                self._estimates[wanted][index] = PointSet.of(self._states.report_smoothed(found))
 
     def _extract(
         self, stored: Any, index: int, lag: int, threshold: float, rng: np.random.Generator
@@ -192,7 +191,7 @@ class _Reader:
         return self._parts.extract(stored, self.reading, stamp_ns, lag, threshold, rng)
 
     def tracks(self) -> Tracks:
-        """Return the estimates by lag, in the order of the scans."""
+        """Return the estimates by lag, ordered by scan."""
         return {
             lag: [by_scan[index] for index in sorted(by_scan)]
             for lag, by_scan in self._estimates.items()

@@ -1,23 +1,22 @@
-"""Runs of radars whose antennas turn, and this package's tracker on them, through its pipeline.
+"""Runs of turning radars, and this package's tracker on them through its pipeline.
 
-All trackers are scored at the end of each turn of the first radar that turns, with their estimates
-predicted to it. Slow targets are not scored: aircraft that taxi, ships at anchor.
+All trackers are scored at the end of each turn of the first turning radar, with their estimates
+predicted to this time. Slow targets, such as taxiing aircraft and ships at anchor, are not scored.
 """
 
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from msg_adapters.selection import Report as Received
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.intake.poses import PoseFault
-from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import (
     COASTING,
@@ -27,35 +26,37 @@ from phd_jdtc_ros.core.types import (
     Estimates,
     Truth,
 )
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.feed.feed import Feed
+from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
 
 from .runs import TAXIING, Ignored, SimulatedRun, Tracked
 
-# Estimates older than this, in turns, are not predicted to a stamp.
+# Largest age of estimates that are predicted to a stamp, in turns.
 OLDEST_TURNS = 1.5
 
 
 def turn_ends(scenario: Scenario) -> list[float]:
-    """Return when the turns of the first radar that turns end, seconds after scan 0."""
+    """Return the ends of the first turning radar's turns, seconds after scan 0."""
     index = next(k for k, radar in enumerate(scenario.radars) if radar.rotation_s > 0.0)
     rotation_s, antenna = scenario.radars[index].rotation_s, scenario.antennas[index]
     last = antenna.turns_at(np.array(scenario.duration_s), rotation_s)
-    turns = np.arange(int(np.ceil(antenna.begin)) + 1, int(last + 1e-9) + 1)
+    turns = np.arange(int(np.ceil(antenna.begin)) + 1, int(last + 1e-9) + 1, dtype=float)
     ends: list[float] = antenna.times_at(turns, rotation_s).tolist()
     return ends
 
 
 def turning_run(scenario: Scenario, seed: int, ignored: Ignored = TAXIING) -> SimulatedRun:
-    """Return a run with the truth that is scored at the end of each turn; it has no scans."""
+    """Return a run without scans whose truth is at the end of each turn."""
     every = (truth_after(scenario, end) for end in turn_ends(scenario))
-    truth = tuple(_scored(known, ignored) for known in every)
+    truth = tuple(_without_slow(known, ignored) for known in every)
     return SimulatedRun(scenario, seed, truth, (), (), ignored)
 
 
-def _scored(truth: Truth, ignored: Ignored) -> Truth:
+def _without_slow(truth: Truth, ignored: Ignored) -> Truth:
     rows = np.flatnonzero(np.hypot(*truth.velocity.T) >= ignored.below)
     return replace(
         truth,
@@ -66,8 +67,8 @@ def _scored(truth: Truth, ignored: Ignored) -> Truth:
     )
 
 
-def of_scored(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointSet]:
-    """Return a tracker's estimates at the stamps of the truth without those of slow targets.
+def without_ignored(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointSet]:
+    """Return a tracker's estimates at the stamps of the truth without estimates of ignored targets.
 
     Targets and estimates are paired by position; false estimates stay.
     """
@@ -86,26 +87,27 @@ def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int])
     Parameters
     ----------
     run : SimulatedRun
-        Of `turning_run`; its seed is also that of the filter.
+        Result of `turning_run`; its seed is also the filter's.
     parameters : mapping
-        Of the tracker. How the radars report is theirs too; the plots do not depend on it.
+        Parameters of the tracker, with the reporting of the radars, which does not change the
+        plots.
     lags : sequence of int
-        Turns; 0 is the filter, which is also that of the longest lag.
+        Lags in turns; 0 is the filter, taken from the run of the longest lag.
 
     Notes
     -----
-    The tracker runs once for each lag above 0. The CPU time is that of the last run.
+    The tracker runs once for each lag above 0. The CPU time is the last run's.
     """
     tracks: dict[int, list[PointSet]] = {}
     scenario, rotation_s, spent_s = run.scenario, _rotation_s(run.scenario), 0.0
     for lag in sorted(lag for lag in {*lags, 0} if lag or not any(lags)):
-        given = {**parameters, "seed": run.seed, "lag": 0, "lag_s": lag * rotation_s}
+        given = {**parameters, "seed": run.seed, "lag": f"{lag * rotation_s} s" if lag else 0}
         found, spent_s = estimates_of(scenario, resolve(given), run.seed)
         for source, of_lag in ((FILTERED, 0), (SMOOTHED, lag)):
             if of_lag in lags:
                 stamps = [truth.stamp_ns for truth in run.truth]
                 points = at_stamps(found[source], stamps, OLDEST_TURNS * rotation_s)
-                tracks[of_lag] = of_scored(run, points)
+                tracks[of_lag] = without_ignored(run, points)
     return Tracked(tracks, 1e3 * spent_s / max(len(run.truth), 1))
 
 
@@ -132,21 +134,18 @@ def estimates_of(
 def _events(
     config: TrackerConfig, scenario: Scenario, reports: Iterable[Report]
 ) -> Iterator[Event]:
-    pipeline = new_pipeline(config)
+    feed = Feed(config, Tally(config))
     poses = iter(scenario.poses())
     posed_ns = -1
     for report in reports:
         while posed_ns < report.stamp_ns and (known := next(poses, None)) is not None:
-            posed_ns, pose = known
-            for radar in scenario.platform.radars if scenario.platform else ():
-                posed = pipeline.add_pose(radar, posed_ns, pose)
-                if not isinstance(posed, PoseFault):
-                    yield from posed
+            posed_ns = known[0]
+            for topic in config.carried:
+                yield from feed.pose(topic, lambda: known)
         bias = config.inputs[report.radar].bias
-        events = pipeline.add(report.radar, *bias.removed(report.stamp_ns, report.detections))
-        if not isinstance(events, Rejection):
-            yield from events
-    yield from pipeline.flush()
+        stamp_ns, detections = bias.remove_from(report.stamp_ns, report.detections)
+        yield from feed.report(report.radar, Received(stamp_ns, detections, Counter())) or ()
+    yield from feed.flush()
 
 
 def at_stamps(
@@ -159,7 +158,7 @@ def at_stamps(
     found : sequence of Estimates
     stamps_ns : sequence of int
     oldest_s : float
-        Where the newest are older, seconds, there are none.
+        Largest age of the newest estimates, seconds; older ones are left out.
     """
     ordered = sorted(found, key=lambda estimates: estimates.stamp_ns)
     known_ns = [estimates.stamp_ns for estimates in ordered]
@@ -182,7 +181,7 @@ def at_stamps(
 
 
 def _heights_after(found: Estimates, seconds: float) -> FloatArray | None:
-    """Return heights some time later, metres; None where no radar reports any."""
+    """Return predicted heights, metres; None if no radar reports heights."""
     if found.attributes is None:
         return None
     height: FloatArray = found.attributes.height @ np.array([1.0, seconds])

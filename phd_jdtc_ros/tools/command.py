@@ -101,7 +101,6 @@ def tracker_config(arguments: argparse.Namespace, bag: Path | None = None) -> Tr
 
     Parameters
     ----------
-    arguments : argparse.Namespace
     bag : Path or None
         The bag that is read. The parameters beside it are those used if neither a scenario nor a
         file is given; if others are given that do not fit its scene, warnings say so.

@@ -40,7 +40,6 @@ def joined(
     ----------
     runs : sequence of Record
         One per tracker.
-    regions : sequence of Region
     hysteresis, wait_s : float
         See `JointPicture`.
     """
@@ -118,7 +117,7 @@ def _write(
             for own in by_stamp:
                 message = estimates.to_msg(own, config.world_frame)
                 bag.write(names.estimates(kind), interfaces.encode(message), own.stamp_ns)
-    values = {**config.values, "region": [], "region_margin": 0.0}
+    values = {**config.values, "region": []}
     bag_parameters.write(out / bag_parameters.NAME, values)
 
 

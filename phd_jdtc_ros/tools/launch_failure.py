@@ -11,10 +11,6 @@ class Failure(Event):
     """A node has failed: the launch shuts down with status 1.
 
     As an event, so that others learn of the node's end before.
-
-    Parameters
-    ----------
-    reason : str
     """
 
     name = "phd_jdtc_ros.Failure"

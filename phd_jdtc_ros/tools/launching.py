@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from phd_jdtc_ros import resources
+from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, USAGE
-from phd_jdtc_ros.parameter_files import bag_parameters, sensor_replay, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, sections, sensor_replay, tracker_params
 
 _BOOLEANS = {"true": True, "True": True, "1": True, "false": False, "False": False, "0": False}
 
@@ -93,16 +94,24 @@ def load(params_file: str, tracker: str) -> TrackerConfig:
     return tracker_params.load(Path(params_file), tracker)
 
 
+def outputs(params_file: str, tracker: str, frames: bool) -> list[str]:
+    """Return the tracker's ``outputs`` with or without the radars' frames, whatever its file says.
+
+    The file is one that `load` takes.
+    """
+    given = sections.read(Path(params_file)).values(tracker) if params_file else {}
+    others = given.get("outputs", tracker_node.Node().outputs)
+    return [*(name for name in others if name != "frames"), *(["frames"] if frames else [])]
+
+
 @dataclass(frozen=True)
 class Demo:
     """What a demo plays, and to which tracker.
 
     Parameters
     ----------
-    bag : Path
     params_file : str
         Of the tracker; empty for its defaults.
-    config : TrackerConfig
     """
 
     bag: Path

@@ -24,7 +24,7 @@ from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.study import figures, monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Outcome, Plan, Scene, Store, Study, Task
 
-from . import beside, command
+from . import command
 
 PUBLISHED = Path("config/studies/published.yaml")
 # Of the published tables; the tracker's parameters were found on other seeds.
@@ -149,10 +149,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[Study, Plan]:
 
 
 def _backend(arguments: argparse.Namespace, busy: Callable[[], int]) -> Callable[..., None]:
-    """Return the function that runs tasks, given a callback for their outcomes.
-
-    `busy` tells how many processors of this machine are taken.
-    """
+    """Return the function that runs tasks, given a callback for their outcomes."""
 
     def on_dask(tasks: Sequence[Task], report: monte_carlo.Report) -> None:
         monte_carlo.run_on_dask(tasks, arguments.dask, report)
@@ -163,8 +160,8 @@ def _backend(arguments: argparse.Namespace, busy: Callable[[], int]) -> Callable
     return on_dask if arguments.dask else on_processes
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run the study tool."""
+def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0) -> int:
+    """Run the study tool; `busy` returns how many processors of this machine are taken."""
     parser = ArgumentParser("monte_carlo", description=__doc__)
     parser.add_argument(
         "--study", type=Path, default=published_study(), help="study file (%(default)s)"
@@ -193,13 +190,6 @@ def main(argv: Sequence[str]) -> int:
         "--variant", action="append", default=[], help="only this one; may be repeated"
     )
     command.add_assignments_argument(parser)
-    parser.add_argument(
-        "--beside",
-        action="append",
-        choices=beside.NAMES,
-        default=[],
-        help="another study that runs at the same time; may be repeated",
-    )
     command.add_cutoff_argument(parser)
     arguments = parser.parse_args(argv)
 
@@ -208,10 +198,7 @@ def main(argv: Sequence[str]) -> int:
         # On SIGTERM the worker processes are stopped too.
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
-            studies = [(name,) for name in arguments.beside]
-            with beside.Beside(studies, arguments.out) as others:
-                status = run(study, plan, arguments.out, _backend(arguments, others.busy))
-                return max(status, others.finish())
+            return run(study, plan, arguments.out, _backend(arguments, busy))
         finally:
             signal.signal(signal.SIGTERM, before)
 

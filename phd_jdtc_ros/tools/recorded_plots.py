@@ -16,7 +16,7 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
-from phd_jdtc_ros.calibration.tuning.plots import MOST_PLOTS, Plots, bounded, plots_of
+from phd_jdtc_ros.calibration.tuning.plots import MOST_PLOTS, Plots, limit_plots, plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.intake.posed_reports import PosedReports
 from phd_jdtc_ros.core.types import Detections
@@ -51,7 +51,6 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST
 
     Parameters
     ----------
-    bag : BagReader
     config : TrackerConfig
         Topics, fields, units and platforms.
     seconds : float
@@ -103,7 +102,7 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST
     release(everything=True)
     return Recorded(
         {
-            radar.name: bounded(plots_of(own), most) if own else None
+            radar.name: limit_plots(plots_of(own), most) if own else None
             for radar, own in zip(inputs, reports, strict=True)
         },
         {radar.name: count for radar, count in zip(inputs, dropped, strict=True)},
@@ -159,7 +158,7 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
     BagError
         If none of them is one.
     """
-    found: dict[str, Any] = {"radars": []}
+    found: dict[str, Any] = {"sensors": []}
     seen = []
     for topic, kind in sorted(bag.types.items()):
         if kind == radar_scan.TYPE_NAME:
@@ -173,10 +172,10 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
             continue
         if given is None:
             continue
-        name = _name_of(topic, found["radars"])
-        found["radars"].append(name)
+        name = _name_of(topic, found["sensors"])
+        found["sensors"].append(name)
         found.update({f"{name}.topic": topic} | {f"{name}.{key}": given[key] for key in given})
-    if not found["radars"]:
+    if not found["sensors"]:
         raise BagError(
             f"{bag.path}: has no cloud with a range and an azimuth that are recognised by their "
             f"names; it has {'; '.join(seen) or 'no clouds at all'}. Name them in a parameter file "

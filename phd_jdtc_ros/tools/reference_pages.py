@@ -1,39 +1,35 @@
-"""The documentation's pages of parameters and metrics, written from the tables in the code."""
+"""Pages of parameters and metrics, and lists of outputs, written from the tables in the code."""
 
 from __future__ import annotations
 
+import re
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
+from msg_adapters import names, outputs, quantities
 from phd_jdtc_ros.asterix_bridge import settings as bridge
-from phd_jdtc_ros.configuration import tracker_node
-from phd_jdtc_ros.configuration.parameters import BIRTH, CLASS, MOTION, TOP
-from phd_jdtc_ros.configuration.radar_parameters import RADAR
+from phd_jdtc_ros.configuration import replaced, tracker_node
+from phd_jdtc_ros.configuration.parameters import GROUPS as PARTS
+from phd_jdtc_ros.configuration.parameters import TOP, schema
 from phd_jdtc_ros.configuration.schema import Parameter
-from phd_jdtc_ros.evaluation.metric_table import (
-    CLASS_ACCURACY,
-    GROUPS,
-    OF_ALL,
-    PLOTTED,
-    PUBLISHED,
-    TERMS,
-)
+from phd_jdtc_ros.evaluation.metric_table import GROUPS, PLOTTED, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
-from phd_jdtc_ros.parameter_files import evaluator, sensor_replay
-from phd_jdtc_ros.study.monte_carlo.definition import OSPA_AFTER_5
+from phd_jdtc_ros.parameter_files import bag_parameters, evaluator, sensor_replay
+from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
 
 # --- parameters -----------------------------------------------------------------------------------
 
 _PARAMETERS = """\
 # Parameters
 
-Written by `make parameters` from the tables in the code. Parameters marked * can change while the
-tracker runs, from the next scan on. A change is checked together with all other values, and if it
-is refused, every reason is given. The tracker's other parameters change only while it is not
-configured; those of the other nodes are fixed at the start, except `seek_s` of `sensor_replay`.
-Whole numbers are accepted for all numbers. All faults of a configuration are listed at once, and
-the node then ends with status 2.
+Written by `make parameters` from the declarations in the code, {count} in all. Parameters marked *
+can change while the tracker runs, from the next scan on. A change is checked together with all
+other values, and if it is refused, every reason is given. The tracker's other parameters change
+only while it is not configured; those of the other nodes are fixed at the start, except `seek_s`
+of `sensor_replay`. Whole numbers are accepted for all numbers. All faults of a configuration are
+listed at once, and the node then ends with status 2.
 """
 
 _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
@@ -44,10 +40,12 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         "and `qos_overrides.TOPIC.subscription.{reliability,history,depth,deadline}` (ns).",
         TOP,
     ),
-    ("tracker, for every name in `radars`", "Names are prefixed: `radar_1.position`.", RADAR),
-    ("tracker, for every name in `classes`", "", CLASS),
-    ("tracker, for every name in `motions`", "", MOTION),
-    ("tracker, for every name in `births`", "", BIRTH),
+    (
+        "tracker, for every name in `sensors`",
+        "Names are prefixed: `radar_1.position`.",
+        PARTS["sensors"],
+    ),
+    *((f"tracker, for every name in `{name}`", "", PARTS[name]) for name in list(PARTS)[1:]),
     ("tracker, as a node", "The offline executables do not have these.", tracker_node.TABLE),
     (
         "sensor_replay",
@@ -69,7 +67,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
 
 def parameters() -> str:
     """Return the page of the nodes' parameters as Markdown."""
-    parts = [_PARAMETERS]
+    parts = [_PARAMETERS.format(count=declared())]
     for title, text, table in _SECTIONS:
         rows = [
             (f"`{p.name}`{_mark(p)}", f"`{_shown(p.default)}`", p.allowed, p.description)
@@ -78,6 +76,13 @@ def parameters() -> str:
         head = ("name", "default", "allowed", "meaning")
         parts.append(_section(title, text, head, rows))
     return "\n".join(parts)
+
+
+def declared() -> int:
+    """Return how many parameters are declared; one of a part and of all parts is one."""
+    bridge_only = {p.name for p in bridge.RADAR} - {p.name for p in bridge.TABLE}
+    tables = [table for _, _, table in _SECTIONS if table is not bridge.RADAR]
+    return sum(map(len, tables)) + len(bridge_only)
 
 
 def _mark(parameter: Parameter) -> str:
@@ -115,10 +120,7 @@ The band is that of so many independent pairs. Those of one track are not indepe
 scan, and a mean over the runs of a study has the interval that its runs give it.
 """
 
-_CLASSES = (
-    "In `metrics.json` for all targets and the smoothed estimates; in studies for every lag and "
-    "set."
-)
+_WHOLE = "In `metrics.json` for all targets only."
 
 
 def metrics() -> str:
@@ -126,10 +128,11 @@ def metrics() -> str:
     names = {"published": PUBLISHED, "plotted": PLOTTED}
     parts = [_METRICS.format(**{k: ", ".join(f"`{name}`" for name in v) for k, v in names.items()})]
     sections = [
-        *((title[0].upper() + title[1:], "", group) for title, group in GROUPS.items()),
-        ("Tracks", "For all targets only.", OF_ALL),
-        ("Classes", _CLASSES, (CLASS_ACCURACY,)),
-        ("In studies only", "", (OSPA_AFTER_5,)),
+        *(
+            (g.title[0].upper() + g.title[1:], "" if g.of_sets else _WHOLE, metrics)
+            for g, metrics in GROUPS.items()
+        ),
+        ("In studies only", "", tuple(metric for each in OF_STUDY for metric in each.metrics)),
     ]
     for title, text, group in sections:
         rows = [(m.heading, f"`{m.key}`", m.unit, m.definition) for m in group]
@@ -145,14 +148,130 @@ def _section(title: str, text: str, head: Sequence[str], rows: Sequence[Sequence
     return "\n".join([f"## {title}", "", *([text, ""] if text else []), *lines, ""])
 
 
+# --- outputs --------------------------------------------------------------------------------------
+
+_LISTED = re.compile(r"(?<=<!-- outputs: make parameters -->\n).*?(?=<!-- end -->)", re.DOTALL)
+_RELIABLE, _LATCHED = "reliable, depth 10", "reliable, transient local, depth 1"
+
+
+def topics(page: str) -> str:
+    """Return the tracker's page with the rows of all its outputs."""
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for row in outputs.table(1):
+        how = "publishes" + ("" if row.usual else ", if enabled" if row.switch else ", if learned")
+        kind, qos = row.type_name.replace("/msg/", "/"), _LATCHED if row.latched else _RELIABLE
+        topic = row.topic.replace("filtered/", "{filtered,smoothed}/", 1).replace("s_0", "s_K")
+        if row.when != "smoothed":
+            rows.setdefault((how, kind, qos, row.switch), []).append(f"`{topic}`")
+    for engine, figures in quantities.FIGURES.items():
+        listed = ", ".join(f"`{names.plot(name, '~')}`" for name in figures)
+        key = "publishes", names.NUMBER.replace("/msg/", "/"), _RELIABLE, "plots"
+        rows[key].append(f"with {engine} {listed}")
+    lines = [
+        f"| {how}{f' (`{switch}`)' if switch else ''} | {', '.join(listed)} | {kind} | {qos} |\n"
+        for (how, kind, qos, switch), listed in rows.items()
+    ]
+    head = "\n| | name | type | QoS |\n|---|---|---|---|\n"
+    return _LISTED.sub(head + "".join(lines) + "\n", page)
+
+
+_TOPICS = re.compile(
+    r"( +)<topics (?:publish|subscribe)=\"ALLOW\">\n(.*?)(?= +</topics>)", re.DOTALL
+)
+# What a tracker publishes besides its outputs.
+_OTHERS = ("/tracker/_instance", "/tracker/transition_event")
+
+
+def policies(document: str) -> str:
+    """Return the SROS2 policies with all outputs of a tracker wherever they list its markers."""
+    known = {row.topic.replace("~", names.TRACKER) for row in outputs.table(2)}
+    known |= {t for t in outputs.optional() if t.startswith(f"{names.TRACKER}/")}
+
+    def listed(match: re.Match[str]) -> str:
+        found = set(re.findall("<topic>(.*)</topic>", match[2]))
+        if f"{names.TRACKER}/markers" not in found:
+            return match[0]
+        kept = {t for t in found if t in _OTHERS or not t.startswith(f"{names.TRACKER}/")}
+        lines = [f"{match[1]}  <topic>{topic}</topic>\n" for topic in sorted(kept | known)]
+        return match[0].removesuffix(match[2]) + "".join(lines)
+
+    return _TOPICS.sub(listed, document)
+
+
+# --- upgrade --------------------------------------------------------------------------------------
+
+_BEGIN, _END = "<!-- begin: make parameters -->", "<!-- end -->"
+_REPLACED = (
+    ("tracker", replaced.TRACKER),
+    ("tracker, of each sensor", replaced.RADAR),
+    ("tracker, as a node", replaced.NODE),
+    ("sensor_replay", replaced.REPLAY),
+    ("evaluator", replaced.EVALUATOR),
+    ("asterix_bridge", replaced.BRIDGE),
+    ("asterix_bridge, of each radar", replaced.BRIDGE_RADAR),
+    ("hand_over", replaced.HAND_OVER),
+    ("hand_over, of each tracker", replaced.HAND_OVER_TRACKER),
+)
+
+
+def upgrade(page: str) -> str:
+    """Return the page of what has other names now, with the tables of parameters in their place."""
+    head, _, rest = page.partition(_BEGIN)
+    _, _, tail = rest.partition(_END)
+    tables = [
+        _section(title, "", ("before", "now"), [(f"`{old}`", new) for old, new in names.items()])
+        for title, names in _REPLACED
+    ]
+    return "\n".join([f"{head}{_BEGIN}", *(f"#{table}" for table in tables), f"{_END}{tail}"])
+
+
+# --- config/defaults.yaml -------------------------------------------------------------------------
+
+_DEFAULTS = """\
+# All defaults: those of the reference scenario, two radars, two classes and births at four known
+# places. For your own radars start with a copy of this file, or of a profile beside it. Written by
+# `make parameters`; a comment stands where a parameter is for the first time.
+/**/tracker:
+  ros__parameters:
+"""
+
+
+def defaults() -> str:
+    """Return a parameter file of the tracker with all defaults, and what each of them is."""
+    lines, described, group = [_DEFAULTS.rstrip()], set(), ""
+    for name, parameter in schema({}).items():
+        prefix, _, last = name.rpartition(".")
+        if prefix != group and prefix:
+            lines += ["", f"    {prefix}:"]
+        group, indent = prefix, "      " if prefix else "    "
+        if parameter.description not in described:
+            mark = f"{indent}# "
+            lines += textwrap.wrap(
+                parameter.description, 100, initial_indent=mark, subsequent_indent=mark
+            )
+        described.add(parameter.description)
+        lines.append(f"{indent}{last}: {bag_parameters.scalar(parameter.default)}")
+    return "\n".join(lines) + "\n"
+
+
 PAGES = {"parameters.md": parameters, "metrics.md": metrics}
+# Files with lists that are written anew, relative to the documentation.
+LISTS = {
+    "nodes/tracker.md": topics,
+    "upgrade.md": upgrade,
+    "../config/sros2/policies.xml": policies,
+}
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write all pages into the given directory."""
+    """Write all pages into the given directory, that of the documentation."""
     (directory,) = map(Path, argv)
     for name, page in PAGES.items():
         (directory / name).write_text(page(), encoding="utf-8")
+    for name, written in LISTS.items():
+        path = directory / name
+        path.write_text(written(path.read_text(encoding="utf-8")), encoding="utf-8")
+    (directory.parent / "config" / "defaults.yaml").write_text(defaults(), encoding="utf-8")
     return 0
 
 

@@ -26,6 +26,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_build import bias_parameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import (
     bag_parameters,
@@ -186,7 +187,7 @@ def _found(
     recorded = recorded_plots.read(bag, config, seconds, MOST_PLOTS)
     try:
         sensors = []
-        for radar, layout in zip(config.model.radars, config.inputs, strict=True):
+        for radar, layout in zip(polar_radars(config.model.radars), config.inputs, strict=True):
             plots = recorded.plots[radar.name]
             if plots is None or not len(plots):
                 dropped = recorded.dropped[radar.name]

@@ -39,12 +39,10 @@ def write(
 
     Parameters
     ----------
-    bag : Path
     out : Path
         Directory for ``report.html`` and the PNGs.
     config : TrackerConfig
         Describes the radars of the bag.
-    title : str
     summary : dict or None
         The run's figures if they are known; otherwise they are computed from the bag.
     cutoff : float

@@ -8,9 +8,11 @@ from pathlib import Path
 
 from msg_adapters import interfaces, names, platform_poses, truth
 from msg_adapters.readers import reader_of
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
@@ -19,8 +21,11 @@ from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 from phd_jdtc_ros.simulation.turning_antenna import check_sites, simulate_reports
 
-from . import command, simulated_asterix
+from . import command
+from .asterix import simulated as simulated_asterix
 
+# What is simulated if nothing else is asked for.
+REFERENCE = Path("config", "scenarios", "paper_scenario.yaml")
 DEPTH = 50
 # The frame of what carries radars.
 PLATFORM = "platform"
@@ -67,7 +72,7 @@ def check_platform(run: Scenario, config: TrackerConfig) -> None:
         if radar.pose_topic and not carried:
             faults.append(f"platform: must carry {radar.name}, whose pose is {radar.pose_topic}")
         if carried and not radar.pose_yaw:
-            faults.append(f"{radar.name}.pose_yaw: false given, must be true: a platform turns it")
+            faults.append(f"{radar.name}.pose: stabilised given, must not be: a platform turns it")
     if faults:
         raise ConfigError(faults)
 
@@ -135,17 +140,17 @@ def main(argv: Sequence[str]) -> int:
     def work() -> int:
         if arguments.seed < 0:
             raise ConfigError([f"--seed: {arguments.seed} given, must be at least 0"])
-        path: Path | None = arguments.scenario
-        document = yaml_files.load(path) if path else None
+        path = arguments.scenario = arguments.scenario or resources.find(REFERENCE)
+        document = yaml_files.load(path)
         config = command.tracker_config(arguments)
-        radars = config.model.radars
-        run = scenario_file.resolve(document, radars) if path else scenario.paper_scenario(radars)
+        radars = polar_radars(config.model.radars)
+        run = scenario_file.resolve(document, radars)
         check_platform(run, config)
         check_sites(config.inputs)
         if arguments.asterix is not None:
             simulated_asterix.check(run)
         faults: list[str] = []
-        sent = sending.of_radars(document or {}, radars, faults)
+        sent = sending.of_radars(document, radars, faults)
         if arguments.asterix is not None and arguments.asterix.exists():
             faults.append(f"--asterix: {arguments.asterix} exists, is not overwritten")
         if faults:

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import sys
 import time
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from msg_adapters import clutter_maps, doubts, estimates, interfaces, names, navsat, platform_poses
+from msg_adapters import clutter_maps, estimates, interfaces, names, navsat, platform_poses, truth
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import output_files, resources
@@ -23,20 +25,20 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
-from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.intake.poses import PoseFault
-from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
+from phd_jdtc_ros.feed.feed import Feed
+from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.parameter_files import bag_parameters
-from phd_jdtc_ros.report import load, track_files
+from phd_jdtc_ros.report import track_files
+from phd_jdtc_ros.report.record import Record
 from phd_jdtc_ros.report.table import score_tables
 
-from . import asterix_parameters, command
-from .used_detections import UsedDetections
+from . import command
+from .asterix.parameters import guessed
 
 # What writes tracks, by the option that asks for it.
 WRITERS = {"geojson": track_files.to_geojson, "csv": track_files.to_csv}
@@ -47,7 +49,6 @@ class OfflineTracker:
 
     Parameters
     ----------
-    config : TrackerConfig
     bag : BagWriter
         Has the topics of the estimates.
 
@@ -56,124 +57,97 @@ class OfflineTracker:
     step_ms : list of float
         CPU time of each report that closed a scan and of those since the one before, milliseconds:
         decoding, steps and writing.
+    damage : BagError or None
+        What is wrong with the bag that was tracked, as far as it is intact.
     """
 
     def __init__(self, config: TrackerConfig, bag: BagWriter) -> None:
         self._config = config
         self._bag = bag
-        self._pipeline = new_pipeline(config)
+        self._innovations = InnovationMonitor(config.model)
+        self.tally = Tally(config)
+        self._feed = Feed(config, self.tally, [self._innovations])
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
-        self._carried = config.carried
         self.scans = 0
         self._last_ns = 0
         self.step_ms: list[float] = []
         self._cpu_s = 0.0
-        self.dropped: Counter[str] = Counter()
-        self.used = UsedDetections()
-        self._targets_seen = False
-        self._overdue = 0
-        self._without_amplitude: set[int] = set()
-        self._doubts: list[Counter[str]] = [Counter() for _ in config.inputs]
-        self._innovations = InnovationMonitor(config.model)
+        self.damage: BagError | None = None
+        self._estimates: dict[str, list[Estimates]] = {source: [] for source in SOURCES}
+        self._truth: list[bytes] = []
 
     def add(self, entry: BagMessage) -> None:
-        """Process one recorded message of a radar, or a pose of what carries one."""
+        """Process one recorded message: of a radar, a pose of what carries one, or the truth."""
+        if entry.topic == names.TRUTH:
+            self._truth.append(entry.data)
+            return
         begin_s, scans = time.thread_time(), self.scans
-        if entry.topic in self._carried:
-            self._take_pose(entry)
+        if entry.topic in self._radar_of:
+            index = self._radar_of[entry.topic]
+            radar = self._config.inputs[index]
+            reader = reader_of(radar)
+            self._write(self._feed.message(index, lambda: reader.from_cdr(entry.data, radar)) or ())
         else:
-            self._take(entry)
+            kind = self._config.inputs[self._config.carried[entry.topic][0]].pose_message
+            frame = self._config.world_frame
+            pose = partial(platform_poses.from_cdr, entry.data, kind, frame)
+            self._write(self._feed.pose(entry.topic, pose))
         self._cpu_s += time.thread_time() - begin_s
         if self.scans > scans:
             self.step_ms.append(1e3 * self._cpu_s)
             self._cpu_s = 0.0
 
-    def _take(self, entry: BagMessage) -> None:
-        index = self._radar_of[entry.topic]
-        radar = self._config.inputs[index]
-        try:
-            report = reader_of(radar).from_cdr(entry.data, radar)
-        except RejectedMessageError as error:
-            self.dropped[error.reason] += 1
-            self.used.unreadable(error.reason)
-            return
-        self.dropped.update(report.dropped)
-        self.used.read(len(report.detections), report.dropped)
-        if report.detections.amplitude is None:
-            self._without_amplitude.add(index)
-        events = self._pipeline.add(index, report.stamp_ns, report.detections, report.sector)
-        self._doubts[index] += report.doubts + self._pipeline.take_doubts(index)
-        if isinstance(events, Rejection):
-            self.dropped[events.value] += 1
-            self.used.refused(events.value, len(report.detections))
-        else:
-            self._write(events)
-
-    def _take_pose(self, entry: BagMessage) -> None:
-        carried = self._carried[entry.topic]
-        kind = self._config.inputs[carried[0]].pose_message
-        try:
-            stamp_ns, pose = platform_poses.from_cdr(entry.data, kind, self._config.world_frame)
-        except RejectedMessageError as error:
-            self.dropped[f"pose_{error.reason}"] += 1
-            return
-        faults = set()
-        for index in carried:
-            events = self._pipeline.add_pose(index, stamp_ns, pose)
-            if isinstance(events, PoseFault):
-                faults.add(events.value)
-            else:
-                self._write(events)
-        self.dropped.update(f"pose_{fault}" for fault in faults)
-
     def finish(self) -> None:
         """Close all scans, write the learned clutter, and the estimates that are held back."""
-        self._write(self._pipeline.close_scans())
-        shown = self._pipeline.engine.clutter_raster()
+        self._write(self._feed.close_scans())
+        shown = self._feed.pipeline.engine.clutter_raster()
         if shown is not None:
             message = clutter_maps.to_msg(shown, self._last_ns, self._config.world_frame)
             self._bag.write(names.clutter_map(), interfaces.encode(message), self._last_ns)
-        self._write(self._pipeline.flush())
+        self._write(self._feed.flush())
+
+    def record(self) -> Record:
+        """Return truth and estimates as they are in the new bag, without plots.
+
+        Raises
+        ------
+        BagError
+            If the truth cannot be read.
+        """
+        config, found = self._config, self._estimates
+        try:
+            known = [truth.from_msg(interfaces.decode(data, names.CLOUD)) for data in self._truth]
+        except RejectedMessageError as error:
+            raise BagError(f"{names.TRUTH}: {error}") from error
+        class_names = tuple(kind.name for kind in config.model.modes.classes)
+        return Record(
+            *(_by_stamp(known), (), _by_stamp(found[FILTERED]), _by_stamp(found[SMOOTHED])),
+            classes=len(class_names),
+            step_ms=np.array(self.step_ms),
+            class_names=class_names,
+            plane=config.plane,
+            least_speed=config.least_speed,
+        )
 
     def warnings(self) -> Iterator[str]:
         """Yield what of the radars' reports does not look as it is configured, each once."""
-        for index, radar in enumerate(self._config.inputs):
-            if index in self._without_amplitude and len(self._config.model.modes.classes) > 1:
-                yield doubts.no_amplitude(radar)
-            if turn_s := self._pipeline.turn_found_s(index):
-                yield doubts.turn_found(radar, turn_s)
-            for doubt in doubts.of(radar, self._doubts[index]):
-                yield f"{radar.topic}: {doubt}"
-        for radar, fit in zip(self._config.inputs, self._innovations.fits(), strict=True):
-            wrong = doubts.of_noise(fit)
-            if wrong is not None:
-                yield f"{radar.topic}: {wrong}"
-        if self._overdue and not self._targets_seen:
-            yield doubts.nothing_reported(self._overdue)
+        return self.tally.warnings(self._innovations.fits())
 
     def _write(self, events: Iterable[Event]) -> None:
         for event in events:
             if isinstance(event, RunEnded):
                 self._write_estimates(SMOOTHED, event.smoothed)
-                self._innovations.forget_tracks()
                 continue
             self.scans += 1
             self._last_ns = event.scan.stamp_ns
-            self._targets_seen |= event.step.targets > 0
-            self._innovations.stepped(event.scan, event.step.filtered)
-            self._overdue = event.overdue or self._overdue
+            self.tally.stepped(event)
             self._write_estimates(FILTERED, event.step.filtered)
             self._write_estimates(SMOOTHED, event.step.smoothed)
-        # What waited for a pose, or until the end, was judged only now.
-        for index, counts in enumerate(self._doubts):
-            drops = self._pipeline.take_drops(index)
-            self.dropped.update(drops)
-            self.used.reports_lost(drops)
-            counts.update(self._pipeline.take_doubts(index))
 
     def _write_estimates(self, source: str, by_stamp: Iterable[Estimates]) -> None:
         for values in by_stamp:
             message = estimates.to_msg(values, self._config.world_frame)
+            self._estimates[source].append(estimates.from_msg(message))
             self._bag.write(names.estimates(source), interfaces.encode(message), values.stamp_ns)
             if source == FILTERED and self._config.plane is not None:
                 for fix in navsat.to_msgs(values, self._config.plane):
@@ -190,7 +164,7 @@ def track_bag(
     Raises
     ------
     BagError
-        If the bag lacks a radar's topic or is damaged; detections before the damage are tracked.
+        If the bag lacks a radar's topic, or the new one cannot be written.
     """
     types = {radar.topic: reader_of(radar).type_name for radar in config.inputs}
     for topic, carried in config.carried.items():
@@ -213,12 +187,19 @@ def track_bag(
         try:
             for entry in track(source.messages(copied), doing, total, console=console):
                 bag.write(entry.topic, entry.data, entry.stamp_ns)
-                if entry.topic in topics:
-                    tracker.add(entry)
+                tracker.add(entry)
+        except BagError as error:
+            if not error.corrupt:
+                raise
+            tracker.damage = error
         finally:
             tracker.finish()
             bag_parameters.write(out / bag_parameters.NAME, config.values)
     return tracker
+
+
+def _by_stamp(found: Sequence[Any]) -> tuple[Any, ...]:
+    return tuple(sorted(found, key=lambda entry: entry.stamp_ns))
 
 
 def main(argv: Sequence[str]) -> int:
@@ -249,23 +230,23 @@ def main(argv: Sequence[str]) -> int:
         if arguments.out.exists():
             raise BagError(f"{arguments.out}: already exists, a bag is not overwritten")
         output_files.require_new({f"--{n}": path for n, path in files.items()}, arguments.out)
-        try:
-            tracker = track_bag(BagReader(source), config, arguments.out)
-            drops = ", ".join(f"{reason} {n}" for reason, n in sorted(tracker.dropped.items()))
+        tracker = track_bag(BagReader(source), config, arguments.out)
+        if tracker.damage is not None:
+            status = fail("track_bag", tracker.damage)
+        else:
+            drops = ", ".join(
+                f"{reason} {n}" for reason, n in sorted(tracker.tally.dropped.items())
+            )
             print(f"{arguments.out}: {tracker.scans} scans tracked, dropped: {drops or 'none'}")
             for warning in tracker.warnings():
                 print(f"track_bag: {warning}", file=sys.stderr)
-            fault = tracker.used.fault()
+            fault = tracker.tally.used.fault()
             if fault is not None:
                 print(f"track_bag: {source}: {fault}", file=sys.stderr)
                 status = CORRUPT
-        except BagError as error:
-            if not (error.corrupt and arguments.out.exists()):
-                raise
-            status = fail("track_bag", error)
-        run = load.record(arguments.out, config)
+        run = tracker.record()
         if files:
-            if config.plane and asterix_parameters.guessed(config.values["world_origin"]):
+            if config.plane and guessed(config.values["world_origin"]):
                 print(
                     "track_bag: latitudes and longitudes are not true: where the radar stands was "
                     "guessed; set its geodetic, and world_origin",

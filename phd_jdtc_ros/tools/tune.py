@@ -31,7 +31,7 @@ from phd_jdtc_ros.parameter_files import (
     tracker_params,
 )
 
-from . import command, recorded_plots, tuned_truth
+from . import command, recorded_plots
 from .recorded_plots import Recorded
 
 # Seconds of a recording that are read unless told otherwise.
@@ -41,7 +41,7 @@ SECONDS, LEAST_SECONDS = 600.0, 1.0
 def main(argv: Sequence[str]) -> int:
     """Run the tool."""
     parser = ArgumentParser("tune", description=__doc__)
-    parser.add_argument("bag", nargs="+", help=command.BAG + "; several with --truth only")
+    parser.add_argument("bag", help=command.BAG)
     parser.add_argument(
         "--params-file",
         "--params",
@@ -56,16 +56,7 @@ def main(argv: Sequence[str]) -> int:
         default=SECONDS,
         help=f"how much of the recording is read, from its beginning ({SECONDS:g})",
     )
-    parser.add_argument(
-        "--truth",
-        action="store_true",
-        help="of simulated bags: print the proposals beside what was simulated",
-    )
     arguments = parser.parse_args(argv)
-    if len(arguments.bag) > 1 and not arguments.truth:
-        parser.error(f"{len(arguments.bag)} bags given, must be one without --truth")
-    if arguments.truth and (arguments.out or arguments.params_file):
-        parser.error("--truth given, must be without --out and --params-file")
     return command.guarded("tune", lambda: _work(arguments))
 
 
@@ -81,12 +72,10 @@ def seconds_of(text: str) -> float:
 
 
 def _work(arguments: argparse.Namespace) -> int:
-    if arguments.truth:
-        return tuned_truth.compare(arguments.bag, arguments.seconds)
     path: Path | None = arguments.out
     if path is not None and path.exists():
         raise BagError(f"{path}: already exists, a file is not overwritten")
-    source = resources.bag(arguments.bag[0])
+    source = resources.bag(arguments.bag)
     bag = BagReader(source)
     given, where = _given(bag, source, arguments.params_file)
     config = tracker_params.config(given)
@@ -174,9 +163,6 @@ def _proposed(
     values["interval_s"] = proposal.interval_s(found)
     for radar, own in rows.items():
         values.update({f"{radar}.{row.name}": row.value for row in own if row.proposed})
-        table = f"{radar}.detection_probability_over_range"
-        if values.get(f"{radar}.detection_probability") and values.get(table):
-            values[table] = []
         # Antennas turn clockwise; azimuths that rise meanwhile count clockwise too. It is written
         # where it is the default as well: what is wrong mirrors the world.
         convention = f"{radar}.azimuth_convention"

@@ -69,7 +69,7 @@ def test_evaluate_counts_times_without_tracks():
     ("change", "arguments", "said"),
     [
         ({"time": TRUTH["time"] + 0.5}, {}, "tracks: 40 of 40 times, such as 10.5"),
-        ({}, {"times": [*TRUTH["time"], 100.0]}, "truth: not known at 100.0 s"),
+        ({}, {"times": [*TRUTH["time"], 100.0]}, "truth: unknown at 100.0 s"),
         ({}, {"cutoff": 0.0}, "cutoff: 0.0 given, must be a number above 0"),
     ],
 )

@@ -61,7 +61,7 @@ def test_simulate_gives_a_scan_without_detections_a_row():
         {
             "scans": 5,
             "targets": [],
-            "parameters": {"radars": ["only"], "only": {"clutter_rate": 0.0}},
+            "parameters": {"sensors": ["only"], "only": {"clutter_rate": 0.0}},
         },
         seed=3,
     )
@@ -80,7 +80,7 @@ def test_simulate_gives_plots_of_turning_antennas_their_own_times():
 @pytest.mark.parametrize(
     ("scenario", "said"),
     [
-        ("coastal_ship", "platform: given, must be none"),
+        ("coastal_ship", "platform: given, must be absent"),
         ("no_such", "no_such: cannot be read"),
         ({"scans": -1}, "scans: -1"),
     ],

@@ -84,7 +84,7 @@ def test_fit_goes_with_other_classes_and_motions():
 def test_fit_adds_to_a_parameter_file(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(
-        "/**: {ros__parameters: {radars: [only], only: {azimuth_std_deg: 0.5, fields.height: ''}}}"
+        "/**: {ros__parameters: {sensors: [only], only: {azimuth_std_deg: 0.5, fields.height: ''}}}"
     )
 
     tracker = Tracker(path).fit(DETECTIONS)
@@ -238,7 +238,7 @@ def test_turning_antenna_is_followed_by_the_plots_times(request):
     with warnings.catch_warnings():
         # Some aircraft are high and near, where slant ranges are too long.
         warnings.filterwarnings("ignore", ".*ranges over ground", UserWarning)
-        tracker = Tracker({"radars": ["approach"], **known}).fit(run.detections)
+        tracker = Tracker({"sensors": ["approach"], **known}).fit(run.detections)
         found = tracker.track(run.detections).smoothed
 
     assert tracker.parameters["approach.rotation_s"] == pytest.approx(4.0, abs=0.01)
@@ -298,9 +298,9 @@ def test_what_must_be_known_is_named_together():
         Tracker({"radar": {"range_std": 5.0}}).track(DETECTIONS)
 
     assert raised.value.faults == (
-        "interval_s: not given, must be given or found by fit",
-        "radar.azimuth_std_deg: not given, must be given or found by fit",
-        "radar.max_range: not given, must be given or found by fit",
+        "interval_s: is missing, must be given or estimated by fit",
+        "radar.azimuth_std_deg: is missing, must be given or estimated by fit",
+        "radar.max_range: is missing, must be given or estimated by fit",
     )
 
 
@@ -310,7 +310,7 @@ def test_what_must_be_known_is_named_together():
         ({"radar": {"range_sdt": 5.0}}, "radar.range_sdt: unknown parameter, is radar.range_std"),
         ({"range_std": 5.0}, "range_std: unknown parameter, is radar.range_std meant"),
         ({"interval_s": "often"}, "interval_s: 'often' given"),
-        ({"radars": 3}, "radars: 3 given"),
+        ({"sensors": 3}, "sensors: 3 given"),
         ({"radar": {"pose": "/odometry"}}, "radar.pose: '/odometry' given, must be fixed"),
         (7, "parameters: int given, must be a mapping"),
         ("no_such.yaml", "no_such.yaml: cannot be read"),
@@ -324,8 +324,11 @@ def test_wrong_parameters_are_told_at_once(parameters, said):
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        ({"time": [1.0], "range": [2.0]}, "azimuth: no such column, there are time, range"),
-        ({"range": [1.0], "azimuth": [2.0]}, "time: no such column"),
+        (
+            {"time": [1.0], "range": [2.0]},
+            "azimuth: the column is missing, the columns are time, range",
+        ),
+        ({"range": [1.0], "azimuth": [2.0]}, "time: the column is missing"),
         (
             {"time": [1.0], "range": [1.0], "azimuth": [0.0], "radar": ["left"]},
             "radar: 'left' in row 1, must be one of radar",
@@ -339,7 +342,7 @@ def test_wrong_tables_are_told(table, said):
 
 def test_update_asks_which_radar_it_is_of():
     tracker = Tracker(
-        {"radars": ["a", "b"], "interval_s": 1.0}
+        {"sensors": ["a", "b"], "interval_s": 1.0}
         | {
             f"{name}.{what}": value
             for name in "ab"
@@ -362,7 +365,7 @@ def test_parameters_go_into_a_file_of_the_node(tmp_path, fitted):
 
 def test_fit_keeps_the_columns_that_it_knows():
     table = {**DETECTIONS, "height": np.full(len(DETECTIONS["time"]), 30.0)}
-    tracker = Tracker({"radar": {"height": 30.0}}).fit(table)
+    tracker = Tracker({"radar": {"position": [0.0, 0.0, 30.0]}}).fit(table)
 
     assert tracker.parameters["radar.fields.height"] == "height"
     found = tracker.track(table).smoothed

@@ -62,7 +62,7 @@ def test_columns_of_reads_csv_without_rows(tmp_path):
     [
         (np.zeros((3, 2)), "ndarray given, must have named columns"),
         ([1, 2], "list given, must have named columns"),
-        ({"time": [1.0], "range": [1.0, 2.0]}, "must be of one length"),
+        ({"time": [1.0], "range": [1.0, 2.0]}, "equal lengths"),
     ],
 )
 def test_columns_of_says_what_does_not_fit(table, said):
@@ -96,7 +96,9 @@ def test_numbers_names_the_value_that_is_none(column, said):
 
 
 def test_numbers_names_the_columns_that_there_are():
-    with pytest.raises(ValueError, match="azimuth: no such column, there are time, rng"):
+    with pytest.raises(
+        ValueError, match="azimuth: the column is missing, the columns are time, rng"
+    ):
         numbers(columns_of({"time": [1.0], "rng": [2.0]}), "azimuth")
 
 

@@ -1,6 +1,5 @@
 import math
 
-import asterix_records as made
 import pytest
 
 from phd_jdtc_ros.asterix.assembly import LEARNED, Assembler
@@ -211,16 +210,3 @@ def test_stamps_rise_where_times_stand_still():
     for k in range(5):
         stamps += [r.stamp_ns for r in assembler.add_service(crossing(11.25 * k), 7 * NS)]
     assert stamps == sorted(set(stamps))
-
-
-def test_made_turns_are_as_expected():
-    # Guards the recordings of other tests.
-    from phd_jdtc_ros.asterix.plot_stream import PlotStream
-
-    stream = PlotStream({})
-    found = [
-        report for data in made.turns(2, seen=[(100.0, 30.0)]) for _, report in stream.feed(data)
-    ]
-    found += [report for _, report in stream.finish()]
-    assert [report.sector for report in found] == [*range(32), *range(32)]
-    assert [report.sector for report in found if report.plots] == [8, 8]

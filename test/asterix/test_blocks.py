@@ -34,15 +34,10 @@ def test_few_rests_are_faults(reader):
     assert reader.known_trailers() == {}
 
 
-def test_data_blocks_that_are_cut_are_no_trailers(reader):
+@pytest.mark.parametrize("data", [GOOD + GOOD[:8], TRAILER], ids=["cut blocks", "nothing else"])
+def test_rests_that_are_no_trailers_are_faults(reader, data):
     for _ in range(10):
-        reader.messages(GOOD + GOOD[:8])
-    assert reader.counts == {"block_truncated": 10}
-
-
-def test_datagrams_of_nothing_else_have_no_trailer(reader):
-    for _ in range(10):
-        reader.messages(TRAILER)
+        reader.messages(data)
     assert reader.counts == {"block_truncated": 10}
 
 

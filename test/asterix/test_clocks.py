@@ -11,12 +11,12 @@ MIDNIGHT = 20_779 * NS_PER_DAY
 RADAR = 0x0102
 
 
-def seconds(clock, time_s, received_s=None, radar=RADAR, judged=True, counts=None, midnight=0):
+def seconds(clock, time_s, received_s=None, radar=RADAR, check_clock=True, counts=None, midnight=0):
     """Return the time of a message, seconds since a midnight, that is received then."""
     received = None if received_s is None else midnight + round(received_s * NS)
     time = round(time_s * 128) % DAY
     counts = Counter() if counts is None else counts
-    found = clock.time_ns(radar, time, DAY, received, judged, counts)
+    found = clock.time_ns(radar, time, DAY, received, check_clock, counts)
     return (found - midnight) / NS
 
 
@@ -84,7 +84,7 @@ def test_single_old_messages_do_not_make_a_clock_wrong():
 def test_plots_of_a_radar_with_service_messages_do_not_judge_its_clock():
     clock, counts = StreamClock(max_offset_s=10.0), Counter()
     for k in range(1000, 1010):
-        seconds(clock, k - 100.0, k, judged=False, counts=counts, midnight=MIDNIGHT)
+        seconds(clock, k - 100.0, k, check_clock=False, counts=counts, midnight=MIDNIGHT)
     assert not counts
 
 

@@ -6,8 +6,9 @@ import asterix_reference
 import pytest
 from asterix_reference import value
 
-from phd_jdtc_ros.asterix import blocks, framing
+from phd_jdtc_ros.asterix import blocks
 from phd_jdtc_ros.asterix.messages import DAY, NONE, TRUNCATED, Plot, ServiceMessage
+from phd_jdtc_ros.asterix.transport import framing
 
 FOOT = 0.3048
 
@@ -212,12 +213,6 @@ def test_records_before_a_malformed_one_and_other_blocks_are_used():
     found, counts = read(data)
     assert len(found) == 3
     assert sum(counts.values()) == 1
-
-
-def test_other_categories_are_counted():
-    found, counts = read(b"\xff\x00\x05ab" + b"\x3e\x00\x05ab" + made.plots(made.plot(1.0, 5.0)))
-    assert len(found) == 1
-    assert counts == {"other_category": 2}
 
 
 def test_a_block_of_empty_records_is_refused_at_once():

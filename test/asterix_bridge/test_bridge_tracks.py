@@ -3,12 +3,13 @@ import math
 import numpy as np
 import pytest
 from asterix_reference import decoded, value
+from scipy.integrate import trapezoid
 
 from msg_adapters import point_cloud
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import NONE
-from phd_jdtc_ros.asterix.tracks_out import Source
+from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.earth import SystemPlane
 
@@ -20,12 +21,13 @@ ORIGIN = [52.0, 4.5, 0.0]
 def cloud(rows, stamp_ns=T0, heights=False, ages=False, wide=()):
     """Return a cloud of estimates; rows are mappings of fields, the others are zero."""
     names = ["x", "y", "z", "vx", "vy", "vz", "omega", "weight", "track_id", "state"]
+    names += ["class_id", "lag", "p_class_0"]
     names += [f"cov_{row}{column}" for row in range(5) for column in range(row, 5)]
     if heights:
         names += ["cov_zz", "cov_zvz", "cov_vzvz", "code", "address"]
     if ages:
         names += ["age_psr", "age_ssr", "age_mds"]
-    unsigned = {"track_id", "state", "code", "address"}
+    unsigned = {"track_id", "state", "code", "address", "class_id", "lag"}
     defaults = {"track_id": 1, "state": 1, "code": 2**32 - 1, "address": 2**32 - 1}
     columns = {
         name: np.array(
@@ -62,6 +64,45 @@ def test_turning_tracks_are_predicted_along_their_circle(omega):
     assert track.course == (2 if omega > 0.0 else 1)
 
 
+@pytest.mark.parametrize("omega", [0.0, 0.05])
+def test_deviations_are_predicted_with_the_position(omega):
+    made = output()
+    given = {"vx": 200.0, "omega": omega}
+    given |= {"cov_00": 900.0, "cov_01": 60.0, "cov_11": 100.0, "cov_22": 400.0, "cov_33": 25.0}
+    made.take(cloud([{**given, "cov_44": 1e-4}]))
+    (track,) = made.reports(T0 + 4 * NS)
+    covariance = np.diag([900.0, 100.0, 400.0, 25.0, 1e-4])
+    covariance[0, 1] = covariance[1, 0] = 60.0
+
+    def moved(vx, vy, rate):
+        # The integral of a velocity that turns, over four seconds.
+        times = np.linspace(0.0, 4.0, 4001)
+        along, across = np.cos(rate * times), np.sin(rate * times)
+        velocity = np.stack([along * vx - across * vy, across * vx + along * vy])
+        return trapezoid(velocity, times)
+
+    step = np.array([1e-3, 1e-3, 1e-6])
+    centre = np.array([200.0, 0.0, omega])
+    slopes = [
+        (moved(*(centre + h)) - moved(*(centre - h))) / (2.0 * h.sum()) for h in np.diag(step)
+    ]
+    jacobian = np.zeros((2, 5))
+    jacobian[0, 0] = jacobian[1, 2] = 1.0
+    jacobian[:, [1, 3, 4]] = np.transpose(slopes)
+    expected = jacobian @ covariance @ jacobian.T
+    assert track.position_std == pytest.approx(np.sqrt(np.diag(expected)), rel=1e-4)
+    assert track.covariance == pytest.approx(expected[0, 1], rel=1e-3, abs=1e-3)
+    assert track.position_std[0] > 30.0
+
+
+def test_deviations_of_heights_are_predicted_with_the_height():
+    made = output()
+    made.take(cloud([{"cov_zz": 900.0, "cov_zvz": -10.0, "cov_vzvz": 4.0}], heights=True))
+    (track,) = made.reports(T0 + 5 * NS)
+    assert track.height_std**2 == pytest.approx(900.0 - 100.0 + 100.0)
+    assert track.climb_std == pytest.approx(2.0)
+
+
 def test_course_is_straight_or_unknown_where_it_does_not_turn_for_sure():
     made = output()
     made.take(
@@ -93,7 +134,8 @@ def test_heights_codes_and_addresses_are_those_of_the_estimates():
     made.take(cloud([known, {"track_id": 2, "cov_zz": math.nan}], heights=True))
     first, second = made.reports(T0 + 2 * NS)
     assert (first.height, first.climb) == pytest.approx((3038.0, -5.0))
-    assert (first.height_std, first.climb_std) == pytest.approx((30.0, 2.0))
+    predicted_std = math.sqrt(900.0 + 4.0 * 2.0**2)
+    assert (first.height_std, first.climb_std) == pytest.approx((predicted_std, 2.0))
     assert (first.code, first.address, first.vertical) == (4032, 7, 2)
     assert math.isnan(second.height)
     assert (second.code, second.address, second.vertical) == (-1, -1, 3)

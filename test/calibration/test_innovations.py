@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from estimate_sets import estimates, states
 
 from phd_jdtc_ros.calibration.innovations import BACK, FEW, LEAST, SMALLER, InnovationMonitor
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.types import Coverage, Detections, Estimates, Scan
+from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -58,16 +59,12 @@ def test_axes_say_which_deviation_is_wrong():
         assert fit.axes[1] > 5.0 > 2.0 > fit.axes[0]
 
 
-ALONE = resolve({"radars": ["one"], "one.range_std": 10.0, "one.azimuth_std_deg": 1.0}).model
-STILL = Estimates(
-    0,
-    0,
-    np.array([[5e3, 0.0, 0.0, 0.0, 0.0]]),
-    np.zeros((1, 5, 5)),
-    np.ones(1),
-    np.ones((1, 2)) / 2.0,
-    np.zeros(1, int),
-    np.array([1]),
+ALONE = resolve({"sensors": ["one"], "one.range_std": 10.0, "one.azimuth_std_deg": 1.0}).model
+STILL = estimates(
+    states([[5e3, 0.0]]),
+    np.zeros((5, 5)),
+    class_probability=np.ones((1, 2)) / 2.0,
+    track_id=np.array([1]),
 )
 
 
@@ -95,13 +92,9 @@ def test_detection_is_a_tracks_if_it_is_beyond_doubt(measurements, coverage, see
 
 
 def test_detections_between_two_tracks_are_of_neither():
-    two = replace(
-        STILL,
-        state=STILL.state[[0, 0]] + np.array([[0.0] * 5, [600.0] + [0.0] * 4]),
-        covariance=np.zeros((2, 5, 5)),
-        weight=np.ones(2),
-        class_probability=np.ones((2, 2)) / 2.0,
-        class_id=np.zeros(2, int),
+    two = estimates(
+        STILL.state[[0, 0]] + np.array([[0.0] * 5, [600.0] + [0.0] * 4]),
+        np.zeros((5, 5)),
         track_id=np.array([1, 2]),
         track_state=np.ones(2, int),
     )

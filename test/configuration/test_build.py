@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from scenes import plain
 
-from phd_jdtc_ros.configuration import build
+from phd_jdtc_ros.configuration import build, replaced
 from phd_jdtc_ros.configuration.engines import new_engine, particle_filter
-from phd_jdtc_ros.configuration.parameters import MOST_CLASSES
+from phd_jdtc_ros.configuration.parameters import GROUPS, MOST_CLASSES, schema
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.clutter.amplitude_law import Learned, LogNormal, Rayleigh
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
 
@@ -59,7 +60,7 @@ def test_resolve_builds_the_spawn_matrix_of_class_times_mode():
 
 def test_resolve_keeps_every_value_in_force():
     values = build.resolve({"lag": 3, "radar_1.range_std": 100}).values
-    assert values["lag"] == 3
+    assert values["lag"] == "3"
     assert values["radar_1.range_std"] == 100.0
     assert values["radar_2.range_std"] == 300.0
 
@@ -85,18 +86,18 @@ def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed()
             "interval_s": float("nan"),
             "radar_1.range_std": float("inf"),
             "start_1.position": [1.0],
-            "death_term": "none",
-            "fixed_interval": 1,
+            "engine": "none",
+            "radar_1.clutter_map": 1,
             "no.such": 3,
         }
     )
     expected = {
-        "lag": ("-1", "a whole number, at least 0"),
+        "lag": ("-1", "a whole number of scans from 0 to 100"),
         "interval_s": ("nan", "a finite number"),
         "radar_1.range_std": ("inf", "a finite number"),
         "start_1.position": ("[1.0]", "a list of 2 finite numbers"),
-        "death_term": ("'none'", "one of bernoulli, paper"),
-        "fixed_interval": ("1", "true or false"),
+        "engine": ("'none'", "one of gaussian, particles, phd, phd_as_printed"),
+        "radar_1.clutter_map": ("1", "true or false"),
         "no.such": ("", "unknown parameter"),
     }
     assert len(faults) == len(expected)
@@ -134,11 +135,11 @@ def test_resolve_error_reads_as_its_faults():
 @pytest.mark.parametrize(
     ("given", "name", "words"),
     [
-        ({"radars": []}, "radars", "at least one"),
-        ({"radars": ["a", "a"]}, "radars", "distinct"),
-        ({"radars": ["a.b"]}, "radars", "dot"),
-        ({"radars": ["lag"]}, "radars", "is already a parameter"),
-        ({"radars": ["cv"]}, "motions", "is already one of radars"),
+        ({"sensors": []}, "sensors", "at least one"),
+        ({"sensors": ["a", "a"]}, "sensors", "distinct"),
+        ({"sensors": ["a.b"]}, "sensors", "dot"),
+        ({"sensors": ["lag"]}, "sensors", "is already a parameter"),
+        ({"sensors": ["cv"]}, "motions", "is already one of sensors"),
         ({"class_0.snr_band_db": [30.0, 30.0]}, "class_0.snr_band_db", "larger"),
         ({"class_0.motions": ["cv", "jump"]}, "class_0.motions", "some of motions"),
         ({"class_0.mode_transition": [1.0]}, "class_0.mode_transition", "2x2"),
@@ -149,20 +150,7 @@ def test_resolve_error_reads_as_its_faults():
             "class_0.mode_transition",
             "at most 1",
         ),
-        (
-            {"class_0.mode_transition": [0.3, 0.7, 0.7, 0.3]},
-            "class_0.mode_transition",
-            "fixed_inter",
-        ),
         ({"class_0.survival_probability": 0.0}, "class_0.survival_probability", "at least"),
-        ({"spawn.class_transition": [1.0]}, "spawn.class_transition", "2x2"),
-        ({"spawn.class_transition": [0.5] * 3 + [0.4]}, "spawn.class_transition", "sum to 1"),
-        ({"spawn.mode_transition": [1.0]}, "spawn.mode_transition", "2x2"),
-        (
-            {"class_0.motions": ["cv"], "class_0.mode_transition": [1.0]},
-            "spawn.mode_transition",
-            "empty",
-        ),
         ({"particles_per_birth": 1000}, "particles_per_birth", "power of two"),
         ({"start_1.rates": [0.1]}, "start_1.rates", "2 numbers"),
         ({"start_1.rates": [0.0, 0.0]}, "start_1.rates", "not all 0"),
@@ -173,15 +161,20 @@ def test_resolve_error_reads_as_its_faults():
         ({"radar_1.fov_deg": [10.0, 10.0]}, "radar_1.fov_deg", "two azimuths"),
         ({"radar_1.blind_sectors_deg": [10.0]}, "radar_1.blind_sectors_deg", "pairs"),
         ({"radar_1.min_range": 20e3}, "radar_1.min_range", "below max_range"),
-        ({"radar_1.detection_probability": 1.0}, "radar_1.detection_probability", "at most 0.999"),
+        ({"radar_1.detection_probability": 1.0}, "radar_1.detection_probability", "to 0.999"),
         (
-            {"radar_1.detection_probability_over_range": [1e3, 0.9, 500.0, 0.8]},
-            "radar_1.detection_probability_over_range",
+            {"radar_1.detection_probability": [1e3, 0.9, 2e3]},
+            "radar_1.detection_probability",
+            "must be pairs of range and probability",
+        ),
+        (
+            {"radar_1.detection_probability": [1e3, 0.9, 500.0, 0.8]},
+            "radar_1.detection_probability",
             "must rise",
         ),
         (
-            {"radar_1.detection_probability_over_range": [1e3, 0.0]},
-            "radar_1.detection_probability_over_range",
+            {"radar_1.detection_probability": [1e3, 0.0]},
+            "radar_1.detection_probability",
             "above 0 and at most 0.999",
         ),
         (
@@ -193,9 +186,9 @@ def test_resolve_error_reads_as_its_faults():
         ({"radar_1.sectors": 8}, "radar_1.rotation_s", "above 0 with sectors"),
         ({"radar_1.fields.sector": "sector"}, "radar_1.sectors", "above 0 with fields.sector"),
         (
-            {"radar_1.sectors": 8, "radar_1.rotation_s": 4.0, "corrector": "poisson"},
-            "corrector",
-            "must be bernoulli",
+            {"radar_1.sectors": 8, "radar_1.rotation_s": 4.0, "engine": "phd"},
+            "engine",
+            "must be gaussian or particles",
         ),
     ],
 )
@@ -223,14 +216,9 @@ def test_detection_probability_is_a_number_or_a_table():
         return radar.visibility.probability(np.array([0.0, 5e3, 10e3])).tolist()
 
     assert probability({"detection_probability": 0.9}) == [0.9] * 3
-    table = {"detection_probability_over_range": [0.0, 0.9, 10e3, 0.7]}
+    table = {"detection_probability": [0.0, 0.9, 10e3, 0.7]}
     assert probability(table) == pytest.approx([0.9, 0.8, 0.7])
     assert not build.resolve({}).model.radars[0].visibility.given
-
-
-def test_rounding_adds_to_the_noise():
-    radar = build.resolve({"radar_1.range_std": 6.0, "radar_1.range_step": 12.0}).model.radars[0]
-    assert radar.range_std == pytest.approx(np.hypot(6.0, 12.0 / np.sqrt(12.0)))
 
 
 def test_resolve_refuses_a_class_without_motions():
@@ -250,9 +238,9 @@ def test_resolve_refuses_matrix_entries_that_are_no_numbers(entry):
     assert faults_of(given)[0].startswith("class_0.mode_transition: ")
 
 
-def test_resolve_accepts_a_matrix_without_a_generator_at_a_fixed_interval():
-    given = {"class_0.mode_transition": [0.3, 0.7, 0.7, 0.3], "fixed_interval": True}
-    modes = build.resolve(given).model.modes
+def test_a_matrix_without_a_generator_holds_for_whole_intervals():
+    modes = build.resolve({"class_0.mode_transition": [0.3, 0.7, 0.7, 0.3]}).model.modes
+    np.testing.assert_allclose(modes.transition(1.0)[:2, :2], [[0.3, 0.7], [0.7, 0.3]])
     np.testing.assert_allclose(modes.transition(6.0)[:2, :2], [[0.3, 0.7], [0.7, 0.3]])
 
 
@@ -266,8 +254,6 @@ def test_resolve_builds_three_classes_of_different_motions():
         "c.motions": ["cv", "ct", "wild"],
         "c.mode_transition": [0.8, 0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1, 0.8],
         "wild.noise_density": 50.0,
-        "spawn.class_transition": [],
-        "spawn.mode_transition": [],
         **{f"start_{n}.rates": [0.004, 0.003, 0.0] for n in range(1, 5)},
     }
     model = build.resolve(given).model
@@ -286,7 +272,73 @@ def test_resolve_builds_a_plain_filter():
 
 
 def test_resolve_replaces_the_lag_by_seconds_where_given():
-    assert build.resolve({"lag_s": 12.5}).lag.seconds == 12.5
+    assert build.resolve({"lag": "12.5 s"}).lag.seconds == 12.5
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"), [(7, "7"), ("7", "7"), (2.0, "2"), ("20s", "20 s"), (" 0.50 s", "0.5 s")]
+)
+def test_a_lag_is_kept_in_one_form(given, kept):
+    assert build.resolve({"lag": given}).values["lag"] == kept
+
+
+@pytest.mark.parametrize("given", ["", "x", "-1", "0 s", "101", "2e5 s", 1.5, True, [5]])
+def test_resolve_refuses_what_is_no_lag(given):
+    (fault,) = faults_of({"lag": given})
+    assert fault.startswith(f"lag: {given!r} given, must be a whole number of scans from 0 to 100")
+
+
+@pytest.mark.parametrize(
+    ("given", "law"),
+    [
+        ("rayleigh", Rayleigh(1.0)),
+        ("rayleigh 10", Rayleigh(10.0)),
+        ("log_normal 20.0", LogNormal(20.0, 6.0)),
+        ("learned", None),
+    ],
+)
+def test_the_law_of_clutter_may_have_a_level(given, law):
+    radar = build.resolve({"radar_1.clutter_amplitude": given}).model.radars[0]
+    assert radar.clutter_amplitude == law or (
+        law is None and isinstance(radar.clutter_amplitude, Learned)
+    )
+
+
+@pytest.mark.parametrize("given", ["", "weibull", "learned 3", "rayleigh x", "log_normal 1 2", 3])
+def test_resolve_refuses_what_is_no_law_of_clutter(given):
+    (fault,) = faults_of({"radar_1.clutter_amplitude": given})
+    assert fault.startswith(f"radar_1.clutter_amplitude: {given!r} given, must be rayleigh, ")
+
+
+@pytest.mark.parametrize(
+    ("table", "part"), [(replaced.TRACKER, ""), (replaced.NODE, ""), (replaced.RADAR, "radar_2.")]
+)
+def test_resolve_names_what_takes_the_place_of_a_parameter_of_before(table, part):
+    faults = faults_of({f"{part}{name}": 1 for name in table})
+    assert list(faults) == [
+        f"{part}{name}: no longer a parameter, {instead}" for name, instead in table.items()
+    ]
+
+
+def test_no_parameter_of_before_is_one_of_now():
+    assert not {*schema({})} & {*replaced.TRACKER, *replaced.NODE}
+    assert not {member.name for member in GROUPS["sensors"]} & {*replaced.RADAR}
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "hypotheses", "particles"),
+    [("fast", 8, 1500), ("normal", 8, 1500), ("high", 16, 3000)],
+)
+def test_accuracy_sets_hypotheses_and_particles(accuracy, hypotheses, particles):
+    config = build.resolve({"accuracy": accuracy})
+    assert (config.bounds.hypotheses, config.budget.per_target) == (hypotheses, particles)
+    assert build.resolve({"accuracy": accuracy, "particles_per_target": 77}).budget.per_target == 77
+
+
+def test_a_spawned_target_has_its_parents_motion_as_a_rule():
+    model = build.resolve({}).model
+    same = [[0.45, 0.05], [0.05, 0.45]]
+    np.testing.assert_allclose(model.spawn.transition, np.tile(same, (2, 2)))
 
 
 def test_reset_threshold_is_three_nominal_intervals():
@@ -294,16 +346,16 @@ def test_reset_threshold_is_three_nominal_intervals():
 
 
 def test_grouper_goes_by_the_configuration():
-    given = {"interval_s": 4.0, "max_gap_scans": 10, "reorder_scans": 1, "radars": ["a", "b", "c"]}
+    given = {"interval_s": 4.0, "max_gap_scans": 10, "reorder_s": 1.5, "sensors": ["a", "b", "c"]}
     grouper = build.resolve(given).grouper()
     assert (grouper.radars, grouper.reset_threshold_s) == (3, 12.0)
-    assert (grouper.max_gap_s, grouper.reorder_scans) == (40.0, 1)
+    assert (grouper.max_gap_s, grouper.reorder_s) == (40.0, 1.5)
     usual = build.resolve({}).grouper()
-    assert (usual.max_gap_s, usual.reorder_scans) == (90.0, 0)
+    assert (usual.max_gap_s, usual.reorder_s) == (90.0, 0.0)
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("max_gap_scans", 1.0), ("reorder_scans", 3), ("reorder_scans", -1)]
+    ("name", "value"), [("max_gap_scans", 1.0), ("reorder_s", 2e3), ("reorder_s", -1.0)]
 )
 def test_resolve_refuses_what_no_grouper_can_do(name, value):
     with pytest.raises(build.ConfigError, match=f"{name}: {value} given, must be"):
@@ -317,7 +369,7 @@ def test_resolve_does_not_change_what_it_was_given():
 
 
 def test_engine_carries_the_configured_choices():
-    resolved = build.resolve({"death_term": "paper", "extraction": "clusters", "seed": 9})
+    resolved = build.resolve({"engine": "phd_as_printed", "seed": 9})
     engine = new_engine(resolved)
     assert engine.death_term.__name__ == "paper_death_term"
     assert engine.extraction.__name__ == "clusters"
@@ -374,8 +426,8 @@ def test_answers_of_turning_radars_are_older_than_their_reports(given, expected)
             "radar_1.pose: '/radar_2/detections' given, radar_2 has its detections there",
         ),
         (
-            {"radar_1.pose": "/a", "radar_2.pose": "/b", "radar_2.pose_message": "pose_stamped"},
-            "radar_2.pose_message: pose_stamped given, must be odometry as that of radar_1",
+            {"radar_1.pose": "/a", "radar_2.pose": "/b pose_stamped"},
+            "radar_2.pose: pose_stamped given, must be odometry as that of radar_1",
         ),
     ],
 )
@@ -391,7 +443,7 @@ def test_radars_on_one_platform_share_its_topic():
     assert build.resolve({}).platforms() == (None, None)
 
 
-@pytest.mark.parametrize("group", ["classes", "motions", "births", "radars"])
+@pytest.mark.parametrize("group", ["classes", "motions", "births", "sensors"])
 @pytest.mark.parametrize("count", [300, 3000])
 def test_resolve_tells_of_too_many_names_at_once(group, count):
     begin_s = time.process_time()
@@ -412,5 +464,5 @@ def test_resolve_takes_as_many_classes_as_there_may_be_each_with_its_own_matrix(
     for index, name in enumerate(names):
         stays = 0.95 - 0.005 * index
         given[f"{name}.mode_transition"] = [stays, 1.0 - stays, 1.0 - stays, stays]
-    given |= {"spawn.rate": 0.0, "spawn.class_transition": [], "spawn.mode_transition": []}
+    given |= {"spawn.rate": 0.0}
     assert len(build.resolve(given).model.modes.classes) == MOST_CLASSES

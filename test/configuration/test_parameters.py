@@ -95,14 +95,22 @@ def test_allowed_says_what_a_parameter_may_be(parameter, words):
 
 
 def test_schema_gives_every_named_part_its_group_parameters():
-    table = schema({"radars": ["north"], "motions": ["cv"]})
-    for member in GROUPS["radars"]:
+    table = schema({"sensors": ["north"], "motions": ["cv"]})
+    plain = [member for member in GROUPS["sensors"] if not member.keys]
+    for member in plain:
         assert f"north.{member.name}" in table
     assert "radar_1.range_std" not in table
     assert "ct.model" not in table
+    groups = {**GROUPS, "sensors": plain}
     assert len(table) == len(TOP) + sum(
-        len(members) * count for members, count in zip(GROUPS.values(), (1, 2, 1, 4), strict=True)
+        len(members) * count for members, count in zip(groups.values(), (1, 2, 1, 4), strict=True)
     )
+
+
+def test_schema_has_the_entries_of_a_mapping_that_are_given():
+    table = schema({"radar_1.fields.time": "t", "radar_2.fields.no": "x"})
+    assert "radar_1.fields.time" in table
+    assert not [name for name in table if name.startswith("radar_2.fields")]
 
 
 def test_schema_describes_every_parameter_and_accepts_its_own_defaults():
@@ -121,7 +129,7 @@ def test_schema_holds_the_reference_scene():
 
 
 def test_schema_takes_the_defaults_for_a_faulty_list_of_names():
-    assert "radar_1.range_std" in schema({"radars": 3})
+    assert "radar_1.range_std" in schema({"sensors": 3})
 
 
 @pytest.mark.parametrize("parameter", [*TOP, *(p for group in GROUPS.values() for p in group)])

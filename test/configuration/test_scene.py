@@ -29,9 +29,9 @@ def test_differences_names_every_parameter_with_both_values():
 
 
 def test_differences_compares_the_parts_that_both_have():
-    given = resolve({"radars": ["radar_2"], "radar_2.range_std": 9.0}).values
+    given = resolve({"sensors": ["radar_2"], "radar_2.range_std": 9.0}).values
     assert differences(REFERENCE, given) == [
-        "radars: [radar_1, radar_2] recorded, [radar_2] given",
+        "sensors: [radar_1, radar_2] recorded, [radar_2] given",
         "radar_2.range_std: 300.0 recorded, 9.0 given",
     ]
 
@@ -54,8 +54,8 @@ def test_differences_ignores_what_is_not_given():
 
 
 def test_other_places_are_those_recorded_of_radars_that_both_have():
-    recorded = resolve({"radars": ["a", "b"], "a.position": [1.0, 2.0], "a.pose": "/ship"}).values
-    given = resolve({"radars": ["a"], "a.yaw_deg": 3.0, "a.range_std": 5.0}).values
+    recorded = resolve({"sensors": ["a", "b"], "a.position": [1.0, 2.0], "a.pose": "/ship"}).values
+    given = resolve({"sensors": ["a"], "a.yaw_deg": 3.0, "a.range_std": 5.0}).values
 
     assert other_places(recorded, given) == {
         "a.position": [1.0, 2.0],

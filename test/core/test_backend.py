@@ -11,7 +11,7 @@ import pytest
 def chosen_backend(environment, without_numba=False):
     """Return a new interpreter's choice, or the last line of its complaint."""
     hide = "sys.modules['numba'] = None; " if without_numba else ""
-    script = f"import sys; {hide}from phd_jdtc_ros.core import backend; print(backend.chosen())"
+    script = f"import sys; {hide}from phd_jdtc_ros.core import backend; print(backend.current())"
     done = subprocess.run(
         [sys.executable, "-c", script],
         cwd=Path(__file__).parents[2],

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 import sweep
 from antennas import TurningRadar
+from runs import stepped
 from scenes import short_scenario, small
 
 from phd_jdtc_ros.configuration.assembly import new_pipeline
@@ -109,8 +110,7 @@ def test_a_run_begins_with_a_call_before_its_first_scan():
 def test_a_run_may_begin_where_a_snapshot_ends():
     whole, engine = new_pipeline(CONFIG), new_engine(CONFIG)
     expected = fed(whole, SCANS)
-    for scan in SCANS[:4]:
-        engine.step(scan)
+    stepped(engine, SCANS[:4])
     held = engine.snapshot()
     pipeline = new_pipeline(CONFIG, lambda engine, _: engine.restore(held))
     for one, other in zip(states(fed(pipeline, SCANS[4:])), states(expected[4:]), strict=True):
@@ -118,7 +118,7 @@ def test_a_run_may_begin_where_a_snapshot_ends():
 
 
 TURNING = TurningRadar(plots=40, stamp_at=1.0)
-AT_ONCE = {"lag": 2, "radars": ["radar_1"], "interval_s": 4.0, "radar_1.rotation_s": 4.0}
+AT_ONCE = {"lag": 2, "sensors": ["radar_1"], "interval_s": 4.0, "radar_1.rotation_s": 4.0}
 
 
 def turned(pipeline, reports, radar=0):
@@ -235,7 +235,8 @@ def test_a_turn_that_is_not_set_is_found_and_targets_are_tracked(engine, timed):
 
 
 def test_a_turn_is_found_once_and_known_after_a_reset():
-    pipeline = new_pipeline(sweep.configuration({"radar.rotation_s": 0.0, "radar.sectors": 0}))
+    given = {"engine": "gaussian", "radar.rotation_s": 0.0, "radar.sectors": 0}
+    pipeline = new_pipeline(sweep.configuration(given))
     reports = sweep.sector_reports(6, timed=True)
     for _ in range(2):
         for radar, stamp_ns, detections, _sector in reports:

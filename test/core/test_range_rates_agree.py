@@ -8,13 +8,15 @@ from lone import STD, lone, mixture_of, scan_at
 from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.gaussian import update as gaussian_update
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement.newborn import newborn_mixture
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Bounds, Branched
+from phd_jdtc_ros.core.gaussian.update import GaussianSteps
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.smc import extraction
 from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.core.window.update import update
 
 ROAD = {
     "interval_s": 0.1,
@@ -23,7 +25,7 @@ ROAD = {
     "detection_births.velocity_std": 12.0,
     "detection_births.particles": 4096,
     "particles_per_target": 4000,
-    "least_particles": 2000,
+    "budget.least": 2000,
     "cv.noise_density": 4.0,
     "lag": 4,
     "radar.position": [0.0, 0.0],
@@ -55,7 +57,7 @@ def scans(radar, seed, count=8):
             scan_at(
                 0.1 * number,
                 np.concatenate([seen, false]),
-                range_rate=np.append(radar.range_rate.wrapped(rate), rng.uniform(-12.0, 12.0, 4)),
+                range_rate=np.append(radar.range_rate.wrap(rate), rng.uniform(-12.0, 12.0, 4)),
             )
         )
     return found
@@ -106,7 +108,8 @@ def test_newborn_gaussians_are_one_hypothesis_for_each_fold():
         range_rate=np.array([9.0, 0.0, np.nan]),
     )
     bounds = Bounds(100, 0.0, 0.0, 0.0, 1000, 1.0)
-    _, newborn, _ = gaussian_update.update(nothing, report, radar, dynamics, bounds, 0.1)
+    steps = GaussianSteps(dynamics, bounds)
+    (newborn,) = update(nothing, Report(radar, report), steps, 0.1).newborns
     found = newborn_mixture(newborn, dynamics, 1000)
 
     mass = found.mass

@@ -1,24 +1,15 @@
+import estimate_sets
 import numpy as np
 import pytest
 from scenes import intensity
 
 from phd_jdtc_ros.core.arrays import read_only, sum_by
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
-from phd_jdtc_ros.core.types import Detections, Estimates
+from phd_jdtc_ros.core.types import Detections
 
 
 def estimates(weight):
-    count = len(weight)
-    return Estimates(
-        stamp_ns=1,
-        lag=0,
-        state=np.zeros((count, 5)),
-        covariance=np.zeros((count, 5, 5)),
-        weight=np.array(weight, dtype=float),
-        class_probability=np.ones((count, 1)),
-        class_id=np.zeros(count, dtype=int),
-        track_id=np.zeros(count, dtype=int),
-    )
+    return estimate_sets.estimates(np.zeros((len(weight), 5)), weight=np.array(weight, dtype=float))
 
 
 def test_read_only_refuses_assignment_and_leaves_the_original_writable():

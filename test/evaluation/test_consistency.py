@@ -5,11 +5,11 @@ import pytest
 from scipy.stats import chi2
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES
-from phd_jdtc_ros.evaluation.consistency import EXPECTED_OUTSIDE, band
+from phd_jdtc_ros.evaluation.accumulators.consistency import EXPECTED_OUTSIDE, band
+from phd_jdtc_ros.evaluation.accumulators.mahalanobis import mahalanobis2
+from phd_jdtc_ros.evaluation.accumulators.track_ages import FORGOTTEN, NO_AGE, TrackAges
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.mahalanobis import mahalanobis2
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.evaluation.track_ages import FORGOTTEN, NO_AGE, TrackAges
 
 RIGHT = np.array([[900.0, 500.0], [500.0, 400.0]])
 TARGETS, SCANS = 40, 25

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+from phd_jdtc_ros.evaluation.accumulators.tracks import OSPA2_WINDOW
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.limits import OSPA2_WINDOW
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
 
 C = 100.0
 

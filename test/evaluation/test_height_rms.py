@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet
 from phd_jdtc_ros.evaluation.run_scores import RunScores
-from phd_jdtc_ros.evaluation.scan_scores import ALL, PairedScan, PointSet
 
 PLACES = np.array([[0.0, 0.0], [5e3, 0.0], [9e3, 0.0]])
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.comparison import LabelledPoints
 from phd_jdtc_ros.evaluation.evaluation import Evaluation, PointSet
-from phd_jdtc_ros.evaluation.identity import IdentitySwitches
-from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
 
 CUTOFF = 100.0
 

@@ -1,15 +1,13 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.evaluation.metric_table import METRICS, OSPA, VALUES, reduction, values_of
-from phd_jdtc_ros.evaluation.scan_scores import Comparison, PointSet
-from phd_jdtc_ros.evaluation.surveillance import Gap
+from phd_jdtc_ros.evaluation.accumulator import OSPA, Accumulator, Metric, mean
+from phd_jdtc_ros.evaluation.accumulators import ACCUMULATORS
+from phd_jdtc_ros.evaluation.accumulators.gaps import Gaps
+from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet
+from phd_jdtc_ros.evaluation.metric_table import GROUPS, METRICS, VALUES, reduction
+from phd_jdtc_ros.evaluation.run_scores import ScanComparer
 from phd_jdtc_ros.evaluation.totals import Totals
-from phd_jdtc_ros.evaluation.track_ages import NO_AGE
-
-NAMES = tuple(VALUES)
 
 
 def points(*rows):
@@ -18,15 +16,19 @@ def points(*rows):
     return PointSet(table[:, :2], table[:, 2].astype(int))
 
 
+def compared(*scans, classes=2):
+    """Return the values of the last of some scans, as the last one of a run."""
+    comparer = ScanComparer(classes, [each(1000.0, 2.0) for each in ACCUMULATORS])
+    for second, (truth, estimate) in enumerate(scans):
+        comparer.compare(PairedScan.of(second * 10**10, truth, estimate, 1000.0))
+    return comparer.final_values()
+
+
 @pytest.fixture
 def scan():
     """Two targets, one found 50 m off as of the other class, and two false estimates."""
     truth = points((0, 0, 0), (5000, 0, 1))
-    estimate = points((30, 40, 1), (-9000, 0, 0), (9000, 0, 0))
-    gaps = (Gap(0, 12.0, 1), Gap(0, 18.0, 2), Gap(1, 16.4, 3))
-    pair = truth.only(np.array([0])), estimate.only(np.array([0])), np.array([NO_AGE])
-    labels = {"ospa2": None, "identity_switches": None, "seen_switches": None}
-    return Comparison(truth, estimate, *pair, cutoff=1000.0, order=2.0, gaps=gaps, **labels)
+    return truth, points((30, 40, 1), (-9000, 0, 0), (9000, 0, 0))
 
 
 def test_values_of_a_scan_are_those_of_the_table(scan):
@@ -44,31 +46,53 @@ def test_values_of_a_scan_are_those_of_the_table(scan):
         "pairs": 1,
         "right_class": 0,
         "square_error": pytest.approx(2500.0),
-        "gaps": 3,
-        "long_gaps": 1,
-        "missed_in_long_gaps": 2,
-        "longest_gap_s": 18.0,
+        "gaps": None,
         "ospa2": None,
         "identity_switches": None,
         "seen_switches": None,
     }
-    values = values_of(scan)
+    values = compared(scan)[ALL]
     assert {name: values[name] for name in expected} == expected
-    assert [*values] == [*NAMES]
+    assert tuple(values) == VALUES
 
 
-@pytest.mark.parametrize(("gaps", "expected"), [((), 0), (None, None)])
-def test_values_without_gaps_are_zero_and_without_labels_not_known(scan, gaps, expected):
-    values = values_of(replace(scan, gaps=gaps))
-    for name in ("gaps", "long_gaps", "missed_in_long_gaps", "longest_gap_s"):
-        assert values[name] == expected
+def test_gaps_are_of_each_class_and_end_with_the_run():
+    truth = PointSet(np.array([[0.0, 0.0], [5e3, 0.0]]), np.array([0, 1]), np.array([1, 2]))
+    found, lost = truth.only(np.array([0, 1])), truth.only(np.array([0]))
+    values = compared((truth, found), (truth, lost), (truth, lost))
+    of_gaps = {key: [each[name] for name in Gaps.names] for key, each in values.items()}
+    assert of_gaps == {ALL: [1, 1, 2, 20.0], "class_0": [0, 0, 0, 0.0], "class_1": [1, 1, 2, 20.0]}
+
+
+def test_classes_are_not_judged_where_none_are_compared(scan):
+    assert compared(scan, classes=0)[ALL]["right_class"] is None
+    assert compared(scan)[ALL]["right_class"] == 0
+
+
+def test_a_metric_needs_nothing_but_its_accumulator():
+    class Scans(Accumulator):
+        names = ("scans_before",)
+        metrics = (Metric("before", "before", "", ".1f", mean("scans_before"), "Before.", OSPA),)
+        scans = -1
+
+        def update(self, scan):
+            self.scans += 1
+
+        def values(self, part):
+            return (self.scans,)
+
+    comparer = ScanComparer(1, [Scans(1000.0, 2.0)])
+    none = points()
+    scans = [PairedScan.of(stamp_ns, none, none, 1000.0) for stamp_ns in (0, 1)]
+    values = np.array([[comparer.compare(scan)[ALL]["scans_before"]] for scan in scans])
+    assert Scans.metrics[0].of_run(Totals.of(comparer.names, values)) == 0.5
 
 
 @pytest.mark.parametrize("metric", METRICS, ids=lambda metric: metric.key)
 def test_every_metric_has_figures_of_several_runs_and_none_of_no_scan(metric):
-    runs = Totals.of(NAMES, np.ones((3, 5, len(NAMES))))
+    runs = Totals.of(VALUES, np.ones((3, 5, len(VALUES))))
     assert np.isfinite(metric.of_run(runs)).tolist() == [True] * 3
-    assert np.isnan(metric.of_run(Totals.of(NAMES, np.zeros((0, len(NAMES))))))
+    assert np.isnan(metric.of_run(Totals.of(VALUES, np.zeros((0, len(VALUES))))))
 
 
 def test_every_metric_has_a_key_of_its_own_and_a_definition():
@@ -79,7 +103,7 @@ def test_every_metric_has_a_key_of_its_own_and_a_definition():
 
 
 def test_metric_text_has_its_unit():
-    with_unit, *_, without = OSPA
+    with_unit, *_, without = GROUPS[OSPA]
     assert (with_unit.text(103.26), without.text(0.0125)) == ("103.3 m", "0.013")
 
 
@@ -88,7 +112,7 @@ def test_metric_text_has_its_unit():
     [(0.0, "0.0 m"), (1e-9, "0.0 m"), (0.0462, "0.046 m"), (0.4621, "0.46 m"), (0.999, "1.0 m")],
 )
 def test_metric_text_of_a_short_length_has_two_digits(metres, text):
-    assert OSPA[0].text(metres) == text
+    assert GROUPS[OSPA][0].text(metres) == text
 
 
 @pytest.mark.parametrize(

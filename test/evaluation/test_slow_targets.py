@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import FILTERED, Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.evaluation.slow_targets import without_slow
+from phd_jdtc_ros.evaluation.true_tracks import without_slow
 
 NEAR = 200.0
 # A ship that moves, one at anchor, and one at anchor that nobody has a track of.

@@ -5,17 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phd_jdtc_ros.evaluation.metrics import assign, gospa, ospa
-from phd_jdtc_ros.evaluation.surveillance import (
-    Gap,
-    GapFinder,
-    LabelledPoints,
+from phd_jdtc_ros.evaluation.accumulators.gaps import Gap, GapFinder
+from phd_jdtc_ros.evaluation.accumulators.pairs import confusion_matrix
+from phd_jdtc_ros.evaluation.accumulators.tracks import (
     TrackWindow,
-    confusion_matrix,
     ospa2,
     track_distances,
     track_set,
 )
+from phd_jdtc_ros.evaluation.comparison import LabelledPoints
+from phd_jdtc_ros.evaluation.metrics import assign, gospa, ospa
 
 CUTOFF = 100.0
 SCANS = 4

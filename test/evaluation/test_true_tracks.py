@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.limits import LONGEST_INTERPOLATION_S
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
+from phd_jdtc_ros.evaluation.true_tracks import LONGEST_INTERPOLATION_S, TrueTracks
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
 
 SECOND = 1_000_000_000

@@ -1,24 +1,16 @@
 from dataclasses import replace
 
+import estimate_sets
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.tracks.renumbering import matched
-from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.core.tracks.renumbering import match
 from phd_jdtc_ros.handover import checks
 
 
 def estimates(tracks, covariance):
-    count = len(tracks)
-    return Estimates(
-        stamp_ns=0,
-        lag=0,
-        state=np.zeros((count, 5)),
-        covariance=np.tile(covariance, (count, 1, 1)),
-        weight=np.ones(count),
-        class_probability=np.ones((count, 1)),
-        class_id=np.zeros(count, dtype=int),
-        track_id=np.array(tracks, dtype=int),
+    return estimate_sets.estimates(
+        np.zeros((len(tracks), 5)), covariance, track_id=np.array(tracks, dtype=int)
     )
 
 
@@ -38,7 +30,7 @@ def test_a_negative_variance_cannot(axis):
     covariance[axis, axis] = -0.5
     found = estimates([3], covariance)
     with pytest.raises(np.linalg.LinAlgError):
-        matched(found, found, moving=True)
+        match(found, found, moving=True)
     assert checks.why_not(found)[0] == "covariance"
     assert "the covariance of track 3" in checks.why_not(found)[1]
 

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from estimate_sets import of_tracks
 from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
 
 from phd_jdtc_ros.core.tracks.region import Region
-from phd_jdtc_ros.core.tracks.renumbering import GATE, matched
-from phd_jdtc_ros.core.types import UNKNOWN, Attributes, Estimates
+from phd_jdtc_ros.core.tracks.renumbering import GATE, match
+from phd_jdtc_ros.core.types import UNKNOWN, Attributes
 from phd_jdtc_ros.handover.ownership import APART, TOGETHER, Handover
 
 # Parted at x = 0, with an overlap of 10 km on each side.
@@ -22,20 +23,8 @@ HYSTERESIS = 2e3
 
 def estimates(stamp, tracks, std=50.0):
     """Return estimates of tracks by number, each (x, y)."""
-    count = len(tracks)
-    state = np.zeros((count, 5))
-    state[:, [0, 2]] = np.array(list(tracks.values())).reshape(-1, 2)
-    covariance = np.tile(np.diag([std**2, 1.0, std**2, 1.0, 1e-6]), (count, 1, 1))
-    return Estimates(
-        stamp_ns=stamp * 10**9,
-        lag=0,
-        state=state,
-        covariance=covariance,
-        weight=np.ones(count),
-        class_probability=np.ones((count, 1)),
-        class_id=np.zeros(count, dtype=int),
-        track_id=np.array(list(tracks), dtype=int),
-    )
+    variance = (std**2, 1.0, std**2, 1.0, 1e-6)
+    return of_tracks(tracks, variance=variance, stamp_ns=stamp * 10**9)
 
 
 def joined(handover, stamp, west, east):
@@ -194,7 +183,7 @@ def test_covariances_so_wide_that_rounding_makes_them_singular_are_compared():
     covariance = wide.covariance.copy()
     covariance[0, ::2, ::2] = 1e30
     wide = replace(wide, covariance=covariance)
-    rows, columns = matched(wide, wide, moving=True)
+    rows, columns = match(wide, wide, moving=True)
     assert (rows.tolist(), columns.tolist()) == ([0], [0])
 
 
@@ -205,7 +194,7 @@ def test_matched_pairs_are_those_of_least_total_distance():
             estimates(0, dict(enumerate(rng.uniform(0.0, 500.0, (count, 2)), 1)))
             for count in rng.integers(1, 25, 2)
         )
-        rows, columns = matched(one, other)
+        rows, columns = match(one, other)
         apart = one.position[:, None] - other.position[None]
         cost = (apart**2).sum(axis=2) / (2.0 * 50.0**2 + 1.0)
         limited = np.where(cost <= GATE, cost, 1e6)

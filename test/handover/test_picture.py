@@ -2,9 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from estimate_sets import of_tracks
 
 from phd_jdtc_ros.core.tracks.region import Region
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, UNKNOWN, Attributes, Estimates
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, UNKNOWN, Attributes
 from phd_jdtc_ros.handover.picture import LATEST_STAMPS, JointPicture
 from phd_jdtc_ros.handover.synchroniser import Refused
 
@@ -19,19 +20,7 @@ WEST, EAST = 0, 1
 
 def estimates(stamp, tracks, lag=0):
     """Return estimates of tracks by number, each its x."""
-    count = len(tracks)
-    state = np.zeros((count, 5))
-    state[:, 0] = list(tracks.values())
-    return Estimates(
-        stamp_ns=stamp * NS,
-        lag=lag,
-        state=state,
-        covariance=np.tile(np.diag([2500.0, 1.0, 2500.0, 1.0, 1e-6]), (count, 1, 1)),
-        weight=np.ones(count),
-        class_probability=np.ones((count, 1)),
-        class_id=np.zeros(count, dtype=int),
-        track_id=np.array(list(tracks), dtype=int),
-    )
+    return of_tracks({n: (x, 0.0) for n, x in tracks.items()}, stamp_ns=stamp * NS, lag=lag)
 
 
 @pytest.fixture

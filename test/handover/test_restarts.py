@@ -1,6 +1,6 @@
 import numpy as np
+from estimate_sets import of_tracks
 
-from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.handover.restarts import KEPT_S, SERIES, TrackSeries
 
 NS = 10**9
@@ -8,18 +8,8 @@ NS = 10**9
 
 def estimates(stamp, tracks, speed=200.0):
     """Return estimates of tracks by number, each its x."""
-    count = len(tracks)
-    state = np.zeros((count, 5))
-    state[:, 0], state[:, 1] = list(tracks.values()), speed
-    return Estimates(
-        stamp_ns=stamp * NS,
-        lag=0,
-        state=state,
-        covariance=np.tile(np.eye(5), (count, 1, 1)),
-        weight=np.ones(count),
-        class_probability=np.ones((count, 1)),
-        class_id=np.zeros(count, dtype=int),
-        track_id=np.array(list(tracks), dtype=int),
+    return of_tracks(
+        {n: (x, 0.0) for n, x in tracks.items()}, (speed, 0.0), np.ones(5), stamp_ns=stamp * NS
     )
 
 

@@ -1,25 +1,14 @@
 import math
-from dataclasses import replace
 from itertools import permutations
 
-import numpy as np
 import pytest
+from estimate_sets import of_tracks
 
-from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.handover.synchroniser import TARGETS_OF_A_STAMP, Gathering, Refused, too_many
 
 
 def at(stamp):
-    return Estimates(
-        stamp_ns=stamp * 10**9,
-        lag=0,
-        state=np.zeros((0, 5)),
-        covariance=np.zeros((0, 5, 5)),
-        weight=np.zeros(0),
-        class_probability=np.zeros((0, 1)),
-        class_id=np.zeros(0, dtype=int),
-        track_id=np.zeros(0, dtype=int),
-    )
+    return of_tracks({}, stamp_ns=stamp * 10**9)
 
 
 def add(gathering, tracker, stamp):
@@ -155,17 +144,8 @@ def test_stamps_that_wait_are_bounded_in_number():
 
 
 def test_targets_that_wait_are_bounded_in_number():
-    crowd = np.zeros((3 * TARGETS_OF_A_STAMP, 5))
     few, many = [at(1)], [at(1), at(2)]
-    crowded = replace(
-        at(1),
-        state=crowd,
-        covariance=np.zeros((len(crowd), 5, 5)),
-        weight=np.zeros(len(crowd)),
-        class_probability=np.ones((len(crowd), 1)),
-        class_id=np.zeros(len(crowd), dtype=int),
-        track_id=np.arange(len(crowd)),
-    )
+    crowded = of_tracks(dict.fromkeys(range(3 * TARGETS_OF_A_STAMP), (0.0, 0.0)))
     assert not too_many([{0: own} for own in many], 2)
     assert too_many([{0: own} for own in (*few, crowded)], 2)
     # One stamp always may wait, whatever it says.

@@ -4,7 +4,7 @@ import numpy as np
 from lone import lone, scan_at
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.types import UNKNOWN
 
 PERIOD_S, AIRCRAFT, CLUTTER, RANGE = 4.0, 5, 5, 1.1e5
@@ -20,7 +20,7 @@ GIVEN = {
     "detection_births.particles": 256,
     "detection_births.least_probability": 0.005,
     "particles_per_target": 300,
-    "least_particles": 100,
+    "budget.least": 100,
     "lag": 3,
     "radar.position": [0.0, 0.0],
     "radar.yaw_deg": 0.0,

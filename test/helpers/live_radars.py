@@ -10,7 +10,10 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-FAST = ("-p", "particles_per_target:=200", "-p", "particles_per_birth:=256", "-p", "lag:=2")
+FAST = (
+    *("-p", "engine:=particles", "-p", "particles_per_target:=200"),
+    *("-p", "particles_per_birth:=256", "-p", "lag:=2"),
+)
 RELIABLE = [
     word
     for radar in ("radar_1", "radar_2")

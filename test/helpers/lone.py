@@ -1,8 +1,8 @@
 """A target alone in the field of one radar, and Gaussian engines that know where it starts."""
 
+import inner
 import numpy as np
 
-from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.types import Detections, Scan
@@ -11,7 +11,7 @@ START_NS = 10**12
 INTERVAL_S = 6.0
 GIVEN = {
     "engine": "gaussian",
-    "radars": ["radar"],
+    "sensors": ["radar"],
     "classes": ["target"],
     "motions": ["cv"],
     "births": [],
@@ -19,10 +19,8 @@ GIVEN = {
     "max_gap_scans": 1e5,
     "amplitude": "none",
     # Motions are mixed with every scan, as by a textbook's interacting multiple models.
-    "least_mode": 1.0,
+    "accuracy": "fast",
     "spawn.rate": 0.0,
-    "spawn.class_transition": [],
-    "spawn.mode_transition": [],
     "target.motions": ["cv"],
     "target.mode_transition": [1.0],
     "target.survival_probability": 1.0,
@@ -42,7 +40,7 @@ TWO_MOTIONS = {
     "ct.turn_noise_density": 1e-5,
 }
 # Nothing is dropped or merged.
-UNREDUCED = {"hypotheses_per_target": 1000, "least_hypothesis": 0.0, "merge_distance": 0.0}
+UNREDUCED = {"bounds.hypotheses": 1000, "bounds.least_share": 0.0, "bounds.merge_distance": 0.0}
 MEAN = np.array([6e3, 40.0, 8e3, -25.0, 0.0])
 STD = np.array([300.0, 30.0, 250.0, 35.0, 5e-3])
 
@@ -52,7 +50,7 @@ def lone(given=None):
     table = {**GIVEN, **(given or {})}
     gone = {"target", "cv"} - {*table["classes"], *table["motions"]}
     kept = {name: value for name, value in table.items() if name.split(".")[0] not in gone}
-    return build.resolve(kept)
+    return inner.resolve(kept)
 
 
 def mixture_of(dynamics, targets):

@@ -1,5 +1,7 @@
 """Markers and poses made of message objects: what the bytes that are published must say."""
 
+import itertools
+
 import numpy as np
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion, Vector3
@@ -12,6 +14,8 @@ from msg_adapters.estimates import heading
 from msg_adapters.markers import (
     ELLIPSE_POINTS,
     ELLIPSE_SIGMA,
+    HEAD_LENGTH,
+    HEAD_WIDTH,
     LABEL_COLOUR,
     LABEL_HEIGHT,
     LINE_WIDTH,
@@ -45,38 +49,44 @@ def pose_array(estimates, class_id, frame):
 
 
 def marker_array(estimates, frame, class_names):
-    """Return a clearing marker, then an ellipse, a velocity and a label for every estimate.
+    """Return a clearing marker, then each class's ellipses, velocities and labels.
 
     Namespaces are ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label`` with the class's name.
     """
-    clear = Marker(header=stamps.header(estimates.stamp_ns, frame), action=Marker.DELETEALL)
+    stamp_ns = estimates.stamp_ns
+    clear = Marker(header=stamps.header(stamp_ns, frame), action=Marker.DELETEALL)
     array = MarkerArray(markers=[clear])
-    for index, state in enumerate(estimates.state):
-        class_id = int(estimates.class_id[index])
-        height, climb = heights(estimates)[index]
-        colour = ColorRGBA(**dict(zip("rgb", class_rgb(class_id), strict=True)), a=1.0)
-        name = class_names[class_id]
-        share = estimates.class_probability[index, class_id]
-        ahead = state + VELOCITY_SECONDS * np.array([state[VX], 0.0, state[VY], 0.0, 0.0])
-        base = (estimates.stamp_ns, frame, index, colour)
-        ellipse = _marker(*base, f"{name}/ellipse", Marker.LINE_STRIP)
-        ellipse.scale = Vector3(x=LINE_WIDTH, y=0.0, z=0.0)
-        ellipse.points = _ellipse(state, estimates.covariance[index], height)
-        velocity = _marker(*base, f"{name}/velocity", Marker.ARROW)
-        velocity.scale = Vector3(x=LINE_WIDTH, y=3.0 * LINE_WIDTH, z=3.0 * LINE_WIDTH)
-        velocity.points = [
-            _point(state[X], state[Y], height),
-            _point(ahead[X], ahead[Y], height + VELOCITY_SECONDS * climb),
-        ]
-        dark = ColorRGBA(**dict(zip("rgb", LABEL_COLOUR, strict=True)), a=1.0)
-        label = _marker(*base[:3], dark, f"{name}/label", Marker.TEXT_VIEW_FACING)
-        label.scale = Vector3(x=0.0, y=0.0, z=LABEL_HEIGHT)
-        label.pose.position = _point(state[X], state[Y] + 2.0 * LABEL_HEIGHT, height)
-        label.text = label_text(
-            int(estimates.track_id[index]), name, share, vertical.words(estimates)[index]
-        )
-        array.markers += [ellipse, velocity, label]
+    for class_id in sorted(set(estimates.class_id.tolist())):
+        rows = [row for row, k in enumerate(estimates.class_id) if k == class_id]
+        name, colour = class_names[class_id], _colour(class_rgb(class_id))
+        for kind, lines in (("ellipse", _ellipse), ("velocity", _arrow)):
+            marker = _marker(stamp_ns, frame, 0, colour, f"{name}/{kind}", Marker.LINE_LIST)
+            marker.scale = Vector3(x=LINE_WIDTH, y=0.0, z=0.0)
+            marker.points = [point for row in rows for point in lines(estimates, row)]
+            array.markers.append(marker)
+        array.markers += [_label(estimates, row, frame, name) for row in rows]
     return array
+
+
+def _label(estimates, row, frame, name):
+    kind = f"{name}/label", Marker.TEXT_VIEW_FACING
+    label = _marker(estimates.stamp_ns, frame, row, _colour(LABEL_COLOUR), *kind)
+    state, share = estimates.state[row], estimates.class_probability[row]
+    label.scale = Vector3(x=0.0, y=0.0, z=LABEL_HEIGHT)
+    label.pose.position = _point(
+        state[X], state[Y] + 2.0 * LABEL_HEIGHT, heights(estimates)[row, 0]
+    )
+    label.text = label_text(
+        int(estimates.track_id[row]),
+        name,
+        share[estimates.class_id[row]],
+        vertical.words(estimates)[row],
+    )
+    return label
+
+
+def _colour(rgb):
+    return ColorRGBA(**dict(zip("rgb", rgb, strict=True)), a=1.0)
 
 
 def _marker(stamp_ns, frame, index, colour, namespace, kind):
@@ -96,7 +106,25 @@ def _point(x, y, z):
     return Point(x=float(x), y=float(y), z=float(z))
 
 
-def _ellipse(state, covariance, height):
-    """Return a closed outline of the position covariance at `ELLIPSE_SIGMA`."""
+def _ellipse(estimates, row):
+    """Return the segments of the outline of the position covariance at `ELLIPSE_SIGMA`."""
+    state, covariance = estimates.state[row], estimates.covariance[row]
     around = outline(covariance[np.ix_((X, Y), (X, Y))], ELLIPSE_SIGMA, ELLIPSE_POINTS)
-    return [_point(state[X] + dx, state[Y] + dy, height) for dx, dy in around.T]
+    height = heights(estimates)[row, 0]
+    corners = [_point(state[X] + dx, state[Y] + dy, height) for dx, dy in around.T]
+    return [corner for segment in itertools.pairwise(corners) for corner in segment]
+
+
+def _arrow(estimates, row):
+    """Return the segments of an arrow to where the target will be: its shaft and its head."""
+    state, (height, climb) = estimates.state[row], heights(estimates)[row]
+    here = np.array([state[X], state[Y], height])
+    tip = here + VELOCITY_SECONDS * np.array([state[VX], state[VY], climb])
+    way = VELOCITY_SECONDS * np.hypot(state[VX], state[VY])
+    direction = np.arctan2(state[VY], state[VX])
+    length = min(HEAD_LENGTH, way)
+    width = length * HEAD_WIDTH / HEAD_LENGTH
+    along = length * np.array([np.cos(direction), np.sin(direction), 0.0])
+    across = width * np.array([-np.sin(direction), np.cos(direction), 0.0])
+    ends = [here, tip, tip, tip - along + across, tip, tip - along - across]
+    return [_point(*end) for end in ends]

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from sweep import configuration
 
-from phd_jdtc_ros.core.tracks.common_stamp import chosen
 from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.core.window import window_snapshot
@@ -13,7 +12,7 @@ from phd_jdtc_ros.core.window.backward_pass import smoothed_sets
 from phd_jdtc_ros.core.window.entries import Current, Entry, Extents
 from phd_jdtc_ros.core.window.fixed_lag import FixedLagEngine
 from phd_jdtc_ros.core.window.forward_filter import Filtered, ForwardFilter
-from phd_jdtc_ros.core.window.swept import parted
+from phd_jdtc_ros.core.window.swept import partition_swept
 
 MODEL = configuration().model
 # Four targets 50 km away: to the east, north, west and south.
@@ -65,7 +64,7 @@ class MarkFilter(ForwardFilter):
     def step(self, scan, linked):
         self._interval(scan)
         index = self._scan_index
-        touched, others = parted(self.current, scan, self.model, labelled=True)
+        touched, others = partition_swept(self.current, scan, self.model, labelled=True)
         earlier = np.concatenate([np.arange(0), *(rows.origin for rows in touched)])
         new = [each for each in range(len(PLACES)) if self.begins.get(each, 0) == index]
         kept = [each for each in earlier.tolist() if self.ends.get(each, index + 1) > index]
@@ -102,7 +101,7 @@ class MarkEngine(FixedLagEngine):
             track_id=stored.origin + 1,
             space=modes.space,
         )
-        return chosen(estimates, np.flatnonzero(estimates.weight > threshold))
+        return estimates.take(np.flatnonzero(estimates.weight > threshold))
 
     def _backward(self, window):
         return smoothed_sets(window, self._told, self._heard)
@@ -116,22 +115,22 @@ class MarkEngine(FixedLagEngine):
         mark = stored.mark.copy()
         for part in told:
             rows = slice(None) if part.rows is None else part.rows
-            message = part.message[part.part]
+            message = part.content[part.part]
             mark[rows] = np.where(np.isnan(message), mark[rows], message)
         return Marks(stored.origin, mark)
 
     def _figures(self, step):
         return {"touched": sum(len(entry.stored) for entry in step.earlier)}
 
-    def _put_entry(self, held, name, entry):
-        window_snapshot.put_sources(held, name, entry)
+    def _entry_to_snapshot(self, entry, held, name):
+        window_snapshot.sources_to_snapshot(entry, held, name)
         held.arrays[f"{name}.origin"] = entry.stored.origin
         held.arrays[f"{name}.mark"] = entry.stored.mark
         if entry.link is not None:
             held.arrays[f"{name}.link"] = entry.link
 
-    def _take_entry(self, held, name, earlier):
-        stamp_ns, sources = window_snapshot.take_sources(held, name, 100)
+    def _entry_from_snapshot(self, held, name, earlier):
+        stamp_ns, sources = window_snapshot.sources_from_snapshot(held, name, 100)
         stored = Marks(held.array(f"{name}.origin"), held.array(f"{name}.mark"))
         for source in sources:
             if source.stamp_ns in earlier:

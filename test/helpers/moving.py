@@ -4,7 +4,7 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import flatten
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.types import Detections, Pose
 
 START_NS = 1_700_000_000 * 10**9
@@ -18,7 +18,7 @@ SPEED, TURN_RATE = 10.0, 0.05
 ODOMETRY = "/own_ship/odometry"
 
 PARAMETERS = {
-    "radars": ["mast"],
+    "sensors": ["mast"],
     "engine": "gaussian",
     "interval_s": INTERVAL_S,
     "lag": 3,
@@ -26,7 +26,7 @@ PARAMETERS = {
     "motions": ["cv"],
     "births": [],
     "detection_births": {"rates": [0.1], "velocity_std": 8.0, "particles": 256},
-    "spawn": {"rate": 0.0, "class_transition": [], "mode_transition": []},
+    "spawn": {"rate": 0.0},
     "boat": {"motions": ["cv"], "mode_transition": [1.0], "snr_band_db": [10.0, 30.0]},
     "cv": {"noise_density": 0.05},
     "mast": {

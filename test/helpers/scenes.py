@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
+import inner
 import numpy as np
 from scipy import sparse
 
-from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.core.smc import prediction
 from phd_jdtc_ros.core.smc.particle_set import Aged, ParticleSet
 from phd_jdtc_ros.core.smc.proposals.detections_in_plane import Places
@@ -14,25 +14,24 @@ from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 
 SMALL_BUDGET = {
+    "engine": "particles",
     "particles_per_target": 200,
-    "least_particles": 20,
+    "budget.least": 20,
     "particles_per_birth": 64,
-    "spawn.particles_per_target": 20,
+    "spawning.particles_per_target": 20,
 }
 # The motion that the distances and numbers of rows in these scenes are made for.
 NOISE = {"cv.noise_density": 1.0, "ct.turn_noise_density": 1e-5}
 MODES = {f"class_{index}.mode_transition": [0.8, 0.2, 0.2, 0.8] for index in (0, 1)}
 # One class, one motion: the general mode is then a plain PHD.
 PLAIN = {
-    "radars": ["radar"],
+    "sensors": ["radar"],
     "classes": ["target"],
     "motions": ["cv"],
     "births": ["start"],
     "target.snr_band_db": [30.0, 50.0],
     "target.motions": ["cv"],
     "target.mode_transition": [1.0],
-    "spawn.class_transition": [],
-    "spawn.mode_transition": [],
     "start.position": [8e3, 6e3],
     "start.rates": [0.01],
     "cv.noise_density": 1.0,
@@ -47,12 +46,12 @@ def small(given=None):
     given = given or {}
     noise = {} if "motions" in given else NOISE
     modes = {} if {"motions", "classes"} & given.keys() else MODES
-    return build.resolve({**SMALL_BUDGET, **noise, **modes, **given})
+    return inner.resolve({**SMALL_BUDGET, **noise, **modes, **given})
 
 
 def plain(given=None):
     """Return a configuration of one radar, one class and one motion, changed by `given`."""
-    return build.resolve({**SMALL_BUDGET, **PLAIN, **(given or {})})
+    return inner.resolve({**SMALL_BUDGET, **PLAIN, **(given or {})})
 
 
 def intensity(
@@ -91,7 +90,7 @@ def no_detections():
 
 def reference_scenario():
     """Return the paper's scene: two parallel targets, one crossing both, one crossing late."""
-    return paper_scenario(build.resolve({}).model.radars)
+    return paper_scenario(inner.resolve({}).model.radars)
 
 
 def short_scenario(scans, clutter_rate=5.0):

@@ -1,22 +1,23 @@
 """A radar that turns, and what it says of targets, sector by sector."""
 
+import inner
 import numpy as np
 
-from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 
 ROTATION_S = 4.0
 SECTORS = 16
 START_NS = 1_000_000_000_000
 GIVEN = {
-    "radars": ["radar"],
+    "engine": "particles",
+    "sensors": ["radar"],
     "classes": ["aircraft"],
     "motions": ["cv", "ct"],
     "births": [],
     "interval_s": ROTATION_S,
     "amplitude": "none",
     "particles_per_target": 200,
-    "least_particles": 150,
+    "budget.least": 150,
     "radar.rotation_s": ROTATION_S,
     "radar.sectors": SECTORS,
     "radar.range_std": 40.0,
@@ -30,8 +31,6 @@ GIVEN = {
     "detection_births.particles": 256,
     "detection_births.least_probability": 5e-3,
     "spawn.rate": 0.0,
-    "spawn.class_transition": [],
-    "spawn.mode_transition": [],
     "aircraft.motions": ["cv", "ct"],
     "aircraft.mode_transition": [0.95, 0.05, 0.1, 0.9],
     "aircraft.survival_probability": 0.999,
@@ -52,7 +51,7 @@ TARGETS = np.array(
 
 
 def configuration(given=None):
-    return build.resolve({**GIVEN, **(given or {})})
+    return inner.resolve({**GIVEN, **(given or {})})
 
 
 def position_at(seconds):

@@ -2,7 +2,7 @@
 
 PERIOD_S = 4.0
 PARAMETERS = {
-    "radars": ["tower"],
+    "sensors": ["tower"],
     "engine": "gaussian",
     "interval_s": PERIOD_S,
     "lag": 2,
@@ -12,8 +12,6 @@ PARAMETERS = {
     "detection_births.rates": [0.1],
     "detection_births.velocity_std": 150.0,
     "spawn.rate": 0.0,
-    "spawn.class_transition": [],
-    "spawn.mode_transition": [],
     "aircraft.motions": ["cv"],
     "aircraft.mode_transition": [1.0],
     "amplitude": "none",

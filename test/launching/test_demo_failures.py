@@ -28,7 +28,7 @@ pytestmark = pytest.mark.live
 BAD = """
 /**/tracker:
   ros__parameters:
-    path_length: -1
+    max_wait_s: -1.0
 """
 
 

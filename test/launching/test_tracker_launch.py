@@ -25,9 +25,9 @@ MINE = """
 /**/tracker:
   ros__parameters:
     use_sim_time: false
-    publish_path: true
+    outputs: [paths]
     qos_overrides: {/north/points: {subscription: {reliability: reliable}}}
-    radars: [north]
+    sensors: [north]
     north: {topic: /north/points, frame: north_link}
 """
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -116,11 +116,18 @@ def test_rviz_shows_the_tracker_of_the_namespace(said):
         assert f"/tracker/{topic}:=/alpha/tracker/{topic}" in started["arguments"]
 
 
-@pytest.mark.parametrize(("given", "expected"), [("", None), ("false", False), ("True", True)])
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ("", None),
+        ("false", ["detections", "markers", "plots"]),
+        ("True", ["detections", "markers", "plots", "frames"]),
+    ],
+)
 def test_frames_are_published_by_the_tracker_alone_as_asked(said, given, expected):
     (started,) = said([*EXECUTABLES], frames=given)["tracker"]
 
-    assert parameters(started["arguments"]).get("publish_frames") is expected
+    assert parameters(started["arguments"]).get("outputs") == expected
 
 
 def test_parameters_of_the_node_alone_are_no_obstacle(said, tmp_path):

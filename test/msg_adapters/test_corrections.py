@@ -21,7 +21,7 @@ TRUE = Detections(np.array([[5000.0, 0.5], [9000.0, -2.0]]), np.array([3.0, 4.0]
 
 
 def inputs(errors, **changes):
-    given = {"radars": ["mast"], **{f"mast.{name}": value for name, value in changes.items()}}
+    given = {"sensors": ["mast"], **{f"mast.{name}": value for name, value in changes.items()}}
     return resolve({**given, **{f"mast.{k}": v for k, v in errors.items()}}).inputs[0]
 
 
@@ -38,7 +38,7 @@ LAYOUTS = {
 def test_a_report_is_read_without_its_radars_errors(layout):
     radar = inputs(ERRORS, **layout)
     assert radar.bias.azimuth < 0 if layout.get("azimuth_unit") else radar.bias.azimuth > 0
-    stamp_ns, wrong = radar.bias.added(STAMP_NS, TRUE)
+    stamp_ns, wrong = radar.bias.apply_to(STAMP_NS, TRUE)
     reader = reader_of(radar)
     report = reader.from_cdr(reader.to_cdr(wrong, stamp_ns, radar), radar)
     assert report.stamp_ns == STAMP_NS
@@ -83,7 +83,7 @@ def test_absurd_errors_are_refused_with_what_is_allowed():
 
 
 def test_a_replay_in_lock_step_expects_older_answers_of_a_radar_whose_clock_is_late():
-    usual = resolve({"radars": ["mast"]}).answer_delay_s
-    late = resolve({"radars": ["mast"], "mast.time_offset_s": 0.75}).answer_delay_s
-    early = resolve({"radars": ["mast"], "mast.time_offset_s": -0.75}).answer_delay_s
+    usual = resolve({"sensors": ["mast"]}).answer_delay_s
+    late = resolve({"sensors": ["mast"], "mast.time_offset_s": 0.75}).answer_delay_s
+    early = resolve({"sensors": ["mast"], "mast.time_offset_s": -0.75}).answer_delay_s
     assert (usual, late, early) == (0.0, 0.75, 0.0)

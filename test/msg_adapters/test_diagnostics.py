@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from samples import STAMP_NS
 
 from msg_adapters import diagnostics, stamps
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
 
 KEYS = [
     *("ospa", "localization", "cardinality"),
@@ -52,29 +52,18 @@ def test_score_to_msg_values_read_back_exactly():
 
 
 @pytest.mark.parametrize(
-    ("index", "expected"),
-    [(0, (np.sqrt(501_250.0), 2, 1)), (1, (50.0, 1, 1)), (2, (1000.0, 1, 0))],
-)
-def test_score_to_msg_holds_the_score_of_each_set(index, expected):
-    status = diagnostics.score_to_msg(scored(), 1000.0, 2.0).status[index]
-    values = diagnostics.values_of(status)
-    found = float(values["ospa"]), int(values["n_true"]), int(values["n_est"])
-    assert found == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("index", "expected"),
+    ("index", "ospa", "gospa"),
     [
-        (0, (np.sqrt(502_500.0), 50.0, 1, 0)),
-        (1, (50.0, 50.0, 0, 0)),
-        (2, (np.sqrt(5e5), 0.0, 1, 0)),
+        (0, (np.sqrt(501_250.0), 2, 1), (np.sqrt(502_500.0), 50.0, 1, 0)),
+        (1, (50.0, 1, 1), (50.0, 50.0, 0, 0)),
+        (2, (1000.0, 1, 0), (np.sqrt(5e5), 0.0, 1, 0)),
     ],
 )
-def test_score_to_msg_holds_gospa_and_its_parts(index, expected):
+def test_score_to_msg_holds_the_score_of_each_set(index, ospa, gospa):
     status = diagnostics.score_to_msg(scored(), 1000.0, 2.0).status[index]
     values = diagnostics.values_of(status)
-    found = [float(values[key]) for key in ("gospa", "gospa_localization", "missed", "false")]
-    assert found == pytest.approx(expected, rel=1e-12)
+    keys = ("ospa", "n_true", "n_est", "gospa", "gospa_localization", "missed", "false")
+    assert [float(values[key]) for key in keys] == pytest.approx([*ospa, *gospa], rel=1e-12)
 
 
 @settings(deadline=None)

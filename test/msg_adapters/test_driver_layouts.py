@@ -12,7 +12,7 @@ from msg_adapters import detections, stamps
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import from_arguments
 
-PAGE = Path(__file__).parents[2] / "docs" / "connect_your_radar.md"
+PAGE = Path(__file__).parents[2] / "docs" / "drivers.md"
 DATATYPES = {"f4": PointField.FLOAT32, "i1": PointField.INT8, "u1": 2, "u2": PointField.UINT16}
 SMARTMICRO = dict.fromkeys(
     (
@@ -95,17 +95,3 @@ def test_the_ars548_example_reads_its_drivers_clouds(example):
     assert message.point_step == 64
     assert_allclose(report.detections.measurement, [[50.0, 0.25], [100.0, -0.5]])
     assert_allclose(report.detections.amplitude, np.sqrt([20.0, 20000.0]))
-
-
-def test_the_surveillance_example_turns_its_compass(example):
-    message = cloud(
-        *("coast_radar", {"rho": "f4", "theta": "f4", "power": "f4"}, 4),
-        rho=[5000.0],
-        theta=[np.pi / 2.0],
-        power=[20.0],
-    )
-    report = detections.from_msg(message, example("/coast/plots"))
-
-    # East, which is where the azimuths of the map begin.
-    assert_allclose(report.detections.measurement, [[5000.0, 0.0]], atol=1e-6)
-    assert_allclose(report.detections.amplitude, [np.sqrt(200.0)])

@@ -12,31 +12,10 @@ from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Attributes
 
 F4, U4 = PointField.FLOAT32, PointField.UINT32
-COVARIANCE = [
-    "cov_00",
-    "cov_01",
-    "cov_02",
-    "cov_03",
-    "cov_04",
-    "cov_11",
-    "cov_12",
-    "cov_13",
-    "cov_14",
-    "cov_22",
-    "cov_23",
-    "cov_24",
-    "cov_33",
-    "cov_34",
-    "cov_44",
-]
+COVARIANCE = [f"cov_{row}{column}" for row in range(5) for column in range(row, 5)]
 ARRAYS = (
-    "state",
-    "covariance",
-    "weight",
-    "class_probability",
-    "class_id",
-    "track_id",
-    "track_state",
+    *("state", "covariance", "weight", "class_probability"),
+    *("class_id", "track_id", "track_state"),
 )
 
 
@@ -92,25 +71,10 @@ def test_estimates_survive_the_message_exactly(classes):
 
 def test_estimates_survive_the_message_to_float32():
     given = estimates()
-    rough = adapter.to_msg(
-        type(given)(
-            **{
-                **{name: getattr(given, name) for name in given.__dataclass_fields__},
-                "state": given.state / 3.0,
-                "covariance": given.covariance / 3.0,
-            }
-        ),
-        "map",
-    )
-    found = adapter.from_msg(rough)
-    assert_array_equal(found.state, (given.state / 3.0).astype(np.float32))
-    assert_array_equal(found.covariance, (given.covariance / 3.0).astype(np.float32))
-
-
-def test_from_msg_restores_a_symmetric_covariance():
-    found = adapter.from_msg(adapter.to_msg(estimates(), "map")).covariance
-    assert_array_equal(found, found.transpose(0, 2, 1))
-    assert (np.linalg.eigvalsh(found) > 0.0).all()
+    rough = replace(given, state=given.state / 3.0, covariance=given.covariance / 3.0)
+    found = adapter.from_msg(adapter.to_msg(rough, "map"))
+    assert_array_equal(found.state, rough.state.astype(np.float32))
+    assert_array_equal(found.covariance, rough.covariance.astype(np.float32))
 
 
 @pytest.mark.parametrize("classes", [1, 3])
@@ -125,12 +89,17 @@ def test_no_estimates_survive_the_message(classes):
 
 
 @pytest.mark.parametrize(
-    "name", ["x", "y", "vx", "vy", "omega", "weight", "track_id", "class_id", "lag", *COVARIANCE]
+    "names",
+    [
+        *(["x"], ["y"], ["vx"], ["vy"], ["omega"], ["weight"], ["track_id"], ["class_id"], ["lag"]),
+        *([name] for name in COVARIANCE),
+        *(["p_class_1"], ["p_class_0", "p_class_1", "p_class_2"]),
+    ],
 )
-def test_from_msg_rejects_a_cloud_without_a_field(name):
-    message = adapter.to_msg(estimates(), "map")
-    message.fields = [field for field in message.fields if field.name != name]
-    with pytest.raises(RejectedMessageError, match=f"field '{name}' is missing") as caught:
+def test_from_msg_rejects_a_cloud_without_a_field(names):
+    message = adapter.to_msg(estimates(classes=3), "map")
+    message.fields = [field for field in message.fields if field.name not in names]
+    with pytest.raises(RejectedMessageError, match=f"'{names[0]}' is missing") as caught:
         adapter.from_msg(message)
     assert caught.value.reason == "schema"
 
@@ -206,21 +175,6 @@ def test_from_msg_rejects_a_class_that_has_no_probability():
     assert_array_equal(adapter.from_msg(there).class_id, [0, 1, 2])
     message = adapter.to_msg(replace(given, class_id=np.array([0, 10**6, 2])), "map")
     with pytest.raises(RejectedMessageError, match="class_id is 1000000, must be below 3"):
-        adapter.from_msg(message)
-
-
-def test_from_msg_rejects_a_cloud_without_class_probabilities():
-    message = adapter.to_msg(estimates(), "map")
-    message.fields = [field for field in message.fields if not field.name.startswith("p_")]
-    with pytest.raises(RejectedMessageError, match="'p_class_0' is missing") as caught:
-        adapter.from_msg(message)
-    assert caught.value.reason == "schema"
-
-
-def test_from_msg_rejects_class_probabilities_with_a_gap():
-    message = adapter.to_msg(estimates(classes=3), "map")
-    message.fields = [field for field in message.fields if field.name != "p_class_1"]
-    with pytest.raises(RejectedMessageError, match="'p_class_1' is missing"):
         adapter.from_msg(message)
 
 

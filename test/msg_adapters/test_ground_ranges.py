@@ -129,7 +129,7 @@ def test_a_height_that_is_not_known_is_the_antennas():
     assert_allclose(in_plane(report.detections), expected, rtol=0.0, atol=0.01)
     assert report.doubts == {"heights_unknown": 24}
     (text,) = doubts.of(sited(), report.doubts)
-    assert "they count as at the antenna's height, set radar_1.assumed_height" in text
+    assert "the antenna's height is assumed, set radar_1.assumed_height" in text
 
 
 def test_a_height_that_is_not_known_is_the_assumed_one():

@@ -1,11 +1,13 @@
 """Codes, addresses and heights of detections, from clouds and back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from msg_adapters import detections as adapter
-from msg_adapters.identities import ADDRESSES, CODES, NONE, read, sent
+from msg_adapters.identities import ADDRESSES, CODES, NONE, encode, read
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
@@ -43,45 +45,34 @@ def test_what_is_sent_comes_back():
 
 
 def test_without_the_fields_nothing_is_known_of_them():
-    plain = RadarInput(
-        name="radar_1", topic="/radar_1/detections", frame="radar_1", amplitude_field=""
-    )
+    plain = replace(LAYOUT, height_field="", height=0.0, code_field="", address_field="")
     report = adapter.from_msg(adapter.to_msg(found(), 0, "radar_1", plain), plain)
 
     assert report.detections.code is report.detections.address is report.detections.height is None
 
 
 def test_a_configured_field_that_a_cloud_lacks_is_a_doubt():
-    plain = RadarInput(
-        name="radar_1", topic="/radar_1/detections", frame="radar_1", amplitude_field=""
-    )
+    plain = replace(LAYOUT, height_field="", height=0.0, code_field="", address_field="")
     report = adapter.from_msg(adapter.to_msg(found(), 0, "radar_1", plain), LAYOUT)
 
     assert report.detections.code is None
     assert report.doubts == {"code_missing": 1, "address_missing": 1, "height_missing": 1}
 
 
-@pytest.mark.parametrize("none", [NONE, float(np.float32(NONE)), np.nan])
-def test_a_code_may_be_unknown_in_several_ways(none):
-    code, unusable = read(np.array([none, 0.0, 4095.0]), np.ones(3, dtype=bool), CODES)
-
-    assert_array_equal(code, [UNKNOWN, 0, 4095])
-    assert unusable == 0
-
-
-@pytest.mark.parametrize("bad", [-1.0, 4096.0, 7.5, np.inf, -np.inf, 1e300])
-def test_what_is_no_code_is_unknown_and_counted(bad):
-    code, unusable = read(np.array([bad, 7.0]), np.ones(2, dtype=bool), CODES)
-
-    assert_array_equal(code, [UNKNOWN, 7])
-    assert unusable == 1
-
-
-def test_no_transponder_has_the_address_zero():
-    address, unusable = read(np.array([0.0, 1.0, 2.0**24]), np.ones(3, dtype=bool), ADDRESSES)
-
-    assert_array_equal(address, [UNKNOWN, 1, UNKNOWN])
-    assert unusable == 1
+@pytest.mark.parametrize(
+    ("kind", "value", "unusable"),
+    [
+        *((CODES, none, 0) for none in (NONE, float(np.float32(NONE)), np.nan)),
+        *((CODES, bad, 1) for bad in (-1.0, 4096.0, 7.5, np.inf, -np.inf, 1e300)),
+        *((ADDRESSES, 0.0, 0), (ADDRESSES, 2.0**24, 1)),
+    ],
+)
+def test_what_is_no_identity_is_unknown_and_counted_if_it_does_not_say_so(kind, value, unusable):
+    found, count = read(np.array([value, 1.0, 4095.0]), np.ones(3, dtype=bool), kind)
+    assert_array_equal(found, [UNKNOWN, 1, 4095])
+    assert count == unusable
+    least, _ = read(np.zeros(1), np.ones(1, dtype=bool), kind)
+    assert least == (0 if kind is CODES else UNKNOWN)
 
 
 def test_detections_that_were_left_out_have_no_identity():
@@ -92,7 +83,7 @@ def test_detections_that_were_left_out_have_no_identity():
 
 
 def test_a_column_of_unknown_ones_is_sent_where_there_are_none():
-    assert_array_equal(sent(None, 2), [NONE, NONE])
+    assert_array_equal(encode(None, 2), [NONE, NONE])
 
 
 def test_rows_are_taken_with_all_that_they_have():

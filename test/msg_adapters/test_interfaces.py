@@ -16,7 +16,7 @@ from samples import estimates as some_estimates
 from samples import truth as some_truth
 from std_msgs.msg import Float64
 
-from msg_adapters import detections, diagnostics, estimates, interfaces, names, truth
+from msg_adapters import detections, diagnostics, estimates, interfaces, names, outputs, truth
 from msg_adapters.errors import RejectedMessageError
 
 TYPES = [names.CLOUD, names.POSES, names.MARKERS, names.FIGURES, names.NUMBER]
@@ -48,7 +48,7 @@ def message(request):
 
 def test_the_messages_here_are_of_every_type_that_is_spoken():
     spoken = {interfaces.type_name(type(make())) for make in MESSAGES.values()}
-    assert spoken == set(TYPES) == set(names.published(2).values())
+    assert spoken == set(TYPES) == set(outputs.default_topics(2).values())
 
 
 @pytest.mark.parametrize("name", TYPES)

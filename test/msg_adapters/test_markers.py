@@ -13,11 +13,6 @@ from msg_adapters.markers import ELLIPSE_SIGMA, LABEL_HEIGHT, LINE_WIDTH, VELOCI
 from msg_adapters.palette import COLOURS
 
 NAMES = ("jet", "drone")
-KINDS = {
-    "ellipse": Marker.LINE_STRIP,
-    "velocity": Marker.ARROW,
-    "label": Marker.TEXT_VIEW_FACING,
-}
 
 
 def made(given=None, names=NAMES):
@@ -25,8 +20,18 @@ def made(given=None, names=NAMES):
     return deserialize_message(data, MarkerArray).markers
 
 
-def of_kind(kind):
-    return [marker for marker in made() if marker.ns.endswith(f"/{kind}")]
+def lines(kind, given=None):
+    """Return the ends of each target's lines of a kind, in the order of the classes."""
+    given = estimates() if given is None else given
+    found = [marker for marker in made(given) if marker.ns.endswith(f"/{kind}")]
+    points = [(p.x, p.y, p.z) for marker in found for p in marker.points]
+    return np.reshape(points, (len(given), -1, 3))
+
+
+def by_class(given=None):
+    """Return the rows of estimates in the order of their classes."""
+    given = estimates() if given is None else given
+    return np.argsort(given.class_id, kind="stable")
 
 
 def floats(marker):
@@ -45,14 +50,22 @@ def test_to_cdr_of_no_estimates_only_clears():
     assert [marker.action for marker in made(nothing())] == [Marker.DELETEALL]
 
 
-def test_to_cdr_gives_every_estimate_an_ellipse_a_velocity_and_a_label():
-    found = [(marker.ns, marker.type) for marker in made()[1:]]
-    expected = [
-        (f"{NAMES[class_id]}/{kind}", shape)
-        for class_id in estimates().class_id
-        for kind, shape in KINDS.items()
-    ]
-    assert found == expected
+def test_to_cdr_has_one_marker_of_lines_per_class_and_kind_and_a_label_per_target():
+    given = estimates()
+    expected = []
+    for class_id, count in zip(*np.unique(given.class_id, return_counts=True), strict=True):
+        name = NAMES[class_id]
+        expected += [(f"{name}/{kind}", Marker.LINE_LIST) for kind in ("ellipse", "velocity")]
+        expected += [(f"{name}/label", Marker.TEXT_VIEW_FACING)] * count
+    assert [(marker.ns, marker.type) for marker in made(given)[1:]] == expected
+
+
+def test_to_cdr_has_no_marker_of_a_class_without_targets():
+    # Viewers warn of lists of lines without any.
+    drones = replace(estimates(count=2), class_id=np.array([1, 1]))
+    assert {marker.ns for marker in made(drones)[1:]} == {
+        f"drone/{kind}" for kind in ("ellipse", "velocity", "label")
+    }
 
 
 def test_to_cdr_names_no_marker_twice():
@@ -83,25 +96,33 @@ def test_to_cdr_stays_finite_for_a_covariance_that_is_not_definite():
         assert np.isfinite(floats(marker)).all()
 
 
-def test_ellipses_are_the_closed_outline_of_the_covariance():
+def test_ellipses_are_the_closed_outlines_of_the_covariances():
     given = estimates()
-    for marker, state, covariance in zip(
-        of_kind("ellipse"), given.state, given.covariance, strict=True
-    ):
-        outline = np.array([(point.x, point.y) for point in marker.points])
-        assert_allclose(outline[0], outline[-1])
-        offset = outline - state[[0, 2]]
-        inverse = np.linalg.inv(covariance[np.ix_([0, 2], [0, 2])])
+    for ends, row in zip(lines("ellipse"), by_class(), strict=True):
+        assert_allclose(ends[1:-1:2], ends[2::2])
+        assert_allclose(ends[0], ends[-1])
+        offset = ends[:, :2] - given.state[row, [0, 2]]
+        inverse = np.linalg.inv(given.covariance[row][np.ix_([0, 2], [0, 2])])
         distance = np.sqrt(np.einsum("ni,ij,nj->n", offset, inverse, offset))
         assert_allclose(distance, ELLIPSE_SIGMA, rtol=1e-6)
-        assert marker.scale.x > 0.0
 
 
 def test_velocities_point_where_the_targets_will_be():
-    for marker, state in zip(of_kind("velocity"), estimates().state, strict=True):
-        here, ahead = [(point.x, point.y) for point in marker.points]
-        assert here == (state[0], state[2])
-        assert_allclose(np.subtract(ahead, here), VELOCITY_SECONDS * state[[1, 3]])
+    for ends, row in zip(lines("velocity"), by_class(), strict=True):
+        state = estimates().state[row]
+        here, ahead = ends[:2, :2]
+        assert_allclose(here, state[[0, 2]])
+        assert_allclose(ahead - here, VELOCITY_SECONDS * state[[1, 3]])
+        # The head goes back from the tip to both sides.
+        back = ends[[3, 5], :2] - ahead
+        assert_allclose(ends[[2, 4], :2], [ahead, ahead])
+        assert (back @ (ahead - here) < 0.0).all()
+        assert_allclose(back.sum(axis=0) @ [-state[3], state[1]], 0.0, atol=1e-6)
+
+
+def test_the_arrow_of_a_target_at_rest_is_a_point():
+    still = replace(estimates(count=1), state=np.array([[7.0, 0.0, 9.0, 0.0, 0.0]]))
+    assert_allclose(lines("velocity", still)[0, :, :2], [[7.0, 9.0]] * 6)
 
 
 @pytest.mark.parametrize(
@@ -109,9 +130,10 @@ def test_velocities_point_where_the_targets_will_be():
 )
 def test_labels_name_the_track_the_class_and_its_probability(tracks, numbers):
     given = replace(estimates(count=3), track_id=np.array(tracks))
+    classes, shares = given.class_id, given.class_probability
     expected = [
-        f"{number}{NAMES[k]} {share[k]:.0%}"
-        for number, k, share in zip(numbers, given.class_id, given.class_probability, strict=True)
+        f"{numbers[row]}{NAMES[classes[row]]} {shares[row, classes[row]]:.0%}"
+        for row in by_class(given)
     ]
     found = [m.text for m in made(given, NAMES) if m.type == Marker.TEXT_VIEW_FACING]
     assert found == expected
@@ -156,7 +178,7 @@ CASES = pytest.mark.parametrize(
 
 
 @CASES
-# Frames of several lengths, so that records begin at every alignment.
+# Frames of several lengths, so that markers begin at every alignment.
 @pytest.mark.parametrize("frame", ["map", "world", "enu/origin"])
 def test_to_cdr_says_what_the_objects_say(found, frame):
     names = NAMES if found.class_probability.shape[1] == 2 else (*NAMES, "other")
@@ -185,12 +207,12 @@ def test_to_cdr_takes_each_stamp():
 
 def test_everything_is_at_the_height_of_its_target_and_in_the_plane_without_one():
     up = with_heights(estimates(count=3), [[3048.0, -5.0], [np.nan, np.nan], [900.0, 0.0]])
-    found = made(up)
-    assert found == as_sent(marker_array(up, "map", NAMES)).markers
-    high, unknown, _ = (found[1 + 3 * k : 4 + 3 * k] for k in range(3))
-    ellipse, velocity, label = high
-    assert {point.z for point in ellipse.points} == {3048.0}
-    assert [point.z for point in velocity.points] == [3048.0, 3048.0 - 5.0 * VELOCITY_SECONDS]
-    assert label.pose.position.z == 3048.0
-    assert all(point.z == 0.0 for marker in unknown for point in marker.points)
-    assert unknown[2].pose.position.z == 0.0
+    high, unknown = (by_class(up).tolist().index(row) for row in (0, 1))
+    ellipses, arrows = lines("ellipse", up), lines("velocity", up)
+    labels = [m.pose.position.z for m in made(up) if m.type == Marker.TEXT_VIEW_FACING]
+    assert set(ellipses[high, :, 2]) == {3048.0}
+    assert arrows[high, :, 2].tolist() == [3048.0, *[3048.0 - 5.0 * VELOCITY_SECONDS] * 5]
+    assert labels[high] == 3048.0
+    assert not ellipses[unknown, :, 2].any()
+    assert not arrows[unknown, :, 2].any()
+    assert labels[unknown] == 0.0

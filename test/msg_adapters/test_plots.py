@@ -6,8 +6,8 @@ from std_msgs.msg import Float64
 from msg_adapters import plots, quantities
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.core.engine import Step
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
 
 
 def received(messages):

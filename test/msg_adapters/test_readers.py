@@ -13,7 +13,7 @@ def test_readers_are_what_radars_may_be_configured_to_send():
 @pytest.mark.parametrize("name", READERS)
 def test_installed_is_a_message_class_of_the_type(name):
     reader = READERS[name]
-    found = reader.installed()
+    found = reader.message_class()
     if reader.type_name == names.CLOUD:
         assert found is not None
     assert found is None or found.__name__ == reader.type_name.rsplit("/", 1)[1]

@@ -73,7 +73,7 @@ def test_select_keeps_the_order_of_the_others():
 def test_a_repeated_buffer_is_one_target_that_is_never_lost(engine):
     given = from_arguments.load(PROFILE)
     of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
-    config = tracker_params.config({**of_one, "radars": ["radar_1"], "engine": engine})
+    config = tracker_params.config({**of_one, "sensors": ["radar_1"], "engine": engine})
     pipeline = new_pipeline(config)
     found = []
     for scan in range(30):

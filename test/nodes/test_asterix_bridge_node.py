@@ -4,6 +4,7 @@ import socket
 import time
 
 import asterix_records as made
+import estimate_sets
 import numpy as np
 import pytest
 import yaml
@@ -16,11 +17,11 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import detections, diagnostics, estimates, interfaces, names
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.asterix import udp
+from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import flatten
-from phd_jdtc_ros.core.types import SOURCES, Estimates
+from phd_jdtc_ros.core.types import SOURCES
 
 pytestmark = pytest.mark.live
 
@@ -28,19 +29,19 @@ LOOPBACK = "127.0.0.1"
 GROUP = "239.255.86.1"
 TOPIC = "/radar_1_2/detections"
 SEEN = [(10.0, 20.0), (100.0, 30.0), (190.0, 40.0), (350.0, 50.0)]
-NAMED = ("-p", "radars:=[radar_1_2]", "-p", "radar_1_2.sac:=1", "-p", "radar_1_2.sic:=2")
+NAMED = ("-p", "radars:=[radar_1_2]", "-p", "radar_1_2.source:=[1, 2]")
 # A recording is sent faster than it was made, so that its times are not those of its receipt.
 ANY_TIME = ("-p", "max_clock_offset_s:=86400.0")
 TRACKER = {
     "engine": "gaussian",
-    "radars": ["radar_1_2"],
+    "sensors": ["radar_1_2"],
     "interval_s": 4.0,
-    "lag_s": 4.0,
+    "lag": "4 s",
     "classes": ["aircraft"],
     "motions": ["cv"],
     "births": [],
     "detection_births": {"rates": [0.1], "velocity_std": 150.0},
-    "spawn": {"rate": 0.0, "class_transition": [], "mode_transition": []},
+    "spawn": {"rate": 0.0},
     "amplitude": "none",
     "aircraft": {"motions": ["cv"], "mode_transition": [1.0]},
     "cv": {"noise_density": 5.0},
@@ -87,7 +88,7 @@ class Site:
         self._sockets = []
         self.clouds = peer.collect(PointCloud2, TOPIC, 1000)
         self.health = peer.collect(DiagnosticArray, "/diagnostics", 100)
-        self._tracks = udp.opened(self.display, "")
+        self._tracks = udp.receiving_socket(self.display, "")
 
     def start(self, *arguments, named=NAMED):
         """Start the bridge and wait until it receives."""
@@ -317,16 +318,7 @@ def test_tracks_are_of_one_radar_until_another_is_heard(unicast, peer):
     topic = "/tracker/filtered/estimates"
     publisher = peer.node.create_publisher(PointCloud2, topic, 10)
     assert peer.spin_until(lambda: publisher.get_subscription_count() > 0)
-    found = Estimates(
-        10**9,
-        0,
-        np.zeros((1, 5)),
-        np.eye(5)[None],
-        np.ones(1),
-        np.ones((1, 1)),
-        np.zeros(1, dtype=np.int64),
-        np.ones(1, dtype=np.int64),
-    )
+    found = estimate_sets.of_tracks({1: (0.0, 0.0)}, variance=np.ones(5), stamp_ns=10**9)
     said = []
     for sic in (2, 3):
         unicast.send(made.turns(1, start_s=today_s(), sic=sic))
@@ -383,7 +375,7 @@ def test_bridge_stops_and_starts_again_on_request(unicast):
 
     # From here on the address is free, and taken again.
     assert change(Transition.TRANSITION_DEACTIVATE)
-    other = udp.opened(udp.Address(LOOPBACK, unicast.port), "")
+    other = udp.receiving_socket(udp.Address(LOOPBACK, unicast.port), "")
     assert not change(Transition.TRANSITION_ACTIVATE)
     other.close()
     assert change(Transition.TRANSITION_ACTIVATE)

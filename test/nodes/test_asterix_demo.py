@@ -12,11 +12,13 @@ from msg_adapters import interfaces, names
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.asterix import udp
+from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
-from phd_jdtc_ros.tools import asterix_demo, asterix_out, demo
+from phd_jdtc_ros.tools.asterix.writing import bridge_parameters
+from phd_jdtc_ros.tools.demo import asterix as asterix_demo
+from phd_jdtc_ros.tools.demo import demo
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "bags" / "two_approach_radars"
@@ -54,7 +56,7 @@ def offline(recorded, tmp_path_factory):
     plots, tracked = str(directory / "plots"), str(directory / "tracked")
     config = tracker_params.config(bag_parameters.read(recorded))
     given = []
-    for name, text in asterix_out.bridge_parameters(config).items():
+    for name, text in bridge_parameters(config).items():
         given += ["-p", f"{name}:={text}"]
     recording = str(recorded / asterix_demo.SHIPPED)
     assert run("asterix_bridge", [recording, "--out", plots, *given]) == 0
@@ -134,9 +136,9 @@ def test_shipped_recording_is_tracked_with_the_values_of_its_profile():
     found = tracker_params.config(bag_parameters.read(SHIPPED)).values
     shared = [name for name in given if not name.startswith("approach.")]
     assert len(shared) > 20
-    # Beside what the recording's radars are, two need to wait for each other; and nothing spawns.
+    # Beside what the recording's radars are, two need to wait for each other.
     differing = {name for name in shared if found[name] != profile[name]}
-    assert differing == {"radars", "reorder_s", "spawn.mode_transition"}
+    assert differing == {"sensors", "reorder_s"}
     assert found["spawn.rate"] == profile["spawn.rate"] == 0.0
 
 
@@ -202,7 +204,7 @@ def test_radars_send_to_one_address_where_there_are_no_groups(monkeypatch):
     def refused(*_):
         raise OSError(errno.ENODEV, "No such device")
 
-    monkeypatch.setattr(udp, "opened", refused)
+    monkeypatch.setattr(udp, "receiving_socket", refused)
     assert asterix_demo.input_address().host == asterix_demo.LOOPBACK
 
 

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
 from phd_jdtc_ros.nodes.asterix import health
 from phd_jdtc_ros.nodes.asterix.health import SILENT_S
-from phd_jdtc_ros.nodes.common.seen import Seen
+from phd_jdtc_ros.nodes.common.health import Seen
 
 ADDRESS = "127.0.0.1:8600"
 

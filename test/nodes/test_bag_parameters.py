@@ -35,8 +35,8 @@ def test_shipped_bag_has_the_parameters_of_its_scenario_or_profile(name):
     "given",
     [
         {},
-        {"radars": ["y", "1e5", "012"], "ct.turn_noise_density": 1e-12},
-        {"births": [], "detection_births.rates": [1e-5, 1.0], "spawn.class_transition": []},
+        {"sensors": ["y", "1e5", "012"], "ct.turn_noise_density": 1e-12},
+        {"births": [], "detection_births.rates": [1e-5, 1.0]},
         {"world_frame": "on", "radar_1.topic": "/a: b", "radar_2.fields.amplitude": "#"},
     ],
     ids=["defaults", "names like numbers", "empty lists", "text like other things"],
@@ -45,15 +45,6 @@ def test_what_is_written_is_read_as_it_was(tmp_path, given):
     values = resolve(given).values
     bag_parameters.write(tmp_path / bag_parameters.NAME, values)
     assert resolve(bag_parameters.read(tmp_path)).values == values
-
-
-@pytest.mark.parametrize(("threshold", "expected"), [(0.97, 0.97), (0.0, 1e-9)])
-def test_one_threshold_of_an_earlier_version_confirms_and_deletes(tmp_path, threshold, expected):
-    bag_parameters.write(tmp_path / bag_parameters.NAME, resolve({"lag": 3}).values)
-    with (tmp_path / bag_parameters.NAME).open("a") as file:
-        file.write(f"    existence_threshold: {threshold}\n")
-    rule = resolve(bag_parameters.read(tmp_path)).rule
-    assert rule.confirm.tolist() == rule.delete.tolist() == [expected] * 2
 
 
 def test_a_node_takes_the_file_as_it_is(processes, peer, tmp_path):

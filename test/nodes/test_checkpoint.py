@@ -9,7 +9,7 @@ from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.nodes.tracker import checkpoint
 from phd_jdtc_ros.nodes.tracker.checkpoint import MAGIC, CheckpointError
 
-CONFIGURATION = {"lag": 5, "radars": ["north", "south"], "seed": 0}
+CONFIGURATION = {"lag": 5, "sensors": ["north", "south"], "seed": 0}
 
 
 def snapshot():
@@ -71,6 +71,14 @@ def test_code_in_a_checkpoint_is_not_executed(tmp_path):
     with pytest.raises(CheckpointError):
         checkpoint.read(path, CONFIGURATION)
     assert not ran.exists()
+
+
+def test_a_checkpoint_of_another_version_is_a_cold_start_with_one_line(path):
+    log = Log()
+    path.write_bytes(path.read_bytes().replace(MAGIC, b"phd_jdtc_ros checkpoint 2\n", 1))
+    checkpoint.Checkpoints(path, 0, 60.0, CONFIGURATION, log)
+    (line,) = log.lines
+    assert line == f"starting cold: {path}: not a checkpoint of this version"
 
 
 def test_write_follows_no_link_that_was_put_in_its_way(path):

@@ -57,7 +57,7 @@ def test_script_of_the_page_shows_topics_clouds_and_diagnostics(radars, look, pe
 
 def test_evaluator_records_as_on_the_page_without_truth_and_tracker(processes, peer, tmp_path):
     (line,) = re.findall(r"-m phd_jdtc_ros evaluator (.*record:=.*)$", TEXT, re.MULTILINE)
-    words = line.replace("my_bag", str(tmp_path / "bag")).replace("/your/topic", TOPIC)
+    words = line.replace("my_recording", str(tmp_path / "bag")).replace("/your/topic", TOPIC)
     evaluator = processes.start("evaluator", *shlex.split(words))
     driver = peer.publisher(PointCloud2, TOPIC)
     assert peer.spin_until(lambda: driver.get_subscription_count() == 1)

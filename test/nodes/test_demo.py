@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msg_adapters import estimates, interfaces, names
+from msg_adapters import estimates, interfaces, names, outputs
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import bag_parameters
-from phd_jdtc_ros.tools import comparison
-from phd_jdtc_ros.tools.demo import ARTEFACTS
+from phd_jdtc_ros.tools.demo.demo import ARTEFACTS, scores
 
 BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
 # The picture of clutter is one of radars that learn its map.
@@ -75,8 +74,8 @@ def test_demo_reaches_the_promised_figures(demo):
 
 
 def test_phd_filter_does_not_reach_the_promised_figures(tmp_path):
-    config = resolve({**bag_parameters.read(BAG), "corrector": "poisson"})
-    metrics = comparison.scores(BAG, config, tmp_path / "bag")
+    config = resolve({**bag_parameters.read(BAG), "engine": "phd"})
+    metrics = scores(BAG, config, tmp_path / "bag")
 
     assert broken(metrics) == {
         "filtered OSPA",
@@ -190,7 +189,7 @@ def test_smoothed_estimates_follow_every_target(demo):
 
 def test_demo_records_everything_published(demo):
     reader = BagReader(demo / "estimates")
-    expected = set(names.published(2)) | {
+    expected = set(outputs.default_topics(2)) | {
         names.TRUTH,
         *map(names.detections, ("radar_1", "radar_2")),
     }
@@ -246,7 +245,7 @@ def test_demo_replaces_its_own_files_alone(tmp_path, monkeypatch):
         (new / "metrics.json").write_text("{}")
         return True
 
-    monkeypatch.setattr("phd_jdtc_ros.tools.demo.run_nodes", run_nodes)
+    monkeypatch.setattr("phd_jdtc_ros.tools.demo.demo.run_nodes", run_nodes)
     monkeypatch.setattr("phd_jdtc_ros.tools.report.write", lambda *_: 0)
     mine = earlier(tmp_path)
     logs = {tmp_path / name for name in ARTEFACTS if name.startswith("logs/")}
@@ -265,7 +264,7 @@ def test_demo_that_does_not_end_well_leaves_the_earlier_results(tmp_path, monkey
             raise KeyboardInterrupt
         return False
 
-    monkeypatch.setattr("phd_jdtc_ros.tools.demo.run_nodes", run_nodes)
+    monkeypatch.setattr("phd_jdtc_ros.tools.demo.demo.run_nodes", run_nodes)
     earlier(tmp_path)
     before = {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
     status = run("demo", ["--bag", str(BAG), "--out", str(tmp_path)])

@@ -66,7 +66,7 @@ def heard(group):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"lag": 0}, {"lag": 3}, {"lag_s": 15.0}, {"lag": 1, "radar_1.clutter_rate": "auto"}],
+    [{"lag": 0}, {"lag": 3}, {"lag": "15 s"}, {"lag": 1, "radar_1.clutter_rate": "auto"}],
     ids=str,
 )
 def test_gaussians_are_tracked_live_as_offline(tracker, changes):

@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from phd_jdtc_ros.handover.picture import LATEST_STAMPS
 from phd_jdtc_ros.handover.settings import TABLE
-from phd_jdtc_ros.nodes.common.seen import Seen
+from phd_jdtc_ros.nodes.common.health import Seen
 from phd_jdtc_ros.nodes.hand_over import health
 
 LIMIT_S = next(parameter.default for parameter in TABLE if parameter.name == "max_delay_s")

@@ -1,5 +1,6 @@
 """The live hand-over between trackers that part an area, over DDS."""
 
+import estimate_sets
 import numpy as np
 import pytest
 import tower
@@ -15,7 +16,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections, Estimates
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections
 from phd_jdtc_ros.handover import settings
 from phd_jdtc_ros.parameter_files import bag_parameters
 
@@ -32,14 +33,14 @@ QOS = {"qos_overrides./tower/plots.subscription.reliability": "reliable"}
 
 
 def parameters(tracker):
-    return {**TOWER, "region": REGIONS[tracker], "region_margin": MARGIN}
+    return {**TOWER, "region": [*REGIONS[tracker], MARGIN]}
 
 
 def given(**more):
     """Return the parameters of the hand-over of both regions."""
     found = {"trackers": list(REGIONS)}
     for name, region in REGIONS.items():
-        found |= {f"{name}.region": region, f"{name}.region_margin": MARGIN}
+        found[f"{name}.region"] = [*region, MARGIN]
     return {**found, **more}
 
 
@@ -197,7 +198,7 @@ def test_live_picture_keeps_the_numbers_at_the_seam_and_is_that_of_the_offline_t
 @pytest.mark.live
 def test_numbers_stay_those_of_their_aircraft_where_a_tracker_is_flushed(processes, peer, tmp_path):
     # The smoother has targets of which the filter is not sure yet, and nothing waits for that.
-    stack = Stack(processes, peer, tmp_path, smoothed_wait_s=0.0)
+    stack = Stack(processes, peer, tmp_path)
     for scan in range(SCANS // 2):
         stack.track(scan)
     # It numbers its tracks from 1 again, and its stamps go on.
@@ -224,19 +225,14 @@ def test_numbers_stay_those_of_their_aircraft_where_a_tracker_is_flushed(process
 
 def said(stamp, rows, classes=1, frame="map", covariance=None):
     """Return the cloud of a tracker's estimates: (number, x) of what flies east."""
-    state = np.zeros((len(rows), 5))
-    state[:, 0], state[:, 1] = [row[1] for row in rows], 200.0
     if covariance is None:
         covariance = np.diag(np.array([50.0, 5.0, 50.0, 5.0, 1e-3]) ** 2)
-    found = Estimates(
+    found = estimate_sets.estimates(
+        estimate_sets.states([(x, 0.0) for _, x in rows], (200.0, 0.0)),
+        covariance,
         stamp_ns=stamp * NS,
-        lag=0,
-        state=state,
-        covariance=np.tile(covariance, (len(rows), 1, 1)),
-        weight=np.ones(len(rows)),
         class_probability=np.full((len(rows), classes), 1.0 / classes),
-        class_id=np.zeros(len(rows), dtype=int),
-        track_id=np.array([row[0] for row in rows]),
+        track_id=np.array([number for number, _ in rows]),
     )
     return estimates.to_msg(found, frame)
 
@@ -367,14 +363,17 @@ def test_one_wrong_stamp_of_a_tracker_that_dies_does_not_end_the_picture(process
     ("changes", "words"),
     [
         ({"trackers": ["west"]}, "trackers: ['west'] given, must be two names or more"),
-        ({"west.region": []}, "west.region: [] given, must be [x_min, y_min, x_max, y_max]"),
+        (
+            {"west.region": []},
+            "west.region: [] given, must be [x_min, y_min, x_max, y_max, margin]",
+        ),
         ({"east.region": [1.0, 0.0, 0.0, 1.0]}, "east.region: [1.0, 0.0, 0.0, 1.0] given"),
         ({"hysteresis": 5e3}, "hysteresis: 5000.0 given, must be from 0 to the margin, 4000"),
         ({"west.node": "/east/tracker"}, "east.node: /east/tracker given, is that of west too"),
         ({"west.speed": 1.0}, "west.speed: unknown parameter"),
-        ({"west.region_margin": 0.0}, "west.region_margin: 0 given, must be above 0"),
+        ({"west.region": REGIONS["west"]}, "west.region: margin 0 given, must be above 0"),
         (
-            {"east.region": [-1e3, 0.0, 60e3, 60e3]},
+            {"east.region": [-1e3, 0.0, 60e3, 60e3, MARGIN]},
             "east.region: [-1000, 0, 60000, 60000] given, must not overlap west.region",
         ),
     ],

@@ -9,13 +9,12 @@ from msg_adapters import diagnostics
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.parameters import TOP
+from phd_jdtc_ros.nodes.common.health import STEP_S, WARNING_MEMORY_S, Lately, Rhythm
 from phd_jdtc_ros.nodes.tracker.health import (
     LEASE_S,
-    WARNING_MEMORY_S,
     InputHealth,
     OutputHealth,
     Publishers,
-    Rhythm,
     StepHealth,
 )
 
@@ -140,7 +139,9 @@ def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
     health.fit = Fit("north", 99, 1.5, 900.0, np.array([40.0, 1.5]), larger=True)
     found = status(health)
     assert found.level == WARN
-    assert found.message.startswith("innovations are 30 times larger than the noise says (ranges")
+    assert found.message.startswith(
+        "innovations are 30 times larger than the noise predicts (ranges"
+    )
     values = diagnostics.values_of(found)
     assert (values["range_innovation"], values["azimuth_innovation"]) == ("40.0", "1.5")
     health.fit = Fit("north", 99, 0.04, 0.09, np.array([0.3, 0.3]), smaller=True)
@@ -246,7 +247,7 @@ def test_lost_messages_are_a_warning_that_says_whose_doing_it_is(worked_s, why):
     found = status(health, 102.0)
     assert (found.level, found.message) == (WARN, f"5 messages lost in the last 10 s: {why}")
     assert diagnostics.values_of(found)["gaps"] == "5"
-    assert health.losses.by_overload(102.0) == (5 if worked_s > 0.5 else 0)
+    assert health.lost_by_overload.count(102.0) == (5 if worked_s > 0.5 else 0)
     health.rhythm = Rhythm(60.0)
     assert status(health, 102.1 + WARNING_MEMORY_S).level == OK
 
@@ -279,8 +280,8 @@ def test_overload_is_a_warning_that_says_what_to_turn_down_though_each_step_is_i
     found = step_status(pace, lost=453, busy=0.99)
     assert found.level == WARN
     assert found.message == (
-        "overloaded, 453 messages lost in the last 10 s: turn down particles_per_target, "
-        "max_particles or lag"
+        "overloaded, 453 messages lost in the last 10 s: turn down accuracy, "
+        "particles_per_target or lag"
     )
     assert diagnostics.values_of(found)["busy"] == "0.99"
 
@@ -288,11 +289,10 @@ def test_overload_is_a_warning_that_says_what_to_turn_down_though_each_step_is_i
 @pytest.mark.parametrize("engine", ENGINES)
 def test_advice_on_slow_steps_names_parameters_of_the_engine(engine):
     found = step_status(StepHealth(Rhythm(2.0), Rhythm(2.0), engine, step_ms=3000.0))
-    advised = re.findall(r"\w+_target|max_\w+|lag", found.message)
-    assert len(advised) == 3
+    advised = re.findall(r"accuracy|\w+_target|lag", found.message)
+    of_particles = ["particles_per_target"] if engine == "particles" else []
+    assert advised == ["accuracy", *of_particles, "lag"]
     assert set(advised) <= {parameter.name for parameter in TOP}
-    of_gaussians = [name for name in advised if "hypotheses" in name]
-    assert len(of_gaussians) == (2 if engine == "gaussian" else 0)
 
 
 def test_approximations_are_counted_where_the_engine_has_them():
@@ -322,3 +322,12 @@ def test_refused_subscription_is_a_warning_for_a_while():
     assert found.level == WARN
     assert diagnostics.values_of(found) == {"incompatible_qos /tracker/markers": "2"}
     assert outputs.status("/tracker", 51.0 + WARNING_MEMORY_S).level == OK
+
+
+def test_lately_counts_a_flood_in_little_memory():
+    lately = Lately()
+    for event in range(10_000):
+        lately.add(100.0 + event / 1000.0)
+    assert lately.count(109.999) == 10_000
+    assert len(lately._counts) <= WARNING_MEMORY_S / STEP_S + 1
+    assert lately.count(110.0 + WARNING_MEMORY_S) == 0

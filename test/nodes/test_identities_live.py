@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import tower
-import yaml
+from live_and_offline import answered, started
 from sensor_msgs.msg import PointCloud2
 from tower import PERIOD_S
 from visualization_msgs.msg import MarkerArray
@@ -49,38 +49,24 @@ class Tower:
     """A live tracker and the radar that it hears."""
 
     def __init__(self, processes, peer, directory, name):
-        self.peer = peer
-        self.output = peer.publisher(PointCloud2, f"/{name}/plots", 50)
-        self.found = peer.collect(PointCloud2, f"/{name}/tracker/filtered/estimates", 100)
-        self.node = f"/{name}/tracker"
-        topic = f"/{name}/plots"
+        self.peer, self.node, topic = peer, f"/{name}/tracker", f"/{name}/plots"
         given = {
             **PARAMETERS,
             "tower.topic": topic,
             "tower.fields.kind": "kind",
-            f"qos_overrides.{topic}.subscription.reliability": "reliable",
             "checkpoint.path": str(directory / f"{name}.ckpt"),
             "checkpoint.every": 1,
         }
-        file = directory / f"{name}.yaml"
-        file.write_text(yaml.safe_dump({self.node: {"ros__parameters": given}}))
-        ros = "--ros-args", "--params-file", file, "-r", f"__ns:=/{name}"
-        self.process = processes.start("tracker", *ros)
-        peer.meet(self.node)
-        peer.settled(self.output)
-        assert peer.spin_until(
-            lambda: (
-                self.output.get_subscription_count()
-                and peer.node.count_publishers(f"{self.node}/filtered/estimates")
-            )
+        outputs, self.found, self.process = started(
+            *(processes, peer, directory, given, {topic: PointCloud2}, self.node),
+            ros=("-r", f"__ns:=/{name}"),
         )
+        self.output = outputs[topic]
+        peer.settled(self.output)
 
     def track(self, sent):
         """Return what the tracker says of each cloud."""
-        for cloud in sent:
-            before = len(self.found)
-            self.output.publish(cloud)
-            assert self.peer.spin_until(lambda before=before: len(self.found) > before)
+        answered(self.peer, self.output, self.found, sent)
         # A checkpoint is written after the estimates have gone out.
         self.peer.meet(self.node)
         return [bytes(cloud.data) for cloud in self.found[-len(sent) :]]
@@ -111,22 +97,13 @@ def test_codes_addresses_and_heights_are_kept_across_a_restart(processes, peer, 
 
 @pytest.mark.parametrize("source", ["filtered", "smoothed"])
 def test_codes_addresses_and_heights_arrive_in_the_estimates(processes, peer, tmp_path, source):
-    file = tmp_path / "tower.yaml"
-    qos = {"qos_overrides./tower/plots.subscription.reliability": "reliable"}
-    file.write_text(yaml.safe_dump({"/tracker": {"ros__parameters": {**PARAMETERS, **qos}}}))
-    output = peer.publisher(PointCloud2, "/tower/plots", 50)
-    found = peer.collect(PointCloud2, f"/tracker/{source}/estimates", 100)
+    topic = "/tower/plots"
     markers = peer.collect(MarkerArray, "/tracker/markers", 100)
-    processes.start("tracker", "--ros-args", "--params-file", file)
-    assert peer.spin_until(
-        lambda: (
-            output.get_subscription_count()
-            and peer.node.count_publishers(f"/tracker/{source}/estimates")
-        )
+    outputs, found, _ = started(
+        processes, peer, tmp_path, PARAMETERS, {topic: PointCloud2}, source=source
     )
-    peer.meet()
     for cloud in clouds(resolve(PARAMETERS, SystemPlane)):
-        output.publish(cloud)
+        outputs[topic].publish(cloud)
     due = SCANS if source == "filtered" else SCANS - 2
     assert peer.spin_until(lambda: len(found) >= due and len(markers) > 0)
 

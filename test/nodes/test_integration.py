@@ -34,9 +34,9 @@ OSPA_BOUND_M = 100.0
 
 MEASURES = {"range_std": 60.0, "azimuth_std_deg": 0.3, "clutter_rate": 5.0}
 PARAMETERS = {
-    "radars": ["north", "south", "east"],
+    "sensors": ["north", "south", "east"],
     "interval_s": 2.0,
-    "lag_s": 5.0,
+    "lag": "5 s",
     "particles_per_target": 1000,
     "particles_per_birth": 1024,
     # Far apart, so that one report tells them apart if its unit is right.
@@ -103,7 +103,7 @@ def scene():
     """Return (radar's index, cloud) of every scan, in the order of the stamps."""
     rng = np.random.default_rng(5)
     reports = []
-    for index, name in enumerate(PARAMETERS["radars"]):
+    for index, name in enumerate(PARAMETERS["sensors"]):
         for second in np.arange(PHASE_S[name], SCENE_S, PERIOD_S[name]):
             truth = truth_at(second)
             found, _ = detect(truth, SNR, MODEL.radars[index], rng)
@@ -132,7 +132,7 @@ def second_half_ospa(found):
 
 def offline(changes):
     """Return the filtered estimates of the scene under changed parameters, without a node."""
-    config = resolve({**GIVEN, **changes})
+    config = resolve({**GIVEN, "engine": "particles", **changes})
     grouper, engine, found = config.grouper(), new_engine(config), []
     for index, cloud in SCENE:
         report = detections.from_msg(cloud, config.inputs[index])

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-import yaml
+from live_and_offline import answered, assert_alike, recorded, started
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import clutter_maps, estimates, interfaces, names
+from msg_adapters import clutter_maps, names
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core import backend
@@ -17,7 +17,7 @@ from phd_jdtc_ros.tools import simulate, track_bag
 
 TURNS = 32
 PARAMETERS = {
-    "radars": ["mast"],
+    "sensors": ["mast"],
     "engine": "gaussian",
     "births": [],
     "interval_s": 2.5,
@@ -67,13 +67,6 @@ def offline(bag):
     return out
 
 
-def tracked(path):
-    return [
-        estimates.from_msg(interfaces.decode(entry.data, names.CLOUD))
-        for entry in BagReader(path).messages([names.estimates("filtered")])
-    ]
-
-
 def on_the_quay(found):
     return int(
         np.count_nonzero(
@@ -95,8 +88,8 @@ def test_offline_tracks_of_a_quay_end_and_its_picture_is_recorded(bag, offline, 
     path, config = bag
     plain = resolve({**PARAMETERS, "mast.clutter_map": False})
     track_bag.track_bag(BagReader(path), plain, tmp_path / "plain")
-    assert min(on_the_quay(found) for found in tracked(tmp_path / "plain")[24:]) > 5
-    quay = [on_the_quay(found) for found in tracked(offline)]
+    assert min(on_the_quay(found) for found in recorded(tmp_path / "plain")[24:]) > 5
+    quay = [on_the_quay(found) for found in recorded(offline)]
     assert len(quay) == TURNS
     assert sum(quay[24:]) == 0
     record = load.record(offline, config)
@@ -109,27 +102,10 @@ def test_offline_tracks_of_a_quay_end_and_its_picture_is_recorded(bag, offline, 
 def test_what_is_learned_live_is_what_is_learned_offline(bag, offline, processes, peer, tmp_path):
     path, config = bag
     (radar,) = config.inputs
-    qos = {f"qos_overrides.{radar.topic}.subscription.reliability": "reliable"}
-    file = tmp_path / "harbour.yaml"
-    file.write_text(yaml.safe_dump({"/tracker": {"ros__parameters": {**PARAMETERS, **qos}}}))
-    output = peer.publisher(PointCloud2, radar.topic, 50)
-    found = peer.collect(PointCloud2, "/tracker/filtered/estimates", 1000)
-    processes.start("tracker", "--ros-args", "--params-file", file)
-    assert peer.spin_until(
-        lambda: (
-            output.get_subscription_count()
-            and peer.node.count_publishers("/tracker/filtered/estimates")
-        )
-    )
-    peer.meet()
-    for count, entry in enumerate(BagReader(path).messages([radar.topic]), start=1):
-        output.publish(entry.data)
-        assert peer.spin_until(lambda count=count: len(found) >= count)
-    heard = [estimates.from_msg(cloud) for cloud in found]
-    for one, other in zip(heard, tracked(offline), strict=True):
-        assert one.stamp_ns == other.stamp_ns
-        np.testing.assert_allclose(one.state, other.state, rtol=1e-5, atol=1e-3)
-
+    outputs, found, _ = started(processes, peer, tmp_path, PARAMETERS, {radar.topic: PointCloud2})
+    sent = [entry.data for entry in BagReader(path).messages([radar.topic])]
+    answered(peer, outputs[radar.topic], found, sent)
+    heard = assert_alike(found, recorded(offline))
     # A viewer that comes late has the picture at once: no scan comes any more.
     grids = []
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -234,7 +234,7 @@ def test_noise_that_is_set_much_too_large_is_told(processes, peer):
 
     def told():
         statuses = [s for message in group.health for s in message.status]
-        return any(" times smaller than the noise says" in s.message for s in statuses)
+        return any(" times smaller than the noise predicts" in s.message for s in statuses)
 
     for index in range(len(SCANS)):
         group.track(index)
@@ -286,7 +286,7 @@ def test_every_transition_is_logged(processes, peer):
 
 def test_overload_is_the_trackers_fault_and_not_a_silent_radars(processes, peer):
     """Two radars of some 50 Hz, and so many particles that a step takes several of their scans."""
-    many = options(particles_per_target=8000)
+    many = options(engine="particles", particles_per_target=8000)
     tracker = start(processes, *many, qos=())
     group = connected(peer)
     found = {}
@@ -307,7 +307,7 @@ def test_overload_is_the_trackers_fault_and_not_a_silent_radars(processes, peer)
             break
     tracker.kill()  # it would finish its step first
     assert step, found
-    assert "turn down particles_per_target" in step[0]
+    assert "turn down accuracy, particles_per_target" in step[0]
     for radar, texts in lost.items():
         assert all("the tracker is too slow" in text for text in texts), found
         assert texts
@@ -331,7 +331,7 @@ def test_wait_by_the_wall_clock_closes_a_scan_and_is_counted(processes, peer):
 
 
 def test_tracks_are_published_as_odometry_and_paths_if_asked_for(processes, peer):
-    start(processes, *options(publish_path=True, publish_odometry=True, path_length=2))
+    start(processes, *options(outputs="[paths, odometry]"))
     group = Radars(peer)
     odometry = peer.collect(Odometry, "/tracker/odometry", 50)
     paths = peer.collect(Path, "/tracker/tracks/path", 50)
@@ -349,8 +349,8 @@ def test_tracks_are_published_as_odometry_and_paths_if_asked_for(processes, peer
     assert peer.spin_until(lambda: len(latest(paths)) == len(latest(odometry)) == len(tracks))
     assert [m.child_frame_id for m in latest(odometry)] == [f"track_{k}" for k in tracks]
     lengths = {len(path.poses) for path in latest(paths)}
-    assert lengths <= {1, 2}
-    assert 2 in lengths
+    assert lengths <= {1, 2, 3, 4}
+    assert max(lengths) >= 2
     for path, message in zip(latest(paths), latest(odometry), strict=True):
         assert path.poses[-1].pose == message.pose.pose
 
@@ -364,7 +364,7 @@ def test_tracks_are_not_published_unless_asked_for(processes, peer):
 
 
 def test_markers_can_be_left_out(processes, peer):
-    start(processes, *options(publish_markers=False))
+    start(processes, *options(outputs="[plots]"))
     group = connected(peer)
     markers = peer.collect(MarkerArray, "/tracker/markers")
     for index in range(2):
@@ -383,7 +383,8 @@ def test_markers_are_taken_back_when_they_are_switched_off_and_at_a_reset(proces
         return late and [m.action for m in late[-1].markers] == [Marker.DELETEALL]
 
     def switch(shown):
-        parameter = Parameter("publish_markers", value=shown).to_parameter_msg()
+        outputs = ["detections", "frames", "plots", *(["markers"] if shown else [])]
+        parameter = Parameter("outputs", value=outputs).to_parameter_msg()
         request = SetParameters.Request(parameters=[parameter])
         assert peer.call(SetParameters, "/tracker/set_parameters", request).results[0].successful
 
@@ -492,16 +493,17 @@ def test_own_parameters_given_again_are_no_change(processes, peer):
 def test_parameters_are_described_ranged_and_say_when_structure_may_change(processes, peer):
     start(processes)
     assert peer.spin_until(lambda: state(peer) == "active")
-    asked = ["confirm_probability", "lag", "publish_path"]
+    asked = ["confirm_probability", "lag", "checkpoint.every"]
     request = DescribeParameters.Request(names=asked)
     reply = peer.call(DescribeParameters, "/tracker/describe_parameters", request)
-    threshold, lag, path = reply.descriptors
+    threshold, lag, every = reply.descriptors
     assert not any(d.read_only for d in reply.descriptors)
     when = "; changes while the node is not configured"
     told = [d.additional_constraints.endswith(when) for d in reply.descriptors]
     assert told == [False, True, True]
-    assert (threshold.floating_point_range[0].to_value, lag.integer_range[0].to_value) == (1.0, 100)
-    assert path.description == "Publish ~/tracks/path, one message per track."
+    assert (threshold.floating_point_range[0].to_value, lag.dynamic_typing) == (1.0, True)
+    assert every.description == "Scans between checkpoints; 0 for on request only."
+    assert every.integer_range[0].to_value == 10**6
 
 
 def set_one_by_one(peer, **values):
@@ -527,11 +529,11 @@ def test_every_parameter_may_change_after_a_cleanup(processes, peer):
     results = set_one_by_one(
         peer,
         lag=3,
-        radars=["radar_1", "north"],
+        sensors=["radar_1", "north"],
         north__topic="/north/plots",
         detection_births__rates=[0.1],
         births=[],
-        publish_path=True,
+        outputs=["paths"],
     )
     assert [result.successful for result in results] == [True] * 6
     assert "detection_births.rates" in results[3].reason

@@ -3,15 +3,15 @@
 import moving
 import numpy as np
 import pytest
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
+from live_and_offline import assert_alike, recorded, started
 from moving_messages import CLOUDS, sent
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 from unfolded import rows_of
 
-from msg_adapters import diagnostics, estimates, interfaces, names, platform_poses
+from msg_adapters import diagnostics, estimates, names, platform_poses
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.schema import flatten
@@ -32,39 +32,14 @@ def write_bag(path, messages, kind="odometry"):
     return path
 
 
-def tracked(path):
-    return [
-        estimates.from_msg(interfaces.decode(entry.data, names.CLOUD))
-        for entry in BagReader(path).messages([names.estimates("filtered")])
-    ]
-
-
 @pytest.fixture
 def tracker(processes, peer, tmp_path):
     """Return a function that starts a tracker; it returns publishers by topic, and estimates."""
 
-    def start(kind="odometry", **changes):
-        given = {**dict(flatten(moving.PARAMETERS)), "mast.pose_message": kind, **changes}
-        qos = {
-            f"qos_overrides.{topic}.subscription.reliability": "reliable"
-            for topic in (CLOUDS, moving.ODOMETRY)
-        }
-        file = tmp_path / "moving.yaml"
-        file.write_text(yaml.safe_dump({"/tracker": {"ros__parameters": {**given, **qos}}}))
-        outputs = {
-            CLOUDS: peer.publisher(PointCloud2, CLOUDS, 50),
-            moving.ODOMETRY: peer.publisher(KINDS[kind], moving.ODOMETRY, 50),
-        }
-        found = peer.collect(PointCloud2, "/tracker/filtered/estimates", 1000)
-        processes.start("tracker", "--ros-args", "--params-file", file)
-        assert peer.spin_until(
-            lambda: (
-                all(output.get_subscription_count() for output in outputs.values())
-                and peer.node.count_publishers("/tracker/filtered/estimates")
-            )
-        )
-        peer.meet()
-        return outputs, found
+    def start(kind="odometry", source="filtered"):
+        given = {**dict(flatten(moving.PARAMETERS)), "mast.pose": f"{moving.ODOMETRY} {kind}"}
+        types = {CLOUDS: PointCloud2, moving.ODOMETRY: KINDS[kind]}
+        return started(processes, peer, tmp_path, given, types, source=source)[:2]
 
     return start
 
@@ -79,17 +54,14 @@ def test_a_moving_radar_is_tracked_live_as_offline(tracker, peer, tmp_path, kind
             due = sum(other == CLOUDS and ns <= stamp_ns for other, _, ns in messages)
             assert peer.spin_until(lambda due=due: len(found) >= due)
     bag = write_bag(tmp_path / "bag", messages, kind)
-    config = moving.config(**{"mast.pose_message": kind})
+    config = moving.config(**{"mast.pose": f"{moving.ODOMETRY} {kind}"})
     offline = track_bag.track_bag(BagReader(bag), config, tmp_path / "out")
-    expected = tracked(tmp_path / "out")
+    expected = recorded(tmp_path / "out")
     # The last scan waits for a pose that never comes, until the end of the bag.
     assert len(expected) == moving.SCANS
-    assert not offline.dropped
+    assert not offline.tally.dropped
 
-    heard = [estimates.from_msg(cloud) for cloud in found]
-    for one, other in zip(heard, expected[:-1], strict=True):
-        assert one.stamp_ns == other.stamp_ns
-        np.testing.assert_allclose(one.state, other.state, rtol=1e-5, atol=1e-3)
+    heard = assert_alike(found, expected[:-1])
     assert moving.errors(heard).max() < 25.0
 
 
@@ -121,11 +93,11 @@ def test_offline_faults_of_poses_are_counted_and_said(tmp_path):
     messages += [(moving.ODOMETRY, wild, stamp_ns), (moving.ODOMETRY, foreign, stamp_ns)]
     bag = write_bag(tmp_path / "bag", sorted(messages, key=lambda message: message[2]))
     tracker = track_bag.track_bag(BagReader(bag), moving.config(), tmp_path / "out")
-    assert tracker.dropped == {"pose_missing": 2, "pose_jump": 1, "pose_frame": 1}
+    assert tracker.tally.dropped == {"pose_missing": 2, "pose_jump": 1, "pose_frame": 1}
     said = [line for line in tracker.warnings() if "extrapolated" in line]
     assert said == [
-        f"{CLOUDS}: 2 clouds, or parts of turns, were later than the poses on {moving.ODOMETRY}; "
-        "the platform is extrapolated with its last velocity"
+        f"{CLOUDS}: 2 clouds, or parts of turns, are later than the poses on {moving.ODOMETRY}; "
+        "the platform's pose is extrapolated with its last velocity"
     ]
 
 
@@ -148,7 +120,7 @@ def test_the_report_shows_detections_and_the_radar_where_they_were(tmp_path):
 
 def test_poses_that_are_not_recorded_are_warned_of(processes, peer, tracker, tmp_path):
     tracker()
-    options = ("-p", f"record:={tmp_path / 'r'}", "-p", f"radar_topics:=[{CLOUDS}]")
+    options = ("-p", f"record:={tmp_path / 'r'}", "-p", f"record_topics:=[{CLOUDS}]")
     evaluator = processes.start("evaluator", "--ros-args", *options)
     expected = f"{moving.ODOMETRY}, of which /tracker has the poses of a radar that moves"
     assert peer.spin_until(lambda: expected in evaluator.log.read_text())
@@ -159,8 +131,8 @@ def test_a_moving_radar_is_recorded_with_its_poses_and_played_again(processes, p
     record = tmp_path / "recorded"
     recorder = processes.start(
         "evaluator",
-        *("--ros-args", "-p", f"record:={record}", "-p", f"radar_topics:=[{CLOUDS}]"),
-        *("-p", f"pose_topics:=[{moving.ODOMETRY}]"),
+        *("--ros-args", "-p", f"record:={record}"),
+        *("-p", f"record_topics:=['{CLOUDS}', '{moving.ODOMETRY} odometry']"),
     )
     assert peer.spin_until(lambda: peer.node.count_subscribers(moving.ODOMETRY) == 1)
     status, log = processes.run("sensor_replay", bag, "--rate", "10")
@@ -171,21 +143,14 @@ def test_a_moving_radar_is_recorded_with_its_poses_and_played_again(processes, p
     played = [entry.data for entry in BagReader(record).messages([moving.ODOMETRY])]
     assert played == expected
     track_bag.track_bag(BagReader(record), moving.config(), tmp_path / "out")
-    assert moving.errors(tracked(tmp_path / "out")).max() < 25.0
+    assert moving.errors(recorded(tmp_path / "out")).max() < 25.0
 
 
-def test_a_tracker_on_a_ship_is_replayed_in_lock_step(processes, peer, tmp_path):
+def test_a_tracker_on_a_ship_is_replayed_in_lock_step(processes, peer, tracker, tmp_path):
     bag = write_bag(tmp_path / "bag", sent())
-    file = tmp_path / "moving.yaml"
-    qos = {
-        f"qos_overrides.{topic}.subscription.reliability": "reliable"
-        for topic in (CLOUDS, moving.ODOMETRY)
-    }
-    given = {**dict(flatten(moving.PARAMETERS)), **qos}
-    file.write_text(yaml.safe_dump({"/tracker": {"ros__parameters": given}}))
-    found = peer.collect(PointCloud2, "/tracker/smoothed/estimates", 1000)
-    processes.start("tracker", "--ros-args", "--params-file", file)
-    assert peer.spin_until(lambda: peer.node.count_publishers("/tracker/smoothed/estimates"))
+    outputs, found = tracker(source="smoothed")
+    for output in outputs.values():  # the replay is the only one that sends
+        peer.node.destroy_publisher(output)
     flush = ("-p", "flush_service:=/tracker/flush")
     status, log = processes.run("sensor_replay", bag, "--rate", "0", "--ros-args", *flush)
     assert status == 0, log

@@ -79,7 +79,7 @@ def test_every_radar_looks_alike_whatever_its_driver(processes, peer):
 
 
 def test_detections_in_map_can_be_switched_off(processes, peer):
-    processes.start("tracker", "--ros-args", *FAST, *options({"publish_detections": "false"}))
+    processes.start("tracker", "--ros-args", *FAST, *options({"outputs": "[markers]"}))
     tracked(peer)
 
     assert not peer.node.count_publishers(names.detections_in_map())
@@ -107,7 +107,7 @@ def test_tracker_publishes_the_radars_frames_for_whoever_comes_later(executables
 
 def test_frames_can_be_left_to_another_node(executables, peer, installed):
     executables.start(
-        "tracker", "--ros-args", *FAST, *options({"publish_frames": "false"}), **installed
+        "tracker", "--ros-args", *FAST, *options({"outputs": "[markers]"}), **installed
     )
     tracked(peer)
 

@@ -3,7 +3,7 @@ import sys
 import pytest
 from mcap_files import write
 
-from msg_adapters import names
+from msg_adapters import names, outputs
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.nodes.replay import playable
@@ -36,7 +36,7 @@ def test_choose_leaves_out_what_live_nodes_publish_unless_it_is_wanted(tmp_path,
 
 
 def test_choose_leaves_out_a_recorded_tracker_in_another_namespace(tmp_path):
-    recorded = [*names.published(2, "/site/t2"), RADAR]
+    recorded = [*outputs.default_topics(2, "/site/t2"), RADAR]
     found = choose(tmp_path, dict.fromkeys(recorded, names.CLOUD))
 
     assert (set(found.classes), found.detections) == ({RADAR}, (RADAR,))

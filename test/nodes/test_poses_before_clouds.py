@@ -22,7 +22,7 @@ SCANS = 9
 CONSORT = {CLOUDS: "/consort/detections", moving.ODOMETRY: "/consort/odometry"}
 PARAMETERS = {
     **moving.PARAMETERS,
-    "radars": ["mast", "consort"],
+    "sensors": ["mast", "consort"],
     "consort": {
         **copy.deepcopy(moving.PARAMETERS["mast"]),
         "pose": CONSORT[moving.ODOMETRY],

@@ -14,7 +14,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.nodes.evaluator.recorder import Recorder
 from phd_jdtc_ros.parameter_files import bag_parameters
-from phd_jdtc_ros.tools.demo import shipped_bag
+from phd_jdtc_ros.tools.demo.demo import shipped_bag
 
 STRING = "std_msgs/msg/String"
 # The evaluator records 80 scans of truth and detections, about 150 kB.
@@ -135,9 +135,9 @@ def test_recorder_stops_on_a_full_disk_and_the_node_goes_on(executables, peer, s
     check_stopped_cleanly(outcome, small_disk / "bag", os.strerror(errno.ENOSPC))
 
 
-def recorded(executables, peer, tmp_path, *arguments, radar_topics=()):
+def recorded(executables, peer, tmp_path, *arguments, record_topics=()):
     """Record a tracker that gets a scan of each radar; return the bag and the evaluator's log."""
-    words = ("--ros-args", "-p", f"record:={tmp_path / 'bag'}", *radar_topics)
+    words = ("--ros-args", "-p", f"record:={tmp_path / 'bag'}", *record_topics)
     evaluator = executables.start("evaluator", *words)
     tracker = executables.start("tracker", "--ros-args", *arguments)
     assert peer.spin_until(lambda: "tracking " in tracker.log.read_text())
@@ -154,7 +154,7 @@ def recorded(executables, peer, tmp_path, *arguments, radar_topics=()):
 
 def test_recording_holds_what_the_tracker_publishes_when_asked(processes, peer, tmp_path):
     bag, _ = recorded(
-        *(processes, peer, tmp_path, "-p", "publish_odometry:=true", "-p", "publish_path:=true"),
+        *(processes, peer, tmp_path, "-p", "outputs:=[odometry, paths]"),
     )
     reader = BagReader(bag)
     assert reader.counts["/tracker/odometry"] > 0
@@ -165,10 +165,10 @@ def test_recording_holds_what_the_tracker_publishes_when_asked(processes, peer, 
 def test_recording_is_without_the_topics_that_are_off_and_has_the_parameters(
     processes, peer, tmp_path
 ):
-    bag, text = recorded(processes, peer, tmp_path, "-p", "lag:=2", "-p", "publish_path:=false")
+    bag, text = recorded(processes, peer, tmp_path, "-p", "lag:=2")
     reader = BagReader(bag)
     assert not {"/tracker/odometry", "/tracker/tracks/path"} & {*reader.types}
-    assert bag_parameters.read(bag)["lag"] == 2
+    assert bag_parameters.read(bag)["lag"] == "2"
     assert "is not recorded" not in text
 
 
@@ -177,7 +177,7 @@ def test_recording_that_leaves_a_radar_out_is_warned_of(processes, peer, tmp_pat
     given = ("-p", "radar_2.topic:=/north/plots", "-r", "/radar_1/detections:=/south/plots")
     processes.start("tracker", "--ros-args", *given)
     for topic in ("/north/plots", "/south/plots"):
-        text = f"{topic}, of which /tracker has a radar's detections, is not among radar_topics"
+        text = f"{topic}, of which /tracker has a radar's detections, is not among record_topics"
         assert peer.spin_until(lambda text=text: text in evaluator.log.read_text())
     # It has looked again by then.
     peer.meet("/evaluator", times=2)

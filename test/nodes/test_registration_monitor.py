@@ -65,7 +65,7 @@ def test_a_status_says_what_is_seen_and_how_sure_it_is(found, level, text):
 
 
 def test_the_monitor_is_off_by_default_and_needs_two_radars():
-    assert tracker_node.resolve({}).node["registration_monitor"] is False
+    assert "registration" not in tracker_node.resolve({}).node["outputs"]
 
 
 @pytest.mark.live
@@ -73,7 +73,7 @@ def test_a_radar_that_is_off_is_warned_of_live_as_offline(processes, peer):
     config = resolve(FEW)
     sent = []
     for scan in SCANS[:USED]:
-        wrong = ERROR.added(scan.stamp_ns, scan.detections[1])[1]
+        wrong = ERROR.apply_to(scan.stamp_ns, scan.detections[1])[1]
         for index, found in enumerate((scan.detections[0], wrong)):
             sent.append((index, detections.to_msg(found, scan.stamp_ns, f"radar_{index + 1}")))
 
@@ -90,7 +90,7 @@ def test_a_radar_that_is_off_is_warned_of_live_as_offline(processes, peer):
     filtered = peer.collect(PointCloud2, names.estimates("filtered"), 100)
     health = peer.collect(DiagnosticArray, names.DIAGNOSTICS)
     given = [word for name, value in FEW.items() for word in ("-p", f"{name}:={value}")]
-    watch = ("-p", "registration_monitor:=true")
+    watch = ("-p", "outputs:=[registration]")
     processes.start("tracker", "--ros-args", *given, *watch, *RELIABLE)
     assert peer.spin_until(
         lambda: (
@@ -136,7 +136,7 @@ def test_corrections_are_made_live(processes, peer):
     peer.meet()
     true = SCANS[0]
     for index, (output, layout) in enumerate(zip(outputs, config.inputs, strict=True)):
-        stamp_ns, wrong = layout.bias.added(true.stamp_ns, true.detections[index])
+        stamp_ns, wrong = layout.bias.apply_to(true.stamp_ns, true.detections[index])
         output.publish(detections.to_msg(wrong, stamp_ns, layout.frame))
     assert peer.spin_until(lambda: seen)
     assert stamps.to_ns(seen[0].header.stamp) == true.stamp_ns

@@ -37,7 +37,7 @@ LONG = {
     "digits": ("-p", f"lag:={'9' * 5000}"),
     "text": ("-p", f"lag:={'a' * 5000}"),
     "name": ("-p", f"{'a' * 5000}:=1"),
-    "names": ("-p", f"radars:=[{'a' * 5000}, {'a' * 5000}]"),
+    "names": ("-p", f"sensors:=[{'a' * 5000}, {'a' * 5000}]"),
     "topic": ("-p", f"radar_1.topic:={'a' * 5000}"),
     "node": ("-r", f"__node:={'a' * 5000}"),
     "remap": ("-r", "a" * 5000),
@@ -83,7 +83,7 @@ def test_broken_parameter_file_is_one_line(processes, tmp_path, name):
 
 def test_file_without_any_parameters_is_told_in_words(processes, tmp_path):
     path = tmp_path / "p.yaml"
-    path.write_text("tracker:\n  ros_parameters:\n    radars: [a, b]\n")
+    path.write_text("tracker:\n  ros_parameters:\n    sensors: [a, b]\n")
     status, text = processes.run("tracker", "--ros-args", "--params-file", path)
 
     assert (status, text) == (
@@ -134,7 +134,7 @@ def test_file_with_a_section_for_the_tracker_is_named_at_activation(
 ):
     path = tmp_path / "site.yaml"
     path.write_text(
-        f"{section}:\n  ros__parameters:\n    radars: [north]\n"
+        f"{section}:\n  ros__parameters:\n    sensors: [north]\n"
         "    north: {topic: plots, max_range: 1e4, clutter_max_range: 1e4}\n"
         "    particles_per_target: 100\n"
     )
@@ -167,10 +167,10 @@ def test_tracker_without_a_file_says_that_it_goes_by_the_defaults(processes, pee
 def test_tracker_by_the_defaults_does_not_take_a_file_of_launch_for_the_users(processes, peer):
     """launch writes a temporary file of what a launch file sets by itself."""
     with tempfile.NamedTemporaryFile("w", prefix="launch_params_") as file:
-        file.write("/tracker: {ros__parameters: {publish_frames: true, use_sim_time: false}}")
+        file.write("/tracker: {ros__parameters: {autostart: true, use_sim_time: false}}")
         file.flush()
         tracker = processes.start("tracker", "--ros-args", "--params-file", file.name)
 
         assert peer.spin_until(lambda: "tracking " in tracker.log.read_text(), 20.0)
     text = tracker.log.read_text()
-    assert "by the defaults (profile defaults) except publish_frames: no parameter file" in text
+    assert "by the defaults (profile defaults) except autostart: no parameter file" in text

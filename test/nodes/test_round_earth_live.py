@@ -73,7 +73,7 @@ def test_live_tracks_on_the_earth_are_those_of_offline_ones_and_where_the_aircra
     words = [f"{name}:={json.dumps(value)}" for name, value in GIVEN.items()]
     found = tracked_live(
         *(processes, peer, radar, sent),
-        *("--params-file", PROFILE, "-p", "publish_navsat:=true"),
+        *("--params-file", PROFILE, "-p", "outputs:=[navsat]"),
         *(word for text in words for word in ("-p", text)),
     )
 

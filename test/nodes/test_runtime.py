@@ -9,13 +9,11 @@ pytestmark = pytest.mark.live
 
 SCRIPT = """
 import rclpy
-from rclpy.node import Node
 from phd_jdtc_ros.nodes.common import runtime
 
-class Failing(Node):
+class Failing(runtime.RunnableNode):
     def __init__(self):
         super().__init__("failing")
-        self.exit_status = None
         self.create_timer(0.01, self.fail)
 
     def fail(self):

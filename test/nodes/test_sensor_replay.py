@@ -25,7 +25,7 @@ BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
 TOPICS = (names.detections("radar_1"), names.detections("radar_2"), names.TRUTH)
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
-QUIET = ("--ros-args", "-p", "progress:=false")
+QUIET = ("--ros-args",)
 
 
 class Listener:
@@ -450,7 +450,7 @@ def test_replay_says_what_of_the_bags_scene_the_tracker_does_not_have(processes,
     assert peer.spin_until(lambda: "was recorded with" in process.log.read_text())
 
     (line,) = (line for line in process.log.read_text().splitlines() if "recorded with" in line)
-    assert "radars: [radar_1] recorded, [radar_1, radar_2] given; radar_1.position: " in line
+    assert "sensors: [radar_1] recorded, [radar_1, radar_2] given; radar_1.position: " in line
     assert line.endswith(f"those of the bag are in {bag / 'parameters.yaml'}")
 
 

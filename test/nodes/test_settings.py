@@ -11,7 +11,7 @@ from phd_jdtc_ros.simulation.simulate import simulate
 USUAL = resolve({})
 SMALL = {"particles_per_target": 100, "particles_per_birth": 64, "lag": 2}
 # Values of parameters whose bounds leave out those that the others can have.
-OTHERS = {"code_kept_s": 300.0, "shared_codes": ["7000"]}
+OTHERS = {"shared_codes": ["7000"]}
 
 
 def faults(function, *arguments):
@@ -28,15 +28,16 @@ def test_table_describes_every_parameter_and_no_name_of_the_tracker():
 
 
 def test_resolve_keeps_the_nodes_own_apart():
-    found = resolve({"publish_path": True, "lag": 3})
-    assert (found.node["publish_path"], found.config.lag.scans) == (True, 3)
+    found = resolve({"outputs": ["paths"], "lag": 3})
+    assert (found.node["outputs"], found.config.lag.scans) == (["paths"], 3)
     assert found.values.keys() == found.table.keys()
 
 
 def test_resolve_lists_the_faults_of_both():
     assert faults(resolve, {"autostart": 1, "lag": -1, "survival": 0.9}) == [
         "autostart: 1 given, must be true or false",
-        "lag: -1 given, must be a whole number, at least 0, at most 100",
+        "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
+        "'20 s'",
         "survival: unknown parameter",
     ]
 
@@ -44,22 +45,38 @@ def test_resolve_lists_the_faults_of_both():
 def test_mutable_names_are_there():
     assert USUAL.mutable <= USUAL.table.keys()
     assert {"confirm_probability", "radar_2.clutter_rate", "start_3.rates"} <= USUAL.mutable
-    assert not {"lag", "radars", "autostart", "radar_1.topic", "publish_path"} & USUAL.mutable
+    assert not {"lag", "sensors", "autostart", "radar_1.topic", "checkpoint.path"} & USUAL.mutable
 
 
 def test_changed_gives_what_a_start_with_it_gives():
-    change = {"radar_2.clutter_rate": 40, "confirm_probability": 0.7, "publish_markers": False}
+    change = {
+        "radar_2.clutter_rate": 40,
+        "confirm_probability": 0.7,
+        "outputs": ["detections", "frames", "plots"],
+    }
     found, fresh = changed(USUAL, change), resolve(change)
     assert found.values == fresh.values
     assert found.config.model.radars == fresh.config.model.radars
     assert USUAL.values["radar_2.clutter_rate"] == 20.0
 
 
+def test_changed_outputs_are_refused_but_for_markers():
+    (fault,) = faults(changed, USUAL, {"outputs": ["markers", "paths"]})
+    assert fault == "outputs: only markers may come and go while the tracker is configured"
+
+
+def test_outputs_by_latitude_and_longitude_need_an_origin():
+    assert faults(resolve, {"outputs": ["navsat", "geojson"]}) == [
+        "outputs: navsat given, needs world_origin",
+        "outputs: geojson given, needs world_origin",
+    ]
+
+
 def test_edited_checks_every_value_and_not_yet_the_whole():
     table, values = edited(USUAL.values, {"classes": ["a", "b", "c"], "lag": 9})
     assert (values["classes"], values["lag"], table["c.motions"].name) == (
         ["a", "b", "c"],
-        9,
+        "9",
         "c.motions",
     )
     assert values["start_1.rates"] == [0.005, 0.005]  # too few, which `resolve` says
@@ -68,9 +85,10 @@ def test_edited_checks_every_value_and_not_yet_the_whole():
 
 
 def test_edited_lists_every_fault():
-    assert faults(edited, USUAL.values, {"lag": -1, "class_0.survival": 0.9, "radars": "x"}) == [
-        "radars: 'x' given, must be a list of distinct names, at most 100",
-        "lag: -1 given, must be a whole number, at least 0, at most 100",
+    assert faults(edited, USUAL.values, {"lag": -1, "class_0.survival": 0.9, "sensors": "x"}) == [
+        "sensors: 'x' given, must be a list of distinct names, at most 100",
+        "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
+        "'20 s'",
         "class_0.survival: unknown parameter",
     ]
 

@@ -1,4 +1,4 @@
-from phd_jdtc_ros.nodes.common.throttled import ThrottledWarnings
+from phd_jdtc_ros.nodes.common.health import ThrottledWarnings
 
 
 class Logger:

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray
+from live_and_offline import answered, assert_alike, started
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections, diagnostics, estimates, names
+from msg_adapters import detections, diagnostics, names
 from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import flatten
@@ -23,15 +23,15 @@ AIRCRAFT = np.array([[20e3, 5e3, -200.0, 0.0], [-12e3, -15e3, 100.0, 150.0]])
 CLUTTER = 12
 
 PARAMETERS = {
-    "radars": ["tower"],
+    "sensors": ["tower"],
     "interval_s": ROTATION_S,
-    "lag_s": 4.0,
+    "lag": "4 s",
     "particles_per_target": 300,
     "classes": ["aircraft"],
     "motions": ["cv"],
     "births": [],
     "detection_births": {"rates": [0.1], "velocity_std": 150.0, "particles": 256},
-    "spawn": {"rate": 0.0, "class_transition": [], "mode_transition": []},
+    "spawn": {"rate": 0.0},
     "aircraft": {"motions": ["cv"], "mode_transition": [1.0], "snr_band_db": [10.0, 30.0]},
     "cv": {"noise_density": 5.0},
     "tower": {
@@ -104,21 +104,9 @@ def tracker(processes, peer, tmp_path):
     """
 
     def start(**changes):
-        given = {**dict(flatten(PARAMETERS)), **changes}
-        file = tmp_path / "turning.yaml"
-        qos = {"qos_overrides./tower/plots.subscription.reliability": "reliable"}
-        file.write_text(yaml.safe_dump({"/tracker": {"ros__parameters": {**given, **qos}}}))
-        output = peer.publisher(PointCloud2, "/tower/plots", 50)
-        found = peer.collect(PointCloud2, "/tracker/filtered/estimates", 1000)
-        process = processes.start("tracker", "--ros-args", "--params-file", file)
-        assert peer.spin_until(
-            lambda: (
-                output.get_subscription_count()
-                and peer.node.count_publishers("/tracker/filtered/estimates")
-            )
-        )
-        peer.meet()
-        return resolve(given), output, found, process.log
+        given, topic = {**dict(flatten(PARAMETERS)), **changes}, "/tower/plots"
+        outputs, found, process = started(processes, peer, tmp_path, given, {topic: PointCloud2})
+        return resolve(given), outputs[topic], found, process.log
 
     return start
 
@@ -130,12 +118,9 @@ def test_a_turning_radar_is_tracked_live_as_offline(tracker, peer, per_turn):
     config, output, found, _ = tracker(**layout)
     sent = clouds(config, per_turn)
     expected = offline(config, sent)
-    for cloud in sent:
-        before = len(found)
-        output.publish(cloud)
-        assert peer.spin_until(lambda before=before: len(found) > before)
+    answered(peer, output, found, sent)
     assert peer.spin_until(lambda: len(found) >= len(expected))
-    assert_alike(found, expected)
+    assert_true(assert_alike(found, expected))
 
 
 def test_a_late_sector_is_worked_in_live_as_offline(tracker, peer):
@@ -143,23 +128,16 @@ def test_a_late_sector_is_worked_in_live_as_offline(tracker, peer):
     sent = clouds(config, 16)[: 5 * 16]
     late = sent.pop(50)
     expected = offline(config, [*sent[:53], late, *sent[53:]])
-    for index, cloud in enumerate(sent):
-        before = len(found)
-        if index == 53:
-            output.publish(late)
-        output.publish(cloud)
-        assert peer.spin_until(lambda before=before: len(found) > before)
-    assert peer.spin_until(lambda: "came after their scans were closed" in log.read_text())
+    answered(peer, output, found, sent[:53])
+    output.publish(late)
+    answered(peer, output, found, sent[53:])
+    assert peer.spin_until(lambda: "arrived after their scans were closed" in log.read_text())
     assert peer.spin_until(lambda: len(found) >= len(expected))
-    assert_alike(found, expected)
+    assert_true(assert_alike(found, expected))
 
 
-def assert_alike(found, expected):
-    """Check that live estimates are those of the same reports offline, and true."""
-    heard = [estimates.from_msg(cloud) for cloud in found]
-    assert [one.stamp_ns for one in heard] == [one.stamp_ns for one in expected]
-    for one, other in zip(heard, expected, strict=True):
-        np.testing.assert_allclose(one.state, other.state, rtol=1e-5, atol=1e-3)
+def assert_true(heard):
+    """Check that the last estimates are where the aircraft are."""
     last = heard[-1]
     truth = AIRCRAFT[:, :2] + AIRCRAFT[:, 2:] * (last.stamp_ns - START_NS) * 1e-9
     away = np.hypot(*(last.position[:, None] - truth).transpose(2, 0, 1))
@@ -169,11 +147,8 @@ def assert_alike(found, expected):
 def test_a_turn_that_is_not_configured_is_found_and_said(tracker, peer):
     layout = {"tower.sectors": 0, "tower.rotation_s": 0.0, "tower.fields.sector": ""}
     config, output, found, log = tracker(**layout, **{"tower.clutter_rate": 150.0})
-    for cloud in clouds(config, 16, clutter=150)[:40]:
-        before = len(found)
-        output.publish(cloud)
-        assert peer.spin_until(lambda before=before: len(found) > before)
-    expected = "its antenna turns in "
+    answered(peer, output, found, clouds(config, 16, clutter=150)[:40])
+    expected = "the estimated time of a turn is "
     assert peer.spin_until(lambda: expected in log.read_text())
 
 

@@ -18,7 +18,7 @@ from rclpy.qos import (
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 
-from msg_adapters import diagnostics, names
+from msg_adapters import diagnostics, names, outputs
 from msg_adapters.palette import COLOURS
 
 ROOT = Path(__file__).parents[2]
@@ -37,7 +37,11 @@ SERIES = {
 DETECTIONS = names.detections_in_map()
 # The least contrast of graphics to their background, by the accessibility guidelines WCAG 2.
 VISIBLE = 3.0
-NUMBERS = [topic for topic, kind in names.published(2).items() if kind == names.NUMBER]
+NUMBERS = [
+    topic
+    for topic, kind in outputs.default_topics(2, engine="gaussian").items()
+    if kind == names.NUMBER
+]
 SHOWN = {
     DETECTIONS,
     names.TRUTH,

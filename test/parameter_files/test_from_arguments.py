@@ -131,9 +131,9 @@ def test_load_refuses_what_is_no_yaml(tmp_path, content):
 
 def test_from_arguments_lets_the_last_one_win(tmp_path):
     one = write(tmp_path / "1.yaml", "tracker: {ros__parameters: {lag: 1, seed: 1}}\n")
-    two = write(tmp_path / "2.yaml", "tracker: {ros__parameters: {lag: 2, lag_s: 2.5}}\n")
+    two = write(tmp_path / "2.yaml", "tracker: {ros__parameters: {lag: 2, interval_s: 2.5}}\n")
     found = from_arguments.from_arguments([one, two], ["seed:=3", "seed:=4"])
-    assert found == {"lag": 2, "seed": 4, "lag_s": 2.5}
+    assert found == {"lag": 2, "seed": 4, "interval_s": 2.5}
 
 
 @pytest.mark.parametrize(

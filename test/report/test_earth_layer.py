@@ -9,7 +9,7 @@ from unfolded import columns_of
 
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.report.page import picture_words
-from phd_jdtc_ros.report.page.earth_layer import degrees, earth_grid, graticule, rings
+from phd_jdtc_ros.report.page.layers import degrees, earth_grid, graticule, rings
 from phd_jdtc_ros.report.page.packing import Columns
 from phd_jdtc_ros.report.page.picture import picture_of
 from phd_jdtc_ros.report.record import RadarSite

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from unfolded import columns_of
 
-from phd_jdtc_ros.report.page.packing import Columns, packed
+from phd_jdtc_ros.report.page.packing import Columns, pack
 
 # Differences of these have 31 bits and a sign.
 WHOLE = st.lists(st.integers(-(2**30), 2**30 - 1), max_size=40)
@@ -29,4 +29,4 @@ def test_columns_of_steady_motion_take_less_than_a_byte_an_entry():
 
 
 def test_packed_is_the_same_for_the_same_bytes():
-    assert packed(b"a page" * 100) == packed(b"a page" * 100)
+    assert pack(b"a page" * 100) == pack(b"a page" * 100)

@@ -1,28 +1,24 @@
+import estimate_sets
 import numpy as np
 import pytest
+from estimate_sets import states
 
-from phd_jdtc_ros.core.types import Estimates, Truth
+from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.report.record import Record
 
 
 def truth(stamp_ns, rows, classes):
-    state = np.zeros((len(rows), 5))
-    state[:, [0, 2]] = np.reshape(rows, (-1, 2))
-    return Truth(stamp_ns, state, np.arange(1, len(rows) + 1), np.array(classes, dtype=int))
+    number = np.arange(1, len(rows) + 1)
+    return Truth(stamp_ns, states(rows), number, np.array(classes, dtype=int))
 
 
 def estimates(stamp_ns, rows, classes):
-    targets = truth(stamp_ns, rows, classes)
-    count = len(rows)
-    return Estimates(
+    return estimate_sets.estimates(
+        states(rows),
+        np.zeros((5, 5)),
         stamp_ns=stamp_ns,
-        lag=0,
-        state=targets.state,
-        covariance=np.zeros((count, 5, 5)),
-        weight=np.ones(count),
-        class_probability=np.full((count, 2), 0.5),
-        class_id=targets.class_id,
-        track_id=np.zeros(count, dtype=int),
+        class_probability=np.full((len(rows), 2), 0.5),
+        class_id=np.array(classes, dtype=int),
     )
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.metric_table import OF_ALL, OF_SETS
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.report.table import metrics, score_tables, unscored
+from phd_jdtc_ros.report.table import metrics, score_tables, unscored_note
 
 
 def points(rows, classes):
@@ -92,10 +92,10 @@ def test_metrics_hold_what_the_file_promises(evaluation):
 
 
 def test_targets_that_are_not_scored_are_told():
-    told = unscored({"least_speed": 2.5, "slow_targets": 3.0})
+    told = unscored_note({"least_speed": 2.5, "slow_targets": 3.0})
 
     assert told.startswith("Targets slower than 2.5 m/s are not scored, 3.0 on average")
-    assert unscored({"least_speed": 2.5, "slow_targets": 0.0}) == ""
+    assert unscored_note({"least_speed": 2.5, "slow_targets": 0.0}) == ""
 
 
 def test_metrics_say_the_engine_if_it_is_known(evaluation):
@@ -170,7 +170,8 @@ def test_score_tables_shows_the_surveillance_figures():
     ]
     assert caption == [
         "long gaps: over 16.4 s between estimates",
-        "false beyond c, per scan: filter -, smoother 0.500",
+        "false per scan: filter -, smoother 0.500",
+        "within 500 m: filter -, smoother 50.00%",
         "no OSPA(2) and no identity switches: the estimates carry no track ids",
     ]
 
@@ -180,9 +181,10 @@ def test_score_tables_shows_the_figures_of_tracks_where_there_are_any(evaluation
     summary["smoothed"]["all"] |= {"ospa2": 12.34, "identity_switches": 3.0}
     _, _, (_, _, caption), *_ = tables(summary)
     assert caption[1:] == [
-        "false beyond c, per scan: filter 0.000, smoother 0.000",
-        "OSPA(2) over 10 scans: filter -, smoother 12.3 m",
+        "OSPA(2): filter -, smoother 12.3 m",
         "identity switches: filter -, smoother 3",
+        "false per scan: filter 0.000, smoother 0.000",
+        "within 500 m: filter 100.00%, smoother 100.00%",
     ]
 
 

@@ -138,8 +138,9 @@ def named(arguments):
 
 
 def test_faults_are_of_both_engines_unless_one_is_asked_for():
-    every, of_engines = len(list(command.every_fault())), len(command.OF_ENGINES)
-    assert set(command.OF_ENGINES) <= set(command.every_fault())
+    every = len(command.FAULTS)
+    of_engines = sum(measure.__dict__["of_engines"] for measure in command.FAULTS)
+    assert 10 < of_engines < every
     assert named({"engine": "particles", "only": False}) == {
         "particles": every,
         "gaussian": of_engines,
@@ -185,9 +186,16 @@ def test_mutated_messages_differ_and_keep_the_stamp():
     [(lambda: ("fine", True, {}), True), (lambda: ("bad", False, {}), False)],
 )
 def test_figure_says_what_was_measured(measure, reached):
-    figure = figures.measured_or_why("name", "goal", measure)
+    figure = figures.measures("name", "goal")(measure)()
     assert figure.reached is reached
     assert figures.all_reached([figure]) is reached
+
+
+def test_goal_can_depend_on_the_arguments():
+    figure = figures.measures("name", lambda count=2: f"{count} scans")(
+        lambda count: ("", True, {})
+    )
+    assert figure(count=3).goal == "3 scans"
 
 
 def raising(error):
@@ -199,14 +207,14 @@ def raising(error):
 
 def test_figure_that_cannot_be_measured_says_why_and_is_no_failure():
     error = figures.NotMeasurableError("no root")
-    figure = figures.measured_or_why("name", "goal", raising(error))
+    figure = figures.measures("name", "goal")(raising(error))()
     assert (figure.measured, figure.reached, figure.reason) == (None, None, "no root")
     assert figures.all_reached([figure])
 
 
 @pytest.mark.parametrize("kind", [RuntimeError, IndexError, ValueError, OSError])
 def test_figure_whose_measurement_fails_is_not_reached(kind):
-    figure = figures.measured_or_why("name", "goal", raising(kind("it died")))
+    figure = figures.measures("name", "goal")(raising(kind("it died")))()
     assert figure.reached is False
     assert kind.__name__ in figure.measured
     assert "it died" in figure.measured

@@ -24,20 +24,20 @@ QUERIES = {
 }
 # Every option that takes a topic or a service is on.
 SIMULATED = ("-p", "use_sim_time:=true")
-SWITCHES = [p.name for p in tracker_node.TABLE if p.name.startswith("publish_")]
+OUTPUTS = ",".join(tracker_node.OUTPUTS)
 ARGUMENTS = {
     "tracker": (
         *("--ros-args", "-p", "radar_1.clutter_map:=true", "-p", "world_origin:=[52.0, 4.0, 0.0]"),
-        *(w for name in SWITCHES for w in ("-p", f"{name}:=true")),
+        *("-p", f"outputs:=[{OUTPUTS}]"),
     ),
     "asterix_bridge": (
-        *("--ros-args", "-p", "radars:=[radar_1, radar_2]", "-p", "radar_2.sic:=1"),
+        *("--ros-args", "-p", "radars:=[radar_1, radar_2]", "-p", "radar_2.source:=[0, 1]"),
         *("-p", "inputs:=[]", "-p", "output:='127.0.0.1:9'"),
     ),
     "hand_over": (
         *("--ros-args", "-p", "trackers:=[west, east]"),
-        *("-p", "west.region:=[-1.0, 0.0, 0.0, 1.0]", "-p", "east.region:=[0.0, 0.0, 1.0, 1.0]"),
-        *("-p", "west.region_margin:=0.5", "-p", "east.region_margin:=0.5"),
+        *("-p", "west.region:=[-1.0, 0.0, 0.0, 1.0, 0.5]"),
+        *("-p", "east.region:=[0.0, 0.0, 1.0, 1.0, 0.5]"),
     ),
     "evaluator": ("--ros-args", "-p", "record:={directory}/bag"),
     "sensor_replay": (

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.sensors.visibility import within
 from phd_jdtc_ros.core.types import FULL_TURN
 from phd_jdtc_ros.simulation.antenna import Antenna
@@ -19,7 +19,7 @@ from phd_jdtc_ros.simulation.turning_antenna import plots_of, simulate_reports
 ROTATION_S = 4.0
 # Precise, and nothing is missed.
 PARAMETERS = {
-    "radars": ["approach"],
+    "sensors": ["approach"],
     "approach.position": [0.0, 0.0],
     "approach.rotation_s": ROTATION_S,
     "approach.range_std": 1e-3,
@@ -155,7 +155,7 @@ def test_targets_are_detected_with_the_given_probability_over_range():
         for a in np.linspace(0.01, 6.2, 100)
     ]
     table = [0.0, 0.9, 40e3, 0.9, 80e3, 0.1]
-    found, _ = scene(*ring, detection_probability=0.0, detection_probability_over_range=table)
+    found, _ = scene(*ring, detection_probability=table)
     plots = plots_of(found, 0, np.random.default_rng(1))
     near = plots.measurement[:, 0] < 40e3
     # 15 turns of 100 targets each.
@@ -189,7 +189,7 @@ def test_noise_has_the_deviations_of_the_radar():
 def test_only_the_nearest_radars_see_a_target_where_their_number_is_limited():
     config = resolve(
         {
-            "radars": ["a", "b", "c"],
+            "sensors": ["a", "b", "c"],
             **{f"{name}.rotation_s": 4.0 for name in "abc"},
             **{f"{name}.max_range": 5e4 for name in "abc"},
             **{f"{name}.detection_probability": 0.999 for name in "abc"},

@@ -7,14 +7,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.visibility import within
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 CONFIG = resolve(
     {
-        "radars": ["one", "other"],
+        "sensors": ["one", "other"],
         **{
             f"{name}.{key}": value
             for name in ("one", "other")
@@ -67,24 +66,3 @@ def test_a_misaligned_antenna_cuts_its_sectors_where_it_says_that_it_is():
     assert sum(map(len, found)) > 50
     for detections in found:
         assert within(detections.measurement[:, 1], detections.coverage).all()
-
-
-@pytest.mark.parametrize(
-    ("biases", "fault"),
-    [
-        ({"mine": {}}, "biases.mine: must be one of the radars, one, other"),
-        ({"one": {"range": 1.0}}, "biases.one.range: unknown key"),
-        ({"one": {"range_gain": 2.0}}, "biases.one.range_gain: 2.0 given, must be"),
-        ({"one": 5.0}, "one: must be a mapping"),
-        (5.0, "biases: must be a mapping"),
-    ],
-)
-def test_wrong_errors_are_refused(biases, fault):
-    with pytest.raises(ConfigError, match=fault):
-        reports(biases=biases)
-
-
-def test_errors_are_of_radars_that_turn():
-    radars = resolve({}).model.radars
-    with pytest.raises(ConfigError, match="biases: given, must be none where no radar turns"):
-        scenario_file.resolve({"biases": {"radar_1": ERRORS}}, radars)

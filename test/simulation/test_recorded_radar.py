@@ -1,4 +1,4 @@
-"""What recorded radars see beside targets: gaps, cones, horizons, mirrored answers."""
+"""Tests of the limits and false plots of recorded radars: gaps, cones, horizons, mirrors."""
 
 import numpy as np
 import pytest
@@ -7,10 +7,10 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import UNKNOWN
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.simulation import scenario_file
-from phd_jdtc_ros.simulation.turning_antenna import answered_plots, plot_times
+from phd_jdtc_ros.simulation.turning_antenna import plot_times, plots_with_replies
 
 PARAMETERS = {
-    "radars": ["hill"],
+    "sensors": ["hill"],
     "world_origin": [50.0, 8.5, 100.0],
     "hill.geodetic": [50.0, 8.5, 130.0],
     "hill.rotation_s": 4.0,
@@ -25,7 +25,6 @@ PARAMETERS = {
     "hill.max_range": 300e3,
     "classes": ["aircraft"],
     "births": [],
-    "spawn.class_transition": [],
 }
 MIRROR = {"position": [3000.0, 4000.0], "probability": 1.0}
 # Of the target above the antenna.
@@ -44,7 +43,7 @@ def plots(**document):
     given = {"scans": 601, "interval_s": 1.0, "targets": [OVERHEAD], "transponders": {}, **document}
     config = resolve(PARAMETERS, SystemPlane)
     run = scenario_file.resolve(given, config.model.radars)
-    found, answers = answered_plots(run, 0, config.inputs[0], 1)
+    found, answers = plots_with_replies(run, 0, config.inputs[0], 1)
     return run, plot_times(run, 0, found), found, answers
 
 
@@ -108,6 +107,6 @@ def test_plots_before_scan_0_are_left_out():
     antennas = {"hill": {"bearing_deg": 200.0}}
     given = {"scans": 61, "interval_s": 1.0, "antennas": antennas}
     run = scenario_file.resolve(given, config.model.radars)
-    found, answers = answered_plots(run, 0, config.inputs[0], 1)
+    found, answers = plots_with_replies(run, 0, config.inputs[0], 1)
     assert len(found.turns) == len(answers) > 500
     assert plot_times(run, 0, found).min() >= 0.0

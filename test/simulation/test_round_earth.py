@@ -13,7 +13,7 @@ from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 ORIGIN, PLACE = [52.3, 4.8, 5.0], [53.1, 6.9, 40.0]
 PARAMETERS = {
-    "radars": ["north"],
+    "sensors": ["north"],
     "world_origin": ORIGIN,
     "north.geodetic": PLACE,
     "north.rotation_s": 4.0,
@@ -31,7 +31,6 @@ PARAMETERS = {
     "north.max_range": 300e3,
     "classes": ["aircraft"],
     "births": [],
-    "spawn.class_transition": [],
 }
 LEGS = [{"duration_s": 40.0}]
 TARGETS = [

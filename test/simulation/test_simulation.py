@@ -51,11 +51,6 @@ def test_truth_without_targets_is_empty():
     assert truth.state.shape == (0, len(PLANAR))
 
 
-def test_truth_is_read_only():
-    with pytest.raises(ValueError, match="read-only"):
-        truth_at(SCENE, 0).state[0, 0] = 1.0
-
-
 def test_stamps_are_exact_and_not_zero_at_the_first_scan():
     assert SCENE.stamp_ns(0) > 0
     assert SCENE.stamp_ns(79) == SCENE.stamp_ns(0) + 79 * 6_000_000_000

@@ -17,7 +17,7 @@ targets:
   - {class_id: 1, snr_db: 25.0, position: [-10000.0, -10000.0], velocity: [36.0, 44.0],
      first_scan: 1, last_scan: 4}
 """
-FEW = {"particles_per_birth": 64, "least_particles": 20, "spawn.particles_per_target": 10}
+FEW = {"engine": "particles", "particles_per_birth": 64}
 STUDY = {
     "lags": [0, 2],
     "cases": {

@@ -2,14 +2,13 @@
 
 import io
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from inner import resolve
 from numpy.testing import assert_allclose
 from rich.console import Console
 from scenes import no_detections
-from scipy.spatial import cKDTree
 
 from benchmarks import (
     asterix_rates,
@@ -20,44 +19,39 @@ from benchmarks import (
     late,
     limit,
     messages,
-    plots,
     recursion,
     scenes,
     searches,
     sector_latency,
     smoothing,
-    step_growth,
     steps,
     timing,
-    traffic,
     turning,
 )
 from benchmarks import report as tables
 from benchmarks.radars import Reply
 from phd_jdtc_ros.configuration.assembly import new_pipeline
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.pipeline import Stepped
-from phd_jdtc_ros.core.smc.correction import CORRECTORS
 from phd_jdtc_ros.core.smc.kernel import backward_kernel
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.types import Detections
-from phd_jdtc_ros.simulation.scenario import paper_scenario, truth_after, truth_at
+from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.simulate import simulate
-from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
+from phd_jdtc_ros.simulation.turning_antenna import Report
 
 LAG = 3
 BORN_ANYWHERE = {"detection_births.rates": [0.01, 0.01], "detection_births.particles": 64}
-FEW = {"particles_per_target": 100, "least_particles": 20, "particles_per_birth": 64}
+FEW = {"particles_per_target": 100, "budget.least": 20, "particles_per_birth": 64}
 WITHOUT_ROS = ("peers", "steps", "step_growth", "growth", "smoother", "paper_smoother")
 every_backend = pytest.mark.parametrize("backend", backends.available())
 every_engine = pytest.mark.parametrize("engine", recursion.PARTS)
 every_death_term = pytest.mark.parametrize("death_term", DEATH_TERMS.values(), ids=DEATH_TERMS)
 
 
-@pytest.fixture(scope="module", params=CORRECTORS)
+@pytest.fixture(scope="module", params=("particles", "phd"))
 def window(request):
     """The stored sets of a filter with four targets, about 800 particles."""
-    return recursion.window(targets=4, per_target=200, lag=LAG, seed=3, corrector=request.param)
+    return recursion.window(targets=4, per_target=200, lag=LAG, seed=3, engine=request.param)
 
 
 def of_rows(copies, phd):
@@ -96,48 +90,20 @@ def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch, b
 
 
 @every_death_term
-def test_k_d_tree_form_is_the_dense_one_within_the_gate(window, death_term):
+def test_other_forms_are_the_dense_one(window, death_term):
     exact = of_rows(dense(window, death_term), window.stored[0])
-    tree = forms.smooth(window.stored, *window.assumed, death_term, forms.k_d_tree)
-
-    assert_allclose(tree.weight, exact, rtol=1e-4, atol=1e-9 * exact.sum())
-
-
-@every_death_term
-def test_dense_products_are_the_dense_form(window, death_term):
-    exact = of_rows(dense(window, death_term), window.stored[0])
-    # By origin only where origins are targets.
+    # By origin only where origins are targets, and the tree within the gate only.
     by_origin = [forms.dense_by_origin] if window.corrector.labelled else []
-    for form in (forms.dense_products, *by_origin):
-        products = forms.smooth(window.stored, *window.assumed, death_term, form)
-        assert_allclose(products.weight, exact, rtol=1e-6, atol=1e-12 * exact.sum())
-
-
-def test_copies_stand_for_the_same_intensity(window):
-    phd = window.stored[-1]
-    copies = forms.copies(phd)
-
-    assert len(copies) == phd.multiplicity.sum() > len(phd)
-    assert_allclose(of_rows(copies, phd), phd.weight)
-    assert_allclose(copies.components.sum(axis=0), phd.components.sum(axis=0))
-
-
-@every_engine
-def test_timed_engine_notes_every_part_of_a_step(engine):
-    config = resolve({**FEW, "lag": LAG, **BORN_ANYWHERE, "engine": engine})
-    scenario = replace(paper_scenario(config.model.radars), scans=LAG + 2)
-    run = recursion.TimedEngine(config)
-    for _, scan in simulate(scenario, 5):
-        run.step(scan)
-
-    assert set(run.parts_ms) == set(recursion.PARTS[engine])
-    assert all(ms > 0.0 for ms in run.parts_ms.values())
+    for form in (forms.dense_products, *by_origin, forms.k_d_tree):
+        found = forms.smooth(window.stored, *window.assumed, death_term, form)
+        rtol, atol = (1e-4, 1e-9) if form is forms.k_d_tree else (1e-6, 1e-12)
+        assert_allclose(found.weight, exact, rtol=rtol, atol=atol * exact.sum())
 
 
 @pytest.mark.parametrize("place", searches.PLACES)
 @pytest.mark.parametrize("search", [searches.GRID, searches.SWEEP])
 def test_both_searches_build_the_same_kernel(place, search):
-    window = recursion.window(4, 100, 1, seed=0, corrector=searches.PLACES[place])
+    window = recursion.window(4, 100, 1, seed=0, engine=searches.PLACES[place])
     expected = backward_kernel.build(*window.stored, *window.assumed).ratio.toarray()
     with backends.using(backends.NUMPY), searches.searching(search, place):
         found = backward_kernel.build(*window.stored, *window.assumed).ratio.toarray()
@@ -146,33 +112,17 @@ def test_both_searches_build_the_same_kernel(place, search):
     assert_allclose(found, expected, rtol=1e-9)
 
 
-def test_window_is_of_a_filter_that_tracks_every_target():
-    window = recursion.window(targets=20, per_target=100, lag=2, seed=0)
-
-    assert len(window.stored) == 3
-    assert all(abs(phd.weight.sum() - 20.0) < 3.0 for phd in window.stored)
-    # Clouds of a tracking filter: whitened by the process noise they are some 20 sigma wide.
-    spread = [
-        np.average((phd.state[member, 0] - mean) ** 2, weights=phd.weight[member]) ** 0.5
-        for phd in window.stored
-        for origin in range(-20, 0)
-        for member in [np.flatnonzero(phd.origin == origin)]
-        for mean in [np.average(phd.state[member, 0], weights=phd.weight[member])]
-    ]
-    assert 40.0 < np.median(spread) < 250.0
-
-
-def test_crowd_of_200_targets_gives_300_detections_a_radar():
-    config = scenes.configuration(200, 10)
-    scene = scenes.crowd(200, 12, config, seed=1)
+@pytest.mark.parametrize("name", ["200 targets", "1000 targets"])
+def test_crowds_are_in_range_and_give_as_many_detections_as_their_name_says(name):
+    crowd = steps.CROWDS[name]
+    config = scenes.configuration(crowd.targets, 10, clutter=crowd.clutter)
+    scene = scenes.crowd(crowd.targets, 4, config, seed=1)
     counts = [len(d) for _, scan in simulate(scene, 1) for d in scan.detections]
-
-    assert np.mean(counts) == pytest.approx(300.0, abs=10.0)
-    for scan in (0, 11):
-        truth = truth_at(scene, scan)
-        assert {0, 1} == set(truth.class_id.tolist())
-        for radar in config.model.radars:
-            assert radar.measure(truth.state)[:, 0].max() < radar.max_range
+    assert np.mean(counts) == pytest.approx(max(crowd.targets, 300.0), abs=10.0)
+    truth = truth_at(scene, 3)
+    assert {0, 1} == set(truth.class_id.tolist())
+    for radar in config.model.radars:
+        assert radar.measure(truth.state)[:, 0].max() < radar.max_range
 
 
 @every_engine
@@ -188,32 +138,6 @@ def test_engine_tracks_all_targets_of_a_crowd_from_its_first_scan(engine):
         assert np.median(apart.min(axis=0)) < 300.0
 
 
-def test_clutter_makes_1000_detections_of_1000_targets():
-    crowd = steps.CROWDS["1000 targets"]
-    config = scenes.configuration(crowd.targets, 10, clutter=crowd.clutter)
-    scene = scenes.crowd(crowd.targets, 4, config, seed=1)
-    counts = [len(d) for _, scan in simulate(scene, 1) for d in scan.detections]
-
-    assert np.mean(counts) == pytest.approx(1000.0, abs=10.0)
-
-
-def deviations_apart(targets):
-    """Return how far the nearest other target is, in deviations of the first radar's noise."""
-    config = scenes.configuration(targets, 10)
-    radar = config.model.radars[0]
-    truth = truth_at(scenes.crowd(targets, 2, config, seed=1), 1)
-    distance = radar.measure(truth.state)[:, 0]
-    assert len(distance) == targets
-    assert distance.max() < radar.clutter_max_range < radar.max_range
-    apart, _ = cKDTree(truth.position).query(truth.position, k=2)
-    deviation = np.hypot(radar.range_std, distance * radar.azimuth_std)
-    return np.quantile(apart[:, 1] / deviation, [0.1, 0.5, 0.9])
-
-
-def test_more_targets_have_a_larger_field_in_which_they_are_as_ambiguous():
-    assert_allclose(deviations_apart(2000), deviations_apart(200), rtol=0.1)
-
-
 def test_limit_goes_over_all_that_the_search_goes_over(window):
     earlier, later = window.stored[-2:]
     gathered = limit.whiten_sort_gather(earlier, later, window.model, window.dt)
@@ -224,44 +148,10 @@ def test_limit_goes_over_all_that_the_search_goes_over(window):
     assert all(np.all(np.diff(points[:, 0]) >= 0.0) for points in gathered)
 
 
-def test_interleaved_takes_turns():
-    calls = []
-    times = timing.interleaved(
-        {
-            "a": timing.Case(lambda: calls.append("a"), 3),
-            "b": timing.Case(lambda: calls.append("b"), 1),
-        }
-    )
-
-    assert calls == ["a", "a", "b", "a", "a"]  # the first only warms up
-    assert {name: len(each) for name, each in times.items()} == {"a": 3, "b": 1}
-
-
-def test_peak_bytes_sees_what_is_given_back():
-    assert timing.peak_bytes(lambda: np.ones(10**6).sum()) == pytest.approx(8e6, rel=0.01)
-
-
 def test_exponent_is_that_of_a_power_law():
     assert timing.exponent([10, 100, 1000], [3.0, 3.0 * 10**1.4, 3.0 * 10**2.8]) == (
         pytest.approx(1.4)
     )
-
-
-def test_traffic_is_fifty_aircraft_within_range_from_first_to_last():
-    config = traffic.configuration({})
-    scene = traffic.scene(16, config, seed=0)
-    reports = simulate_reports(scene, config.inputs, seed=0)
-
-    assert len(reports) == 16
-    for turn in range(17):
-        truth = truth_after(scene, 4.0 * turn)
-        assert len(truth.state) == 50
-        assert (
-            config.model.radars[0]
-            .visibility.sees(config.model.radars[0].measure(truth.state))
-            .all()
-        )
-    assert {each for report in reports for each in report.source} == set(range(51))
 
 
 def test_a_turn_is_of_a_tracker_that_has_all_aircraft_in_every_form(cost):
@@ -426,38 +316,6 @@ def test_write_leaves_the_summary_and_the_pictures(summary, tmp_path):
         "step_against_targets.png",
     }
     assert all(path.stat().st_size > 10_000 for path in paths[2:])
-
-
-def test_pictures_draw_the_limit_and_linear_growth(summary):
-    ladder = summary["growth"]["targets"]
-    axes = plots.cost(ladder, "targets", "so many each").axes[0]
-    _, labels = axes.get_legend_handles_labels()
-
-    assert axes.get_xscale() == axes.get_yscale() == "log"
-    assert any(label.startswith("this package") for label in labels)
-    assert "linear" in labels
-    assert any(label.startswith("limit") for label in labels)
-
-
-def test_picture_and_table_of_a_step_show_both_engines(summary):
-    growth = summary["step_growth"]
-    names = [f"{e} [{b}]" for e in recursion.PARTS for b in backends.available()]
-    assert sorted(growth["forms"]) == sorted(names)
-    _, labels = plots.step_cost(growth).axes[0].get_legend_handles_labels()
-    page = tables.markdown(tables.tables(summary))
-
-    for engine in ("particles", "Gaussian"):
-        assert any(label.startswith(f"{engine}, NumPy (slope ") for label in labels)
-    assert all(f"| {name} | " in page for name in names)
-
-
-@every_engine
-def test_memory_is_that_of_all_that_an_engine_holds(engine):
-    few, more = (step_growth.memory_of(engine, targets) for targets in (5, 20))
-
-    assert few > 20_000
-    # The window's sets are of all targets.
-    assert more > 2 * few
 
 
 def test_tables_show_every_part_and_figure(summary):

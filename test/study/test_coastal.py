@@ -10,12 +10,13 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
-from phd_jdtc_ros.study.monte_carlo.scores import VALUES, score
+from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
+from phd_jdtc_ros.study.monte_carlo.scores import score
 from phd_jdtc_ros.study.runs import Ignored
 from phd_jdtc_ros.study.turning import turning_run
 
@@ -41,7 +42,7 @@ def test_the_profile_has_the_parameters_of_the_scenario(name):
     found = resolve({**profile, **given})
     assert found.inputs == config.inputs
     # What is spelt out in the profile and follows from the rest in the scenario.
-    spelt_out = ("mast.topic", "mast.frame", "spawn.mode_transition")
+    spelt_out = ("mast.topic", "mast.frame")
     expected = {key: value for key, value in config.values.items() if key not in spelt_out}
     assert {key: found.values[key] for key in expected} == expected
 
@@ -115,7 +116,7 @@ def test_ships_keep_off_what_answers_and_some_lie_at_anchor(name):
     ("given", "fault"),
     [
         (["-p", "mast.pose:=fixed"], "mast.pose: fixed given, must be a topic"),
-        (["-p", "mast.pose_yaw:=false"], "mast.pose_yaw: false given, must be true"),
+        (["-p", f"mast.pose:={ODOMETRY} stabilised"], "mast.pose: stabilised given, must not be"),
     ],
 )
 def test_simulate_refuses_a_radar_that_its_platform_does_not_carry(given, fault, tmp_path, capsys):

@@ -9,11 +9,11 @@ from msg_adapters import interfaces, names, truth
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.assembly import new_pipeline
-from phd_jdtc_ros.evaluation.identity import IdentitySwitches
-from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
+from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.comparison import LabelledPoints
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.study import monte_carlo
-from phd_jdtc_ros.study.monte_carlo.scores import VALUES
+from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
@@ -55,7 +55,7 @@ def test_identities_make_no_more_switches_than_none(goal):
 def identity_fields(bag):
     """Return the parameters that name the identities of a bag's plots."""
     given = bag_parameters.read(bag) or {}
-    fields = [f"{radar}.fields.{kind}" for radar in given.get("radars", []) for kind in KINDS]
+    fields = [f"{radar}.fields.{kind}" for radar in given.get("sensors", []) for kind in KINDS]
     return [name for name in fields if given.get(name)]
 
 

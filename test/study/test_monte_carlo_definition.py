@@ -157,7 +157,7 @@ def test_variants_have_those_of_their_lags_that_the_case_has(study_file):
 
 def test_resolve_lists_faults_of_the_variants_parameters(study_file):
     def spoil(document):
-        document["variants"]["fewer"]["parameters"] = {"particles_per_target": 0, "nonsense": 1}
+        document["variants"]["fewer"]["parameters"] = {"particles_per_target": -1, "nonsense": 1}
 
     found = faults(study_file, spoil)
 
@@ -181,7 +181,6 @@ def test_resolve_refuses_targets_of_a_class_that_the_tracker_does_not_have(study
     def spoil(document):
         document["cases"]["quiet"]["parameters"] |= {
             "classes": ["only"],
-            "spawn.class_transition": [],
             **{f"start_{k}.rates": [0.01] for k in range(1, 5)},
         }
 

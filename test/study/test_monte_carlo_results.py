@@ -5,13 +5,14 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.types import FILTERED
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.metric_table import OF_ALL
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Mean, Result
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
-from phd_jdtc_ros.study.monte_carlo.scores import VALUES, Scores, score
+from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
+from phd_jdtc_ros.study.monte_carlo.scores import Scores, score
 from phd_jdtc_ros.study.runs import simulated_run
 
 # --- scores ---------------------------------------------------------------------------------------

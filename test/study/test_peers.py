@@ -176,6 +176,14 @@ def test_raised_threshold_refuses_a_lower_one():
         raised_threshold(short_run(), 1.0)
 
 
+def test_raised_threshold_refuses_reports_without_amplitudes():
+    run = short_run()
+    first, *others = run.scans
+    silent = replace(first, detections=(None, *first.detections[1:]))
+    with pytest.raises(ValueError, match=f"scan of {first.stamp_ns} ns: a radar reports no ampl"):
+        raised_threshold(replace(run, scans=(silent, *others)), 5.0)
+
+
 def test_peers_say_what_to_install(monkeypatch):
     monkeypatch.setattr(soup, "PARTS", {"no_such_part": ("Anything",)})
     with pytest.raises(ImportError, match="pip install 'stonesoup"):

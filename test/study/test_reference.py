@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import minimize
 
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.gaussian.algebra import kalman
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, sample
 from phd_jdtc_ros.core.types import Detections, Scan, Truth
 from phd_jdtc_ros.evaluation.metrics import ospa

@@ -250,7 +250,7 @@ def test_vehicles_are_tracked_from_their_first_scans_on_with_one_track_each(engi
 )
 def test_simulate_takes_the_parameters_of_the_scenario(text, tmp_path):
     path = tmp_path / "quiet.yaml"
-    path.write_text(f"scans: 3\nparameters:\n  {text}\n  radars: [radar_1]\n")
+    path.write_text(f"scans: 3\nparameters:\n  {text}\n  sensors: [radar_1]\n")
     assert run("simulate", ["--scenario", str(path), "--out", str(tmp_path / "bag")]) == 0
     topic = names.detections("radar_1")
     bag = BagReader(tmp_path / "bag")
@@ -262,7 +262,7 @@ def test_simulate_takes_the_parameters_of_the_scenario(text, tmp_path):
 
 def test_simulate_puts_parameter_arguments_over_those_of_the_scenario(tmp_path):
     path, file = tmp_path / "scene.yaml", tmp_path / "params.yaml"
-    path.write_text("scans: 2\nparameters: {radars: [one], one.topic: /a, one.frame: mast}\n")
+    path.write_text("scans: 2\nparameters: {sensors: [one], one.topic: /a, one.frame: mast}\n")
     file.write_text("/**: {ros__parameters: {one: {topic: /b}}}\n")
     arguments = ["--scenario", str(path), "--params-file", str(file)]
     assert run("simulate", [*arguments, "--out", str(tmp_path / "first")]) == 0

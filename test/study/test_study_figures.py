@@ -11,7 +11,8 @@ from phd_jdtc_ros.study.figures import markdown, over_lag, over_time, tables, wr
 from phd_jdtc_ros.study.figures.rows import band
 from phd_jdtc_ros.study.monte_carlo import Mean, Result, Study, summarise
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
-from phd_jdtc_ros.study.monte_carlo.scores import VALUES, Scores
+from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
+from phd_jdtc_ros.study.monte_carlo.scores import Scores
 from phd_jdtc_ros.study.tracker import Reading
 
 SCANS = 6

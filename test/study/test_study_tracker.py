@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from inner import resolve
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study.runs import simulated_run
@@ -12,10 +12,11 @@ from phd_jdtc_ros.study.tracker import PARTS, Reading, track
 SCANS = 9
 SEED = 3
 GIVEN = {
+    "engine": "particles",
     "particles_per_target": 150,
-    "least_particles": 30,
+    "budget.least": 30,
     "particles_per_birth": 128,
-    "spawn.particles_per_target": 20,
+    "spawning.particles_per_target": 20,
     "seed": SEED,
 }
 DEFAULT = Reading("default", "bernoulli", "components")

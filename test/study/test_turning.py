@@ -10,8 +10,8 @@ import yaml
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import ospa
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.simulation.antenna import Antenna
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
@@ -19,11 +19,11 @@ from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
 from phd_jdtc_ros.study.peers.plot_kalman import Settings, follow, plot_kalman
-from phd_jdtc_ros.study.turning import of_scored, track, turn_ends, turning_run
+from phd_jdtc_ros.study.turning import track, turn_ends, turning_run, without_ignored
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
 PARAMETERS = {
-    "radars": ["approach"],
+    "sensors": ["approach"],
     "approach.position": [0.0, 0.0],
     "approach.rotation_s": 4.0,
     "approach.range_std": 40.0,
@@ -41,7 +41,6 @@ PARAMETERS = {
     "detection_births.rates": [0.1],
     "detection_births.velocity_std": 150.0,
     "spawn.rate": 0.0,
-    "spawn.class_transition": [],
     "particles_per_target": 200,
     "detection_births.particles": 512,
 }
@@ -90,7 +89,7 @@ def test_estimates_of_slow_targets_are_left_out_and_false_ones_stay():
         PointSet(np.concatenate([place, false]), np.zeros(3, dtype=int), np.array([7, 8, 9]))
         for place in exact
     ]
-    assert [left.track_id.tolist() for left in of_scored(run, points)] == [[8, 9], [8, 9]]
+    assert [left.track_id.tolist() for left in without_ignored(run, points)] == [[8, 9], [8, 9]]
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -166,7 +165,7 @@ def test_the_peer_takes_plots_of_several_radars():
     of_first = {k.partition(".")[2]: v for k, v in PARAMETERS.items() if "approach." in k}
     changes = {f"second.{name}": value for name, value in of_first.items()}
     changes |= {"second.rotation_s": 4.8, "second.position": [5e3, 5e3]}
-    found, inputs = scene(EAST, TURNING, radars=["approach", "second"], **changes)
+    found, inputs = scene(EAST, TURNING, sensors=["approach", "second"], **changes)
     one = far_off(*followed(*scene(EAST, TURNING)))
     two = far_off(*followed(found, inputs))
     assert np.sqrt((two**2).mean()) < np.sqrt((one**2).mean())

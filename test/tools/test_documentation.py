@@ -3,10 +3,12 @@
 import ast
 import csv
 import re
+from importlib import import_module
 from pathlib import Path
 
 import crossing
 import numpy as np
+import page_tables
 import pytest
 import yaml
 
@@ -20,10 +22,11 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.handover import settings as hand_over
-from phd_jdtc_ros.parameter_files import from_arguments
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.simulation.sending import Sending
 from phd_jdtc_ros.tools import recorded_plots
+from phd_jdtc_ros.tools.demo import demo
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -35,38 +38,31 @@ EXAMPLES = [
     for match in re.finditer(r"^```ya?ml\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
 ]
 SCENES = [(name, text) for name, text in EXAMPLES if name.startswith("docs/scenarios.md")]
-BRIDGES = [(name, text) for name, text in EXAMPLES if name.startswith("docs/nodes/asterix_bridge")]
-JOINED = [(name, text) for name, text in EXAMPLES if name.startswith("docs/nodes/hand_over")]
-EXAMPLES = [example for example in EXAMPLES if example not in [*SCENES, *BRIDGES, *JOINED]]
+# What is read of the examples of other nodes' pages, and of all others.
+RESOLVED = {
+    "asterix_bridge": lambda path: (
+        settings.resolve(from_arguments.load(path, "asterix_bridge")).radars
+    ),
+    "hand_over": lambda path: hand_over.resolve(from_arguments.load(path, "hand_over")).regions,
+    "": lambda path: resolve(from_arguments.load(path), SystemPlane).inputs,
+}
+EXAMPLES = [example for example in EXAMPLES if example not in SCENES]
 
 
-def test_the_radar_page_has_its_examples():
+@pytest.mark.parametrize(
+    ("page", "examples"), [("connect_your_radar", 1), ("kinds_of_radar", 4), ("drivers", 2)]
+)
+def test_pages_on_radars_have_their_examples(page, examples):
     names = [name for name, _ in EXAMPLES]
-    assert sum(name.startswith("docs/connect_your_radar.md") for name in names) == 7
+    assert sum(name.startswith(f"docs/{page}.md") for name in names) == examples
 
 
 @pytest.mark.parametrize(("name", "text"), EXAMPLES, ids=[name for name, _ in EXAMPLES])
 def test_every_example_is_a_parameter_file_that_resolves(tmp_path, name, text):
     path = tmp_path / "example.yaml"
     path.write_text(text)
-
-    assert resolve(from_arguments.load(path), SystemPlane).inputs
-
-
-@pytest.mark.parametrize(("name", "text"), BRIDGES, ids=[name for name, _ in BRIDGES])
-def test_every_example_of_the_bridge_is_a_parameter_file_that_resolves(tmp_path, name, text):
-    path = tmp_path / "example.yaml"
-    path.write_text(text)
-
-    assert settings.resolve(from_arguments.load(path, "asterix_bridge")).radars
-
-
-@pytest.mark.parametrize(("name", "text"), JOINED, ids=[name for name, _ in JOINED])
-def test_every_example_of_the_hand_over_is_a_parameter_file_that_resolves(tmp_path, name, text):
-    path = tmp_path / "example.yaml"
-    path.write_text(text)
-
-    assert hand_over.resolve(from_arguments.load(path, "hand_over")).regions
+    node = next(node for node in RESOLVED if name.startswith(f"docs/nodes/{node}") or not node)
+    assert RESOLVED[node](path)
 
 
 @pytest.mark.parametrize(("name", "text"), SCENES, ids=[name for name, _ in SCENES])
@@ -82,35 +78,30 @@ def test_every_example_of_the_page_on_scenarios_is_one(name, text):
     assert any((*parts, found.mirrors)) or found.transponders is not None or said
 
 
-def test_the_example_in_python_of_the_page_on_the_earth_runs():
-    page = (ROOT / "docs" / "earth.md").read_text()
-    (example,) = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
-    found: dict = {}
-    exec(example, found)
-    assert found["latitude"] == pytest.approx(50.05)
-    # West of the origin meridians lean to the right.
-    assert -0.01 < found["north"] < 0.0
-
-
 def python_of(name):
     """Return the examples in Python of a page of the documentation."""
     page = (ROOT / "docs" / name).read_text()
     return re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
 
 
-def run_all(examples, names=None):
+def run_all(examples):
     """Run examples one after the other and return the names that they leave."""
-    found = {} if names is None else names
+    found: dict = {}
     for example in examples:
         exec(compile(example, "example", "exec"), found)
     return found
 
 
+def test_the_example_in_python_of_the_page_on_the_earth_runs():
+    found = run_all(python_of("earth.md"))
+    assert found["latitude"] == pytest.approx(50.05)
+    # West of the origin meridians lean to the right.
+    assert -0.01 < found["north"] < 0.0
+
+
 def test_examples_of_the_page_on_python_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-
     found = run_all(python_of("python.md"))
-
     assert {*found["tracks"]["label"]} == {1, 2}
     assert found["scores"]["ospa"] < 200.0
     printed = capsys.readouterr().out
@@ -146,7 +137,7 @@ def test_examples_of_the_page_on_csv_run(tmp_path, monkeypatch):
     assert {row["label"] for row in written} == {"1", "2"}
     assert [float(row["x"]) for row in written] == found["tracks"]["x"].tolist()
     radars = recorded_plots.recognised_radars(BagReader(tmp_path / "bag"))
-    assert radars["radars"] == ["radar"]
+    assert radars["sensors"] == ["radar"]
 
 
 def test_parameters_in_the_table_of_the_page_on_csv_are_some():
@@ -178,26 +169,9 @@ def test_plots_of_the_page_on_other_inputs_are_where_targets_are():
 
 
 def test_every_page_is_in_the_sites_navigation():
-    navigation = (ROOT / "mkdocs.yml").read_text()
+    navigation = str(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"])
     listed = {ROOT / "docs" / name for name in re.findall(r"[\w/]+\.md", navigation)}
-
     assert {*PAGES} == listed
-
-
-@pytest.mark.parametrize(
-    "name", ["tracker", "sensor_replay", "evaluator", "asterix_bridge", "hand_over"]
-)
-def test_a_nodes_page_has_the_usual_sections(name):
-    text = (ROOT / "docs" / "nodes" / f"{name}.md").read_text()
-
-    assert re.findall(r"^## (.+)$", text, re.MULTILINE) == [
-        "Purpose",
-        "Inner workings",
-        "Inputs and outputs",
-        "Parameters",
-        "Known limits",
-        "Performance",
-    ]
 
 
 def launch_arguments(name):
@@ -236,10 +210,6 @@ def test_launch_commands_in_the_text_use_arguments_that_there_are():
     ]
 
 
-def test_navigation_is_yaml():
-    assert yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"]
-
-
 def test_readmes_python_example_prints_four_tracks_to_their_end(capsys):
     page = README.read_text()
     found = run_all(re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE))
@@ -250,33 +220,41 @@ def test_readmes_python_example_prints_four_tracks_to_their_end(capsys):
     assert float(re.search(r"^OSPA ([\d.]+) m$", printed, re.MULTILINE)[1]) < 80.0
 
 
-@pytest.mark.parametrize("page", [README, ROOT / "docs" / "index.md"], ids=lambda page: page.name)
-def test_ospa_is_explained_where_it_first_stands(page):
-    text = " ".join(page.read_text().split())
-    first = text[text.index("OSPA") :]
+@pytest.mark.parametrize("engine", ["particles", "gaussian"])
+def test_readmes_table_has_the_scores_of_the_shipped_bag(tmp_path, engine):
+    (row,) = re.findall(rf"^\| {engine}, \w+ \|(.+)\|$", README.read_text(), re.MULTILINE)
+    bag = ROOT / "bags" / "paper_scenario"
+    config = resolve({**bag_parameters.read(bag), "engine": engine}, SystemPlane)
 
-    assert "the distance between the estimated and the true positions" in first[:200]
+    found = demo.scores(bag, config, tmp_path / "bag")
 
-
-def test_readmes_accuracies_are_the_studys():
-    readme, study = README.read_text(), (ROOT / "docs" / "study.md").read_text()
-    table = readme.split("## How accurate it is")[1].split("\n\n")[2]
-    figures = re.findall(r"[\d.]+ ± [\d.]+", table)
-
-    assert len(figures) == 10
-    assert [figure for figure in figures if f"| {figure} |" not in study] == []
+    ospa = [f"{found[source]['all']['ospa']:.1f} m" for source in ("filtered", "smoothed")]
+    shares = [f"{found['reduction']:.0%}", f"{found['class_accuracy']:.1%}"]
+    assert [cell.strip() for cell in row.split("|")] == [
+        *ospa,
+        *(share.replace("%", " %") for share in shares),
+    ]
 
 
 def test_time_of_a_scan_is_that_of_the_performance_page():
     performance = (ROOT / "docs" / "performance.md").read_text()
-    step = re.search(r"^\| step((?: \| [\d.]+)+) \|$", performance, re.MULTILINE)[1]
-    four, _, _, _, many, compiled = (float(ms) for ms in step.split(" | ")[1:])
-    few, of_many = f"{four:.0f} ms", f"{many:.0f} ms, or {compiled:.0f} ms with numba"
-    intro = performance.split("## ")[0]
+    steps = {
+        shown["bench"].split(",")[1].split()[-1]: dict(zip(cells[0][1:], cells[1][1:], strict=True))
+        for shown, cells in page_tables.specified(performance)
+        if shown["bench"].startswith("the whole step, engine")
+    }
+    few, many, compiled = (
+        {engine: f"{float(ms[column]):.0f}" for engine, ms in steps.items()}
+        for column in ("4 targets, NumPy", "200 targets, NumPy", "200 targets, numba")
+    )
+    intro = " ".join(performance.split("## ")[0].split())
 
-    assert f"takes {few} of\none core" in intro
-    assert f"take {of_many}" in intro
-    assert f"takes {few} of one core" in " ".join(README.read_text().split())
+    assert f"takes {few['particles']} ms of one core, filter" in intro
+    assert f"take {many['particles']} ms, or {compiled['particles']} ms with numba" in intro
+    gaussian = [times["gaussian"] for times in (few, many, compiled)]
+    assert "`engine: gaussian` it is {} ms, and {} or {} ms".format(*gaussian) in intro
+    sentence = f"takes {few['particles']} ms of one core with particles and {gaussian[0]} ms"
+    assert sentence in " ".join(README.read_text().split())
     # What was measured once, with one command, is on that page only.
     for name in ("tracker", "sensor_replay"):
         text = (ROOT / "docs" / "nodes" / f"{name}.md").read_text()
@@ -285,7 +263,7 @@ def test_time_of_a_scan_is_that_of_the_performance_page():
 
 
 def test_detection_probabilities_without_amplitudes_are_those_of_the_radar_page():
-    page = (ROOT / "docs" / "connect_your_radar.md").read_text()
+    page = (ROOT / "docs" / "kinds_of_radar.md").read_text()
     rows = re.findall(r"^\| (?:prob|lower end)[^|]* \|(.+)\|$", page, re.MULTILINE)
     probabilities, bands = ([float(cell) for cell in row.split("|")] for row in rows)
 
@@ -293,9 +271,8 @@ def test_detection_probabilities_without_amplitudes_are_those_of_the_radar_page(
     for probability, low in zip(probabilities, bands, strict=True):
         config = resolve(
             {
-                "radars": ["one"],
+                "sensors": ["one"],
                 "classes": ["target"],
-                "spawn.class_transition": [],
                 "births": [],
                 "one.fields.amplitude": "",
                 "one.false_alarm_probability": 0.001,
@@ -371,40 +348,35 @@ def test_files_in_the_text_exist():
     ] == []
 
 
-def defined_in(path):
-    """Return the names that a module defines, those of its classes' members as CLASS.MEMBER."""
-    names = set()
-    for node in ast.parse(path.read_text()).body:
-        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", node)]
-        own = {getattr(target, "id", getattr(target, "name", "")) for target in targets}
-        members = node.body if isinstance(node, ast.ClassDef) else []
-        inner = [getattr(member, "target", member) for member in members]
-        names |= own | {
-            f"{node.name}.{getattr(member, 'id', getattr(member, 'name', ''))}" for member in inner
-        }
+def names_of(path):
+    """Return the names that a module has, those of its classes' members as CLASS.MEMBER."""
+    module = import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
+    names = {*vars(module)}
+    for name, found in vars(module).items():
+        if isinstance(found, type):
+            names |= {f"{name}.{own}" for own in (*dir(found), *found.__annotations__)}
     return names
 
 
 def test_code_that_the_method_names_exists():
     modules = {}  # both engines have modules of the same names
     for path in (ROOT / "phd_jdtc_ros" / "core").rglob("*.py"):
-        modules.setdefault(path.stem, set()).update(defined_in(path))
-    named = [
-        (module, name)
-        for module, name in re.findall(
-            r"`(\w+)\.([\w.]+)`", (ROOT / "docs" / "method.md").read_text()
-        )
-        if module in modules
-    ]
-
+        modules.setdefault(path.stem, []).append(path)
+    text = (ROOT / "docs" / "method.md").read_text()
+    named = [pair for pair in re.findall(r"`(\w+)\.([\w.]+)`", text) if pair[0] in modules]
     assert len(named) > 12
-    assert [(m, name) for m, name in named if name not in modules[m]] == []
+    missing = [
+        (module, name)
+        for module, name in named
+        if not any(name in names_of(path) for path in modules[module])
+    ]
+    assert missing == []
 
 
 def test_every_folder_of_the_source_is_on_a_page():
     text = "\n".join(page.read_text() for page in (ROOT / "docs" / "code").rglob("*.md"))
     described = re.findall(r"^::: ([\w.]+)$", text, re.MULTILINE)
-    tops = ("phd_jdtc_ros", "msg_adapters", "benchmarks", "robustness")
+    tops = ("phd_jdtc_ros", "msg_adapters", "benchmarks", "robustness", "studies")
     packages = [
         ".".join(path.parent.relative_to(ROOT).parts)
         for top in tops
@@ -414,13 +386,20 @@ def test_every_folder_of_the_source_is_on_a_page():
     assert sorted(described) == sorted({*packages} - {"phd_jdtc_ros"})
 
 
-def test_hooks_of_ruff_are_of_the_version_that_make_check_runs():
-    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
-    (ruff,) = [repo for repo in hooks if repo["repo"].endswith("/ruff-pre-commit")]
-    pinned = re.search(r"^ruff==(\S+)$", (ROOT / "constraints.txt").read_text(), re.MULTILINE)
+def test_drawing_of_the_house_has_the_parts_of_the_contract():
+    text = (ROOT / "pyproject.toml").read_text()
+    layers = re.search(r"^layers = \[\n(.*?)^\]", text, re.DOTALL | re.MULTILINE)[1]
+    parts = {name.removeprefix("phd_jdtc_ros.") for name in re.findall(r"[\w.]+", layers)}
+    drawn = re.findall(r">(\w+)</text>", (ROOT / "docs" / "images" / "house.svg").read_text())
+    packages = {p for p in parts if (ROOT / "phd_jdtc_ros" / p).is_dir()} | {
+        "msg_adapters",
+        "earth",
+    }
 
-    assert ruff["rev"] == f"v{pinned[1]}"
-    assert [hook["id"] for hook in ruff["hooks"]] == ["ruff-check", "ruff-format"]
+    assert packages <= parts
+    assert packages <= {*drawn}
+    rooms = {path.name for path in (ROOT / "phd_jdtc_ros" / "core").iterdir() if path.is_dir()}
+    assert {*drawn} - packages <= rooms
 
 
 def test_citation_agrees_with_the_package():
@@ -436,11 +415,24 @@ def test_citation_agrees_with_the_package():
     )
 
 
-def test_workflow_runs_what_a_change_must_pass():
-    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())["jobs"]
-    commands = [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
+def commands_of(workflow):
+    """Return the commands that a workflow's jobs run."""
+    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / workflow).read_text())["jobs"]
+    return [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
 
+
+def test_workflow_runs_what_a_change_must_pass():
     container = ["docker build -t phd_jdtc_ros .", "docker run --rm phd_jdtc_ros"]
-    assert commands == [".ci/run", "make test", "make docs", *container]
+    speed = ["make setup", ".venv/bin/python -m benchmarks.gate HEAD~1"]
+    assert commands_of("ci.yml") == [".ci/run", "make test", "make docs", *container, *speed]
     page = (ROOT / "docs" / "container.md").read_text()
     assert all(f"    {command}\n" in page for command in container)
+
+
+def test_release_has_the_wheel_and_the_site():
+    commands = " ".join(commands_of("release.yml"))
+    manifest = (ROOT / "package.xml").read_text()
+
+    assert f"<version>{phd_jdtc_ros.__version__}</version>" in manifest
+    assert "<version>$GITHUB_REF_NAME</version>" in commands
+    assert commands.index("make docs") < commands.index("pip wheel") < commands.index("gh release")

@@ -2,13 +2,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from estimate_sets import of_tracks
 
 from msg_adapters import estimates, interfaces, names
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 REGIONS = {"west": [-100e3, -100e3, 0.0, 100e3], "east": [0.0, -100e3, 100e3, 100e3]}
@@ -23,27 +24,19 @@ def x_at(stamp):
 
 def tracks(stamp, lag, rows):
     """Return estimates of (number, x, y) that fly east."""
-    count = len(rows)
-    state = np.zeros((count, 5))
-    if count:
-        state[:, [0, 2]] = [row[1:] for row in rows]
-        state[:, 1] = SPEED
-    deviations = np.array([50.0, 5.0, 50.0, 5.0, 1e-3])
-    return Estimates(
+    return of_tracks(
+        {number: place for number, *place in rows},
+        (SPEED, 0.0),
+        (2500.0, 25.0, 2500.0, 25.0, 1e-6),
         stamp_ns=stamp * 10**9,
         lag=lag,
-        state=state,
-        covariance=np.tile(np.diag(deviations**2), (count, 1, 1)),
-        weight=np.ones(count),
-        class_probability=np.tile([1.0, 0.0], (count, 1)),
-        class_id=np.zeros(count, dtype=int),
-        track_id=np.array([row[0] for row in rows], dtype=int),
+        class_probability=np.tile([1.0, 0.0], (len(rows), 1)),
     )
 
 
 def bag(directory, tracker, region=True):
     """Write what a tracker says of an aircraft that crosses, and of one that stays in the west."""
-    given = {"region": REGIONS[tracker], "region_margin": MARGIN} if region else {}
+    given = {"region": [*REGIONS[tracker], MARGIN]} if region else {}
     found = []
     for stamp in STAMPS:
         x = x_at(stamp)
@@ -115,7 +108,7 @@ def test_a_stamp_that_one_tracker_lacks_is_that_of_the_other(both, tmp_path):
         own = tracks(1004, 0, [(1, 30e3, 0.0)])
         data = interfaces.encode(estimates.to_msg(own, "map"))
         written.write(names.estimates(FILTERED), data, own.stamp_ns)
-    values = resolve({"region": REGIONS["east"], "region_margin": MARGIN}).values
+    values = resolve({"region": [*REGIONS["east"], MARGIN]}).values
     bag_parameters.write(short / bag_parameters.NAME, values)
     out = tmp_path / "joint"
     assert run("hand_over", [both[0], str(short), "--out", str(out)]) == 0
@@ -152,9 +145,9 @@ def with_parameters(directory, **changes):
             {"world_origin": [47.0, 8.0, 400.0]},
             "world_origin: [47.0, 8.0, 400.0] given, must be []",
         ),
-        ({"region_margin": 0.0}, "region_margin: 0 given, must be above 0"),
+        ({"region": REGIONS["east"]}, "region: margin 0 given, must be above 0"),
         (
-            {"region": [-1e3, 0.0, 9e3, 9e3]},
+            {"region": [-1e3, 0.0, 9e3, 9e3, MARGIN]},
             "region: [-1000, 0, 9000, 9000] given, must not overlap",
         ),
     ],

@@ -78,7 +78,8 @@ def start(installed, directory, *command, **environment):
 def test_an_installed_package_finds_its_files_from_any_directory(installed, tmp_path):
     text = (
         "from phd_jdtc_ros import resources\n"
-        "from phd_jdtc_ros.tools import demo, monte_carlo\n"
+        "from phd_jdtc_ros.tools import monte_carlo\n"
+        "from phd_jdtc_ros.tools.demo import demo\n"
         "import phd_jdtc_ros\n"
         "print(phd_jdtc_ros.__file__, demo.shipped_bag(), *resources.isolation().values(),"
         " resources.find(monte_carlo.PUBLISHED))\n"

@@ -55,7 +55,7 @@ def test_names_are_those_of_the_group_that_the_launch_file_is_in(pushed, given, 
 
 def test_load_takes_the_file_for_the_tracker_alone(tmp_path):
     path = tmp_path / "site.yaml"
-    path.write_text("/s1/tracker: {ros__parameters: {lag: 2, path_length: 9}}\n")
+    path.write_text("/s1/tracker: {ros__parameters: {lag: 2, max_wait_s: 9.0}}\n")
 
     assert launching.load(str(path), "/s1/tracker").lag.scans == 2
     assert faults(launching.load, str(path), "/tracker") == [

@@ -7,7 +7,6 @@ import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import paper_scenario
@@ -57,21 +56,19 @@ def test_automotive_tracks_its_bag_s_scenario(engine):
 def test_paper_literal_has_what_the_paper_prints():
     values = resolve(from_arguments.load(CONFIG / "paper_literal.yaml")).values
 
-    assert values["corrector"] == "poisson"
-    assert values["death_term"] == "paper"
-    assert values["extraction"] == "clusters"
+    assert values["engine"] == "phd_as_printed"
     assert values["ct.turn_noise_density"] == 0.1
     assert sum(values[f"{name}.rates"][0] for name in values["births"]) == 0.02
     assert sum(values[f"{name}.rates"][1] for name in values["births"]) == 0.03
 
 
-def test_phd_differs_from_the_paper_s_scenario_by_its_corrector_alone():
+def test_phd_differs_from_the_paper_s_scenario_by_its_filter_alone():
     phd, paper = (
         resolve(from_arguments.load(CONFIG / f"{name}.yaml")).values
         for name in ("phd", "paper_scenario")
     )
 
-    assert {name for name in phd if phd[name] != paper[name]} == {"corrector"}
+    assert {name for name in phd if phd[name] != paper[name]} == {"engine"}
 
 
 def test_paper_scenario_has_the_motion_of_the_paper():
@@ -80,6 +77,7 @@ def test_paper_scenario_has_the_motion_of_the_paper():
 
     changed = {name for name in values if values[name] != default[name]}
     assert changed == {
+        "engine",
         "particles_per_target",
         "class_0.mode_transition",
         "class_1.mode_transition",
@@ -88,17 +86,6 @@ def test_paper_scenario_has_the_motion_of_the_paper():
     }
     assert values["cv.noise_density"] == values["ct.noise_density"] == 1.0
     assert values["class_0.mode_transition"] == [0.8, 0.2, 0.2, 0.8]
-
-
-def test_paper_literal_says_what_the_other_engine_lacks():
-    given = from_arguments.load(CONFIG / "paper_literal.yaml")
-    with pytest.raises(ConfigError) as caught:
-        resolve({**given, "engine": "gaussian"})
-    assert [fault.partition(":")[0] for fault in caught.value.faults] == [
-        "corrector",
-        "death_term",
-        "extraction",
-    ]
 
 
 def test_surveillance_knows_no_birth_places():

@@ -1,24 +1,36 @@
 import re
+import shutil
 from pathlib import Path
 
 import pytest
 import rclpy
 
+from msg_adapters import names, outputs
+from phd_jdtc_ros.configuration.parameters import GROUPS, TOP
 from phd_jdtc_ros.evaluation.metric_table import METRICS
 from phd_jdtc_ros.nodes.asterix.node import AsterixBridge
 from phd_jdtc_ros.nodes.evaluator.node import Evaluator
 from phd_jdtc_ros.nodes.hand_over.node import HandOver
 from phd_jdtc_ros.nodes.replay.node import SensorReplay
 from phd_jdtc_ros.nodes.tracker.node import Tracker
-from phd_jdtc_ros.tools.reference_pages import PAGES, main, metrics, parameters
+from phd_jdtc_ros.tools.reference_pages import (
+    LISTS,
+    PAGES,
+    main,
+    metrics,
+    parameters,
+    policies,
+    topics,
+)
+from phd_jdtc_ros.tools.reference_pages import declared as declared_in_all
 
 ROOT = Path(__file__).parents[2]
 BAG = str(ROOT / "bags" / "paper_scenario")
 NAMED = ["-p", "radars:=[north]", "-p", "autostart:=false"]
 JOINED = [
     *("-p", "trackers:=[west, east]"),
-    *("-p", "west.region:=[-1.0, 0.0, 0.0, 1.0]", "-p", "east.region:=[0.0, 0.0, 1.0, 1.0]"),
-    *("-p", "west.region_margin:=0.5", "-p", "east.region_margin:=0.5"),
+    *("-p", "west.region:=[-1.0, 0.0, 0.0, 1.0, 0.5]"),
+    *("-p", "east.region:=[0.0, 0.0, 1.0, 1.0, 0.5]"),
 ]
 NODES = {
     # Configured: before that every parameter may change.
@@ -27,6 +39,11 @@ NODES = {
     "evaluator": (Evaluator, []),
     "asterix_bridge": (AsterixBridge, NAMED),
     "hand_over": (HandOver, JOINED),
+}
+# Those whose values are not one type.
+SEVERAL_WAYS = {
+    *(p.name for p in TOP if p.form is not None),
+    *(f"radar_{k}.{p.name}" for k in (1, 2) for p in GROUPS["sensors"] if p.form is not None),
 }
 # What every node of rclpy declares for itself.
 OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
@@ -64,12 +81,50 @@ def rows(node, values):
     return found
 
 
-@pytest.mark.parametrize("name", PAGES)
+def written_pages(directory):
+    """Return where the pages of now are written; lists in pages are written anew."""
+    docs = directory / "docs"
+    docs.mkdir()
+    (directory / "config").mkdir()
+    for listed in LISTS:
+        copy = docs / listed
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / "docs" / listed, copy)
+    assert main([str(docs)]) == 0
+    return docs
+
+
+@pytest.mark.parametrize("name", [*PAGES, *LISTS])
 def test_reference_page_is_up_to_date(name, tmp_path):
-    main([str(tmp_path)])
-    assert (ROOT / "docs" / name).read_text() == (tmp_path / name).read_text(), (
-        "run make parameters"
+    written = written_pages(tmp_path)
+    assert (ROOT / "docs" / name).read_text() == (written / name).read_text(), "run make parameters"
+
+
+def test_topics_and_policies_have_a_new_output(monkeypatch):
+    usual = outputs.table
+
+    def more(classes, engine=None):
+        new = outputs.Output("~/new", names.CLOUD, "filtered", lambda *_: [], "new", usual=False)
+        return (*usual(classes, engine), new)
+
+    monkeypatch.setattr(outputs, "table", more)
+    page = (ROOT / "docs" / "nodes" / "tracker.md").read_text()
+    allowed = (ROOT / "config" / "sros2" / "policies.xml").read_text()
+    row = (
+        "| publishes, if enabled (`new`) | `~/new` | sensor_msgs/PointCloud2 | reliable, depth 10 |"
     )
+    assert row in topics(page)
+    # The tracker publishes it, the evaluator records it, the operator sees it.
+    assert policies(allowed).count("<topic>/tracker/new</topic>") == 3
+
+
+def test_defaults_are_listed_in_the_shipped_file(tmp_path):
+    written = written_pages(tmp_path).parent / "config" / "defaults.yaml"
+    assert (ROOT / "config" / "defaults.yaml").read_text() == written.read_text()
+
+
+def test_no_more_parameters_are_declared_than_a_user_can_read():
+    assert declared_in_all() <= 136
 
 
 @pytest.mark.parametrize("metric", METRICS, ids=lambda metric: metric.key)
@@ -82,7 +137,8 @@ def test_page_of_metrics_defines_every_one(metric):
 def test_page_lists_what_the_node_declares(node, declared):
     listed = rows(node, declared)
 
-    assert {*listed} == {*declared}
+    # Of a mapping those entries are declared that are given.
+    assert {name for name in listed if not name.endswith(".fields")} == {*declared}
     for name, (descriptor, _) in declared.items():
         mutable, text = listed[name]
         assert descriptor.description == text, name
@@ -96,11 +152,12 @@ def test_page_lists_what_the_node_declares(node, declared):
 @pytest.mark.parametrize("declared", NODES, indirect=True)
 def test_every_number_is_typed_and_ranged(declared):
     for name, (descriptor, value) in declared.items():
-        # Empty lists have no type; a seek takes whole numbers too, and its end is the bag's; a
-        # clutter rate may be learned, which is a word.
-        free = value == [] or name == "seek_s" or name.endswith(".clutter_rate")
+        # Empty lists have no type; a seek takes whole numbers too, and its end is the bag's; others
+        # may be written in several ways.
+        several = name in SEVERAL_WAYS
+        free = value == [] or name == "seek_s" or several or name.endswith(".clutter_rate")
         assert descriptor.dynamic_typing == free, name
-        if isinstance(value, bool) or name == "seek_s":
+        if isinstance(value, bool) or name == "seek_s" or several:
             continue
         ranges = [*descriptor.integer_range, *descriptor.floating_point_range]
         assert bool(ranges) == isinstance(value, (int, float)), name

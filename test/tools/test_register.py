@@ -44,7 +44,7 @@ def changed(bag, tmp_path):
 
     def write(**changes):
         given = {**from_arguments.load(bag / "parameters.yaml"), **changes}
-        left_out = {"west", "east", "south"}.difference(given["radars"])
+        left_out = {"west", "east", "south"}.difference(given["sensors"])
         given = {k: v for k, v in given.items() if k.partition(".")[0] not in left_out}
         file = tmp_path / "changed.yaml"
         file.write_text(yaml.safe_dump({"/**/tracker": {"ros__parameters": given}}))
@@ -115,7 +115,7 @@ def test_register_overwrites_nothing(bag, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("changes", "arguments", "reason"),
     [
-        ({"radars": ["west"]}, (), "west alone given, must be at least two to compare"),
+        ({"sensors": ["west"]}, (), "west alone given, must be at least two to compare"),
         ({"east.fields.time": ""}, (), "have no times of their own: must have them (fields.time)"),
         ({"east.position": [9e5, 0.0]}, (), "no common targets: east has"),
         ({"east.topic": "/nowhere"}, (), "/nowhere"),
@@ -159,7 +159,7 @@ def test_register_names_a_silent_radar(bag, tmp_path, capsys):
 def test_register_refuses_what_targets_on_one_line_do_not_tell(tmp_path, capsys):
     # All of them fly along the line through both radars, as fast as each other.
     document = biased.document(biases={})
-    document["parameters"]["radars"] = ["west", "east"]
+    document["parameters"]["sensors"] = ["west", "east"]
     for name in ("west", "east"):
         document["parameters"][name]["position"] = [-3e4 if name == "west" else 3e4, 0.0]
     del document["parameters"]["south"], document["traffic"]

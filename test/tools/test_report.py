@@ -58,7 +58,7 @@ def test_report_of_a_recording_cut_by_a_kill_shows_every_whole_chunk(tracked, tm
         rf"report: {killed}: is damaged: it is truncated; \d+ of its bytes are lost", line
     )
     page = (tmp_path / "out" / "report.html").read_text()
-    assert f"Only what is intact is shown. {line.removeprefix('report: ')}." in page
+    assert f"Only the intact part is shown. {line.removeprefix('report: ')}." in page
     times = json.loads(re.search(r'id="run">(.*?)</script>', page, re.DOTALL)[1])["times"]
     assert len(times) == len({message.stamp_ns for message in messages})
     assert "report.html" in said.out

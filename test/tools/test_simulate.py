@@ -55,14 +55,10 @@ def test_simulate_says_what_it_wrote(simulate, capsys):
     assert capsys.readouterr() == (f"{out}: 8 scans, 2 radars, seed 3\n", "")
 
 
-def test_simulate_without_a_scenario_writes_the_reference_one(simulate, same_files):
-    status, out = simulate(out="paper_scenario", scenario=None)
-    assert status == 0
-    assert same_files(out, SHIPPED)
-
-
-def test_simulate_of_the_shipped_scenario_file_writes_the_shipped_bag(simulate, same_files):
-    scenario = ROOT / "config" / "scenarios" / "paper_scenario.yaml"
+@pytest.mark.parametrize("scenario", [None, ROOT / "config" / "scenarios" / "paper_scenario.yaml"])
+def test_simulate_without_a_scenario_or_of_the_shipped_one_writes_the_shipped_bag(
+    simulate, same_files, scenario
+):
     status, out = simulate(out="paper_scenario", scenario=scenario)
     assert status == 0
     assert same_files(out, SHIPPED)
@@ -84,7 +80,7 @@ def test_simulate_of_another_seed_differs_in_the_detections_alone(simulate):
 
 def test_simulate_takes_radars_from_the_parameters(simulate):
     _, out = simulate(
-        "-p", "radars:=[front]", "-p", "front.topic:=/front/plots", "-p", "front.frame:=mast",
+        "-p", "sensors:=[front]", "-p", "front.topic:=/front/plots", "-p", "front.frame:=mast",
         "-p", "world_frame:=odom",
     )  # fmt: skip
     assert BagReader(out).counts == {"/front/plots": 8, names.TRUTH: 8}
@@ -94,7 +90,7 @@ def test_simulate_takes_radars_from_the_parameters(simulate):
 
 OWN_LAYOUT = """
 parameters:
-  radars: [own]
+  sensors: [own]
   own:
     message: {message}
     azimuth_convention: compass_cw
@@ -110,7 +106,7 @@ def test_simulate_writes_in_the_layout_of_the_radar_so_that_the_tracker_reads_it
     simulate, scenario_file, tmp_path, capsys, message
 ):
     plain, own = tmp_path / "plain.yaml", tmp_path / "own.yaml"
-    plain.write_text(scenario_file.read_text() + "parameters: {radars: [own]}\n")
+    plain.write_text(scenario_file.read_text() + "parameters: {sensors: [own]}\n")
     own.write_text(scenario_file.read_text() + OWN_LAYOUT.format(message=message))
     found = []
     for path in (plain, own):
@@ -229,7 +225,8 @@ def test_simulate_lists_every_fault_of_the_parameters(simulate, capsys):
     )  # fmt: skip
     assert status == 2
     assert sorted(faults_of(capsys)) == [
-        "lag: -1 given, must be a whole number, at least 0, at most 100",
+        "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
+        "'20 s'",
         "no_such: unknown parameter",
         "radar_2.max_range: 'far' given, must be a finite number, at least 1e-09",
         "seed: nan given, must be a whole number, at least 0, at most 2.14748e+09",

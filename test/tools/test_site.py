@@ -1,6 +1,5 @@
 """The documentation as a site, and its pictures."""
 
-import importlib.util
 import json
 import os
 import queue
@@ -13,11 +12,12 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
+import pictures
 import pytest
 from headless import BROWSER, FLAGS
 
 ROOT = Path(__file__).parents[2]
-TEXTS = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+TEXTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")]
 WIDE, PHONE = 1440, 390
 # Opens every page at every width, and sends what is wider than the window, or than its column.
 MEASURE = """<!doctype html><title>measure</title><body><script>
@@ -42,11 +42,6 @@ Promise.all(PAGES.flatMap((page) => WIDTHS.map((width) => open(page, width)))).t
   fetch("found", {method: "POST", body: JSON.stringify(found)});
 });
 </script>"""
-specification = importlib.util.spec_from_file_location(
-    "pictures", ROOT / "docs" / "tools" / "pictures.py"
-)
-pictures = importlib.util.module_from_spec(specification)
-specification.loader.exec_module(pictures)
 
 
 @pytest.fixture(scope="module")
@@ -186,28 +181,20 @@ def test_missing_browser_is_named(tmp_path, monkeypatch):
     assert "needs Chromium" in pictures.photograph(tmp_path / "report.html", tmp_path / "r.png")
 
 
-@pytest.mark.parametrize(("quick", "copied"), [(True, 0), (False, 3)])
-def test_pictures_of_a_quick_run_are_not_copied(quick, copied, tmp_path, monkeypatch):
-    monkeypatch.setattr(pictures, "ROOT", tmp_path)
-    monkeypatch.setattr(pictures, "IMAGES", tmp_path / "images")
-    (tmp_path / "images").mkdir()
-    for source in (source for source in pictures.SOURCES if "bench" in source):
-        (tmp_path / source).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / source).touch()
-        (tmp_path / source).with_name("summary.json").write_text(json.dumps({"quick": quick}))
-
-    lines = pictures.copy_all()
-
-    assert len(list((tmp_path / "images").iterdir())) == copied
-    assert len([line for line in lines if "make bench" in line]) == 3 - copied
-
-
-def test_every_picture_of_the_documentation_is_made_by_a_command():
-    made = {Path(source).name for source in pictures.SOURCES} | {pictures.REPORT}
+def test_every_picture_of_the_documentation_is_shown():
     shown = {
         Path(name).name
         for page in TEXTS
         for name in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", page.read_text())
     }
 
-    assert made == shown == {path.name for path in (ROOT / "docs" / "images").iterdir()}
+    assert shown == {path.name for path in (ROOT / "docs" / "images").iterdir()}
+
+
+def test_first_picture_is_small_and_moves():
+    images = pytest.importorskip("PIL.Image")
+    path = ROOT / "docs" / "images" / "tracks.gif"
+
+    with images.open(path) as picture:
+        assert picture.n_frames > 20
+    assert path.stat().st_size < 1_000_000

@@ -72,13 +72,6 @@ def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_tune_compares_proposals_with_what_was_simulated(capsys):
-    assert tune("one_radar", "--truth", "--seconds", "300") == 0
-    said = capsys.readouterr().out
-    assert "/ 300" in said
-    assert "found / simulated" in said
-
-
 def test_tune_says_what_a_recording_lacks(short_bag, tmp_path, capsys):
     assert tune(short_bag) == 2
     said = capsys.readouterr().err
@@ -113,22 +106,15 @@ def test_tune_overwrites_nothing(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (("one_radar", "clutter_50"), "2 bags given, must be one without --truth"),
-        (("one_radar", "--truth", "--out", "a"), "--truth given, must be without --out"),
         (("one_radar", "--seconds", "0"), "0 given, must be at least 1 s"),
         (("one_radar", "--seconds", "soon"), "soon given, must be at least 1 s"),
     ],
 )
-def test_tune_refuses_arguments_that_do_not_go_together(arguments, reason, capsys):
+def test_tune_refuses_a_part_that_is_none(arguments, reason, capsys):
     with pytest.raises(SystemExit) as ended:
         tune(*arguments)
     assert ended.value.code == 2
     assert reason in capsys.readouterr().err
-
-
-def test_tune_needs_the_truth_to_compare_with(unknown, capsys):
-    assert tune(unknown, "--truth") == 2
-    assert "has no parameters.yaml, which the truth is in" in capsys.readouterr().err
 
 
 def test_tune_names_the_fields_of_clouds_that_it_does_not_recognise(tmp_path, capsys):

@@ -1,13 +1,13 @@
-"""Registration: the systematic errors of radars, by targets that several of them see.
+"""Registration: estimates the biases of radars from targets that several of them detect.
 
-    plots of each radar -> sensors (tracks of each) -> common (targets that several see)
-      -> sequences -> filtering (targets and errors together) -> observability -> solution
+    plots of each radar -> sensors (tracks of each) -> common (targets of several radars)
+      -> sequences -> filtering (targets and biases jointly) -> observability -> solution
 
-`sensors` links each radar's plots to tracks. `common` finds which tracks of different radars are of
-one target, and `sequences` puts the plots of every target in one order of time. `filtering` smooths
-the targets and says, in the same pass, how all errors together would change what was measured; the
-errors are the least squares solution. `observability` says which of them a recording tells at all.
-`monitor` watches a running tracker for errors that come later.
+`sensors` links each radar's plots to tracks. `common` finds the tracks of different radars that
+belong to one target, and `sequences` sorts the plots of every target by time. `filtering` smooths
+the targets, and computes in the same pass the sensitivity of the innovations to all biases; the
+biases are the least squares solution. `observability` determines which biases a recording can show.
+`monitor` checks a running tracker for biases that appear later.
 
 References
 ----------

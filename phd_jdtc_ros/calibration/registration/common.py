@@ -1,7 +1,7 @@
-"""Which tracks of different radars are of one target.
+"""Finds the tracks of different radars that belong to one target.
 
-Tracks are compared at common times. The nearest ones are joined first, and two tracks of one radar
-at the same time are never of one target.
+Tracks are compared at common times. The nearest ones are joined first, and simultaneous tracks of
+one radar never belong to one target.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ from phd_jdtc_ros.core.sensors.bias import RadarBias
 
 from .sensors import Sensor
 
-# Tracks are compared every so many looks of the slowest radar, at so many times at most and at
-# least at so many that both have.
+# Interval of the comparison in scans of the slowest radar, largest number of times, and least
+# number of times that two tracks must share.
 STEP_LOOKS, MOST_TIMES, LEAST_TIMES = 1.5, 1000, 4
-# Errors that radars may have before any is known: of ranges in deviations of theirs and as a share
-# of the range, of azimuths in radians, of times in seconds.
+# Largest expected biases before any is estimated: of ranges in standard deviations and as a share
+# of the range, of azimuths in radians, and of times in seconds.
 RANGE_STDS, RANGE_SHARE, AZIMUTH, TIME_S = 10.0, 0.01, np.radians(1.5), 1.5
-# Later: the mean distance of two tracks of one target, in deviations of their plots.
+# Afterwards: largest mean distance of two tracks of one target, in standard deviations of a plot.
 NEAR_STDS = 2.0
-# How much of it the distance may vary along the tracks, and in addition deviations of plots.
+# Tolerated variation of the distance along the tracks: a share of the distance, and in addition
+# standard deviations of a plot.
 VARIES, VARIES_STDS = 0.35, 2.0
 
 Track = tuple[int, int]
@@ -39,11 +40,11 @@ class _Courses:
     Parameters
     ----------
     position : array of shape (N, K, 2)
-        NaN where a track is not there.
+        NaN at times without the track.
     plot_std : array of shape (N,)
-        Deviation of a plot's position, metres.
+        Standard deviation of a plot's position, metres.
     reach : array of shape (N,)
-        How far the radar's errors may move the track, metres.
+        Largest displacement of the track by the radar's biases, metres.
     """
 
     position: FloatArray
@@ -54,20 +55,20 @@ class _Courses:
 def common_targets(
     sensors: Sequence[Sensor], biases: Sequence[RadarBias], known: bool
 ) -> list[Target]:
-    """Return the targets that several radars have tracks of.
+    """Return the targets that several radars have tracked.
 
     Parameters
     ----------
     sensors : sequence of Sensor
     biases : sequence of RadarBias
-        What is known of the errors of each.
+        Current estimate of each radar's biases.
     known : bool
-        Whether these are found already, so that the tracks of a target are near each other.
+        Whether the biases are estimated already, so that the tracks of a target are close.
 
     Returns
     -------
     list of tuples of (radar, track)
-        Each of at least two radars.
+        Each target has tracks of at least two radars.
     """
     times = _times(sensors)
     courses = [_courses(each, bias, times) for each, bias in zip(sensors, biases, strict=True)]
@@ -111,7 +112,7 @@ def _courses(sensor: Sensor, bias: RadarBias, times: FloatArray) -> _Courses:
 def _near(
     first: int, second: int, courses: Sequence[_Courses], known: bool
 ) -> Iterator[tuple[float, Track, Track]]:
-    """Yield how near the tracks of two radars are that may be of one target, and the two."""
+    """Yield the distance of each pair of tracks that may belong to one target, and the pair."""
     one, other = courses[first], courses[second]
     for row in range(len(one.position)):
         there = ~np.isnan(one.position[row, :, 0])
@@ -131,7 +132,7 @@ def _near(
 
 
 class _Joined:
-    """Tracks that are joined to targets."""
+    """Groups tracks into targets."""
 
     def __init__(self, sensors: Sequence[Sensor]) -> None:
         self._span = {
@@ -142,7 +143,7 @@ class _Joined:
         self._target: dict[Track, list[Track]] = {track: [track] for track in self._span}
 
     def join(self, first: Track, second: Track) -> None:
-        """Join the targets of two tracks, unless a radar would have two of it at a time."""
+        """Join the targets of two tracks, unless one radar would have two simultaneous tracks."""
         one, other = self._target[first], self._target[second]
         if one is other or any(self._at_once(a, b) for a in one for b in other):
             return

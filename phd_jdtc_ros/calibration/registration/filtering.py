@@ -1,9 +1,10 @@
-"""The errors of all radars as constants beside the targets: one filter, and least squares.
+"""Estimates targets and the constant biases of all radars jointly, by a filter and least squares.
 
-For given errors a target's plots are those of a nearly constant velocity, seen by several radars.
-A filter's innovations are linear in the errors. So each target's filter also carries how its mean
-changes with every error, and the sum over all innovations is a least squares problem in the errors
-alone, with the same information as one in all states and errors together (Rosenberg 1973).
+For given biases a target moves at nearly constant velocity, and several radars measure it. The
+innovations of its filter are linear in the biases. Each filter therefore also propagates the
+derivative of its mean with respect to every bias, and the sum over all innovations is a least
+squares problem in the biases alone. It has the same information as the problem in all states and
+biases (Rosenberg 1973).
 """
 
 from __future__ import annotations
@@ -17,16 +18,16 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from ..tuning import kinematics
 from .sequences import BoolArray, Sequences
 
-# The errors of one radar, in the order of a `RadarBias`, and the unit of each in the equations.
+# The biases of one radar, in the order of a `RadarBias`, and the unit of each in the equations.
 KINDS = ("range_bias", "range_gain", "azimuth", "time_offset_s")
 UNITS = np.array([100.0, 1e-3, 1e-3, 0.1])
-# Before the first plot nothing is known: deviations of position and velocity, m and m/s.
+# Standard deviations of position and velocity before the first plot, m and m/s.
 ANYWHERE, ANY_SPEED = 1e6, 1e3
 
 
 @dataclass(frozen=True)
 class Course:
-    """What the plots are linearised about: positions (K, T, 2) and velocities (K, T, 2)."""
+    """Trajectories for the linearisation: positions (K, T, 2) and velocities (K, T, 2)."""
 
     position: FloatArray
     velocity: FloatArray
@@ -39,16 +40,15 @@ class Pass:
     Parameters
     ----------
     of_target : array of shape (T, P, P)
-        The information of each target on the errors, in `UNITS`, those of one radar after those of
-        another.
+        Information matrix of the biases from each target, in `UNITS`, ordered by radar.
     score : array of shape (T, P)
-        Of each target: the equations' right side.
+        Right-hand side of the equations for each target.
     log_likelihood : float
-        Of the best errors.
+        Log likelihood of the best biases.
     mean : array of shape (K, T, 4)
         Filtered x, y, vx, vy.
     response : array of shape (K, T, 4, P)
-        What an error adds to `mean`.
+        Derivative of `mean` with respect to each bias.
     covariance : array of shape (K, T, 4, 4)
     """
 
@@ -61,12 +61,12 @@ class Pass:
 
     @property
     def information(self) -> FloatArray:
-        """That of all targets, shape (P, P)."""
+        """Information matrix from all targets, shape (P, P)."""
         total: FloatArray = self.of_target.sum(axis=0)
         return total
 
     def errors(self, free: BoolArray) -> FloatArray:
-        """Return the errors that solve the equations, in `UNITS`, (P,); those not free are 0."""
+        """Return the biases that solve the equations, in `UNITS`, (P,); 0 if not free."""
         return _solved(self.information, self.score.sum(axis=0), free)
 
 
@@ -80,20 +80,20 @@ def _solved(information: FloatArray, score: FloatArray, free: BoolArray) -> Floa
 def filtered(
     sequences: Sequences, course: Course, density: float, weight: FloatArray, radars: int
 ) -> Pass:
-    """Return what the filter says of the targets and of the errors.
+    """Filter the targets, and return the equations of the biases.
 
     Parameters
     ----------
     sequences : Sequences
     course : Course
     density : float
-        Of the white acceleration, m^2/s^3.
+        Spectral density of the white acceleration, m^2/s^3.
     weight : array of shape (K, T)
-        Of each plot, in (0, 1]: its deviations are divided by it.
+        Weight of each plot, in (0, 1], which divides its standard deviations.
     radars : int
     """
     length, targets = sequences.radar.shape
-    expected, jacobian = kinematics.linearised(course.position, sequences.pose)
+    expected, jacobian = kinematics.linearise(course.position, sequences.pose)
     error = kinematics.innovation(sequences.measurement, expected)
     block = _block(expected, jacobian, course.velocity) * UNITS
     variance = (sequences.noise_std / weight[..., None]) ** 2
@@ -109,7 +109,7 @@ def filtered(
     time_s = sequences.time_s
     for k in range(length):
         dt = time_s[k] - time_s[k - 1] if k else np.zeros(targets)
-        mean, covariance = kinematics.predicted(mean, covariance, dt, np.full(targets, density))
+        mean, covariance = kinematics.predict(mean, covariance, dt, np.full(targets, density))
         response = response.copy()
         response[:, :2] += dt[:, None, None] * response[:, 2:]
         seen = np.zeros((targets, 2, columns))
@@ -142,9 +142,9 @@ def filtered(
 
 
 def smoothed(sequences: Sequences, found: Pass, errors: FloatArray, density: float) -> Course:
-    """Return the targets' courses, given their errors in `UNITS`, shape (P,).
+    """Return the smoothed trajectories, given the biases in `UNITS`, shape (P,).
 
-    Rauch, Tung and Striebel's recursion, of the means alone.
+    This is the recursion of Rauch, Tung and Striebel for the means alone.
     """
     mean = found.mean - found.response @ errors
     length, targets = sequences.radar.shape
@@ -153,7 +153,7 @@ def smoothed(sequences: Sequences, found: Pass, errors: FloatArray, density: flo
     noise = np.full(targets, density)
     for k in range(length - 2, -1, -1):
         dt = sequences.time_s[k + 1] - sequences.time_s[k]
-        ahead, grown = kinematics.predicted(mean[k], found.covariance[k], dt, noise)
+        ahead, grown = kinematics.predict(mean[k], found.covariance[k], dt, noise)
         cross = found.covariance[k].copy()
         cross[:, :, :2] += dt[:, None, None] * found.covariance[k][:, :, 2:]
         off = np.linalg.solve(grown, (course[k + 1] - ahead)[..., None])
@@ -162,9 +162,9 @@ def smoothed(sequences: Sequences, found: Pass, errors: FloatArray, density: flo
 
 
 def _block(expected: FloatArray, jacobian: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return how each error of its own radar changes a plot, shape (K, T, 2, 4).
+    """Return the derivative of each plot with respect to its radar's biases, (K, T, 2, 4).
 
-    A plot that is late by a time is that of where its target was before.
+    A plot with a late time shows where its target was earlier.
     """
     block = np.zeros((*expected.shape, len(KINDS)))
     block[..., 0, 0] = 1.0

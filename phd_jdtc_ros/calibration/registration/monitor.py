@@ -1,9 +1,9 @@
-"""Watches a running tracker for systematic errors of its radars; it changes no estimate.
+"""Monitors the biases of a running tracker's radars; it changes no estimate.
 
-A detection near one confirmed track, and near that alone, is compared with where the track was
-expected before it: the track's last estimate, on its course. Only tracks that another radar has
-seen lately count: a radar alone would agree with itself. The mean of the differences, of range and
-of azimuth, is kept for each radar with exponential forgetting.
+A detection that is near exactly one confirmed track is compared with the track's prediction from
+its last estimate. Only tracks that another radar has recently detected count, because a radar alone
+would agree with itself. Each radar's mean residuals of range and azimuth are averaged with
+exponential forgetting.
 """
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import CONFIRMED, Detections, Estimates, Scan
 
-# Residuals that a mean is of, and the fewest that say something.
+# Effective number of residuals of a mean, and least number for a warning.
 MEMORY, LEAST = 400, 60
-# A mean is worth a warning beyond so many of its deviations and this share of a plot's.
+# A warning needs a mean beyond SIGMAS of its standard deviations and beyond SHARE of a plot's.
 SIGMAS, SHARE = 5.0, 0.25
-# Residuals of one track go together: its error changes slowly. So much less do they say.
+# Inflation of a mean's standard deviation: residuals of one track are correlated.
 CORRELATED = 1.25
-# Detections are a track's within so many deviations; a larger error is seen by its edge.
+# Gate in standard deviations; a larger bias shows by the residuals at its edge.
 GATE = 6.0
-# Another radar has seen a track lately, and its estimate is new enough, within so many looks of
-# the slowest radar.
+# A track counts if its estimate, and its last detection by another radar, are no older than this
+# many scans of the slowest radar.
 LATELY = 2.5
 
 
 class Drift(NamedTuple):
-    """How far a radar's plots are from tracks that others see too.
+    """Mean residuals of a radar's plots against tracks that other radars detect too.
 
     Parameters
     ----------
@@ -40,11 +40,11 @@ class Drift(NamedTuple):
     residuals : int
         Number of residuals so far.
     mean : array of shape (2,)
-        Of range and azimuth, metres and radians; NaN without residuals.
+        Means of range and azimuth, metres and radians; NaN without residuals.
     sigma : array of shape (2,)
-        Deviations of the means.
+        Standard deviations of the means.
     drifts : tuple of bool
-        Whether each is more than the noise explains.
+        Whether each mean exceeds what noise explains.
     """
 
     radar: str
@@ -56,12 +56,12 @@ class Drift(NamedTuple):
 
 @dataclass
 class _Mean:
-    """A mean with exponential forgetting, of range and azimuth."""
+    """Exponentially weighted means of range and azimuth."""
 
     count: int = 0
     mean: FloatArray = field(default_factory=lambda: np.zeros(2))
     variance: FloatArray = field(default_factory=lambda: np.zeros(2))
-    # Sum of the squared weights: the inverse of how many residuals the mean is of.
+    # Sum of the squared weights, which is the inverse of the effective number of residuals.
     squares: float = 1.0
 
     def add(self, residual: FloatArray) -> None:
@@ -87,7 +87,7 @@ class _Tracks(NamedTuple):
     stamp_ns : int
     position, velocity : arrays of shape (T, 2)
     covariance : array of shape (T, 2, 2)
-        Of the positions.
+        Covariances of the positions.
     """
 
     number: IntArray
@@ -113,7 +113,7 @@ class RegistrationMonitor:
         self._lately_ns = round(LATELY * slowest_s * 1e9)
         self._means = [_Mean() for _ in self._radars]
         self._tracks: _Tracks | None = None
-        # When each radar has seen a track last, by its number.
+        # Stamp of each radar's last detection of each track, by the track's number.
         self._seen_ns: dict[int, dict[int, int]] = {}
 
     def retune(self, radars: Sequence[RadarModel]) -> None:
@@ -121,7 +121,7 @@ class RegistrationMonitor:
         self._radars = tuple(radars)
 
     def forget_tracks(self) -> None:
-        """Begin a new run: numbers are used for other tracks. The means stay."""
+        """Begin a new run, in which numbers belong to other tracks. The means stay."""
         self._tracks, self._seen_ns = None, {}
 
     def stepped(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
@@ -143,7 +143,7 @@ class RegistrationMonitor:
         since_s = time_s + (stamp_ns - tracks.stamp_ns) * 1e-9
         # Rows are tracks, columns detections.
         position = tracks.position[:, None] + since_s[:, None] * tracks.velocity[:, None]
-        expected, slope = radar.linearised(position)
+        expected, slope = radar.linearise(position)
         residual = detections.measurement - expected
         residual[..., 1] = wrap_angle(residual[..., 1])
         noise = radar.detection_noise(detections)
@@ -160,7 +160,7 @@ class RegistrationMonitor:
                 self._means[index].add(residual[row, column])
 
     def drifts(self) -> list[Drift]:
-        """Return how far each radar is from tracks that others see too."""
+        """Return each radar's mean residuals."""
         return [_drift(radar, mean) for radar, mean in zip(self._radars, self._means, strict=True)]
 
 
@@ -175,7 +175,7 @@ def _drift(radar: RadarModel, mean: _Mean) -> Drift:
 
 
 def _tracks(found: Estimates) -> _Tracks:
-    """Return the confirmed tracks among estimates that have a number of their own."""
+    """Return the confirmed tracks that have a unique number."""
     rows = np.flatnonzero((found.track_state == CONFIRMED) & (found.track_id > 0))
     return _Tracks(
         found.track_id[rows],

@@ -1,9 +1,9 @@
-"""Which errors a recording tells, and which only relative to the reference radar.
+"""Determines which biases are observable, and which only relative to the reference radar.
 
-A time offset that is common to all radars can never be seen: everything has only happened later. A
-common turn, or gain, is seen by how far the radars are apart, as they turn about different centres;
-and nothing is seen without targets that several radars see. An error is told if its deviation is
-well below what one plot is wrong by.
+A time offset common to all radars is never observable, because it only shifts time. A common
+rotation or gain is observable if the radars are far enough apart, because they rotate about
+different centres. Nothing is observable without common targets. A bias counts as observable if its
+standard deviation is well below the noise of one plot.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from .filtering import KINDS
 from .sensors import RegistrationError, Sensor
 from .sequences import BoolArray, Sequences
 
-# Targets whose extent across is this share of that along a line are on it.
+# Targets are on a line if their extent across it is below this share of the extent along it.
 LINE = 0.02
-# Fewer looks than these are short.
+# A recording with fewer scans is short.
 SHORT = 20.0
-# Deviations, as shares of those of one plot, from which on an error is not told.
+# A bias is not observable if its standard deviation exceeds this share of one plot's.
 TOLD = 0.5
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What of the errors is estimated.
+    """The biases that can be estimated.
 
     Parameters
     ----------
     free : bool array of shape (P,)
     covariance : array of shape (P, P)
-        Of the errors, in the equations' units; zero for those that are not free.
+        Covariance of the biases, in the equations' units; zero for those that are not free.
     common : tuple of str
-        The kinds for which the reference radar is taken to be right.
+        Kinds of biases for which the reference radar is assumed to have none.
     hidden : tuple of int
-        The errors of other radars that are not told; indices.
+        Indices of the unobservable biases of other radars.
     """
 
     free: BoolArray
@@ -50,13 +50,13 @@ class Judgement:
 
 
 def judged(information: FloatArray, one_plot: FloatArray, reference: int) -> Judgement:
-    """Return what of the errors is estimated.
+    """Return the biases that can be estimated.
 
     Parameters
     ----------
     information : array of shape (P, P)
     one_plot : array of shape (P,)
-        What one plot is wrong by, as an error of each kind, in the equations' units.
+        Standard deviation of one plot, as a bias of each kind, in the equations' units.
     reference : int
         Index of the reference radar.
     """
@@ -73,7 +73,7 @@ def judged(information: FloatArray, one_plot: FloatArray, reference: int) -> Jud
         deviation = np.sqrt(((vector**2) / value).sum(axis=1))
         if deviation.max() < TOLD:
             break
-        # What the least known combination is of decides.
+        # The least observable combination of biases decides.
         share = vector[:, 0] ** 2
         by_kind = np.array([share[rows % kinds == kind].sum() for kind in range(kinds)])
         kind = int(np.argmax(by_kind))
@@ -95,7 +95,7 @@ def judged(information: FloatArray, one_plot: FloatArray, reference: int) -> Jud
 
 
 def require_common(sensors: Sequence[Sensor], targets: Sequence[Target]) -> None:
-    """Raise `RegistrationError` if a radar has no targets in common with the others."""
+    """Raise `RegistrationError` if a radar has no target in common with the others."""
     linked = {0}
     while True:
         more = {r for target in targets for r, _ in target if any(k in linked for k, _ in target)}
@@ -120,7 +120,7 @@ def require_common(sensors: Sequence[Sensor], targets: Sequence[Target]) -> None
 def require_told(
     sensors: Sequence[Sensor], free: BoolArray, reference: int, rows: Sequences
 ) -> None:
-    """Raise `RegistrationError` if nothing is told of a radar but the reference."""
+    """Raise `RegistrationError` if no bias of a radar but the reference is observable."""
     nothing = [
         each.name
         for index, each in enumerate(sensors)
@@ -133,7 +133,7 @@ def require_told(
 
 
 def hidden_reason(sensors: Sequence[Sensor], rows: Sequences) -> str:
-    """Return why errors cannot be told."""
+    """Return the reason why biases are unobservable."""
     plots, targets = int(np.count_nonzero(rows.there)), rows.there.shape[1]
     seen = f"{targets} common tracks with {plots} plots"
     place = rows.position[rows.there]

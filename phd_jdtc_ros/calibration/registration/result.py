@@ -1,4 +1,4 @@
-"""What a recording says of the systematic errors of its radars."""
+"""The result of a registration."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from phd_jdtc_ros.core.sensors.bias import RadarBias
 
 @dataclass(frozen=True)
 class Residuals:
-    """The differences of one radar's plots to the targets as all radars together see them.
+    """Residuals of one radar's plots against the trajectories from all radars.
 
     Parameters
     ----------
     time_s : array of shape (N,)
         Ascending only within a target, seconds.
     before, after : array of shape (N, 2)
-        With and without the errors that were found; range and azimuth, metres and radians.
+        Residuals with and without the biases; range and azimuth, metres and radians.
     """
 
     time_s: FloatArray
@@ -27,18 +27,18 @@ class Residuals:
 
 @dataclass(frozen=True)
 class Found:
-    """The systematic errors of one radar.
+    """The estimated biases of one radar.
 
     Parameters
     ----------
     name : str
     bias : RadarBias
-        Zero where an error is not told.
+        Zero for unobservable biases.
     std : array of shape (4,)
-        Deviations, in the order and units of a `RadarBias`; NaN where an error is not told.
+        Standard deviations in the order and units of a `RadarBias`; NaN for unobservable biases.
     tracks, plots : int
-        Common tracks that it has a part in, and its plots of them. A target that is lost and found
-        again is another track.
+        Number of common tracks with its plots, and number of these plots. A target that is lost and
+        found again is another track.
     residuals : Residuals
     """
 
@@ -52,21 +52,21 @@ class Found:
 
 @dataclass(frozen=True)
 class Registration:
-    """What a recording says of the systematic errors of its radars.
+    """The estimated biases of all radars.
 
     Parameters
     ----------
     radars : tuple of Found
     reference : str
-        The radar that is taken to be right in all kinds of `common`.
+        The radar that is assumed to have no bias of the kinds in `common`.
     common : tuple of str
-        Kinds of errors that cannot be seen where they are common to all radars.
+        Kinds of biases that are unobservable if all radars share them.
     hidden : dict of (radar, kind) to str
-        Why an error of another radar cannot be told.
+        Reason why another radar's bias is unobservable.
     tracks : int
         Number of common tracks.
     density : float
-        Of the white acceleration of the targets, m^2/s^3.
+        Spectral density of the targets' white acceleration, m^2/s^3.
     """
 
     radars: tuple[Found, ...]

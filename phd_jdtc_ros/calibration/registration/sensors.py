@@ -1,4 +1,4 @@
-"""One radar of a registration: its plots, linked to tracks, and what is assumed of its noise."""
+"""One radar of a registration: its noise, and its plots linked to tracks."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import RadarBias
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, wrap_angle
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 from ..tuning.plots import Plots
 from ..tuning.rotation import Timing
 from ..tuning.start import guess_of
-from ..tuning.tracks import Tracks, linked
+from ..tuning.tracks import Tracks, link_plots
 
-# Speeds of targets that are tried, metres per second, on this many looks.
+# Candidate speeds of targets, metres per second, and number of scans on which they are tried.
 SPEEDS, LOOKS = (5.0, 40.0, 200.0), 12.0
-# What is needed of each radar: clouds, and plots of tracks.
+# Least number of clouds of each radar, and of plots in tracks.
 LEAST_CLOUDS, LEAST_PLOTS = 5, 20
 
 
 class Corrected(NamedTuple):
-    """Plots without some systematic errors.
+    """Plots with biases removed.
 
     Parameters
     ----------
     time_s : array of shape (N,)
-        After a zero that all radars share, seconds.
+        Times since the common reference, seconds.
     measurement : array of shape (N, 2)
     position : array of shape (N, 2)
         World frame, metres.
@@ -47,16 +47,16 @@ class Sensor:
     ----------
     name : str
     time_s : array of shape (N,)
-        Of its plots, after a zero that all radars share, seconds.
+        Times of its plots since the common reference, seconds.
     measurement : array of shape (N, 2)
     pose : array of shape (N, 3)
-        Of the radar in the world frame at each plot, metres and radians.
+        Pose of the radar in the world frame at each plot, metres and radians.
     noise_std : array of shape (2,)
         Metres and radians.
     look_s : float
-        Time between two chances to detect a target, seconds.
+        Time between two opportunities to detect a target, seconds.
     tracks : tuple of int arrays
-        Of each track, the indices of its plots in the order of time.
+        Indices of each track's plots in the order of time.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Sensor:
     tracks: tuple[IntArray, ...]
 
     def corrected(self, bias: RadarBias) -> Corrected:
-        """Return the plots without these errors."""
+        """Return the plots with these biases removed."""
         distance = np.maximum(bias.true_range(self.measurement[:, 0]), 0.0)
         azimuth = wrap_angle(self.measurement[:, 1] - bias.azimuth)
         bearing = azimuth + self.pose[:, 2]
@@ -88,14 +88,14 @@ def sensor(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> Senso
     plots : Plots
     radar : RadarModel
     zero_ns : int
-        Which times are counted from.
+        Common reference of all times.
     moving : bool
         Whether the plots have the radar's poses.
 
     Raises
     ------
     RegistrationError
-        If its plots have no times that could be compared, or make no tracks.
+        If its plots have no comparable times, or form no tracks.
     """
     clouds = len(plots.cloud_s)
     if clouds < LEAST_CLOUDS:
@@ -133,14 +133,14 @@ def sensor(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> Senso
 
 
 def _tracks(plots: Plots, timing: Timing, radar: RadarModel) -> Tracks:
-    """Return the tracks with the speed that explains a part of the plots best."""
+    """Return the tracks for the speed that explains a part of the plots best."""
     if not len(plots):
         return Tracks((), 0.0)
     part = plots.until(LOOKS * timing.look_s)
 
     def tried(some: Plots, speed: float) -> Tracks:
         guess = guess_of(some, timing, radar.range_std, radar.azimuth_std, speed)
-        return linked(some, timing, guess, np.zeros(len(some)))
+        return link_plots(some, timing, guess, np.zeros(len(some)))
 
     usable = part if len(part) else plots
     best = max(SPEEDS, key=lambda speed: tried(usable, speed).score)
@@ -148,4 +148,4 @@ def _tracks(plots: Plots, timing: Timing, radar: RadarModel) -> Tracks:
 
 
 class RegistrationError(ValueError):
-    """A recording that says too little; the text says what is missing."""
+    """A recording is insufficient; the message names what is missing."""

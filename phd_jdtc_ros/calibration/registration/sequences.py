@@ -1,4 +1,4 @@
-"""The plots of common targets, those of all radars in one order of time."""
+"""Plots of common targets by all radars, sorted by time."""
 
 from __future__ import annotations
 
@@ -19,23 +19,24 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Sequences:
-    """T targets of at most K plots; shorter ones are filled up with their last plot.
+    """T targets of at most K plots; shorter ones are padded with their last plot.
 
     Parameters
     ----------
     there : bool array of shape (K, T)
+        False for padding.
     radar : int array of shape (K, T)
-        Of each plot.
+        Radar of each plot.
     plot : int array of shape (K, T)
         Index among the plots of its radar.
     time_s : array of shape (K, T)
         Ascending, seconds.
     measurement : array of shape (K, T, 2)
-        Without the errors that are known.
+        Known biases are removed.
     position : array of shape (K, T, 2)
-        Where it was measured, world frame, metres.
+        Measured position, world frame, metres.
     pose : array of shape (K, T, 3)
-        Of the radar.
+        Pose of the radar.
     noise_std : array of shape (K, T, 2)
     """
 
@@ -52,7 +53,7 @@ class Sequences:
 def sequences(
     sensors: Sequence[Sensor], biases: Sequence[RadarBias], targets: Sequence[Target]
 ) -> Sequences:
-    """Return the plots of common targets without the errors that are known."""
+    """Return the plots of common targets with known biases removed."""
     corrected = [each.corrected(bias) for each, bias in zip(sensors, biases, strict=True)]
     rows = []
     for target in targets:
@@ -69,7 +70,7 @@ def sequences(
     )
 
     def gathered(columns: Sequence[FloatArray]) -> FloatArray:
-        """Return what each plot has in the column of its radar."""
+        """Return the value of each plot in its radar's column."""
         found = np.zeros((*radar.shape, *columns[0].shape[1:]))
         for index, column in enumerate(columns):
             own = radar == index

@@ -1,4 +1,4 @@
-"""The systematic errors of all radars: common targets and errors are found in turn."""
+"""Estimates the biases of all radars, alternating between common targets and biases."""
 
 from __future__ import annotations
 
@@ -18,32 +18,33 @@ from .result import Found, Registration, Residuals
 from .sensors import Sensor
 from .sequences import Sequences, sequences
 
-# Rounds of finding targets, and in each of linearising again.
+# Rounds of finding common targets, and of linearisations in each.
 ROUNDS, PASSES = 3, 3
-# A change of all errors, in deviations, after which no other round follows.
+# The rounds end when no bias changes by more than this many standard deviations.
 SETTLED = 0.2
-# Plots whose residuals are beyond so many deviations count less; and the least weight.
+# Plots with larger residuals, in standard deviations, have less weight, but at least LEAST_WEIGHT.
 FAR, LEAST_WEIGHT = 2.5, 0.02
-# The square of a two-dimensional residual of unit variances has this median.
+# Median of the square of a two-dimensional residual of unit variances.
 MEDIAN_SQUARE = 2.0 * np.log(2.0)
-# Of the search for the process noise: the factor of its steps, and their number at most.
+# Search for the process noise: factor of a step, and largest number of steps.
 FACTOR, STEPS = 4.0, 8
-# Its start: how far targets leave their course between looks, in deviations of a range.
+# Its start: deviation of targets from a straight line between scans, in standard deviations of a
+# range.
 OFF_COURSE = 0.5
-# Where all targets stand: m/s.
+# Speed that is assumed if all targets are stationary, m/s.
 LEAST_SPEED = 0.1
 
 
 @dataclass(frozen=True)
 class _Round:
-    """What is known after a round.
+    """The state after a round.
 
     Parameters
     ----------
     targets : sequence of Target
     biases : tuple of RadarBias
     std : array of shape (P,)
-        Deviations of the errors, in `UNITS`; NaN where they are not told.
+        Standard deviations of the biases, in `UNITS`; NaN if unobservable.
     judgement : Judgement
     density : float
     rows : Sequences
@@ -60,19 +61,19 @@ class _Round:
 
 
 def registered(sensors: Sequence[Sensor], reference: str) -> Registration:
-    """Return the systematic errors of radars.
+    """Return the biases of radars.
 
     Parameters
     ----------
     sensors : sequence of Sensor
         At least two.
     reference : str
-        Name of the radar that is taken to be right where the recording does not tell.
+        Name of the radar that is assumed to have no bias where the recording cannot show it.
 
     Raises
     ------
     RegistrationError
-        If the recording tells nothing of a radar, and why.
+        If no bias of some radar is observable; the message has the reason.
     """
     index = [each.name for each in sensors].index(reference)
     biases: tuple[RadarBias, ...] = (NO_BIAS,) * len(sensors)
@@ -96,10 +97,10 @@ def _round(
     density: float,
     reference: int,
 ) -> _Round:
-    """Return the errors of all radars, given the targets; linearised again and again."""
+    """Return the biases of all radars, given the targets, by repeated linearisation."""
     rows = sequences(sensors, biases, targets)
     weight = np.ones(rows.radar.shape)
-    # At first nobody knows how fast targets are; their first course says it.
+    # The velocities are unknown until the first pass.
     course = Course(rows.position, np.zeros_like(rows.position))
     for number in range(PASSES + 1):
         found = filtered(rows, course, density, weight, len(sensors))
@@ -117,7 +118,7 @@ def _round(
 
 
 def _followed(biases: Sequence[RadarBias], errors: FloatArray) -> list[RadarBias]:
-    """Return the errors of radars, given what is left of them in `UNITS`."""
+    """Return the biases after a correction in `UNITS`."""
     rest = errors.reshape(-1, len(KINDS)) * UNITS
     return [
         bias.followed_by(RadarBias(*row.tolist())) for bias, row in zip(biases, rest, strict=True)
@@ -125,10 +126,10 @@ def _followed(biases: Sequence[RadarBias], errors: FloatArray) -> list[RadarBias
 
 
 def _weights(rows: Sequences, course: Course) -> FloatArray:
-    """Return the weights of plots: those far from their target's course count less.
+    """Return the weights of plots; those far from their target's trajectory have less weight.
 
-    Deviations are divided by the weights, so that the square of a weight c / r is what a plot with
-    the residual r counts: less than by Huber's rule, by which it would be c / r.
+    The weights divide the standard deviations. A plot with residual r has the weight c / r and
+    therefore counts (c / r)^2, less than by Huber's rule, by which it would count c / r.
     """
     error = _residual(rows, course) / rows.noise_std
     square = (error**2).sum(axis=-1)
@@ -139,16 +140,16 @@ def _weights(rows: Sequences, course: Course) -> FloatArray:
 
 
 def _residual(rows: Sequences, course: Course) -> FloatArray:
-    """Return the differences of plots to the course, shape (K, T, 2)."""
-    expected, _ = kinematics.linearised(course.position, rows.pose)
+    """Return the residuals of plots against the trajectories, shape (K, T, 2)."""
+    expected, _ = kinematics.linearise(course.position, rows.pose)
     return kinematics.innovation(rows.measurement, expected)
 
 
 def _deviations(found: Pass, errors: FloatArray, judgement: Judgement) -> FloatArray:
-    """Return the errors' deviations in `UNITS`, NaN where they are not told, shape (P,).
+    """Return the standard deviations of the biases in `UNITS`, NaN if unobservable, shape (P,).
 
-    They are the larger of what the noise explains, and of what the targets' disagreement does
-    (White 1980): a target that manoeuvres, or has plots of another one, is wrong as a whole.
+    Each is the larger of two: that from the noise, and that from the disagreement of the targets
+    (White 1980), because a target that manoeuvres or has plots of another one is wrong as a whole.
     """
     rest = found.score - found.of_target @ errors
     spread = judgement.covariance @ (rest.T @ rest) @ judgement.covariance
@@ -157,7 +158,7 @@ def _deviations(found: Pass, errors: FloatArray, judgement: Judgement) -> FloatA
 
 
 def _one_plot(sensors: Sequence[Sensor], rows: Sequences, course: Course) -> FloatArray:
-    """Return what a plot of each radar is wrong by, as an error of each kind, in `UNITS`, (P,)."""
+    """Return the noise of one plot of each radar as a bias of each kind, in `UNITS`, (P,)."""
     found = []
     for index, each in enumerate(sensors):
         own = rows.there & (rows.radar == index)
@@ -170,7 +171,7 @@ def _one_plot(sensors: Sequence[Sensor], rows: Sequences, course: Course) -> Flo
 
 
 def _first_density(sensors: Sequence[Sensor]) -> float:
-    """Return a density of the white acceleration to begin with, m^2/s^3."""
+    """Return an initial spectral density of the white acceleration, m^2/s^3."""
     position = min(float(each.noise_std[0]) for each in sensors)
     return 3.0 * (OFF_COURSE * position) ** 2 / max(each.look_s for each in sensors) ** 3
 
@@ -178,7 +179,7 @@ def _first_density(sensors: Sequence[Sensor]) -> float:
 def _best_density(
     rows: Sequences, course: Course, start: float, weight: FloatArray, radars: int
 ) -> float:
-    """Return the most probable density, within a factor of two."""
+    """Return the most probable spectral density, within a factor of two."""
 
     def value(density: float) -> float:
         return filtered(rows, course, density, weight, radars).log_likelihood
@@ -196,13 +197,13 @@ def _best_density(
 
 
 def _change(before: Sequence[RadarBias], found: _Round) -> float:
-    """Return the largest change of an error, in its deviations."""
+    """Return the largest change of a bias, in its standard deviations."""
     change = (_numbers(found.biases) - _numbers(before)) / UNITS
     return float(np.nanmax(np.abs(change.ravel() / found.std)))
 
 
 def _numbers(biases: Sequence[RadarBias]) -> FloatArray:
-    """Return the errors of radars, shape (R, 4)."""
+    """Return the biases of radars, shape (R, 4)."""
     return np.array([[getattr(bias, kind) for kind in KINDS] for bias in biases])
 
 
@@ -238,12 +239,12 @@ def _registration(sensors: Sequence[Sensor], found: _Round, reference: str) -> R
 
 
 def _residuals(sensor: Sensor, found: _Round, index: int) -> Residuals:
-    """Return the differences of a radar's plots to the targets, as reported and corrected."""
+    """Return the residuals of a radar's plots, as reported and corrected."""
     rows, own = found.rows, found.rows.there & (found.rows.radar == index)
     plot, pose = rows.plot[own], rows.pose[own]
     late_s = found.biases[index].time_offset_s
     position, velocity = found.course.position[own], found.course.velocity[own]
-    then, _ = kinematics.linearised(position + late_s * velocity, pose)
+    then, _ = kinematics.linearise(position + late_s * velocity, pose)
     return Residuals(
         rows.time_s[own],
         kinematics.innovation(sensor.measurement[plot], then),

@@ -1,4 +1,4 @@
-"""Where a radar's plots are: how far it sees, and in which directions."""
+"""A radar's coverage in range and azimuth, estimated from its plots."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from phd_jdtc_ros.core.types import FULL_TURN
 
 from .plots import Plots
 
-# Azimuths are not a field of view if no part of a turn of this width is without plots, radians.
+# A field of view is proposed only if a gap in azimuth without plots is wider than this, radians,
 LEAST_GAP = np.radians(20.0)
-# Nor if a gap is not wider than this many times the mean distance of plots.
+# and wider than this many times the mean azimuth spacing of the plots.
 LEAST_SPACES = 12.0
-# Land answers at a place in more than this share of all looks, and so many times at least; places
-# are so many deviations wide.
+# Land clutter: a cell with plots in more than the share `AGAIN` of all looks, and in at least
+# `LEAST_AGAIN` of them. A cell is `CELL_SIGMA` standard deviations wide in range and in azimuth.
 AGAIN, LEAST_AGAIN, CELL_SIGMA = 0.15, 5.0, 3.0
 
 
 @dataclass(frozen=True)
 class Field:
-    """Where plots are.
+    """A radar's coverage.
 
     Parameters
     ----------
     min_range, max_range : float
-        Of the nearest and the farthest plot, metres.
+        Range of the nearest and of the farthest plot, metres.
     clutter_range : float
-        Range up to which plots that no track has are uniform in range, metres.
+        Range up to which plots that belong to no track are uniform in range, metres.
     arc : tuple of two floats or None
-        Where the azimuths begin and how far they extend counter-clockwise, radians; None if there
-        are plots all around.
+        First azimuth and counter-clockwise width of the coverage, radians; None if plots are all
+        around.
     """
 
     min_range: float
@@ -43,14 +43,14 @@ class Field:
 
 
 def elsewhere(plots: Plots, looks: float, range_std: float, azimuth_std: float) -> IntArray:
-    """Return the plots that are not where a radar that stands has plots again and again.
+    """Return the plots outside land clutter, which recurs in the same cells of a stationary radar.
 
     Parameters
     ----------
-    plots : Plots
     looks : float
+        Number of turns or clouds in the recording.
     range_std, azimuth_std : float
-        Metres and radians.
+        Standard deviations of a plot, metres and radians.
     """
     if np.ptp(plots.pose, axis=0).any():
         return np.arange(len(plots))
@@ -63,21 +63,21 @@ def elsewhere(plots: Plots, looks: float, range_std: float, azimuth_std: float) 
 
 
 def field_of(plots: Plots, claimed: IntArray) -> Field:
-    """Return where plots are.
+    """Return the coverage of the radar.
 
     Parameters
     ----------
     plots : Plots
         At least one.
     claimed : int array
-        Indices of the plots that a track has.
+        Indices of the plots that belong to a track.
     """
     distance, azimuth = plots.measurement.T
     free = np.setdiff1d(np.arange(len(plots)), claimed)
     clutter = float(distance.max())
     if len(free) > 1:
-        # Of n uniform numbers, the largest is n / (n + 1) of the limit on average; a single plot
-        # far beyond the others is left out.
+        # The largest of n uniform numbers is n / (n + 1) of their limit on average; a single plot
+        # far beyond the others is ignored.
         farthest = float(np.quantile(distance[free], 1.0 - 1.0 / len(free)))
         clutter = min(farthest * (len(free) + 1.0) / len(free), clutter)
     start, width = smallest_arc(azimuth)

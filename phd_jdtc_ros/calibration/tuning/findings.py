@@ -1,4 +1,4 @@
-"""What a recording says of one radar, all together: links and noise are found in turn."""
+"""All estimates of one radar from a recording; links and noise are estimated alternately."""
 
 from __future__ import annotations
 
@@ -10,45 +10,42 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
 from .field import Field, elsewhere, field_of
 from .levels import Levels, levels, log_ratio
-from .noise import Noise, fitted
+from .noise import Noise, fit_noise
 from .plots import Plots
 from .rates import Rate, clutter_rate, detection_probability, looks_of
 from .rotation import Timing, timing
 from .start import first_guess
-from .tracks import Guess, Tracks, linked
+from .tracks import Guess, Tracks, link_plots
 
-# Rounds at most, and the change of all of the guess, as a logarithm, after which none follows.
+# Largest number of rounds, and the logarithmic change of the guess below which they end.
 ROUNDS, SETTLED = 8, 0.02
-# What is needed: clouds, tracks, and plots of theirs.
+# A recording needs at least these numbers of clouds, of tracks and of plots in tracks.
 LEAST_CLOUDS, LEAST_TRACKS, LEAST_PLOTS = 10, 1, 30
-# With a larger share of plots from places that answer again and again, those are left out: tracks
-# would jump about on land.
+# If land clutter makes up more than this share of the plots it is left out, because tracks would
+# jump between its plots.
 MOST_LAND = 0.2
-# Bounds of what is linked with: certain detection would let no plot be missed.
+# Bounds of the detection probability in linking: certain detection would allow no missed plot.
 PROBABILITIES = (0.3, 0.98)
-# Of the white acceleration, m^2/s^3.
+# Smallest spectral density of the white acceleration, m^2/s^3.
 LEAST_DENSITY = 1e-9
-# How much stronger than the tracks tell manoeuvres may be, as densities.
+# Ratio by which the manoeuvres' density is enlarged for one of the tried guesses.
 WILDER = 20.0
 
 
 class TuningError(ValueError):
-    """A recording that says too little; the text says what is missing."""
+    """A recording with too few data for an estimate; the message names the missing data."""
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What a recording says of one radar.
+    """The estimates of one radar from a recording.
 
     Parameters
     ----------
-    timing : Timing
-    noise : Noise
     detection : Rate
         Detection probability per look.
     clutter : Rate
         False detections per look.
-    field : Field
     levels : Levels or None
         None without amplitudes.
     speed_std : float
@@ -56,13 +53,13 @@ class Findings:
     tracks : int
         Number of tracks.
     plots : int
-        Number of plots, of tracks and of none.
+        Number of plots, with clutter.
     looks : float
-        Turns or clouds.
+        Number of turns or clouds.
     duration_s : float
-        Of what was looked at, seconds.
+        Length of the evaluated part of the recording, seconds.
     land : float
-        Share of the plots that are at places which answer again and again.
+        Share of the plots that are land clutter.
     """
 
     timing: Timing
@@ -80,29 +77,25 @@ class Findings:
 
 
 def findings(plots: Plots) -> Findings:
-    """Return what a recording says of one radar.
-
-    Parameters
-    ----------
-    plots : Plots
+    """Return the estimates of one radar from a recording.
 
     Raises
     ------
     TuningError
-        If it is too short, has no detections or no targets that can be told from clutter.
+        If the recording is too short, or has no detections or no targets distinct from clutter.
     """
     _require_some(plots)
     when = timing(plots)
     if when.cloud_interval_s <= 0.0:
-        raise TuningError("all clouds have one stamp, must have stamps that rise")
+        raise TuningError("all clouds have the same stamp, must have rising stamps")
     guess, tracks = first_guess(plots, when)
     _require_tracks(plots, when, tracks)
-    guess, tracks, noise = _settled(plots, when, guess, tracks)
+    guess, tracks, noise = _iterate(plots, when, guess, tracks)
     rows = elsewhere(plots, looks_of(plots, when), noise.range_std, noise.azimuth_std)
     land = 1.0 - len(rows) / len(plots)
     if land > MOST_LAND and len(rows) > LEAST_PLOTS:
-        tracks, noise = _beside_land(plots, rows, when, tracks, noise)
-    # With a map of clutter, that of land does not count.
+        tracks, noise = _without_land(plots, rows, when, tracks, noise)
+    # The tracker's clutter map takes land clutter, so that the rate is of the other cells only.
     clutter = clutter_rate(plots, when, tracks, rows if land > MOST_LAND else None)
     return Findings(
         when,
@@ -120,30 +113,30 @@ def findings(plots: Plots) -> Findings:
     )
 
 
-def _beside_land(
+def _without_land(
     plots: Plots, rows: IntArray, when: Timing, tracks: Tracks, noise: Noise
 ) -> tuple[Tracks, Noise]:
-    """Return tracks and noise of some plots only, or those given if there are no tracks then."""
+    """Return tracks and noise from the plots `rows` only; the given ones if these have no track."""
     part = plots.only(rows)
     guess, found = first_guess(part, when)
     try:
         _require_tracks(part, when, found)
-        _, found, noise = _settled(part, when, guess, found)
+        _, found, noise = _iterate(part, when, guess, found)
     except TuningError:
         return tracks, noise
     return Tracks(tuple(rows[own] for own in found.plots), found.score), noise
 
 
-def _settled(
+def _iterate(
     plots: Plots, when: Timing, guess: Guess, tracks: Tracks
 ) -> tuple[Guess, Tracks, Noise]:
-    """Find noise and tracks in turn, as long as the tracks' score becomes better."""
+    """Estimate noise and tracks alternately until the guess converges."""
     noise = _as_noise(guess)
     for _ in range(ROUNDS):
         ratio = log_ratio(plots, plots, tracks)
-        noise = fitted(plots, tracks, noise, guess.speed_std, ratio)
+        noise = fit_noise(plots, tracks, noise, guess.speed_std, ratio)
         candidates = _candidates(guess, noise, plots, when, tracks)
-        found = [linked(plots, when, candidate, ratio) for candidate in candidates]
+        found = [link_plots(plots, when, candidate, ratio) for candidate in candidates]
         best = int(np.argmax([each.score for each in found]))
         change = np.abs(_logarithms(candidates[best]) - _logarithms(guess)).max()
         guess, tracks = candidates[best], found[best]
@@ -151,7 +144,7 @@ def _settled(
             break
     _require_tracks(plots, when, tracks)
     ratio = log_ratio(plots, plots, tracks)
-    return guess, tracks, fitted(plots, tracks, noise, guess.speed_std, ratio)
+    return guess, tracks, fit_noise(plots, tracks, noise, guess.speed_std, ratio)
 
 
 def _require_some(plots: Plots) -> None:
@@ -164,7 +157,7 @@ def _require_some(plots: Plots) -> None:
     if len(plots) < LEAST_PLOTS:
         raise TuningError(
             f"{len(plots)} detections in {plots.duration_s:.1f} s, must be at least {LEAST_PLOTS} "
-            "of targets that are followed"
+            "from tracked targets"
         )
 
 
@@ -174,7 +167,7 @@ def _require_tracks(plots: Plots, when: Timing, tracks: Tracks) -> None:
         return
     looks = plots.duration_s / when.look_s
     raise TuningError(
-        f"{len(tracks.plots)} targets with {count} detections can be told from clutter, in "
+        f"{len(tracks.plots)} targets with {count} detections are distinct from clutter, in "
         f"{plots.duration_s:.1f} s ({looks:.0f} looks) with {len(plots)} detections; must be at "
         f"least {LEAST_TRACKS} with {LEAST_PLOTS}: record longer, with a target that is detected "
         "in most looks"
@@ -182,18 +175,18 @@ def _require_tracks(plots: Plots, when: Timing, tracks: Tracks) -> None:
 
 
 def _as_noise(guess: Guess) -> Noise:
-    """Return where the first search for the noise begins."""
+    """Return the initial value of the first search for the noise."""
     return Noise(guess.range_std, guess.azimuth_std, guess.densities, np.ones(2), 0)
 
 
 def _candidates(
     guess: Guess, noise: Noise, plots: Plots, when: Timing, tracks: Tracks
 ) -> list[Guess]:
-    """Return guesses as some tracks tell them.
+    """Return the guesses that some tracks suggest.
 
-    One has the noise that the tracks were linked with: plots linked wrongly enlarge it.
+    The last one keeps the noise with which the tracks were linked, since wrong links enlarge it.
     """
-    told = replace(
+    estimated = replace(
         guess,
         speed_std=1.5 * _speed_std(plots, tracks),
         detection_probability=float(
@@ -203,15 +196,15 @@ def _candidates(
     )
     calm, hard = (max(density, LEAST_DENSITY) for density in noise.densities)
     fitting = replace(
-        told, range_std=noise.range_std, azimuth_std=noise.azimuth_std, densities=(calm, hard)
+        estimated, range_std=noise.range_std, azimuth_std=noise.azimuth_std, densities=(calm, hard)
     )
-    # Where targets manoeuvre, tracks break and say little of it.
+    # Tracks break at manoeuvres, so that they underestimate the manoeuvres' density.
     wild = replace(fitting, densities=(calm, WILDER * max(hard, calm)))
-    return [fitting, wild, told]
+    return [fitting, wild, estimated]
 
 
 def _logarithms(guess: Guess) -> FloatArray:
-    """Return the logarithms of what must settle, shape (4,)."""
+    """Return the logarithms of the figures whose convergence is tested, shape (4,)."""
     numbers = [guess.range_std, guess.azimuth_std, guess.detection_probability, guess.clutter_rate]
     logarithms: FloatArray = np.log(np.array(numbers))
     return logarithms

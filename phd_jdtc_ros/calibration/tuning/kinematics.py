@@ -1,4 +1,4 @@
-"""Nearly constant velocity and polar measurements, for any number of Gaussians at once.
+"""Nearly constant velocity and polar measurements for arrays of Gaussians.
 
 The state is x, y, vx, vy in the frame of the radar's poses, metres and metres per second. Leading
 axes are free.
@@ -10,21 +10,21 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 
-# At its own position a radar measures no azimuth; divisions by the range are bounded at this one.
+# Lower bound of the range in divisions: the azimuth is undefined at the radar's own position.
 LEAST_RANGE = 1.0
 
 
-def predicted(
+def predict(
     mean: FloatArray, covariance: FloatArray, dt: FloatArray, noise_density: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return means (..., 4) and covariances (..., 4, 4) some seconds later.
+    """Return predicted means (..., 4) and covariances (..., 4, 4).
 
     Parameters
     ----------
     mean : array of shape (..., 4)
     covariance : array of shape (..., 4, 4)
     dt : array of shape (...)
-        Seconds.
+        Time step, seconds.
     noise_density : array of shape (...)
         Spectral density of the white acceleration, m^2/s^3; the covariances have its leading axes.
     """
@@ -47,14 +47,14 @@ def _blocks(covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]
     return covariance[..., :2, :2], covariance[..., :2, 2:], covariance[..., 2:, 2:]
 
 
-def linearised(position: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return (range, azimuth) of positions and their derivatives by the position.
+def linearise(position: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (range, azimuth) of positions and the Jacobian with respect to the position.
 
     Parameters
     ----------
     position : array of shape (..., 2)
     pose : array of shape (..., 3)
-        Of the radar.
+        x, y and yaw of the radar.
 
     Returns
     -------
@@ -88,23 +88,23 @@ def inverse(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     return swapped / determinant[..., None, None], determinant
 
 
-def started(
+def initial_state(
     measurement: FloatArray,
     pose: FloatArray,
     range_var: FloatArray,
     azimuth_var: FloatArray,
     speed_std: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the state at a first detection: its position, and no velocity known.
+    """Return mean and covariance after a first detection, with a velocity of mean 0.
 
     Parameters
     ----------
     measurement : array of shape (..., 2)
     pose : array of shape (..., 3)
     range_var, azimuth_var : arrays of shape (...)
-        Of the detection, square metres and square radians.
+        Variances of the detection, square metres and square radians.
     speed_std : float
-        Of the velocity along each axis, metres per second.
+        Standard deviation of the velocity along each axis, metres per second.
     """
     bearing = measurement[..., 1] + pose[..., 2]
     along = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)

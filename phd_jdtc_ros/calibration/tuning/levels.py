@@ -1,4 +1,4 @@
-"""What amplitudes say: of which plots are targets', of the threshold, and of clutter."""
+"""Amplitude statistics: target-to-clutter likelihood ratios, the threshold, clutter levels."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from phd_jdtc_ros.core.clutter.amplitude_law import level_db
 from .plots import Plots
 from .tracks import Tracks
 
-# Lower end of the first cell and width of each, dB; and how many plots of either kind each has
-# before any are counted.
+# Histogram of levels: lower end of the first cell and width of a cell, dB, and pseudo-count of
+# each cell.
 LOWEST_DB, CELL_DB, PRIOR = -40.0, 3.0, 1.0
-# The most that an amplitude says, as a log likelihood ratio.
+# Bound of an amplitude's absolute log likelihood ratio.
 MOST = 4.0
-# With fewer plots of either kind, amplitudes say nothing.
+# Fewest plots of targets, and of clutter, for which amplitudes are used.
 LEAST = 30
 
 
@@ -30,7 +30,7 @@ class Levels:
     threshold : float
         The lowest envelope.
     excess : float
-        Mean of (a^2 - threshold^2) / 2 over clutter by its median; 1 for noise.
+        Mean of (a^2 - threshold^2) / 2 over clutter, estimated by its median; 1 for noise.
     target_db : tuple of two floats
         The 5 % and 95 % quantile of the tracks' mean levels as SNRs, dB; both NaN without tracks.
     clutter : int
@@ -52,7 +52,7 @@ class Levels:
 
 
 def levels(plots: Plots, tracks: Tracks) -> Levels | None:
-    """Return what the amplitudes are, None if none is known."""
+    """Return the amplitudes' statistics; None without amplitudes."""
     if plots.amplitude is None or not np.isfinite(plots.amplitude).any():
         return None
     amplitude = plots.amplitude
@@ -77,15 +77,14 @@ def levels(plots: Plots, tracks: Tracks) -> Levels | None:
 def log_ratio(plots: Plots, of: Plots, tracks: Tracks) -> FloatArray:
     """Return the log likelihood ratio of each plot's amplitude, target to clutter, shape (N,).
 
-    The two laws are those of the plots that tracks have and of the others.
+    Both densities are histograms: of the plots in tracks, and of the other plots.
 
     Parameters
     ----------
     plots : Plots
-        N of them.
+        N plots.
     of : Plots
-        In which the tracks are: the same, or a part of them.
-    tracks : Tracks
+        The plots that `tracks` refers to: the same, or a part of them.
     """
     ratio = np.zeros(len(plots))
     if plots.amplitude is None or of.amplitude is None:

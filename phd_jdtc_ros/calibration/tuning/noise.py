@@ -2,8 +2,8 @@
 
 A target keeps its velocity for most of the time and manoeuvres for some: two motions with white
 accelerations of different densities, mixed as in an interacting multiple model filter. Both
-densities and the measurement's two deviations are chosen so that all innovations of all tracks are
-most probable, and the curvature there says how well they are known.
+densities and the two standard deviations of the measurement maximise the likelihood of all
+innovations of all tracks; its curvature at the maximum gives their uncertainty.
 
 References
 ----------
@@ -26,34 +26,34 @@ from . import kinematics
 from .plots import Plots
 from .tracks import GATE, Deviations, Tracks
 
-# Probabilities [motion, motion at the next plot].
+# Transition probabilities [motion, motion at the next plot].
 SWITCH = np.array([[0.95, 0.05], [0.2, 0.8]])
 FIRST = np.array([0.8, 0.2])
-# Share of a track's plots that may be clutter, anywhere in the gate, where amplitudes do not tell.
+# Prior probability that a track's plot is clutter, uniform in the gate; amplitudes refine it.
 WRONG = 0.01
-# Plots that are looked at, about: those of a regular choice of tracks if there are more.
+# Approximate number of plots used; a regular subset of the tracks is taken if there are more.
 MOST_PLOTS = 1000
-# Deviations of the search's bounds from its start, as logarithms: of measurement noise, and of the
-# spectral densities.
+# Logarithmic distance of the search's bounds from its start: for the measurement noise, and for
+# the spectral densities.
 FAR, FAR_DENSITY = np.log(30.0), np.log(1e4)
-# No radar is more exact, m and rad, but for plots that a program made up.
+# Smallest standard deviations, m and rad: only synthetic plots are more accurate.
 LEAST_STD = (0.01, 1e-5)
-# Step of the differences, and what the second density is above the first at least.
+# Step of the finite differences, and least logarithmic ratio of the second density to the first.
 STEP, LEAST_RATIO = 0.02, np.log(4.0)
 
 
 @dataclass(frozen=True)
 class Noise(Deviations):
-    """Noise by its likelihood.
+    """Maximum likelihood estimate of the noise.
 
     Parameters
     ----------
     range_std, azimuth_std, densities
         See `Deviations`.
     log_std : array of shape (2,)
-        Standard deviations of the logarithms of the two measurement deviations.
+        Standard errors of the logarithms of `range_std` and `azimuth_std`.
     plots : int
-        Number of plots that it is known from.
+        Number of plots used.
     """
 
     log_std: FloatArray
@@ -62,7 +62,7 @@ class Noise(Deviations):
 
 @dataclass(frozen=True)
 class _Sequences:
-    """Tracks as rows of equal length, T of K plots; shorter ones are filled up."""
+    """Tracks as T rows of K plots; shorter tracks are padded."""
 
     time_s: FloatArray
     measurement: FloatArray
@@ -71,20 +71,19 @@ class _Sequences:
     log_ratio: FloatArray
 
 
-def fitted(
+def fit_noise(
     plots: Plots, tracks: Tracks, start: Noise, speed_std: float, log_ratio: FloatArray
 ) -> Noise:
-    """Return the noise with which the tracks are most probable.
+    """Return the maximum likelihood estimate of the noise.
 
     Parameters
     ----------
-    plots : Plots
     tracks : Tracks
         At least one.
     start : Noise
-        Where the search begins.
+        Initial value of the search.
     speed_std : float
-        Of a new target's velocity along each axis, metres per second.
+        Standard deviation of a new target's velocity along each axis, metres per second.
     log_ratio : array of shape (N,)
         Log likelihood ratio of each plot's amplitude, target to clutter.
     """
@@ -102,7 +101,7 @@ def fitted(
         value = _log_likelihood(sequences, around, speed_std)
         return -float(value[0]), -(value[1:5] - value[5:]) / (2.0 * STEP)
 
-    # Far from the best the likelihood is flat, so that the search begins near it.
+    # The likelihood is flat far from its maximum: a grid search first finds a start near it.
     grid = begin + _GRID
     grid[:, :3] = np.maximum(grid[:, :3], lowest)
     begin = grid[int(np.argmax(_log_likelihood(sequences, grid, speed_std)))]
@@ -113,7 +112,7 @@ def fitted(
         range_std=float(np.exp(point[0])),
         azimuth_std=float(np.exp(point[1])),
         densities=densities,
-        log_std=_deviations(sequences, point, speed_std),
+        log_std=_standard_errors(sequences, point, speed_std),
         plots=int(sequences.there.sum()),
     )
 
@@ -126,8 +125,8 @@ _GRID = np.array(
 _OPTIONS = {"maxiter": 30, "ftol": 1e-7}
 
 
-def _deviations(sequences: _Sequences, point: FloatArray, speed_std: float) -> FloatArray:
-    """Return the deviations of the first two logarithms by the likelihood's curvature, (2,)."""
+def _standard_errors(sequences: _Sequences, point: FloatArray, speed_std: float) -> FloatArray:
+    """Return the standard errors of the first two logarithms from the curvature, shape (2,)."""
     step = 0.1
     pairs = [(i, j) for i in range(4) for j in range(i, 4)]
     signs = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
@@ -138,21 +137,21 @@ def _deviations(sequences: _Sequences, point: FloatArray, speed_std: float) -> F
     curvature = np.zeros((4, 4))
     for (i, j), (pp, pm, mp, mm) in zip(pairs, value, strict=True):
         curvature[i, j] = curvature[j, i] = -(pp - pm - mp + mm) / (4.0 * step**2)
-    # What the data say little of is known within a factor of e^3.
+    # A prior of a factor of e^3 bounds the parameters that the data do not determine.
     covariance = np.linalg.inv(_positive(curvature) + np.eye(4) / 9.0)
     deviations: FloatArray = np.sqrt(np.diag(covariance)[:2])
     return deviations
 
 
 def _positive(matrix: FloatArray) -> FloatArray:
-    """Return a symmetric matrix without its negative curvatures."""
+    """Return a symmetric matrix with its negative eigenvalues set to 0."""
     value, vector = np.linalg.eigh(matrix)
     kept: FloatArray = (vector * np.maximum(value, 0.0)) @ vector.T
     return kept
 
 
 def _sequences(plots: Plots, tracks: Tracks, log_ratio: FloatArray) -> _Sequences:
-    """Return some tracks as rows, long and short ones: those of manoeuvring targets are short."""
+    """Return long and short tracks as rows; tracks of manoeuvring targets are short."""
     ordered = sorted(tracks.plots, key=len, reverse=True)
     chosen: list[IntArray] = ordered[:: max(1, round(len(tracks.claimed) / MOST_PLOTS))]
     longest = max(map(len, chosen))
@@ -172,17 +171,17 @@ def _log_likelihood(sequences: _Sequences, points: FloatArray, speed_std: float)
 
     Parameters
     ----------
-    sequences : _Sequences
     points : array of shape (B, 4)
-        Logarithms of the deviations of range and azimuth, of the lower density, and of its ratio to
-        the higher one.
+        Logarithms of the standard deviations of range and azimuth, of the lower density, and of the
+        ratio of the higher density to it.
     speed_std : float
+        Standard deviation of a new target's velocity along each axis, metres per second.
     """
     variance = np.exp(2.0 * points[:, :2])[:, None, None, :]
     density = np.exp(np.stack([points[:, 2], points[:, 2] + points[:, 3]], axis=1))[:, :, None]
     tracks, length = sequences.time_s.shape
     first, pose = sequences.measurement[:, 0], sequences.pose[:, 0]
-    mean, covariance = kinematics.started(
+    mean, covariance = kinematics.initial_state(
         first,
         pose,
         variance[..., 0] * np.ones(tracks),
@@ -196,9 +195,9 @@ def _log_likelihood(sequences: _Sequences, points: FloatArray, speed_std: float)
     for k in range(1, length):
         there = sequences.there[:, k]
         dt = sequences.time_s[:, k] - sequences.time_s[:, k - 1]
-        mixed, weight = _mixed(mean, covariance, weight)
-        grown = kinematics.predicted(*mixed, dt + np.zeros_like(weight), density + 0.0 * weight)
-        mean, covariance, log_density = _updated(
+        mixed, weight = _mix(mean, covariance, weight)
+        grown = kinematics.predict(*mixed, dt + np.zeros_like(weight), density + 0.0 * weight)
+        mean, covariance, log_density = _update(
             *grown,
             sequences.measurement[:, k],
             sequences.pose[:, k],
@@ -211,10 +210,10 @@ def _log_likelihood(sequences: _Sequences, points: FloatArray, speed_std: float)
     return total
 
 
-def _mixed(
+def _mix(
     mean: FloatArray, covariance: FloatArray, weight: FloatArray
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
-    """Return the Gaussians of both motions, moment matched for each later one, (B, 2, T, ...)."""
+    """Return the moment-matched Gaussian of each motion at the next plot, (B, 2, T, ...)."""
     joint = weight[:, :, None, :] * SWITCH[None, :, :, None]
     later = joint.sum(axis=1)
     share = joint / np.maximum(later, 1e-300)[:, None]
@@ -225,7 +224,7 @@ def _mixed(
     return (centre, spread), later
 
 
-def _updated(
+def _update(
     mean: FloatArray,
     covariance: FloatArray,
     measured: FloatArray,
@@ -235,10 +234,10 @@ def _updated(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return updated Gaussians and the log density of the measurements, shape (B, 2, T).
 
-    `log_outlier`, shape (T,), is that of a plot of clutter anywhere in the gate, relative to the
-    peak of a target's.
+    `log_outlier`, shape (T,), is the log density of clutter in the gate relative to the peak of a
+    target's density.
     """
-    expected, jacobian = kinematics.linearised(
+    expected, jacobian = kinematics.linearise(
         mean[..., :2], np.broadcast_to(pose, (*mean.shape[:-1], 3))
     )
     error = kinematics.innovation(np.broadcast_to(measured, expected.shape).copy(), expected)

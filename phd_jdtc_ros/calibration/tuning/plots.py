@@ -1,4 +1,4 @@
-"""One radar's recorded detections as columns, in the order of their times."""
+"""One radar's recorded detections as columns, ordered by time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.types import Detections
 
-# More of them say no more, and take their time.
+# More plots take longer and hardly sharpen the estimates.
 MOST_PLOTS = 15_000
 
 
@@ -33,9 +33,9 @@ class Plots:
     amplitude : array of shape (N,) or None
         Linear envelopes; NaN where one is unknown.
     pose : array of shape (N, 3)
-        Position (metres) and yaw (radians) of the radar at each detection; zeros if it stands.
+        Position (metres) and yaw (radians) of the radar at each detection; zeros if stationary.
     timed : bool
-        Whether detections have times of their own.
+        Whether each detection has its own time.
     """
 
     zero_ns: int
@@ -81,8 +81,8 @@ class Plots:
         )
 
 
-def bounded(plots: Plots, most: int = MOST_PLOTS) -> Plots:
-    """Return the plots of the first clouds, about as many as can be looked at."""
+def limit_plots(plots: Plots, most: int = MOST_PLOTS) -> Plots:
+    """Return the plots of the first clouds, about `most` of them."""
     if len(plots) <= most:
         return plots
     return plots.until(float(plots.cloud_s[plots.cloud[most]]))
@@ -94,7 +94,7 @@ def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
     Parameters
     ----------
     reports : sequence of (stamp in nanoseconds, Detections)
-        In any order; at least one.
+        At least one, in any order.
     """
     ordered = sorted(reports, key=lambda report: report[0])
     zero_ns = ordered[0][0]

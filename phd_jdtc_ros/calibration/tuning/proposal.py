@@ -1,4 +1,4 @@
-"""Findings as parameters of the tracker: what is proposed, how sure it is, and what is set now."""
+"""Findings as tracker parameters: proposed value, standard deviation and current value."""
 
 from __future__ import annotations
 
@@ -14,35 +14,36 @@ from phd_jdtc_ros.configuration.schema import Value
 
 from .findings import MOST_LAND, Findings
 
-# A given table of the detection probability stays if it is as near as this to what it spans.
+# A configured table of detection probability over range is kept if the estimate lies within its
+# values, plus or minus this.
 SAME_PROBABILITY = 0.05
-# False alarm probabilities that a receiver may have; others say that the level is not known.
+# Plausible false alarm probabilities of a receiver; outside them the noise level is unknown.
 ALARMS = (1e-12, 0.5)
-# A maximum range stays if nothing was seen beyond it, and it is not farther than this many times
-# the farthest plot.
+# A configured maximum range is kept if no plot lies beyond it and it is below this many times the
+# range of the farthest plot.
 MOST_BEYOND = 1.5
-# Clutter is noise if its mean level is within this factor of noise's.
+# Clutter counts as noise if its mean level is within this factor of the noise level.
 NOISE_FACTOR = 1.25
 MOST_PROBABILITY = 0.999
 
 
 @dataclass(frozen=True)
 class Row:
-    """A figure that a recording says.
+    """A figure estimated from a recording.
 
     Parameters
     ----------
     name : str
-        The parameter, or what was seen if no parameter is set by it.
+        The parameter, or a description if no parameter follows from the figure.
     value : bool, int, float, str or list
     std : float
         Standard deviation; NaN if there is none.
     source : str
-        What it is known from.
+        The data it was estimated from.
     now : value or str or None
-        What is set now; None if nothing is.
+        The current value; None if none is set.
     proposed : bool
-        Whether the parameter is set to it.
+        Whether the value is proposed for the parameter.
     """
 
     name: str
@@ -54,15 +55,14 @@ class Row:
 
 
 def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
-    """Return what a recording says of a radar.
+    """Return the figures of a radar.
 
     Parameters
     ----------
-    found : Findings
     values : mapping of dotted name to value
-        The configuration now; all parameters.
+        The current configuration; all parameters.
     radar : str
-        Its name.
+        Name of the radar.
     """
 
     def now(name: str) -> Any:
@@ -78,8 +78,8 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
         if not when.timed or now("sectors"):
             entries.append(Row("sectors", when.sectors, math.nan, clouds, now("sectors")))
     elif now("rotation_s"):
-        # Plots of one time tell nothing of a turn.
-        note = "as given: the plots do not tell it"
+        # The rotation is not observable from plots that share one time.
+        note = "as configured: not observable from the plots"
         entries.append(
             Row("rotation_s", now("rotation_s"), math.nan, note, now("rotation_s"), False)
         )
@@ -98,7 +98,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
     entries.append(Row("max_range", farthest, math.nan, seen, limit, far))
     rate = found.clutter
     free = f"{rate.count} other plots"
-    # One that is learned stays so.
+    # A learned clutter rate stays learned.
     given = now("clutter_rate")
     entries.append(
         Row(
@@ -130,15 +130,12 @@ def interval_s(found: Mapping[str, Findings]) -> float:
 
 
 def _detection(found: Findings, now: Any, by_band: bool) -> Row:
-    """Return the detection probability; SNR bands, or a table that agrees, may say more of it."""
+    """Return the detection probability; SNR bands or a configured table that agrees are kept."""
     rate = found.detection
     value = min(rounded(rate.value, 0.01), MOST_PROBABILITY)
     source = f"{rate.count} chances"
-    table = now("detection_probability_over_range") or []
-    given = now("detection_probability")
-    if given:
-        return Row("detection_probability", value, rate.std, source, given)
-    if table:
+    table = given = now("detection_probability")
+    if isinstance(table, list):
         mean = float(np.mean(table[1::2]))
         least, most = min(table[1::2]), max(table[1::2])
         other = not least - SAME_PROBABILITY <= value <= most + SAME_PROBABILITY
@@ -168,7 +165,7 @@ def _amplitudes(found: Findings, now: Any) -> list[Row]:
     if levels.clutter and known:
         noise = 1.0 / NOISE_FACTOR <= levels.excess <= NOISE_FACTOR
         law = "rayleigh" if noise else "learned"
-        # A law that was given for a reason stays where the recording shows no more than noise.
+        # A configured clutter law stays if the recording shows only noise.
         entries.append(
             Row("clutter_amplitude", law, math.nan, source, now("clutter_amplitude"), not noise)
         )
@@ -182,7 +179,7 @@ def _amplitudes(found: Findings, now: Any) -> list[Row]:
 
 
 def _motion(found: Findings) -> list[Row]:
-    """Return how targets move, which the motion models are to allow."""
+    """Return the targets' speeds and accelerations, which the motion models must cover."""
     calm, hard = (rounded(density, 0.1 * density) for density in found.noise.densities)
     source = f"{found.noise.plots} plots, {found.tracks} tracks"
     return [
@@ -199,7 +196,7 @@ def _motion(found: Findings) -> list[Row]:
 
 
 def _fov(arc: tuple[float, float], now: Any) -> list[float]:
-    """Return the field of view as the radar counts azimuths, two degrees wider on either side."""
+    """Return the field of view in the radar's convention, widened by two degrees on each side."""
     begin, width = math.degrees(arc[0]) - 2.0, min(math.degrees(arc[1]) + 4.0, 360.0)
     if now("azimuth_convention") == "compass_cw":
         begin = 90.0 - begin - width
@@ -208,7 +205,7 @@ def _fov(arc: tuple[float, float], now: Any) -> list[float]:
 
 
 def rounded(value: float, std: float) -> float:
-    """Return a value without digits below a twentieth of its deviation, and five at most."""
+    """Return a value rounded to a twentieth of its standard deviation, and to five digits."""
     if not (math.isfinite(value) and value):
         return 0.0
     digits = 5

@@ -1,4 +1,4 @@
-"""How often targets are detected, and how many detections no target causes."""
+"""Detection probability and clutter rate, counted over tracks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .tracks import Tracks
 
 @dataclass(frozen=True)
 class Rate:
-    """A figure with its standard deviation and the number of cases that it is known from."""
+    """A figure with its standard deviation and the number of samples behind it."""
 
     value: float
     std: float
@@ -23,30 +23,24 @@ class Rate:
 
 
 def detection_probability(plots: Plots, timing: Timing, tracks: Tracks) -> Rate:
-    """Return how often a track is detected between its first and its last plot.
-
-    Parameters
-    ----------
-    plots : Plots
-    timing : Timing
-    tracks : Tracks
+    """Return the share of looks with a detection between each track's first and last plot.
 
     Notes
     -----
-    A track's first and last plot are not chances: without them there would be none between.
+    The first and the last plot do not count: a track exists only between them.
     """
     chances = hits = 0
     for own in tracks.plots:
         looks = int(looks_between(plots, timing, np.array([own[0]]), np.array([own[-1]]))[0])
         chances += max(looks - 1, 0)
         hits += min(len(own) - 2, max(looks - 1, 0))
-    # As after one hit and one miss more.
+    # Laplace's rule: one hit and one miss are added.
     value = (hits + 1.0) / (chances + 2.0)
     return Rate(value, float(np.sqrt(value * (1.0 - value) / (chances + 3.0))), chances)
 
 
 def looks_between(plots: Plots, timing: Timing, first: FloatArray, last: FloatArray) -> FloatArray:
-    """Return how many looks later some plots are than others, by index; shape kept."""
+    """Return the number of looks between pairs of plots, given by index; same shape."""
     if timing.rotation_s:
         turns = (plots.time_s[last] - plots.time_s[first]) / timing.rotation_s
         looks: FloatArray = np.round(turns)
@@ -56,7 +50,7 @@ def looks_between(plots: Plots, timing: Timing, first: FloatArray, last: FloatAr
 
 
 def looks_of(plots: Plots, timing: Timing) -> float:
-    """Return how many looks, turns or clouds, a recording has."""
+    """Return the number of looks (turns or clouds) of a recording."""
     if not timing.rotation_s:
         return float(len(plots.cloud_s))
     whole = 0 if timing.sectors else 1
@@ -67,9 +61,9 @@ def looks_of(plots: Plots, timing: Timing) -> float:
 def clutter_rate(
     plots: Plots, timing: Timing, tracks: Tracks, rows: IntArray | None = None
 ) -> Rate:
-    """Return how many plots of a look no track has; of these rows only, if they are given.
+    """Return the mean number of plots per look outside tracks; only of `rows` if these are given.
 
-    The deviation is that of a Poisson number or, where that is larger, of ten parts of the
+    The standard deviation is the larger of a Poisson count's and that between ten parts of the
     recording.
     """
     free = np.setdiff1d(np.arange(len(plots)) if rows is None else rows, tracks.claimed)

@@ -1,43 +1,51 @@
-"""How an antenna turns, by the azimuths and times of its detections."""
+"""The antenna's rotation, estimated from azimuths and times of detections."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import IntArray
-from phd_jdtc_ros.core.intake.antenna import SHORTEST_S
+from phd_jdtc_ros.core.intake.antenna import SHORTEST_S, Antenna, AntennaTrack
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
 from phd_jdtc_ros.core.types import FULL_TURN
 
-from .plot_turns import PlotTurns
 from .plots import Plots
 
-# For so much of a recording the antenna must have been followed, or it does not turn.
+# The antenna counts as turning if it was followed for at least this share of the recording.
 LEAST_FOLLOWED = 0.25
+# The antenna is followed in steps of at least `PLOTS` plots and `PERIOD_S` seconds.
+PLOTS, PERIOD_S = 12, 1.0
+# Limit on plots per step; no radar has more in that time.
+MOST_PLOTS = 1000
+# Over a gap of more turns their number is ambiguous.
+MOST_TURNS = 3.0
+# If a turn differs from the mean by more than this share, the antenna changed its speed.
+SWITCHED = 0.1
 
 
 @dataclass(frozen=True)
 class Timing:
-    """When a radar looks.
+    """The times of a radar's looks.
 
     Parameters
     ----------
     cloud_interval_s : float
         Median time between clouds, seconds.
     interval_spread_s : float
-        Median deviation of these times from it, seconds.
+        Median absolute deviation of these times, seconds.
     rotation_s : float
-        Time of one turn; 0 if the antenna does not turn, or not as far as the plots tell.
+        Time of one turn; 0 if no rotation is observable in the plots.
     rotation_std_s : float
-        Standard deviation of the turns' mean, seconds.
+        Standard error of the mean time of a turn, seconds.
     sectors : int
-        Clouds to a turn; 0 if a cloud is a whole turn.
+        Number of clouds per turn; 0 if a cloud is a whole turn.
     clockwise : bool
-        Whether it turns clockwise.
+        Whether the antenna turns clockwise.
     timed : bool
-        Whether plots have times of their own, so that clouds may be of any length.
+        Whether each plot has its own time, so that clouds may have any length.
     """
 
     cloud_interval_s: float
@@ -50,17 +58,17 @@ class Timing:
 
     @property
     def look_s(self) -> float:
-        """Time between two chances to detect a target, seconds."""
+        """Time between two looks at a target, seconds."""
         return self.rotation_s or self.cloud_interval_s
 
 
 def timing(plots: Plots) -> Timing:
-    """Return when a radar looked.
+    """Return the times of a radar's looks.
 
     Parameters
     ----------
     plots : Plots
-        Of at least two clouds.
+        Plots of at least two clouds.
     """
     steps = np.diff(plots.cloud_s)
     interval_s = float(np.median(steps))
@@ -70,8 +78,8 @@ def timing(plots: Plots) -> Timing:
         return still
     clouds = _by_cloud(plots)
     azimuth = plots.measurement[:, 1] + plots.pose[:, 2]
-    # Without times of their own, plots say something of turns that take two clouds or more: each
-    # is somewhere in its cloud's sector.
+    # Plots without times of their own are known to a cloud's sector only, which suffices for turns
+    # of two clouds or more.
     turns = PlotTurns(max(SHORTEST_S, interval_s * (0.8 if plots.timed else 1.9)))
     if not plots.timed:
         for rows in clouds:
@@ -97,6 +105,92 @@ def timing(plots: Plots) -> Timing:
 
 
 def _by_cloud(plots: Plots) -> list[IntArray]:
-    """Return the rows of the plots of each cloud that has any."""
+    """Return the rows of each non-empty cloud's plots."""
     order = np.argsort(plots.cloud, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(plots.cloud[order])) + 1) if len(plots) else []
+
+
+class PlotTurns:
+    """Follows the antenna as the tracker does, and counts its turns for their mean.
+
+    Parameters
+    ----------
+    shortest_s : float
+        Shortest time of a turn, seconds.
+    """
+
+    def __init__(self, shortest_s: float = SHORTEST_S) -> None:
+        self._shortest_s = shortest_s
+        self._track = AntennaTrack(0.0)
+        self._waiting: list[tuple[float, float]] = []
+        self._before: tuple[float, Antenna] | None = None
+        # Sums over the counted steps: number, time, angle, and squared angle divided by time.
+        self._counted = np.zeros(4)
+
+    @property
+    def turn_s(self) -> float:
+        """Mean time of a turn, seconds; 0 if unknown."""
+        _, passed_s, turned, _ = self._counted
+        if turned < FULL_TURN:
+            return self._track.rotation_s
+        return float(FULL_TURN * passed_s / turned)
+
+    @property
+    def turn_std_s(self) -> float:
+        """Standard error of `turn_s` by the scatter of the steps, seconds; infinite by too few."""
+        count, passed_s, turned, squares = self._counted
+        if count < 2:
+            return math.inf
+        variance = max(squares * passed_s / turned**2 - 1.0, 0.0) / (count - 1)
+        return self.turn_s * math.sqrt(variance)
+
+    @property
+    def counted_s(self) -> float:
+        """Time over which turns have been counted, seconds."""
+        return float(self._counted[1])
+
+    @property
+    def clockwise(self) -> bool:
+        """Whether azimuths decrease, by the present estimate."""
+        return self._before is not None and self._before[1].rate < 0.0
+
+    def add(self, azimuth: float, time_ns: int) -> None:
+        """Add a plot's azimuth, radians, and its time."""
+        time_s = time_ns * 1e-9
+        if len(self._waiting) < MOST_PLOTS:  # bounds the memory in a flood of plots
+            self._waiting.append((time_s, azimuth))
+        past_s = time_s - self._waiting[0][0]
+        if len(self._waiting) >= PLOTS and abs(past_s) >= PERIOD_S:
+            self.find()
+
+    def begin_again(self) -> None:
+        """Drop the plots after a jump back in time, and keep the rotation."""
+        self._track, self._before = AntennaTrack(self.turn_s), None
+        self._waiting.clear()
+
+    def find(self) -> None:
+        """Follow the antenna up to the latest plot."""
+        if not self._waiting:
+            return
+        time_s, azimuth = np.array(self._waiting).T
+        self._waiting.clear()
+        now_s, before = float(np.median(time_s)), self._before
+        self._track = self._track.follow(now_s, time_s, azimuth, self._shortest_s)
+        line = self._track.antenna
+        self._before = None if line is None else (now_s, line)
+        if line is None:
+            return
+        if self.counted_s and abs(line.turn_s / self.turn_s - 1.0) > SWITCHED:
+            self._counted = np.zeros(4)
+        elif before is not None:
+            self._count(now_s, line, *before)
+
+    def _count(self, now_s: float, line: Antenna, before_s: float, before: Antenna) -> None:
+        """Count the angle turned since the last step."""
+        passed_s = now_s - before_s
+        if not 0.0 < passed_s < MOST_TURNS * before.turn_s:
+            return
+        due = before.rate * passed_s
+        turned = line.azimuth_at(now_s) - before.azimuth_at(before_s)
+        turned = abs(due + math.remainder(turned - due, FULL_TURN))
+        self._counted += 1.0, passed_s, turned, turned**2 / passed_s

@@ -1,6 +1,6 @@
-"""A first guess of noise and speeds: of several, the one that explains a recording best.
+"""Initial guess of noise and speeds: the one of several that explains a recording best.
 
-They are compared on a part of the recording, and the best of them on all of it.
+All guesses are compared on a part of the recording, and the best of them on the whole.
 """
 
 from __future__ import annotations
@@ -12,28 +12,27 @@ import numpy as np
 from .levels import log_ratio
 from .plots import Plots
 from .rotation import Timing
-from .tracks import Guess, Tracks, linked
+from .tracks import Guess, Tracks, link_plots
 
-# What is tried: deviations of the range as shares of the farthest plot's range, of the azimuth in
-# degrees, and speeds in metres per second.
+# Grid of guesses: standard deviations of the range as shares of the farthest plot's range, of the
+# azimuth in degrees, and speeds in metres per second.
 RANGES = (2.5e-4, 1e-3, 4e-3, 1.6e-2)
 AZIMUTHS_DEG = (0.06, 0.25, 1.0, 4.0)
 USUAL_SPEED, SPEEDS = 40.0, (8.0, 160.0)
-# The speeds are tried with so many of the best noises.
+# Number of the best noise guesses that are combined with every speed.
 BEST = 3
-# Looks, and plots, that the guesses are tried on; from the recording's beginning.
+# The first part of the recording on which guesses are compared: looks, plots and fewest looks.
 LOOKS, PLOTS, LEAST_LOOKS = 24, 1000, 10.0
-# Before any is known.
+# Assumed detection probability before any estimate.
 DETECTION_PROBABILITY = 0.85
-# How far targets leave their course between two looks, in deviations of a plot's position,
-# when they manoeuvre.
+# Displacement by a manoeuvre between two looks, in standard deviations of a plot's position.
 OFF_COURSE = 0.5
 
 
 def guess_of(
     plots: Plots, timing: Timing, range_std: float, azimuth_std: float, speed_std: float
 ) -> Guess:
-    """Return a guess with process noise that goes with it."""
+    """Return a guess with process noise that matches its measurement noise."""
     middle = float(np.median(plots.measurement[:, 0]))
     across = middle * azimuth_std
     position = min(range_std, across) if across > 0.0 else range_std
@@ -50,13 +49,12 @@ def guess_of(
 
 
 def first_guess(plots: Plots, timing: Timing) -> tuple[Guess, Tracks]:
-    """Return the guess of which the tracks have the best score, and these.
+    """Return the guess whose tracks have the best score, and its tracks.
 
     Parameters
     ----------
     plots : Plots
         At least one.
-    timing : Timing
     """
     several = len(plots) / (plots.duration_s / timing.look_s + 1.0)
     looks = min(LOOKS, max(PLOTS / max(several, 1.0), LEAST_LOOKS))
@@ -69,20 +67,20 @@ def first_guess(plots: Plots, timing: Timing) -> tuple[Guess, Tracks]:
     ]
     nothing = np.zeros(len(part))
 
-    def tried(noise: tuple[float, float], speed: float) -> tuple[Tracks, Guess]:
+    def link(noise: tuple[float, float], speed: float) -> tuple[Tracks, Guess]:
         guess = guess_of(part, timing, *noise, speed)
-        return linked(part, timing, guess, nothing), guess
+        return link_plots(part, timing, guess, nothing), guess
 
-    first = sorted((tried(noise, USUAL_SPEED) for noise in noises), key=_score, reverse=True)
+    first = sorted((link(noise, USUAL_SPEED) for noise in noises), key=_score, reverse=True)
     best = first[:BEST]
     best += [
-        tried((guess.range_std, guess.azimuth_std), speed)
+        link((guess.range_std, guess.azimuth_std), speed)
         for _, guess in first[:BEST]
         for speed in SPEEDS
     ]
     best = sorted(best, key=_score, reverse=True)[:BEST]
     whole = [
-        (linked(plots, timing, guess, log_ratio(plots, part, tracks)), guess)
+        (link_plots(plots, timing, guess, log_ratio(plots, part, tracks)), guess)
         for tracks, guess in best
     ]
     tracks, guess = max(whole, key=_score)

@@ -1,7 +1,7 @@
 """Plots linked to tracks: nearest neighbours, with the log likelihood ratio of every track.
 
-A track's score is that of its plots against clutter (Blackman and Popoli, Sec. 6.2); the sum over
-all tracks says how well a guess of the noise explains a recording.
+A track's score is the log likelihood ratio of its plots, target to clutter (Blackman and Popoli,
+Sec. 6.2); the sum over all tracks measures how well a guess of the noise explains a recording.
 """
 
 from __future__ import annotations
@@ -17,37 +17,38 @@ from . import kinematics
 from .plots import Plots
 from .rotation import Timing
 
-# Plots of this part of a turn are assigned together.
+# Share of a turn whose plots are assigned together.
 BATCH = 1.0 / 12.0
-# A radar passes a target once a turn: a track takes no second plot within this part of it.
+# The beam passes a target once a turn: a track takes no second plot within this share of a turn.
 AGAIN = 0.5
-# Standard deviations.
+# Gate, in standard deviations.
 GATE = 4.5
-# What a new track's score begins with: one in so many unclaimed plots is a new target's.
+# Initial score of a track: the log prior that an unassociated plot is of a new target.
 LOG_NEW = -np.log(50.0)
-# A track with so many plots and such a score is one.
+# A track is accepted with at least this many plots and this score.
 LEAST_HITS, LEAST_SCORE = 5, 8.0
-# Share of the plots at which targets manoeuvre.
+# Prior probability of a manoeuvre at a plot.
 MANOEUVRES = 0.1
-# From so many plots on, a track keeps its plots from starting others.
+# Number of plots from which on a track's plots do not start other tracks.
 SETTLED = 3
-# A track ends after as many misses as are less probable than this, within these bounds.
+# A track ends when its misses are less probable than `IMPROBABLE`, within these bounds on their
+# number.
 IMPROBABLE, LEAST_MISSES, MOST_MISSES = 0.005, 3, 6
-# Tentative tracks end at the second miss in a row.
+# Tentative tracks end with more than this many consecutive misses.
 TENTATIVE_MISSES = 1
 _LOG_MOTION = np.log([1.0 - MANOEUVRES, MANOEUVRES])
 
 
 @dataclass(frozen=True)
 class Deviations:
-    """What tells where a target's next plot may be.
+    """Measurement and process noise, which determine the gate of a target's next plot.
 
     Parameters
     ----------
     range_std, azimuth_std : float
-        Of a measurement, metres and radians.
+        Standard deviations of a measurement, metres and radians.
     densities : tuple of two floats
-        Of the white acceleration: while targets keep their velocity, and while they manoeuvre,
+        Spectral densities of the white acceleration at constant velocity and in a manoeuvre,
         m^2/s^3.
     """
 
@@ -58,17 +59,17 @@ class Deviations:
 
 @dataclass(frozen=True)
 class Guess(Deviations):
-    """What is assumed of a radar and its targets while plots are linked.
+    """The assumed model of a radar and its targets in linking.
 
     Parameters
     ----------
     range_std, azimuth_std, densities
         See `Deviations`.
     speed_std : float
-        Of a new target's velocity along each axis, metres per second.
+        Standard deviation of a new target's velocity along each axis, metres per second.
     detection_probability : float
     clutter_rate : float
-        Per look.
+        Mean number of false plots per look.
     """
 
     speed_std: float
@@ -83,7 +84,7 @@ class Tracks:
     Parameters
     ----------
     plots : tuple of int arrays
-        Of each track, the indices of its plots in the order of time.
+        The indices of each track's plots, ordered by time.
     score : float
         Sum of the tracks' log likelihood ratios.
     """
@@ -93,20 +94,17 @@ class Tracks:
 
     @property
     def claimed(self) -> IntArray:
-        """Indices of the plots that a track has."""
+        """Indices of the plots in tracks."""
         return np.concatenate([np.zeros(0, dtype=np.int64), *self.plots])
 
 
-def linked(plots: Plots, timing: Timing, guess: Guess, log_ratio: FloatArray) -> Tracks:
+def link_plots(plots: Plots, timing: Timing, guess: Guess, log_ratio: FloatArray) -> Tracks:
     """Return the tracks of a recording.
 
     Parameters
     ----------
-    plots : Plots
-    timing : Timing
-    guess : Guess
     log_ratio : array of shape (N,)
-        Log likelihood ratio of each plot's amplitude, target to clutter; 0 if it says nothing.
+        Log likelihood ratio of each plot's amplitude, target to clutter; 0 where unknown.
     """
     linker = _Linker(plots, timing, guess, log_ratio)
     for batch in _batches(plots, timing):
@@ -115,7 +113,7 @@ def linked(plots: Plots, timing: Timing, guess: Guess, log_ratio: FloatArray) ->
 
 
 def _batches(plots: Plots, timing: Timing) -> list[IntArray]:
-    """Return the plots that are assigned together: a cloud's, or those of a part of a turn."""
+    """Return the plots that are assigned together: of a cloud, or of a share of a turn."""
     if not len(plots):
         return []
     number: FloatArray = plots.cloud.astype(np.float64)
@@ -127,14 +125,14 @@ def _batches(plots: Plots, timing: Timing) -> list[IntArray]:
 
 
 class _Linker:
-    """The tracks at the present, one row each."""
+    """The current tracks, one row each."""
 
     def __init__(self, plots: Plots, timing: Timing, guess: Guess, log_ratio: FloatArray) -> None:
         self._plots, self._timing, self._guess, self._log_ratio = plots, timing, guess, log_ratio
         misses = np.log(IMPROBABLE) / np.log(max(1.0 - guess.detection_probability, 1e-3))
         self._patience = float(np.clip(np.ceil(misses), LEAST_MISSES, MOST_MISSES))
         farthest = float(plots.measurement[:, 0].max(initial=1.0))
-        # Of clutter in range and azimuth.
+        # Log density of clutter in range and azimuth.
         self._log_density = np.log(max(guess.clutter_rate, 0.1) / (2.0 * np.pi * farthest))
         self._mean, self._covariance = np.zeros((0, 4)), np.zeros((0, 4, 4))
         self._time, self._look = np.zeros(0), np.zeros(0)
@@ -144,7 +142,7 @@ class _Linker:
         self._ended: list[tuple[list[int], float]] = []
 
     def add(self, batch: IntArray) -> None:
-        """Assign some plots, the settled tracks first, and start tracks at the rest."""
+        """Assign plots to confirmed tracks, then to tentative ones; the rest start tracks."""
         now = float(self._plots.time_s[batch].min())
         self._end(now, float(self._plots.cloud[batch].min()))
         settled = self._hits >= LEAST_HITS
@@ -156,14 +154,14 @@ class _Linker:
         self._start(batch)
 
     def finish(self) -> Tracks:
-        """End all tracks and return those that are."""
+        """End all tracks and return the accepted ones."""
         self._end(np.inf, np.inf)
         kept = [
             (owned, score)
             for owned, score in self._ended
             if len(owned) >= LEAST_HITS and score >= LEAST_SCORE
         ]
-        # A plot that two have is that of the better one.
+        # A plot in two tracks goes to the track with the better score.
         taken: set[int] = set()
         found, total = [], 0.0
         for owned, score in sorted(kept, key=lambda entry: -entry[1]):
@@ -175,7 +173,7 @@ class _Linker:
         return Tracks(tuple(found), total)
 
     def _hits_of(self, found: IntArray) -> IntArray:
-        """Return how many plots the tracks have that took some plots."""
+        """Return, for each of some plots, the number of plots of the track that took it."""
         hits = dict.fromkeys(found.tolist(), 0)
         for row in range(len(self._number)):
             last = self._owned[self._number[row]][-1]
@@ -183,14 +181,14 @@ class _Linker:
                 hits[last] = max(hits[last], int(self._hits[row]))
         return np.array([hits[plot] for plot in found.tolist()], dtype=np.int64)
 
-    def _missed(self, time_s: FloatArray, cloud: FloatArray) -> FloatArray:
-        """Return how many looks lie between the tracks' last plots and a time or a cloud."""
+    def _missed_looks(self, time_s: FloatArray, cloud: FloatArray) -> FloatArray:
+        """Return the number of looks between the tracks' last plots and a time or a cloud."""
         if self._timing.rotation_s:
             return np.maximum((time_s - self._time) / self._timing.rotation_s - 0.5, 0.0)
         return np.maximum(cloud - self._look - 1.0, 0.0)
 
     def _end(self, now: float, cloud: float) -> None:
-        missed = self._missed(np.array(now), np.array(cloud))
+        missed = self._missed_looks(np.array(now), np.array(cloud))
         patience = np.where(self._hits < SETTLED, TENTATIVE_MISSES, self._patience)
         ended = missed > patience
         for row in np.flatnonzero(ended).tolist():
@@ -204,7 +202,7 @@ class _Linker:
             setattr(self, f"_{name}", getattr(self, f"_{name}")[rows])
 
     def _assign(self, rows: IntArray, batch: IntArray) -> IntArray:
-        """Update tracks with their plots, by the best sum of ratios; return the plots taken."""
+        """Update tracks with the assignment of the largest sum of gains; return its plots."""
         row, plot = (grid.ravel() for grid in np.meshgrid(rows, batch, indexing="ij"))
         if self._timing.rotation_s:
             fresh = self._plots.time_s[plot] - self._time[row] > AGAIN * self._timing.rotation_s
@@ -215,10 +213,10 @@ class _Linker:
             return np.zeros(0, dtype=np.int64)
         guess, plots = self._guess, self._plots
         dt = plots.time_s[plot] - self._time[row]
-        # With both densities, shapes (2, P, ...).
+        # Both motions in the leading axis: shapes (2, P, ...).
         density = np.array(guess.densities)[:, None] * np.ones(len(row))
-        mean, covariance = kinematics.predicted(self._mean[row], self._covariance[row], dt, density)
-        expected, jacobian = kinematics.linearised(mean[:, :2], plots.pose[plot])
+        mean, covariance = kinematics.predict(self._mean[row], self._covariance[row], dt, density)
+        expected, jacobian = kinematics.linearise(mean[:, :2], plots.pose[plot])
         error = kinematics.innovation(plots.measurement[plot], expected)
         cross = covariance[..., :2] @ jacobian.swapaxes(1, 2)
         spread = jacobian @ cross[..., :2, :]
@@ -237,9 +235,9 @@ class _Linker:
             - self._log_density
             + self._log_ratio[plot]
         )
-        # Against a miss in this look.
+        # Relative to a miss in this look.
         better = gain[near] - np.log(1.0 - guess.detection_probability)
-        chosen = near[_assigned(row[near], plot[near], better)]
+        chosen = near[_best_assignment(row[near], plot[near], better)]
         place, motion = row[chosen], np.argmax(of_motion[:, chosen], axis=0)
         cross = cross[motion, chosen]
         weight = cross @ inverted[motion, chosen]
@@ -255,14 +253,14 @@ class _Linker:
         return plot[chosen]
 
     def _looks(self, row: IntArray, plot: IntArray) -> FloatArray:
-        """Return the looks from the tracks' last plots to others."""
+        """Return the number of looks from the tracks' last plots to other plots."""
         if self._timing.rotation_s:
             turns = (self._plots.time_s[plot] - self._time[row]) / self._timing.rotation_s
             return np.maximum(np.round(turns), 1.0)
         return np.maximum(self._plots.cloud[plot] - self._look[row], 1.0)
 
     def _reach(self, row: IntArray, plot: IntArray) -> IntArray:
-        """Return the pairs that may be within the gate, by a bound that is quickly computed."""
+        """Return the pairs that may be within the gate, by a coarse upper bound."""
         guess, plots = self._guess, self._plots
         dt = plots.time_s[plot] - self._time[row]
         expected = self._mean[row, :2] + dt[:, None] * self._mean[row, 2:]
@@ -271,7 +269,7 @@ class _Linker:
         trace += dt**2 * (self._covariance[row, 2, 2] + self._covariance[row, 3, 3])
         trace *= 2.0
         trace += guess.densities[1] * dt**3 + guess.range_std**2
-        # The azimuth's deviation at the nearer of the two.
+        # The azimuth's standard deviation in metres, at the plot's range.
         trace += (plots.measurement[plot, 0] * guess.azimuth_std) ** 2
         return np.flatnonzero(off < (1.5 * GATE) ** 2 * trace)
 
@@ -284,7 +282,7 @@ class _Linker:
     def _start(self, batch: IntArray) -> None:
         """Start a tentative track at each plot."""
         count, guess = len(batch), self._guess
-        mean, covariance = kinematics.started(
+        mean, covariance = kinematics.initial_state(
             self._plots.measurement[batch],
             self._plots.pose[batch],
             np.full(count, guess.range_std**2),
@@ -301,8 +299,8 @@ class _Linker:
         self._owned += [[index] for index in batch.tolist()]
 
 
-def _assigned(row: IntArray, plot: IntArray, gain: FloatArray) -> IntArray:
-    """Return the pairs with the largest sum of gains, each row and plot at most once, by index."""
+def _best_assignment(row: IntArray, plot: IntArray, gain: FloatArray) -> IntArray:
+    """Return the indices of the assignment with the largest sum of gains."""
     rows, i = np.unique(row, return_inverse=True)
     columns, j = np.unique(plot, return_inverse=True)
     table = np.zeros((len(rows), len(columns)))

@@ -1,4 +1,4 @@
-"""A tracker for a recording that nothing else is known of: one class, born at detections."""
+"""Tracker parameters for a recording without a configuration: one class, born at detections."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from typing import Any
 from .findings import Findings
 from .proposal import ALARMS, rounded
 
-# Share of the range's deviation by which a target leaves its course in a look at least.
+# Least displacement by acceleration in a look, as a share of the range's standard deviation.
 LEAST_OFF_COURSE = 0.1
-# How much stronger manoeuvres are at least, as densities.
+# Least ratio of the manoeuvres' density to the density at constant velocity.
 LEAST_RATIO = 20.0
-# The band is wider than what the tracks have by so much on either side, dB.
+# The SNR band is wider than the tracks' levels by this much on either side, dB.
 BESIDE_DB = 5.0
-# Of the velocity of newborn targets, relative to the tracks' own.
+# Ratio of the standard deviation of a newborn target's velocity to the tracks'.
 SPEED_MARGIN = 1.5
 
 
 def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict[str, Any]:
-    """Return the parameters that are no radar's.
+    """Return the tracker's parameters outside the radars' sections.
 
     Parameters
     ----------
     found : mapping of radar to Findings
         At least one.
     timed : mapping of radar to bool
-        Whether its detections have times of their own.
+        Whether each detection of the radar has its own time.
     """
     first = min(found.values(), key=lambda each: each.timing.look_s)
     look_s = first.timing.look_s
@@ -43,7 +43,7 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
     given: dict[str, Any] = {
         "engine": "gaussian",
         "interval_s": rounded(look_s, 1e-3 * look_s),
-        "lag_s": rounded(5.0 * look_s, 0.1 * look_s),
+        "lag": f"{rounded(5.0 * look_s, 0.1 * look_s):g} s",
         "classes": ["target"],
         "motions": ["cv", "ct"],
         "births": [],
@@ -52,8 +52,6 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
         "detection_births.turn_rate_std": 0.02,
         "detection_births.least_probability": 0.005,
         "spawn.rate": 0.0,
-        "spawn.class_transition": [],
-        "spawn.mode_transition": [],
         "target.motions": ["cv", "ct"],
         "target.mode_transition": [0.95, 0.05, 0.1, 0.9],
         "target.survival_probability": 0.99,
@@ -71,7 +69,7 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
 
 
 def _amplitudes(found: Mapping[str, Findings]) -> dict[str, Any]:
-    """Return the band of the targets' SNRs, if all radars' amplitudes are above a threshold."""
+    """Return the band of the targets' SNRs if every radar's amplitudes exceed a threshold."""
     known = [each.levels for each in found.values() if each.levels is not None]
     usable = [
         levels

@@ -2,7 +2,7 @@
 
 ::
 
-    rows of targets, their pairs with detections: claims
+    rows of targets, and their pairs with detections: claims
       |  edges, odds                         bernoulli
     edges (target, detection, odds), clutter
       |  connected targets and detections     clusters

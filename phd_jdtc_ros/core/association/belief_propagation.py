@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import FloatArray, IntArray, sum_by
 
 ITERATIONS = 200
-# Edges times iterations, so that a graph of millions of edges takes no minutes.
+# Bound on edges times iterations; it keeps a graph of millions of edges within seconds.
 MOST_WORK = 1 << 25
 LEAST_ITERATIONS = 10
 TOLERANCE = 1e-6
@@ -43,6 +43,6 @@ def propagate(
 
 
 def _others(index: IntArray, value: FloatArray, size: int) -> FloatArray:
-    """Return for each edge the sum of `value` over the other edges of its node."""
+    """Return, for each edge, the sum of `value` over the other edges of its node."""
     others = np.bincount(index, value, size).take(index) - value
     return np.maximum(others, 0.0, out=others)

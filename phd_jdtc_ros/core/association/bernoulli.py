@@ -1,7 +1,7 @@
-"""How one radar's detections are shared among targets, each of which is at most one.
+"""Association of one radar's detections with Bernoulli targets.
 
-A target is described by weighted rows, particles or Gaussians, whose weights sum to its existence
-probability. Here it only matters which target each row is of.
+A target consists of weighted rows, particles or Gaussians, whose weights sum to its existence
+probability. Only the target index of each row matters here.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import numpy.typing as npt
 from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
 
 BoolArray = npt.NDArray[np.bool_]
-# Lower bound of the probability that a target is missed; odds are divided by it.
+# Lower bound of the probability of a missed detection, by which odds are divided.
 LEAST_MISSED = 1e-6
 
 
 @dataclass(frozen=True)
 class Claims:
-    """How well the targets' N rows and all other sources explain one radar's M detections.
+    """Association likelihoods of N rows of targets, and of all other sources, for M detections.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ class Claims:
     detection_probability: FloatArray
 
     def part(self, rows: BoolArray | FloatArray) -> FloatArray:
-        """Return which share of all claims of each detection is of some rows, (N,) to (M,).
+        """Return the share of some rows, (N,), in the likelihoods of each detection, (M,).
 
-        Of rows that belong to them with a probability, that part counts.
+        `rows` is a mask, or the probability that each row counts.
         """
         size = len(self.other)
         whole = sum_by(self.column, self.mass, size)
@@ -56,17 +56,17 @@ class Claims:
 class Shares(NamedTuple):
     """The factors from prior to posterior weights.
 
-    A row of target g has the weight ``prior * (1 - p_D) * missed[g]`` if it was missed, and
-    ``mass * pair`` for each of its pairs if that pair's detection is its own.
+    The posterior weight of a row of target g is ``prior * (1 - p_D) * missed[g]`` for a missed
+    detection, and ``mass * pair`` for each of its pairs.
 
     Parameters
     ----------
     prior : array of shape (N,)
-        The rows' weights before, with targets of a mass above one scaled down to one.
+        Prior weights of the rows; targets with a mass above one are scaled to one.
     missed : array of shape (T,)
-        By target.
+        Factor of each target on its rows' weights for a missed detection.
     pair : array of shape (P,)
-        By pair.
+        Factor of each pair.
     claimed : array of shape (M,)
         Probability that a target is the source of each detection.
     approximate : int
@@ -81,20 +81,20 @@ class Shares(NamedTuple):
 
 
 def undetected(existence: FloatArray, missed: FloatArray) -> FloatArray:
-    """Return the existence probabilities of targets, given that they are not detected.
+    """Return the existence probabilities of targets after a missed detection.
 
     Parameters
     ----------
     existence : array of shape (T,)
-        Before the detections.
+        Prior existence probabilities.
     missed : array of shape (T,)
-        Probability that each exists and is not detected.
+        Probability that each target exists and is not detected.
     """
     return missed / np.maximum(1.0 - existence + missed, LEAST_MISSED)
 
 
 def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims) -> Shares:
-    """Return how the detections change the weights of targets that are at most one each.
+    """Return the factors by which the detections change the weights of Bernoulli targets.
 
     Parameters
     ----------
@@ -103,13 +103,12 @@ def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims
     targets : int
         T.
     weight : array of shape (N,)
-        Of each row before the update.
-    claims : Claims
+        Prior weight of each row.
 
     Notes
     -----
-    Let r be the probability that the target exists, r p_D that it is detected, and p_z and p_0 the
-    marginal probabilities of its association with detection z and with none. Then
+    Let r be the existence probability of the target, r p_D the probability that it is detected, and
+    p_z and p_0 the marginal probabilities of its association with detection z and with none. Then
     w <- w [p_0 (1 - p_D) / (1 - r p_D) + sum_z p_z p_D L_z / sum_s p_D L_z w].
 
     References
@@ -121,7 +120,7 @@ def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims
     from .marginals import marginals
 
     size = len(claims.other)
-    # The reduction of a set may round a mass to a little more than one.
+    # Rounding in the reduction of a set may leave a mass slightly above one.
     excess = np.maximum(sum_by(target, weight, targets), 1.0)
     prior = weight / excess.take(target)
     detected = sum_by(target, prior * claims.detection_probability, targets)

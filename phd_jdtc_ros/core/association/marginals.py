@@ -16,7 +16,7 @@ from . import frontier, planning
 from .belief_propagation import propagate
 from .clusters import graph_of
 
-# Larger odds against clutter are practically certain.
+# Smallest clutter intensity, in the units of the odds. Larger odds are practically certain.
 LEAST_CLUTTER = 1e-9
 # Work on a cluster for each of its targets, in entries of a table times edges: a nanosecond each.
 # Twelve targets that compete for twelve detections are within it.
@@ -35,8 +35,8 @@ class Marginals(NamedTuple):
     none : array of shape (T,)
         Probability that the target has no detection, because it was missed or does not exist.
     approximate : int
-        The number of clusters that were too large for exact sums; the probabilities in them are
-        those of belief propagation, which may be overconfident.
+        Number of clusters that were too large for exact sums. Their probabilities come from belief
+        propagation and may be overconfident.
     """
 
     edge: FloatArray
@@ -54,12 +54,12 @@ def marginals(
     target, detection : int arrays of shape (E,)
         The edges, each once.
     odds : array of shape (E,)
-        Odds of that detection against none, for the target alone: the mass that the edge explains,
-        divided by the probability that the target has no detection.
+        Odds of the detection against none for this target alone: the mass of the edge, divided by
+        the probability that the target has no detection.
     targets : int
         T.
     clutter : array of shape (M,)
-        Intensity of the other sources of each detection, in the units of `odds`.
+        Intensity of all other sources of each detection, in the units of `odds`.
     """
     possible = np.flatnonzero(odds)
     target, detection = target.take(possible), detection.take(possible)

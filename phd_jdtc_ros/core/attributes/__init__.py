@@ -1,18 +1,18 @@
-"""What transponders tell: identities and heights of targets, beside their states.
+"""Transponder data: identities and heights of targets, estimated beside their states.
 
 ::
 
-    origins, gates
-      |  detections of false heights, read at those of the origins   readings
-    origins, their pairs with detections
-      |  what an identity, a height is worth as evidence       identity, height
-      |  unique ones: taken by other targets, or lost          uniqueness
+    labels, gates
+      |  plots with false heights, projected at a target's height   readings
+    pairs of targets and detections
+      |  likelihood of the identity and the height             identity, height
+      |  unique identities: already taken, or of a lost target  uniqueness
     log factor of each pair, of clutter and of new targets: memory.AttributeMemory.evidence
       |  (the engine associates)
     probability of each pair: memory.AttributeMemory.learn
-      |  beliefs of each origin
-    code, address, z, vz of estimates: memory.AttributeMemory.told
+      |  beliefs about each label
+    code, address, z, vz of estimates: memory.AttributeMemory.describe
 
-Both engines use `memory.AttributeMemory` and `readings.Paired` and nothing else here. Beliefs are
-of an origin, whatever represents its state.
+Engines use only `memory.AttributeMemory` and `readings.Paired`. A belief belongs to a label and is
+independent of how an engine represents the state.
 """

@@ -1,7 +1,7 @@
-"""Heights of targets: a filter of its own for each, of the height and the climb rate.
+"""Height filter: estimates the height and the climb rate of each target apart from its state.
 
-A height is known or not; where it is, it is Gaussian. A garbled height may be any, so that it
-neither moves a target nor is excluded as one of its detections.
+A known height has a Gaussian density. A garbled height may have any value: it does not change the
+estimate, and its detection can still belong to the target.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import numpy.typing as npt
 from ..arrays import FloatArray, IntArray, sum_by
 
 BoolArray = npt.NDArray[np.bool_]
-# Metres: garbled heights, and those of unknown targets, are uniform over so much.
+# Width of the uniform density of garbled heights and of heights of unknown targets, metres.
 SPAN = 15e3
 
 
 @dataclass(frozen=True)
 class HeightModel:
-    """How targets climb, and how their heights are measured.
+    """Model of climbing targets and of measured heights.
 
     Parameters
     ----------
@@ -32,12 +32,12 @@ class HeightModel:
     climb_std : float
         Standard deviation of a new target's climb rate about zero, m/s.
     garbled : float
-        Probability that a height is any.
+        Probability that a measured height is garbled.
     evidence : float
-        Exponent of the likelihood ratio by which heights tell whose a detection is: 1 is Bayes'
-        rule, 0 leaves them out.
+        Exponent of the heights' likelihood ratio in data association: 1 is Bayes' rule, 0 ignores
+        heights.
     kept_s : float
-        Mean time until a height that is known is lost, seconds: so that a wrong one is given up.
+        Mean time until a known height is forgotten, seconds; it bounds the life of a wrong one.
     """
 
     std: float = 7.6
@@ -48,9 +48,9 @@ class HeightModel:
     kept_s: float = 1800.0
 
     def transition(self, dt: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the matrices of `dt` seconds, (T, 2, 2), and the covariances of the noise.
+        """Return the transition matrices over `dt` seconds and the process noise, both (T, 2, 2).
 
-        The noise of a negative time is that of the same time forward, seen from its end.
+        For a negative `dt` the noise is the forward noise, expressed at the end of the interval.
         """
         move = np.zeros((len(dt), 2, 2))
         move[:, 0, 0] = move[:, 1, 1] = 1.0
@@ -64,12 +64,12 @@ class HeightModel:
 
 
 class Heights(NamedTuple):
-    """What is known of T targets' heights.
+    """Height densities of T targets.
 
     Parameters
     ----------
     known : array of shape (T,)
-        Probability that the Gaussian is right; otherwise the height may be any.
+        Weight of the Gaussian; the rest of the density is uniform.
     mean : array of shape (T, 2)
         Height and climb rate, metres and metres per second.
     covariance : array of shape (T, 2, 2)
@@ -81,14 +81,14 @@ class Heights(NamedTuple):
 
     @staticmethod
     def fresh(targets: int) -> Heights:
-        """Return the heights of targets that nothing is known of."""
+        """Return the prior heights of new targets."""
         return Heights(np.zeros(targets), np.zeros((targets, 2)), np.zeros((targets, 2, 2)))
 
     def take(self, rows: IntArray) -> Heights:
-        """Return those of these rows."""
+        """Return the heights of these rows."""
         return Heights(self.known[rows], self.mean[rows], self.covariance[rows])
 
-    def moved(self, dt: FloatArray, model: HeightModel) -> Heights:
+    def predict(self, dt: FloatArray, model: HeightModel) -> Heights:
         """Return the heights `dt` seconds later, (T,)."""
         move, noise = model.transition(dt)
         noise[dt == 0.0] = 0.0
@@ -100,42 +100,43 @@ class Heights(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """Heights of detections, compared with those of targets.
+    """Likelihood of the detections' heights, and the height filter's update for each pair.
 
     Parameters
     ----------
     prior : Heights
+        Predicted heights of the targets.
     part : array of shape (E, 3)
-        Probabilities that a pair's detection tells the known height, that it is garbled or tells
-        nothing, and that it tells one that was not known.
-    told, first : Heights
-        Of each pair: after the measurement, and by the measurement alone.
+        Probabilities that a pair's detection measures the known height, that it is garbled or has
+        no height, and that it measures a height not known before.
+    posterior, first : Heights
+        Heights of each pair: updated by the measurement, and from the measurement alone.
     log_factor : array of shape (E,)
-        Log of the likelihood of each pair's detection, over that of an unknown target.
+        Log likelihood ratio of each pair's detection against an unknown target.
     """
 
     prior: Heights
     part: FloatArray
-    told: Heights
+    posterior: Heights
     first: Heights
     log_factor: FloatArray
 
 
-def compared(
+def compare(
     prior: Heights, target: IntArray, height: FloatArray, since: FloatArray, model: HeightModel
 ) -> Measured:
-    """Return what the heights of pairs' detections tell.
+    """Return the likelihoods of the heights measured in pairs, and the updated heights.
 
     Parameters
     ----------
     prior : Heights
         Of T targets, at the scan's stamp.
     target : int array of shape (E,)
+        Row of each pair in `prior`.
     height : array of shape (E,)
         Metres; NaN where it is unknown.
     since : array of shape (E,)
         Time of each detection after the scan's stamp, seconds.
-    model : HeightModel
     """
     before = prior.take(target)
     given = np.isfinite(height)
@@ -154,32 +155,32 @@ def compared(
     part[~given] = 0.0, 1.0, 0.0
     log_factor = np.where(given, model.evidence * np.log(factor), 0.0)
     gain = spread / variance[:, None]
-    told = Heights(
+    posterior = Heights(
         part[:, 0],
         before.mean + gain * error[:, None],
         before.covariance - gain[:, :, None] * spread[:, None, :],
     )
-    return Measured(prior, part, told, _first(value, since, model), log_factor)
+    return Measured(prior, part, posterior, _first(value, since, model), log_factor)
 
 
 def _first(height: FloatArray, since: FloatArray, model: HeightModel) -> Heights:
-    """Return heights by one measurement, at the scan's stamp."""
+    """Return heights initiated by one measurement, at the scan's stamp."""
     back, _ = model.transition(-since)
     start = np.diag([model.std**2, model.climb_std**2])
     mean = np.stack([height, np.zeros(len(height))], axis=1)
     return Heights(np.ones(len(height)), mean, back @ start @ back.swapaxes(1, 2))
 
 
-def learned(
+def update(
     measured: Measured, target: IntArray, own: FloatArray, none: FloatArray
 ) -> tuple[Heights, BoolArray]:
-    """Return the heights after an association, see `identity.learned`, and which begin again.
+    """Return the heights after an association, see `identity.update`, and a mask of restarts.
 
     Notes
     -----
-    Of each target, the Gaussians of all that may be so are matched by one: of what goes on from the
-    height that was known or, if that is more probable, of what begins with a measurement. The other
-    part counts as unknown, so that a garbled height does not move a target.
+    Each target's height mixture is moment-matched: the prior continued, or restarted at a
+    measurement if that is more probable. The weight of the other part becomes unknown, so that a
+    garbled height does not change the estimate.
     """
     prior, count = measured.prior, len(measured.prior.known)
     kept = (none + sum_by(target, own * measured.part[:, 1], count)) * prior.known
@@ -192,7 +193,7 @@ def learned(
     share = np.where(again[owner] == of_new, share, 0.0)
     known = sum_by(owner, share, count)
     share = share / np.where(known > 0.0, known, 1.0)[owner]
-    parts = [prior, measured.told, measured.first]
+    parts = [prior, measured.posterior, measured.first]
     means = np.concatenate([part.mean for part in parts])
     spreads = np.concatenate([part.covariance for part in parts])
     mean = np.stack([sum_by(owner, share * axis, count) for axis in means.T], axis=1)

@@ -1,37 +1,40 @@
-"""Filtered heights of the last scans, and what later ones make of them.
+"""Filtered heights of the last scans, and their smoothing.
 
-The filter of a height is linear and has two states, so that a Rauch-Tung-Striebel pass over a few
-stored steps smooths it.
+The height filter is linear with two states; a Rauch-Tung-Striebel pass over the stored steps
+smooths it.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..snapshot import MOST_STAMP_NS, MOST_STATE, covariances, floats, integers
 from .height import HeightModel, Heights
 
 
 class History(NamedTuple):
-    """Filtered heights, by ascending origin and then by ascending stamp.
+    """Filtered heights, sorted by label and then by stamp.
 
     Parameters
     ----------
     origin, stamp_ns : int arrays of shape (R,)
+        Label of the target, and nanoseconds.
     mean : array of shape (R, 2)
+        Height and climb rate, metres and metres per second.
     covariance : array of shape (R, 2, 2)
     """
 
-    origin: IntArray
-    stamp_ns: IntArray
-    mean: FloatArray
-    covariance: FloatArray
+    origin: Annotated[IntArray, integers("R", 0)]
+    stamp_ns: Annotated[IntArray, integers("R", 0, MOST_STAMP_NS)]
+    mean: Annotated[FloatArray, floats("RA", -MOST_STATE, MOST_STATE)]
+    covariance: Annotated[FloatArray, covariances("RAA", MOST_STATE)]
 
     @staticmethod
     def empty() -> History:
-        """Return one without rows."""
+        """Return a history without rows."""
         none = np.zeros(0, dtype=np.int64)
         return History(none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)))
 
@@ -40,8 +43,8 @@ class History(NamedTuple):
         columns: list[Any] = [column[rows] for column in self]
         return History(*columns)
 
-    def noted(self, origin: IntArray, stamp_ns: int, heights: Heights) -> History:
-        """Return the history with those of a scan, in place of what it has of the same scan."""
+    def record(self, origin: IntArray, stamp_ns: int, heights: Heights) -> History:
+        """Return the history with a scan's heights, which replace earlier ones of that scan."""
         old = self.take(
             np.flatnonzero(~((self.stamp_ns == stamp_ns) & np.isin(self.origin, origin)))
         )
@@ -50,31 +53,25 @@ class History(NamedTuple):
         return History(*columns).take(np.lexsort((columns[1], columns[0])))
 
     def without(self, origin: IntArray) -> History:
-        """Return the history of other origins."""
+        """Return the history without these labels."""
         if not np.isin(self.origin, origin).any():
             return self
         return self.take(np.flatnonzero(~np.isin(self.origin, origin)))
 
     def since(self, stamp_ns: int, alive: IntArray) -> History:
-        """Return what a smoothed height from a stamp on may need, of some origins."""
+        """Return the rows of live labels that smoothing from a stamp on may need."""
         following = np.append(self.stamp_ns[1:], np.iinfo(np.int64).max)
         last = np.append(self.origin[1:] != self.origin[:-1], True)[: len(self.origin)]
         needed = last | (following[: len(self.origin)] > stamp_ns)
         return self.take(np.flatnonzero(needed & np.isin(self.origin, alive)))
 
-    def smoothed(self, origin: IntArray, stamp_ns: int, model: HeightModel) -> Heights:
-        """Return the heights of origins at a stamp, given all that later scans have told.
-
-        Parameters
-        ----------
-        origin : int array of shape (T,)
-        stamp_ns : int
-        model : HeightModel
+    def smooth(self, origin: IntArray, stamp_ns: int, model: HeightModel) -> Heights:
+        """Return the heights of labels at a stamp, given the detections of all later scans.
 
         Returns
         -------
         Heights
-            `known` is 1 where there is any row of the origin, and 0 elsewhere.
+            `known` is 1 for labels with any row, and 0 for others.
         """
         first = np.searchsorted(self.origin, origin)
         end = np.searchsorted(self.origin, origin, side="right")
@@ -88,7 +85,7 @@ class History(NamedTuple):
             self.covariance[row[going]],
         )
         while len(going):
-            # Where the next row back is earlier than the stamp, the step ends at the stamp.
+            # The step ends at the stamp if the next row back is earlier.
             at = self.stamp_ns[row[going]]
             back = np.maximum(row[going] - 1, 0)
             more = (row[going] > first[going]) & (at > stamp_ns)
@@ -98,27 +95,27 @@ class History(NamedTuple):
             rest = going[done]
             dt = _seconds(stamp_ns - at[done])
             last = Heights(later.known[rest], later.mean[rest], later.covariance[rest])
-            moved = last.moved(dt, model)
+            moved = last.predict(dt, model)
             found.mean[rest], found.covariance[rest] = moved.mean, moved.covariance
             some = going[more]
             own = Heights(np.ones(len(some)), self.mean[back[more]], self.covariance[back[more]])
             ahead = _seconds((until - before_ns)[more])
             after = _seconds((at - until)[more])
-            start = own.moved(ahead, model)
-            told = _told(start, later.take(some), after, model)
-            later.mean[some], later.covariance[some] = told.mean, told.covariance
+            start = own.predict(ahead, model)
+            past = _smooth_step(start, later.take(some), after, model)
+            later.mean[some], later.covariance[some] = past.mean, past.covariance
             there = until[more] == stamp_ns
             ended = some[there]
-            found.mean[ended], found.covariance[ended] = told.mean[there], told.covariance[there]
+            found.mean[ended], found.covariance[ended] = past.mean[there], past.covariance[there]
             row[some] -= 1
             going = some[~there]
         return found
 
 
-def _told(before: Heights, later: Heights, dt: FloatArray, model: HeightModel) -> Heights:
-    """Return filtered heights given smoothed ones `dt` seconds later: a step back."""
+def _smooth_step(before: Heights, later: Heights, dt: FloatArray, model: HeightModel) -> Heights:
+    """Return heights smoothed by one backward step from smoothed ones `dt` seconds later."""
     move, _ = model.transition(dt)
-    predicted = before.moved(dt, model)
+    predicted = before.predict(dt, model)
     gain = before.covariance @ move.swapaxes(1, 2) @ np.linalg.inv(predicted.covariance)
     change = later.mean - predicted.mean
     mean = before.mean + (gain @ change[:, :, None])[:, :, 0]

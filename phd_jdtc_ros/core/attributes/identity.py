@@ -1,12 +1,12 @@
-"""Whose answer a detection is: codes and addresses as evidence, and beliefs about targets' own.
+"""Mode A code and Mode S address: the belief about each target's, and a reply's likelihood.
 
-A belief is a few candidates, the rest of all identities as one, and that the target has no
-transponder. A detection shows one identity or none. An answer may be garbled, a target may not
-answer, and a new code may be assigned to it, so that no belief ever excludes a detection.
+A belief is a distribution over a few candidates, all other identities together, and the absence of
+a transponder. A detection shows one identity or none. No belief excludes a detection, since a reply
+may be garbled or missing, and a target may be assigned a new code.
 
-An identity may be unique: what one target has, no other one has. Addresses are, because an airframe
-keeps its own. Codes are not: there are 4096 for all the world, neighbouring centres give the same
-ones, and some are for whole groups of aircraft.
+A unique identity belongs to one target only. Addresses are unique, because an airframe keeps its
+own. Codes are not: there are 4096 in the world, neighbouring centres assign the same ones, and some
+are shared by groups of aircraft.
 """
 
 from __future__ import annotations
@@ -19,37 +19,37 @@ import numpy as np
 from ..arrays import FloatArray, IntArray, sum_by
 from ..types import UNKNOWN
 
-# Candidates that are kept of each target; the improbable ones beyond go back to the rest.
+# Largest number of candidates of a target; the weight of less probable ones joins the rest.
 CANDIDATES = 4
-# Of a detection that says nothing of an identity, not even that there is none.
+# Marks a detection of a sensor that does not report this identity.
 NOTHING = -2
 CODES, ADDRESSES = 1 << 12, 1 << 24
-# The columns of a belief behind those of its candidates.
+# Last two columns of a belief: all other identities, and no transponder.
 REST, ABSENT = -2, -1
 
 
 @dataclass(frozen=True)
 class IdentityModel:
-    """How targets and their answers get their identities.
+    """Model of targets' identities and of their replies.
 
     Parameters
     ----------
     size : int
-        N: the number of identities that there can be.
+        N: the number of possible identities.
     equipped : float
         Probability that a target has a transponder.
     reply : float
-        Probability that such a target's detection has an answer.
+        Probability that a detection of an equipped target has a reply.
     garbled : float
-        Probability that an answer is any identity, and of one where there is no transponder.
+        Probability that a reply is garbled, and that a target without a transponder has one.
     kept_s : float
         Mean time until a target gets another identity, seconds.
     shared : tuple of int
         Identities that many targets have.
     shared_probability : float
-        That a target has one of those; each is as probable.
+        Probability that a target has a shared identity; all of them are equally probable.
     unique : bool
-        Whether no two targets have the same.
+        Whether no two targets have the same identity.
     """
 
     size: int
@@ -62,7 +62,7 @@ class IdentityModel:
     unique: bool = False
 
     def prior(self, identity: IntArray) -> FloatArray:
-        """Return how probable identities are for a target that nothing is known of; shape kept."""
+        """Return the prior probability of identities for a new target; shape kept."""
         if not self.shared:
             return np.full(np.shape(identity), 1.0 / self.size)
         own = (1.0 - self.shared_probability) / (self.size - len(self.shared))
@@ -71,16 +71,16 @@ class IdentityModel:
 
     @property
     def answered(self) -> float:
-        """Probability that a detection of an unknown target has an answer."""
+        """Probability that a detection of an unknown target has a reply."""
         return self.equipped * self.reply + (1.0 - self.equipped) * self.garbled
 
-    def own(self, identity: IntArray) -> FloatArray:
-        """Return how probably what unknown targets' detections show is their own; shape kept."""
+    def genuine(self, identity: IntArray) -> FloatArray:
+        """Return the probability that an unknown target's reply is not garbled; shape kept."""
         shown = self.equipped * self.reply * (1.0 - self.garbled) * self.prior(identity)
-        return np.where(identity < 0, 0.0, shown / self.nobodys(identity))
+        return np.where(identity < 0, 0.0, shown / self.clutter_likelihood(identity))
 
-    def nobodys(self, identity: IntArray) -> FloatArray:
-        """Return the probability of what detections of unknown targets show; shape kept."""
+    def clutter_likelihood(self, identity: IntArray) -> FloatArray:
+        """Return the likelihood of replies from unknown targets; shape kept."""
         prior = self.prior(identity)
         answer = self.reply * ((1.0 - self.garbled) * prior + self.garbled / self.size)
         shown = self.equipped * answer + (1.0 - self.equipped) * self.garbled * prior
@@ -88,7 +88,7 @@ class IdentityModel:
 
 
 class Belief(NamedTuple):
-    """What T targets' identities may be.
+    """Distributions of T targets' identities.
 
     Parameters
     ----------
@@ -104,44 +104,43 @@ class Belief(NamedTuple):
 
     @staticmethod
     def fresh(targets: int, model: IdentityModel) -> Belief:
-        """Return the belief about targets that nothing is known of."""
+        """Return the prior belief about new targets."""
         weight = np.zeros((targets, CANDIDATES + 2))
         weight[:, REST], weight[:, ABSENT] = model.equipped, 1.0 - model.equipped
         return Belief(np.full((targets, CANDIDATES), UNKNOWN), weight)
 
-    def moved(self, dt: FloatArray, model: IdentityModel) -> Belief:
-        """Return the belief `dt` seconds later, (T,): some targets have got another identity."""
+    def predict(self, dt: FloatArray, model: IdentityModel) -> Belief:
+        """Return the belief `dt` seconds later, (T,), as identities may have changed."""
         kept = np.exp(-dt / model.kept_s)[:, None]
         weight = self.weight.copy()
         weight[:, :REST] *= kept
         weight[:, REST] += ((1.0 - kept) * self.weight[:, :REST]).sum(axis=1)
         return Belief(self.candidate, weight)
 
-    def reported(self) -> IntArray:
-        """Return each target's identity if one is more probable than not, else `UNKNOWN`, (T,)."""
+    def most_probable(self) -> IntArray:
+        """Return each target's identity above a probability of 0.5, else `UNKNOWN`, (T,)."""
         best = self.weight[:, :REST].argmax(axis=1)
         row = np.arange(len(best))
         return np.where(self.weight[row, best] > 0.5, self.candidate[row, best], UNKNOWN)
 
     def of(self, target: IntArray, shown: IntArray) -> FloatArray:
-        """Return how probably targets have what is shown as a candidate, both of shape (E,)."""
+        """Return the belief of targets in the identities `shown`; all shapes (E,)."""
         match = (self.candidate[target] == shown[:, None]) & (shown >= 0)[:, None]
         probability: FloatArray = (self.weight[target, :REST] * match).sum(axis=1)
         return probability
 
 
-class Shown(NamedTuple):
-    """What detections show, compared with what is believed of targets.
+class ReplyLikelihood(NamedTuple):
+    """Likelihood of replies given the beliefs about targets.
 
     Parameters
     ----------
     prior : Belief
-        Before the detections, with every identity that one of the target's pairs shows among its
-        candidates, L of them.
+        Before the update; its L candidates include every identity shown in a target's pairs.
     likelihood : array of shape (E, L + 2)
-        Of each pair's detection, by column of the belief.
+        Likelihood of each pair's reply for each column of the belief.
     log_factor : array of shape (E,)
-        Log of the likelihood of each pair's detection, over that of an unknown target.
+        Log likelihood ratio of each pair's detection against an unknown target.
     """
 
     prior: Belief
@@ -149,50 +148,51 @@ class Shown(NamedTuple):
     log_factor: FloatArray
 
 
-def compared(
+def compare(
     belief: Belief,
     target: IntArray,
     shown: IntArray,
     model: IdentityModel,
     taken: FloatArray | float = 0.0,
-) -> Shown:
-    """Return what the detections of pairs are worth as evidence.
+) -> ReplyLikelihood:
+    """Return the likelihoods of the replies of pairs.
 
     Parameters
     ----------
     belief : Belief
         Of T targets.
     target : int array of shape (E,)
+        Row of each pair in `belief`.
     shown : int array of shape (E,)
-        The identity that each pair's detection shows; `UNKNOWN` for no answer, `NOTHING` where it
-        does not say.
-    model : IdentityModel
+        The identity that each pair's detection shows; `UNKNOWN` for no reply, `NOTHING` if the
+        sensor does not report this identity.
     taken : array of shape (E,) or float
-        Probability that another target has what the pair's detection shows, so that its own target
-        cannot.
+        Probability that another target has the identity shown, which excludes the pair's target.
     """
-    prior = _widened(belief, target, shown, model)
+    prior = _add_candidates(belief, target, shown, model)
     answered = (shown >= 0)[:, None]
     garbled = model.garbled / model.size
     match = (prior.candidate[target] == shown[:, None]) & answered
     likelihood = np.empty((len(target), prior.weight.shape[1]))
     free = np.broadcast_to(1.0 - np.asarray(taken), shown.shape)[:, None]
     likelihood[:, :REST] = model.reply * ((1.0 - model.garbled) * free * match + garbled)
-    # What is shown is a candidate, so that none of the rest shows it but garbled.
+    # Every identity shown is a candidate: the rest can only show it garbled.
     likelihood[:, REST] = model.reply * garbled
     likelihood[:, ABSENT] = model.garbled * model.prior(shown)
     silent = np.full(prior.weight.shape[1], 1.0 - model.reply)
     silent[ABSENT] = 1.0 - model.garbled
     likelihood = np.where(answered, likelihood, silent)
-    said = shown != NOTHING
-    likelihood[~said] = 1.0
+    reports = shown != NOTHING
+    likelihood[~reports] = 1.0
     evidence = (prior.weight[target] * likelihood).sum(axis=1)
-    log_factor = np.where(said, np.log(evidence / model.nobodys(shown)), 0.0)
-    return Shown(prior, likelihood, log_factor)
+    log_factor = np.where(reports, np.log(evidence / model.clutter_likelihood(shown)), 0.0)
+    return ReplyLikelihood(prior, likelihood, log_factor)
 
 
-def _widened(belief: Belief, target: IntArray, shown: IntArray, model: IdentityModel) -> Belief:
-    """Return the belief with what the targets' pairs show taken out of the rest."""
+def _add_candidates(
+    belief: Belief, target: IntArray, shown: IntArray, model: IdentityModel
+) -> Belief:
+    """Return the belief with the identities shown in pairs as further candidates."""
     among = (belief.candidate[target] == shown[:, None]).any(axis=1)
     new = np.flatnonzero((shown >= 0) & ~among)
     owner, identity = np.divmod(np.unique(target[new] * model.size + shown[new]), model.size)
@@ -212,22 +212,23 @@ def _widened(belief: Belief, target: IntArray, shown: IntArray, model: IdentityM
     return Belief(candidate, weight)
 
 
-def learned(shown: Shown, target: IntArray, own: FloatArray, none: FloatArray) -> Belief:
+def update(shown: ReplyLikelihood, target: IntArray, own: FloatArray, none: FloatArray) -> Belief:
     """Return the belief after an association.
 
     Parameters
     ----------
-    shown : Shown
+    shown : ReplyLikelihood
     target : int array of shape (E,)
+        Row of each pair in the belief.
     own : array of shape (E,)
         Probability of each pair, given that its target exists.
     none : array of shape (T,)
-        Probability of none of its pairs.
+        Probability that a target has none of its pairs.
 
     Notes
     -----
-    Given its detection, a target's identity does not depend on the association of the others, so
-    that this is exact until improbable candidates are given up.
+    Given its detection, a target's identity is independent of the other targets' associations. The
+    update is therefore exact, except for the candidates that are dropped.
     """
     prior = shown.prior.weight
     joint = prior[target] * shown.likelihood
@@ -235,11 +236,11 @@ def learned(shown: Shown, target: IntArray, own: FloatArray, none: FloatArray) -
     weight = none[:, None] * prior
     np.add.at(weight, target, after)
     weight /= weight.sum(axis=1, keepdims=True)
-    return _narrowed(Belief(shown.prior.candidate, weight))
+    return _prune(Belief(shown.prior.candidate, weight))
 
 
-def _narrowed(belief: Belief) -> Belief:
-    """Return the belief with its most probable candidates; the others go back to the rest."""
+def _prune(belief: Belief) -> Belief:
+    """Return the belief with its most probable candidates; the others join the rest."""
     named = np.where(belief.candidate == UNKNOWN, -1.0, belief.weight[:, :REST])
     order = np.argsort(-named, axis=1, kind="stable")[:, :CANDIDATES]
     candidate = np.take_along_axis(belief.candidate, order, axis=1)

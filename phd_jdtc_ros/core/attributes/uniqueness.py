@@ -1,8 +1,8 @@
-"""One unique identity, one target: who has it already, and who has it and is lost.
+"""Unique identities: detections whose identity another target has, and targets that were lost.
 
-Of a detection that shows such an identity, a target that has it speaks against a new target and
-against all others: they would have the same. It does so where it may have come to the detection;
-elsewhere the identity is another transponder's that was given twice, or a reflection.
+If a known target has the identity that a detection shows, the detection is less likely from a new
+target or from any other one. This holds only if the known target may be at the detection;
+elsewhere the identity was assigned twice, or the detection is a reflection.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ import numpy as np
 from ..arrays import FloatArray, IntArray, sum_by
 from .identity import Belief, IdentityModel
 
-# However sure, an identity is another target's with less than this.
+# Upper bound of the probability that another target has an identity; keeps logarithms finite.
 MOST_TAKEN = 1.0 - 1e-12
 
 
 class Lost(NamedTuple):
-    """Targets that have the identity of a detection, and are not where it is.
+    """Targets that have the identity of a detection outside their gates.
 
     Parameters
     ----------
     target : int array of shape (L,)
         Indices of the engine's targets.
     column : int array of shape (L,)
-        Their detections.
+        The detection with the target's identity.
     since_s : array of shape (L,)
         Seconds from each target's last detection to this one.
     """
@@ -37,21 +37,21 @@ class Lost(NamedTuple):
 
 
 class Taken(NamedTuple):
-    """How probably the identities that M detections show are those of known targets.
+    """Probabilities that known targets have the identities shown by M detections.
 
     Parameters
     ----------
     by_another : array of shape (E,)
-        For each edge of a target and a detection: that of another target.
+        For each edge: probability that a target other than the edge's has the identity.
     log_unknown : array of shape (M,)
-        Log of what the intensity of unknown targets at each detection is multiplied by.
+        Log factor of the intensity of unknown targets at each detection.
     """
 
     by_another: FloatArray
     log_unknown: FloatArray
 
 
-def taken(
+def find_taken(
     belief: Belief,
     target: IntArray,
     column: IntArray,
@@ -59,25 +59,25 @@ def taken(
     undetected: FloatArray,
     model: IdentityModel,
 ) -> Taken:
-    """Return which of the detections' identities are taken.
+    """Return the probabilities that the detections' identities are taken.
 
     Parameters
     ----------
     belief : Belief
         Of T targets.
     target, column : int arrays of shape (E,)
-        The edges: each target with the detections that it may have, each once.
+        The edges: the distinct pairs of targets and detections.
     shown : int array of shape (M,)
-        The identity that each detection shows; negative where it shows none.
+        The identity that each detection shows; negative without one.
     undetected : array of shape (T,)
         Existence probability of each target, given that it is not the source of a detection.
     model : IdentityModel
 
     Notes
     -----
-    If a new target is the source of a detection, an old one is not, and exists with r' =
-    r (1 - p_D) / (1 - r p_D). Let b be its belief in the identity: then it leaves it to the new one
-    with the probability 1 - r' b. What a new target shows may still be garbled.
+    If a new target is the source of a detection, an old one is not, and exists with probability
+    r' = r (1 - p_D) / (1 - r p_D). With the belief b in the identity, the old target leaves it free
+    with probability 1 - r' b. The reply of a new target may also be garbled.
     """
     if not model.unique:
         return Taken(np.zeros(len(target)), np.zeros(len(shown)))
@@ -85,7 +85,7 @@ def taken(
     log_left = np.log1p(-has)
     left = sum_by(column, log_left, len(shown))
     others = -np.expm1(left[column] - log_left)
-    unknown = np.log1p(model.own(shown) * np.expm1(left))
+    unknown = np.log1p(model.genuine(shown) * np.expm1(left))
     return Taken(np.maximum(others, 0.0), unknown)
 
 
@@ -96,20 +96,20 @@ def lost(
     shown_ns: IntArray,
     near: tuple[IntArray, IntArray],
 ) -> Lost | None:
-    """Return the targets that detections show and that are not near them; None if there are none.
+    """Return the targets whose identities detections show outside their gates, or None.
 
     Parameters
     ----------
     has : int array of shape (T,)
-        The unique identity of each target, negative where it is not known.
+        The unique identity of each target, negative if unknown.
     seen_ns : int array of shape (T,)
-        When each was last seen, nanoseconds.
+        Time of each target's last detection, nanoseconds.
     shown : int array of shape (M,)
-        The identity that each detection shows; negative where it shows none.
+        The identity that each detection shows; negative without one.
     shown_ns : int array of shape (M,)
-        When, nanoseconds.
+        Time of each detection, nanoseconds.
     near : tuple of two int arrays of shape (P,)
-        Targets and their detections that are near to each other.
+        Targets and detections of the pairs in gates.
     """
     away = (has[:, None] == shown) & (shown >= 0)
     away[near] = False

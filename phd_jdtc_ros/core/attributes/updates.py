@@ -1,6 +1,6 @@
-"""When each kind of sensor last saw a target: a primary radar, a secondary one, and Mode S.
+"""Time of each target's last detection by primary radar, by secondary radar and by Mode S.
 
-A detection may be of several kinds: of a combined radar, both its echo and its answer.
+A plot of a combined radar, with an echo and a reply, counts for several sensor types.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from ..arrays import FloatArray, IntArray
 from ..types import SENSORS, UNKNOWN, Detections
 from .height import BoolArray
 
-# Which sensors a plot is of, by the TYP of I048/020: primary, secondary, both, Mode S all-call and
-# roll-call, and both of these with primary.
+# Sensor types of a plot, by the TYP of I048/020: none, primary, secondary, both, Mode S all-call
+# and roll-call, and the last two with primary.
 OF_KIND = np.array(
     [
         [False, False, False],
@@ -25,20 +25,20 @@ OF_KIND = np.array(
         [True, False, True],
     ]
 )
-# A detection updates a target that it is of with at least this probability.
+# Smallest association probability with which a detection updates a target's times.
 LEAST = 0.5
 
 
 def never(targets: int) -> IntArray:
-    """Return the times of targets that no sensor has seen, shape (T, S)."""
+    """Return the times of targets that no sensor has detected, shape (T, S)."""
     return np.full((targets, len(SENSORS)), UNKNOWN, dtype=np.int64)
 
 
 def sensors_of(detections: Detections) -> BoolArray:
-    """Return which sensors each detection is of, shape (M, S).
+    """Return a mask of the sensor types of each detection, shape (M, S).
 
-    Where its kind is not known, one with an address is of Mode S, another with a code of a
-    secondary radar, and any other one of a primary radar.
+    Without a given type, a detection with an address counts as Mode S, one with a code as
+    secondary radar, and any other as primary radar.
     """
     none = np.full(len(detections), UNKNOWN)
     code = none if detections.code is None else detections.code
@@ -50,13 +50,13 @@ def sensors_of(detections: Detections) -> BoolArray:
 
 
 def times_of(detections: Detections, stamp_ns: int) -> IntArray:
-    """Return when each detection was made, nanoseconds, shape (M,)."""
+    """Return the time of each detection, nanoseconds, shape (M,)."""
     if detections.time_s is None:
         return np.full(len(detections), stamp_ns, dtype=np.int64)
     return stamp_ns + np.rint(detections.time_s * 1e9).astype(np.int64)
 
 
-def updated(
+def update(
     before: IntArray,
     target: IntArray,
     column: IntArray,
@@ -72,14 +72,14 @@ def updated(
     target, column : int arrays of shape (E,)
         The target and the detection of each edge.
     own : array of shape (E,)
-        Probability that the target, if it exists, has the edge's detection.
+        Probability of the edge, given that its target exists.
     detections : Detections
     stamp_ns : int
         Of the scan.
     """
     sure = np.flatnonzero(own >= LEAST)
-    said = sensors_of(detections)[column[sure]]
-    edge, sensor = np.nonzero(said)
+    sensors = sensors_of(detections)[column[sure]]
+    edge, sensor = np.nonzero(sensors)
     times = times_of(detections, stamp_ns)[column[sure]][edge]
     after: IntArray = before.copy()
     np.maximum.at(after, (target[sure][edge], sensor), times)

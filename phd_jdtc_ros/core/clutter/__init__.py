@@ -1,1 +1,1 @@
-"""What is known of false detections: their rate, their amplitudes, and a map of their places."""
+"""Clutter models: the rate, the amplitudes and a map of false detections."""

@@ -1,58 +1,61 @@
-"""The law of the amplitudes of clutter: noise, land or sea as configured, or as a radar learns it.
+"""Amplitude distributions of clutter: noise, land or sea as configured, or learned per radar.
 
-A law is a density over all envelopes; a radar reports those above its threshold. What clutter of an
-amplitude is like decides what a single detection proves. The tail of noise falls with exp(-a^2/2),
-so against `Rayleigh` a false detection that is a few decibels higher is a certain target. `Learned`
-cannot be that wrong: its density is the predictive one of what it has seen.
+A law is a density over all envelopes; a radar reports the envelopes above its threshold. The
+clutter's density at an amplitude decides how strong the evidence of a single detection is. The tail
+of noise falls with exp(-a^2/2), so that against `Rayleigh` a false detection a few decibels higher
+is almost certainly a target. `Learned` bounds this error by a predictive density.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
 from scipy.special import log_ndtr
 
 from ..arrays import FloatArray, read_only
+from ..snapshot import floats
 from ..targets.amplitude_density import SMALLEST_AMPLITUDE, log_clutter_density
 
-# Level in dB, 10 log10(a^2 / 2), which is the SNR of which an envelope a would be typical.
+# Factor of the level 10 log10(a^2 / 2) in dB, the SNR for which an envelope a is typical.
 DB = 10.0 / np.log(10.0)
-# Cells of the learned law, dB; amplitudes outside count as those of the first or the last cell.
+# Range and width of the learned law's cells, dB; other amplitudes count in the nearest cell.
 LOWEST_DB, HIGHEST_DB, CELL_DB = -20.0, 80.0, 0.5
 CELLS = round((HIGHEST_DB - LOWEST_DB) / CELL_DB)
-# Each detection counts for amplitudes about as far as this from its own, dB.
+# Width of the kernel with which a detection counts for neighbouring levels, dB.
 KERNEL_DB = 0.4
-# Before the first detection it is known as much of noise as so many of its detections would tell.
+# Weight of the prior, which is noise, as a number of detections.
 PRIOR_NOISE = 20.0
-# Share of clutter that may have any level, whatever has been learned.
+# Share of the law that is uniform over all levels.
 ANYTHING = 0.1
-# False detections that the learned law remembers.
+# Memory of the learned law, as a number of false detections.
 MEMORY = 200.0
+# Upper bound accepted in a snapshot: rounding may slightly exceed the memory.
+MOST_COUNT = 1.001 * MEMORY
 
 
 class ClutterAmplitude(Protocol):
     """A distribution of the envelopes of clutter."""
 
     def log_density(self, amplitude: FloatArray) -> FloatArray:
-        """Return the logarithm of the density of envelopes; NaN where they are; shape kept."""
+        """Return the log density of envelopes; NaN for NaN; shape kept."""
         ...
 
     def log_share(self, threshold: float, above: float = 0.0) -> float:
-        """Return the log probability that an envelope exceeds a threshold if it is `above` one."""
+        """Return log P(a > threshold | a > above)."""
         ...
 
 
 @dataclass(frozen=True)
 class Rayleigh:
-    """Envelopes of noise or of what adds up from many reflectors.
+    """Envelopes of noise, or of the sum of many reflectors.
 
     Parameters
     ----------
     level : float
-        Mean square of the envelope in units of the noise's; 1 is noise.
+        Mean square of the envelope relative to noise; 1 is noise.
     """
 
     level: float = 1.0
@@ -73,12 +76,12 @@ NOISE = Rayleigh()
 
 @dataclass(frozen=True)
 class LogNormal:
-    """Envelopes of land or sea seen with a narrow beam: their level in dB is Gaussian.
+    """Envelopes of land or sea clutter in a narrow beam: their level in dB is Gaussian.
 
     Parameters
     ----------
     median_db, std_db : float
-        Of the level; the median of noise is at -1.6 dB.
+        Median and standard deviation of the level; the median of noise is -1.6 dB.
     """
 
     median_db: float
@@ -106,27 +109,29 @@ class LogNormal:
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """The law as the detections that no target claims tell it, one cell for each half decibel.
+    """Histogram, in half decibels, of the levels of detections that no target claims.
 
     Parameters
     ----------
     threshold : float
-        Of the radar; noise above it is what is expected at first.
+        Detection threshold of the radar; the prior is noise above it.
     count : array of shape (CELLS,)
-        Detections remembered by cell of level; at most `MEMORY` in all.
+        Remembered detections by cell of level; at most `MEMORY` in all.
 
     Notes
     -----
     The shares of the cells have a Dirichlet prior of `PRIOR_NOISE` detections of noise above the
-    threshold, and so the predictive density (prior + count) / sum. That is `1 - ANYTHING` of the
-    law; the rest is uniform over 100 dB. The density of a level is therefore at least 0.001 per dB,
-    and as that of a Rayleigh target is at most 0.085 per dB, and 0.05 if its class's band is 20 dB
-    wide, the amplitude of one detection speaks for such a target by 50 to 1 at most, and for any by
-    85 to 1. However high it is, it confirms no target without its place or a second detection.
+    threshold, and therefore the predictive density (prior + count) / sum. It has the weight
+    `1 - ANYTHING`; the rest of the law is uniform over 100 dB. The density of a level is at least
+    0.001 per dB. The density of a Rayleigh target is at most 0.085 per dB, and 0.05 if its class's
+    band is 20 dB wide. The likelihood ratio of one amplitude is therefore at most 85, and 50 for
+    such a class: no amplitude confirms a target without its position or a second detection.
     """
 
     threshold: float
-    count: FloatArray = field(default_factory=lambda: np.zeros(CELLS))
+    count: Annotated[FloatArray, floats("K", 0.0, MOST_COUNT)] = field(
+        default_factory=lambda: np.zeros(CELLS)
+    )
     _mass: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -155,15 +160,14 @@ class Learned:
         Parameters
         ----------
         amplitude : array of shape (M,)
-            NaN where it is unknown; these tell nothing.
+            NaN if unknown; such detections are ignored.
         weight : array of shape (M,)
             Probability that no target is the source of each detection.
 
         Notes
         -----
-        Earlier detections fade with every later one, by their weights, so that what is remembered
-        does not depend on how a turn is cut into scans, and a radar with little clutter remembers
-        it longer.
+        Earlier detections fade by the weights of later ones. The memory is therefore independent
+        of the division of a turn into scans, and lasts longer for a radar with little clutter.
         """
         known = np.isfinite(amplitude)
         level = level_db(np.maximum(amplitude[known], SMALLEST_AMPLITUDE))
@@ -196,14 +200,14 @@ class _Cells(NamedTuple):
     Parameters
     ----------
     edges_db : array of shape (CELLS + 1,)
-        That of the threshold's cell is the threshold itself.
+        Edges of the cells; the lower edge of the threshold's cell is the threshold.
     prior : array of shape (CELLS,)
-        Detections that the prior counts as.
+        Weight of the prior, in detections.
     uniform : array of shape (CELLS,)
         Share of each cell in the range of levels.
     kernel : array of shape (CELLS, CELLS)
-        By which share a detection of each cell counts in each other one; rows sum to one.
-        Detections above the threshold count above it only.
+        Share with which a detection in each cell counts in every cell; rows sum to one.
+        Detections above the threshold count only above it.
     """
 
     edges_db: FloatArray

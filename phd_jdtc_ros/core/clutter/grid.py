@@ -1,25 +1,26 @@
-"""The cells of a map of clutter: polar about a radar that stands, and square for one that moves."""
+"""Cells of a clutter map: polar around a stationary radar, and squares for a moving one."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..snapshot import floats, integers
 from ..types import FULL_TURN
 
-# Size of a cell in deviations of a detection.
+# Size of a cell in standard deviations of a detection.
 CELL_SIGMA = 3.0
-# Of an antenna that measures azimuths far more precisely than any does.
+# Largest number of cells in a turn: far more than the azimuth noise of any antenna needs.
 MOST_AZIMUTHS = 10**6
-# Squares in each direction from the world's zero.
+# Number of squares in each direction from the world's zero.
 HALF = 1 << 26
 
 
 class ToWorld(Protocol):
-    """A radar, of which only its place matters here."""
+    """The part of a radar that maps cells need: its projection to the world."""
 
     def to_world(self, measurement: FloatArray) -> FloatArray:
         """Return world (x, y) in metres of (range, azimuth) rows; shape (M, 2)."""
@@ -27,7 +28,7 @@ class ToWorld(Protocol):
 
 
 class Grid(Protocol):
-    """Cells, numbered by row and column; the last column is beside the first."""
+    """Cells, numbered by row and column; the last column adjoins the first."""
 
     @property
     def columns(self) -> int:
@@ -35,7 +36,7 @@ class Grid(Protocol):
         ...
 
     def places(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
-        """Return row and column of each detection, (2, M); whole numbers are the cells' centres.
+        """Return row and column of each detection, (2, M); cell centres are integers.
 
         Parameters
         ----------
@@ -47,13 +48,13 @@ class Grid(Protocol):
         ...
 
     def world(self, places: FloatArray, radar: ToWorld) -> FloatArray:
-        """Return where rows and columns, (2, N), are in the world, (N, 2); inverse of `places`."""
+        """Return the world positions, (N, 2), of rows and columns, (2, N); inverse of `places`."""
         ...
 
     def log_share(self, measurement: FloatArray, max_range: float) -> FloatArray:
-        """Return the log share of a cell, where a detection is, in uniform clutter, shape (M,).
+        """Return the log share of each detection's cell in uniform clutter, shape (M,).
 
-        That is uniform in azimuth and in range up to `max_range`, metres.
+        Uniform clutter extends over all azimuths and over ranges up to `max_range`, metres.
         """
         ...
 
@@ -65,17 +66,17 @@ class PolarGrid:
     Parameters
     ----------
     range_cell : float
-        Extent in range, metres.
+        Extent of a cell in range, metres.
     columns : int
-        Cells in a turn.
+        Number of cells in a turn.
     """
 
-    range_cell: float
-    columns: int
+    range_cell: Annotated[float, floats("", 1e-9, 1e12)]
+    columns: Annotated[int, integers("", 3, MOST_AZIMUTHS)]
 
     @classmethod
     def of_noise(cls, range_std: float, azimuth_std: float) -> PolarGrid:
-        """Return cells for detections of these deviations, metres and radians."""
+        """Return cells for detections of these standard deviations, metres and radians."""
         azimuths = int(np.ceil(min(FULL_TURN / (CELL_SIGMA * azimuth_std), MOST_AZIMUTHS)))
         return cls(CELL_SIGMA * range_std, max(azimuths, 3))
 
@@ -98,24 +99,24 @@ class PolarGrid:
 
 @dataclass(frozen=True)
 class GroundGrid:
-    """Squares of the world, for a radar that moves.
+    """Squares of the world, for a moving radar.
 
     Parameters
     ----------
     cell : float
-        Metres.
+        Side of a square, metres.
     """
 
-    cell: float
+    cell: Annotated[float, floats("", 1e-9, 1e12)]
 
     @classmethod
     def of_noise(cls, range_std: float, azimuth_std: float, max_range: float) -> GroundGrid:
-        """Return squares for detections of these deviations at a quarter of the range."""
+        """Return squares for the standard deviations of detections at a quarter of the range."""
         return cls(CELL_SIGMA * max(range_std, azimuth_std * 0.25 * max_range))
 
     @property
     def columns(self) -> int:
-        """Number of columns, of which the last is not reached."""
+        """Number of columns; the last one is unused."""
         return 2 * HALF
 
     def places(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
@@ -136,8 +137,8 @@ class GroundGrid:
 
 
 def corners(grid: Grid, places: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return the four cells about each place and its shares of them, shapes (4, M)."""
-    # As whole numbers: those of squares of the world are beyond what floats hold exactly.
+    """Return the four cells around each place and their interpolation weights, shapes (4, M)."""
+    # Integers, as the numbers of squares of the world exceed the exact range of floats.
     row, column = np.floor(places).astype(np.int64)
     below, beside = places - np.stack([row, column])
     cells, shares = [], []

@@ -1,37 +1,42 @@
-"""Where a radar's clutter comes from: a map of cells, learned from what no target claims.
+"""Clutter map of a radar: clutter density by cell, learned from unclaimed detections.
 
-Quays, wind turbines and land answer at the same place turn after turn. Only cells that clutter came
-from are stored, so that the map of a precise radar with a long range is small.
+Quays, wind turbines and land return echoes from the same place in every turn. Only cells with
+clutter are stored, so that the map of a precise radar with a long range is small.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, read_only
+from ..snapshot import floats, integers
 from . import neighbourhood
 from .grid import Grid, corners
 
-# The detections of one reflector lie some three times as densely as the cells can tell, and what
-# answers from the same place again and again is clutter rather than a target, by more than that
-# among others that do, where detections of neighbours look like those of a target that moves.
+# Factors of the density at places with repeated detections, alone and among fixed clutter. The
+# detections of one reflector are some three times denser than the cells resolve, and repetition is
+# evidence of clutter; more so among reflectors, whose detections resemble those of a moving target.
 ALONE, POINT = 5.0, 60.0
-# Reflectors lie in lines, in a sixth of the cells of their neighbourhood or less.
+# Factor of the prior in a neighbourhood: reflectors lie in lines, in a sixth of its cells or less.
 GATHERED = 6.0
-# A target that passes leaves about so many detections in a cell before it is known; more of them
-# are needed to tell a place. What answers in a smaller share of all turns is hardly a place.
+# AGAIN: detections that a passing target leaves in a cell before its track is known, so that a
+# reflector needs more. SELDOM: share of all turns below which a cell with detections is hardly one.
 AGAIN, SELDOM = 2.0, 0.15
-# Before the first turn the density is known to be uniform as from so many turns.
+# Weight of the prior density, in turns.
 PRIOR_TURNS = 5.0
-# Turns that the map remembers.
+# Memory of the map, in turns.
 MEMORY_TURNS = 100.0
-# Turns until a detection counts for the most part: a target that moves has left the cell by then.
+# Delay, in turns, until a detection counts: a moving target has left the cell by then.
 RECENT_TURNS = 6.0
-# Cells with less are forgotten, and beyond so many those with the least.
+# Cells with a smaller count are dropped, and the smallest ones beyond MOST_CELLS.
 LEAST_COUNT = 1e-3
 MOST_CELLS = 1 << 16
+# Upper bounds accepted in a snapshot: detections of one report add up in one cell, and rounding may
+# slightly exceed the memory.
+MOST_IN_CELL, MOST_TURNS = 1e9, 1.001 * MEMORY_TURNS
 NO_CELLS = np.zeros(0, dtype=np.int64)
 
 
@@ -46,34 +51,38 @@ class ClutterMap:
     cell : int array of shape (K,)
         Ascending; the row times the grid's columns plus the column.
     count : array of shape (K,)
-        Detections remembered of each.
+        Remembered detections of each cell.
     turns : float
-        Turns remembered; a scan of the whole field is one.
+        Remembered turns; a scan of the whole field is one.
     recent : array of shape (K,)
-        Detections of each that do not count yet.
+        Detections of each cell that do not count yet.
     recent_turns : float
         Turns that do not count yet.
 
     Notes
     -----
-    Beside uniform clutter, whose rate is known, a cell has that of its place. A detection counts k
-    turns later with exp(-k / MEMORY_TURNS) - exp(-k / RECENT_TURNS). With n detections in T turns
-    that count, the rate of the place is
+    A cell's clutter is the sum of uniform clutter with a known rate and of local clutter. A
+    detection counts k turns later with exp(-k / MEMORY_TURNS) - exp(-k / RECENT_TURNS). With n
+    detections in T turns that count, the local rate is
     (PRIOR_TURNS GATHERED A / CELLS + b n^2 / (n + AGAIN + SELDOM T)) / (PRIOR_TURNS + T):
-    the mean after a Gamma prior, but for the two factors of n. They are what keeps quays from
-    becoming targets, and ships that move from hiding behind their own first detections. The
-    neighbourhood tells what is likely before the place has answered: with A detections per turn
-    that come from it beyond those of one reflector and of uniform clutter, all of them counted at
-    once, the prior is that of its cells, and b rises from ALONE to POINT; see
-    `clutter_neighbourhood`.
+    the mean after a Gamma prior, except for the two factors of n. They keep quays from becoming
+    targets, and moving ships from being masked by their own first detections. The neighbourhood
+    determines the prior: A is its number of detections per turn beyond one reflector and uniform
+    clutter, counted without delay, and b rises with A from ALONE to POINT; see `neighbourhood`.
     """
 
     grid: Grid
-    cell: IntArray = field(default_factory=lambda: NO_CELLS)
-    count: FloatArray = field(default_factory=lambda: np.zeros(0))
-    turns: float = 0.0
-    recent: FloatArray = field(default_factory=lambda: np.zeros(0))
-    recent_turns: float = 0.0
+    cell: Annotated[IntArray, integers("K", 0, ascending=True)] = field(
+        default_factory=lambda: NO_CELLS
+    )
+    count: Annotated[FloatArray, floats("K", 0.0, MOST_IN_CELL)] = field(
+        default_factory=lambda: np.zeros(0)
+    )
+    turns: Annotated[float, floats("", 0.0, MOST_TURNS)] = 0.0
+    recent: Annotated[FloatArray, floats("K", 0.0, MOST_IN_CELL)] = field(
+        default_factory=lambda: np.zeros(0)
+    )
+    recent_turns: Annotated[float, floats("", 0.0, MOST_TURNS)] = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cell", read_only(self.cell, np.int64))
@@ -94,7 +103,7 @@ class ClutterMap:
         rate : float
             Expected false detections per turn, uniform in azimuth and up to `max_range`; above 0.
         max_range : float
-            Metres.
+            Largest range of uniform clutter, metres.
         """
         cell, share = corners(self.grid, self.grid.places(measurement, world))
         about = self.about(measurement, world, rate, max_range)
@@ -105,11 +114,11 @@ class ClutterMap:
             found = np.where(self.cell[place] == cell, np.maximum(counting, 0.0), 0.0)
         seen = (found * share).sum(axis=0)
         turns = max(self.turns - self.recent_turns, 0.0)
-        point = ALONE + (POINT - ALONE) * neighbourhood.crowding(about)
+        point = ALONE + (POINT - ALONE) * neighbourhood.probability_among_reflectors(about)
         again = point * seen**2 / (seen + AGAIN + SELDOM * turns)
         again += PRIOR_TURNS * GATHERED * about / neighbourhood.CELLS
         log_uniform = np.log(rate) + self.grid.log_share(measurement, max_range)
-        with np.errstate(divide="ignore"):  # where nothing came from
+        with np.errstate(divide="ignore"):  # cells without detections
             log_place = np.log(again) - np.log(PRIOR_TURNS + turns)
         log_factor: FloatArray = np.logaddexp(0.0, log_place - log_uniform)
         return log_factor
@@ -117,9 +126,9 @@ class ClutterMap:
     def about(
         self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
     ) -> FloatArray:
-        """Return the detections per turn of the neighbourhood of each place, shape (M,).
+        """Return the detections per turn around each place, beyond one reflector, shape (M,).
 
-        Only those beyond what one reflector and uniform clutter would give.
+        The detections expected from uniform clutter are subtracted too.
 
         Parameters
         ----------
@@ -146,7 +155,7 @@ class ClutterMap:
         weight : array of shape (M,)
             Probability that no target is the source of each detection.
         turns : float
-            Part of a turn that the report is of.
+            Part of a turn that the report covers.
         """
         kept, fading = np.exp(-turns / MEMORY_TURNS), np.exp(-turns / RECENT_TURNS)
         corner, share = corners(self.grid, self.grid.places(measurement, world))

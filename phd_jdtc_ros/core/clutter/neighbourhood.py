@@ -1,7 +1,8 @@
-"""How often the neighbourhood of a place answers, beside the place itself.
+"""Density of detections in the neighbourhood of a place, without the place itself.
 
-Reflectors of a quay, of land or of a harbour lie side by side, and ships that move are mostly alone
-at sea. So the first detections at a place say little of what it is, but those about it say much.
+Reflectors of a quay, of land or of a harbour lie side by side, whereas moving ships are mostly
+alone at sea. The first detections at a place are therefore weak evidence of clutter, and detections
+around it are strong evidence.
 """
 
 from __future__ import annotations
@@ -11,12 +12,12 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from .grid import Grid
 
-# Cells in each direction of a neighbourhood, and of the place itself, with where a ship was before.
+# Half widths, in cells, of a neighbourhood and of the place itself with a ship's last positions.
 REACH, OWN = 8, 2
-# Cells of a neighbourhood without the place itself.
+# Number of cells of a neighbourhood without the place itself.
 CELLS = (2 * REACH + 1) ** 2 - (2 * OWN + 1) ** 2
-# Detections in a turn of one reflector, or of another ship that is not known yet, tell nothing of a
-# neighbourhood. With so many more it is as probably one of reflectors as not.
+# SINGLE: detections per turn of one reflector or of another unknown ship, which do not count. FEW:
+# detections per turn beyond it at which the neighbourhood is fixed clutter with probability 0.5.
 SINGLE, FEW = 1.0, 0.5
 
 
@@ -31,7 +32,7 @@ def detections_about(
     cell : int array of shape (K,)
         Ascending, as in `ClutterMap`.
     count : array of shape (K,)
-        Detections of each.
+        Detections of each cell.
     places : array of shape (2, M)
         Rows and columns, see `Grid.places`.
     """
@@ -42,13 +43,13 @@ def detections_about(
     return about
 
 
-def crowding(about: FloatArray) -> FloatArray:
-    """Return how probably a neighbourhood is one of reflectors, shape kept.
+def probability_among_reflectors(about: FloatArray) -> FloatArray:
+    """Return the probability that a neighbourhood is fixed clutter, shape kept.
 
     Parameters
     ----------
     about : array
-        Detections per turn that come from it beyond `SINGLE`.
+        Detections per turn in the neighbourhood beyond `SINGLE`.
     """
     share: FloatArray = about / (about + FEW)
     return share
@@ -57,13 +58,13 @@ def crowding(about: FloatArray) -> FloatArray:
 def _block(
     grid: Grid, cell: IntArray, before: FloatArray, centre: IntArray, half: int
 ) -> FloatArray:
-    """Return the detections in squares of cells, (M,), given those before each cell, (K + 1,)."""
+    """Return the detections in squares of cells, (M,), given the cumulative counts, (K + 1,)."""
     columns = grid.columns
     half_across = min(half, (columns - 1) // 2)
     row = centre[0] + np.arange(-half, half + 1)[:, None]
     first, end = centre[1] - half_across, centre[1] + half_across + 1
     total = np.zeros(centre.shape[1])
-    # The last column is beside the first, so that a square may lie at both ends of a row.
+    # The last column adjoins the first: a square may wrap around the end of a row.
     for turn in (-columns, 0, columns):
         left, right = (np.clip(edge + turn, 0, columns) for edge in (first, end))
         if (right > left).any():

@@ -7,7 +7,7 @@ The path of one scan, with the module of each step::
     stored mixture t                         mixture
       |  predict: survive, spawn, be born    prediction, dynamics
       |    mix motion modes, keep gains        algebra.blocks
-      |  update, radar by radar              update
+      |  update, report by report            window.update: the order; update: its steps
       |    gate                                gating, amplitude
       |    iterated Kalman update              iterated_update, kalman
       |    associate                           pairs, core.association
@@ -21,7 +21,7 @@ The path of one scan, with the module of each step::
       |  extract targets                     extraction
     Estimates                                engine
 
-`filter` and `engine` hold what is of Gaussians; everything else of a fixed-lag filter is in
-`core.window`. `snapshot` stores mixtures and links as arrays, and restores them. `algebra` has the
-operations on Gaussians, `measurement` what the update does with one radar's detections.
+`filter` and `engine` hold the parts that are specific to Gaussians; the rest of a fixed-lag filter
+is in `core.window`. `snapshot` stores mixtures and links as arrays, and restores them. `algebra`
+has the operations on Gaussians, `measurement` the steps of the update with one radar's detections.
 """

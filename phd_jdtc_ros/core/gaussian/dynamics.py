@@ -1,4 +1,4 @@
-"""The motion modes of all classes, with those of classes that move alike only once.
+"""The motion modes of all classes; classes that move alike share one set of motion modes.
 
 A hypothesis of the Gaussian engine has one Gaussian per motion mode, and weights over motion modes
 and cells of class and signal-to-noise ratio. Classes with equal motions, mode matrices and survival
@@ -45,12 +45,7 @@ class Interval(NamedTuple):
 
 @dataclass(frozen=True)
 class Dynamics:
-    """The motion modes and cells of a model.
-
-    Parameters
-    ----------
-    model : TrackerModel
-    """
+    """The motion modes and cells of a model."""
 
     model: TrackerModel
 
@@ -61,7 +56,7 @@ class Dynamics:
 
     @cached_property
     def mode_of(self) -> IntArray:
-        """The motion mode of each flat mode, shape (O,)."""
+        """Index of each flat mode's motion mode, shape (O,)."""
         modes, first_of = self.model.modes, {}
         place, count = np.zeros(len(modes), dtype=np.int64), 0
         for index, one in enumerate(modes.classes):
@@ -86,21 +81,21 @@ class Dynamics:
 
     @cached_property
     def pairs(self) -> tuple[IntArray, IntArray]:
-        """The K pairs of motion modes of one class, from and to, by the latter."""
+        """The K pairs (from, to) of motion modes that one class has, sorted by `to`."""
         class_of = self.model.modes.class_of[self.flat_of]
         to, of = np.nonzero(class_of[:, None] == class_of)
         return of, to
 
     @cached_property
     def to_mode(self) -> FloatArray:
-        """1 where a pair is one to a motion mode, 0 else; shape (R, K)."""
+        """Indicator, 0 or 1, of the pairs that lead to each motion mode, shape (R, K)."""
         modes = np.arange(len(self.motions))
         select: FloatArray = (modes[:, None] == self.pairs[1]).astype(np.float64)
         return select
 
     @cached_property
     def supported(self) -> FloatArray:
-        """1 for each axis that a motion mode's densities are defined on, 0 else; shape (R, D)."""
+        """Indicator, 0 or 1, of the axes on which each mode has a density, shape (R, D)."""
         supported = np.zeros((len(self.motions), len(self.model.modes.space)))
         for row, motion in zip(supported, self.motions, strict=True):
             row[list(motion.support)] = 1.0
@@ -108,7 +103,7 @@ class Dynamics:
 
     @cached_property
     def spread(self) -> FloatArray:
-        """The weights over (motion mode, cell) of a unit of each flat mode, shape (O, R, S)."""
+        """Weights over (motion mode, cell) of unit mass in each flat mode, shape (O, R, S)."""
         modes, cells = self.model.modes, self.cells
         spread = np.zeros((len(modes), len(self.motions), len(cells)))
         for flat, (mode, class_id) in enumerate(zip(self.mode_of, modes.class_of, strict=True)):
@@ -117,10 +112,10 @@ class Dynamics:
         return spread
 
     @cached_property
-    def born(self) -> FloatArray:
-        """The weights over (motion mode, cell) of a newborn of each class, shape (C, R, S).
+    def birth_weight(self) -> FloatArray:
+        """Weights over (motion mode, cell) of a birth component of each class, shape (C, R, S).
 
-        A class's motion modes are equally probable.
+        The motion modes of a class are equally probable at birth.
         """
         modes = self.model.modes
         of_class = modes.class_of == np.arange(len(modes.classes))[:, None]
@@ -130,14 +125,14 @@ class Dynamics:
 
     @cached_property
     def of_class(self) -> FloatArray:
-        """1 where a cell is one of a class, 0 else; shape (S, C)."""
+        """Indicator, 0 or 1, of the class of each cell, shape (S, C)."""
         classes = np.arange(len(self.model.modes.classes))
         select: FloatArray = (self.cells.class_of[:, None] == classes).astype(np.float64)
         return select
 
     @cached_property
     def mode_of_cell(self) -> IntArray:
-        """A flat mode of each cell's class, shape (S,)."""
+        """The index of some flat mode of each cell's class, shape (S,)."""
         return np.searchsorted(self.model.modes.class_of, self.cells.class_of)
 
     @cached_property
@@ -162,7 +157,7 @@ class Dynamics:
         return matrix
 
     def survival(self, dt: float) -> FloatArray:
-        """Return the probability to survive `dt` seconds by motion mode, shape (R,)."""
+        """Return each motion mode's probability of survival over `dt` seconds, shape (R,)."""
         return self.model.modes.survival(dt)[self.flat_of]
 
     def noise(self, dt: float) -> FloatArray:

@@ -11,7 +11,7 @@ from ..types import Estimates
 from ..window.fixed_lag import FixedLagEngine, Part
 from ..window.forward_filter import Filtered
 from . import snapshot
-from .extraction import extracted, extracted_from
+from .extraction import extract, extract_all
 from .filter import GaussianFilter
 from .mixture import Mixture
 from .smoother import backward_pass
@@ -25,9 +25,6 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
 
     Parameters
     ----------
-    forward : GaussianFilter
-    lag : Lag
-    schedule : Schedule
     rule : ReportingRule
         When tracks are reported.
     """
@@ -35,10 +32,10 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
     forward: GaussianFilter
 
     def _extract(self, stored: Mixture, stamp_ns: int, lag: int, threshold: float) -> Estimates:
-        return extracted(stored, self.forward.dynamics, stamp_ns, lag, threshold)
+        return extract(stored, self.forward.dynamics, stamp_ns, lag, threshold)
 
     def _extract_all(self, parts: Sequence[Part[Mixture]], lag: int) -> tuple[Estimates, IntArray]:
-        return extracted_from(parts, self.forward.dynamics, lag)
+        return extract_all(parts, self.forward.dynamics, lag)
 
     def _backward(self, window: Sequence[GaussianEntry]) -> Iterable[Mixture]:
         return backward_pass(window)
@@ -52,11 +49,11 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
             "floored_covariances": self.forward.floored,
         }
 
-    def _put_entry(self, held: Snapshot, name: str, entry: GaussianEntry) -> None:
-        snapshot.put_entry(held, name, entry)
+    def _entry_to_snapshot(self, entry: GaussianEntry, stored: Snapshot, name: str) -> None:
+        snapshot.entry_to_snapshot(entry, stored, name)
 
-    def _take_entry(
-        self, held: Snapshot, name: str, earlier: Mapping[int, GaussianEntry]
+    def _entry_from_snapshot(
+        self, stored: Snapshot, name: str, earlier: Mapping[int, GaussianEntry]
     ) -> GaussianEntry:
         most = self.forward.bounds.most
-        return snapshot.take_entry(held, name, earlier, self.forward.dynamics, most)
+        return snapshot.entry_from_snapshot(stored, name, earlier, self.forward.dynamics, most)

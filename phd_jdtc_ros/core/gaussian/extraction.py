@@ -18,7 +18,7 @@ from .mixture import Mixture
 
 
 @compiled
-def _extracted(
+def _class_moments(
     target: Int1,
     targets: int,
     weight: Float3,
@@ -27,7 +27,7 @@ def _extracted(
     class_of: Int1,
     classes: int,
 ) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-    """Return each target's mass by class, (T, C), its class, and that class's moments."""
+    """Return each target's mass by class, (T, C), its class, and the moments of that class."""
     class_mass, majority = np.zeros((targets, classes)), np.zeros(targets, np.int64)
     state, spread = np.zeros((targets, SIZE)), np.zeros((targets, SIZE, SIZE))
     count, modes, cells = weight.shape
@@ -54,16 +54,16 @@ def _extracted(
     return class_mass, majority, state, spread
 
 
-def extracted(
+def extract(
     mixture: Mixture, dynamics: Dynamics, stamp_ns: int, lag: int, threshold: float
 ) -> Estimates:
     """Return the targets whose existence probability is above a threshold.
 
-    The class is that of the largest weight. The state and covariance are those of that class, over
-    all hypotheses and motion modes. The `track_id` of a target is its origin plus one.
+    A target's class is the one of largest weight. State and covariance are the moments of that
+    class over all hypotheses and motion modes. The `track_id` of a target is its label plus one.
     """
     cells = dynamics.cells
-    class_mass, majority, state, covariance = _extracted(
+    class_mass, majority, state, covariance = _class_moments(
         *(mixture.target, len(mixture.label), mixture.weight, mixture.mean, mixture.covariance),
         *(np.ascontiguousarray(cells.class_of), len(dynamics.model.modes.classes)),
     )
@@ -74,7 +74,7 @@ def extracted(
         stamp_ns=stamp_ns,
         lag=lag,
         state=state[rows],
-        covariance=kalman.floored(kalman.symmetric(covariance[rows]))[0],
+        covariance=kalman.floor_eigenvalues(kalman.symmetric(covariance[rows]))[0],
         weight=mass,
         class_probability=class_mass[rows] / np.where(mass > 0.0, mass, 1.0)[:, None],
         class_id=majority[rows],
@@ -83,12 +83,12 @@ def extracted(
     )
 
 
-def extracted_from(
+def extract_all(
     parts: Sequence[Part[Mixture]], dynamics: Dynamics, lag: int
 ) -> tuple[Estimates, IntArray]:
-    """Return the targets of several mixtures, whatever their existence, and the time of each.
+    """Return the targets of several mixtures at any existence probability, and each one's time.
 
-    All at once, because a radar that turns leaves a few targets each in many mixtures.
+    One call handles all mixtures, because a turning radar leaves a few targets in each of many.
     """
     stored = [part.stored for part in parts]
     sizes = np.array([len(mixture) for mixture in stored])
@@ -100,11 +100,11 @@ def extracted_from(
             for begin, part in zip(first.tolist(), parts, strict=False)
         ]
     )
-    # A target that is in several mixtures is there several times.
+    # A target that occurs in several mixtures gets several rows.
     place = np.concatenate([mixture.target for mixture in stored])
     place += (np.cumsum(labels) - labels).repeat(sizes)
-    whole = replace(Mixture.joined(stored), origin=place).take(rows)
-    found = extracted(whole, dynamics, parts[-1].stamp_ns, lag, 0.0)
+    whole = replace(Mixture.concatenate(stored), origin=place).take(rows)
+    found = extract(whole, dynamics, parts[-1].stamp_ns, lag, 0.0)
     at = found.track_id - 1
     origin = np.concatenate([mixture.label for mixture in stored])
     time_ns = np.array([part.stamp_ns for part in parts]).repeat(labels)

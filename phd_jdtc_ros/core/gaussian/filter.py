@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from ..types import Scan
 from ..window.entries import Entry
 from ..window.forward_filter import Filtered, ForwardFilter
-from ..window.swept import parted
+from ..window.swept import partition_swept
+from ..window.update import update_scan
 from .dynamics import Dynamics
 from .mixture import Mixture
-from .prediction import Aged, born, spawned, survivors
-from .reduction import Bounds, reduced
-from .update import update_scan
+from .prediction import Aged, births, spawn, survivors
+from .reduction import Bounds, Branched, reduce_hypotheses
+from .update import GaussianSteps
 from .window_graph import Link
 
 
@@ -22,14 +25,12 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
 
     Parameters
     ----------
-    model : TrackerModel
-    bounds : Bounds
     done : callable
         See `ForwardFilter`.
     """
 
     bounds: Bounds
-    # Of the last step.
+    # Number of clusters associated approximately in the last step.
     approximate: int = field(init=False, default=0)
     floored: int = field(init=False, default=0)
     _dynamics: Dynamics | None = field(init=False, default=None, repr=False)
@@ -45,7 +46,7 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         """Predict, update with every radar and reduce; see `ForwardFilter.step`."""
         dynamics, index = self.dynamics, self._scan_index
         dt = self._interval(scan)
-        touched, others = parted(self.current, scan, self.model, labelled=True)
+        touched, others = partition_swept(self.current, scan, self.model, labelled=True)
         earlier = [
             Aged(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns)) for rows in touched
         ]
@@ -53,18 +54,19 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         if earlier:
             moved, moves = survivors(earlier, dynamics)
             parts.append(moved)
-        parts.append(born(self._births(scan), dynamics, index))
+        parts.append(births(self._births(scan), dynamics, index))
         if self.model.spawn.rate > 0.0:
-            parts.append(spawned(earlier, dynamics, index, self.bounds.least_existence))
-        predicted = Mixture.joined(parts)
+            parts.append(spawn(earlier, dynamics, index, self.bounds.least_existence))
+        predicted = Mixture.concatenate(parts)
         self.done("predict")
         survived = len(parts[0]) if earlier else 0
-        branched, self.approximate = update_scan(
-            *(predicted, survived, scan, dynamics, self.bounds, dt, index, self.clutter),
-            self.attributes,
-        )
+        row = np.arange(len(predicted))
+        branched = Branched(predicted, np.where(row < survived, row, -1))
+        steps = GaussianSteps(dynamics, self.bounds)
+        found = update_scan(branched, scan, steps, dt, index, self.clutter, self.attributes)
+        self.approximate = found.approximate
         self.done("update")
-        stored, ancestry, self.floored = reduced(branched, self.bounds)
+        stored, ancestry, self.floored = reduce_hypotheses(found.rows, self.bounds)
         self.done("reduce")
         link = Link(moves, ancestry) if linked and moves is not None else None
         entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)

@@ -4,39 +4,41 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, factorize, read_only, sum_by
+from ..snapshot import MASS_SLACK, MOST_STATE, covariances, floats, integers
 from ..state_space import StateSpace
 from ..window.entries import Extents
-from .algebra.moments import merged
+from .algebra.moments import merge_moments
 
 
 @dataclass(frozen=True)
 class Mixture:
     """A labelled multi-Bernoulli density whose targets are mixtures of Gaussians.
 
-    A hypothesis is what a target is if certain detections of the last scans were its own. It has
+    A hypothesis is the density of a target given one assignment of recent detections to it. It has
     one Gaussian per motion mode, and a weight for each motion mode and cell of class and
     signal-to-noise ratio. The weights of a target's hypotheses sum to its existence probability.
 
     Parameters
     ----------
     origin : int array of shape (H,)
-        The target of each hypothesis; see `labels`.
+        Label of each hypothesis's target; see `labels`.
     weight : array of shape (H, R, S)
-        Every class has equally many cells, in the order of the classes.
+        Every class has the same number of cells; cells are ordered by class.
     mean : array of shape (H, R, D)
         In the world frame; metres, metres per second, radians per second.
     covariance : array of shape (H, R, D, D)
         Zero on the axes that a motion mode is not defined on.
     """
 
-    origin: IntArray
-    weight: FloatArray
-    mean: FloatArray
-    covariance: FloatArray
+    origin: Annotated[IntArray, integers("H", 0)]
+    weight: Annotated[FloatArray, floats("HOS", 0.0, MASS_SLACK)]
+    mean: Annotated[FloatArray, floats("HOD", -MOST_STATE, MOST_STATE)]
+    covariance: Annotated[FloatArray, covariances("HODD", MOST_STATE)]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "origin", read_only(self.origin, np.int64))
@@ -52,12 +54,12 @@ class Mixture:
 
     @property
     def label(self) -> IntArray:
-        """The distinct origins, ascending, shape (T,)."""
+        """The distinct labels, ascending, shape (T,)."""
         return self._targets[0]
 
     @property
     def target(self) -> IntArray:
-        """The index of each hypothesis's origin in `label`, shape (H,)."""
+        """Index of each hypothesis's target in `label`, shape (H,)."""
         return self._targets[1]
 
     @cached_property
@@ -81,10 +83,12 @@ class Mixture:
         """Return the hypotheses of these rows."""
         return Mixture(self.origin[rows], self.weight[rows], self.mean[rows], self.covariance[rows])
 
-    def told(self, weight: FloatArray, mean: FloatArray, covariance: FloatArray) -> Mixture:
-        """Return the same hypotheses with other weights and Gaussians."""
+    def with_gaussians(
+        self, weight: FloatArray, mean: FloatArray, covariance: FloatArray
+    ) -> Mixture:
+        """Return these hypotheses with their weights and Gaussians replaced."""
         other = Mixture(self.origin, weight, mean, covariance)
-        other.__dict__["_targets"] = self._targets  # they are the same
+        other.__dict__["_targets"] = self._targets  # the targets do not change
         return other
 
     def class_mass(
@@ -99,12 +103,12 @@ class Mixture:
     def overall(self) -> tuple[FloatArray, FloatArray]:
         """Mean and covariance of each target over its hypotheses and modes, (T, D), (T, D, D)."""
         existence = np.where(self.existence > 0.0, self.existence, 1.0)
-        return self.matched(self.mode_weight / existence[self.target][:, None])
+        return self.moments(self.mode_weight / existence[self.target][:, None])
 
-    def matched(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return each target's mean and covariance, given the shares of its Gaussians, (H, R)."""
+    def moments(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return each target's mean and covariance for given shares of its Gaussians, (H, R)."""
         modes, size = self.mean.shape[1:]
-        return merged(
+        return merge_moments(
             share.reshape(-1),
             self.mean.reshape(-1, size),
             self.covariance.reshape(-1, size, size),
@@ -113,7 +117,7 @@ class Mixture:
         )
 
     def extents(self, space: StateSpace) -> Extents:
-        """Return where each target is; see `Rows`."""
+        """Return the position and extent of each target; see `Rows`."""
         mean, covariance = self.overall
         variance = np.diagonal(covariance, axis1=1, axis2=2)
         place, speed = list(space.position), list(space.velocity)
@@ -137,8 +141,8 @@ class Mixture:
         )
 
     @staticmethod
-    def joined(parts: list[Mixture]) -> Mixture:
-        """Return the hypotheses of several mixtures, one after the other."""
+    def concatenate(parts: list[Mixture]) -> Mixture:
+        """Return several mixtures concatenated into one."""
         if len(parts) == 1:
             return parts[0]
         return Mixture(

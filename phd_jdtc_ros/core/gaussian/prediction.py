@@ -1,30 +1,34 @@
-"""Prediction: survivors move from mode to mode, targets are spawned, targets are born."""
+"""Prediction: survivors move and switch modes, targets are spawned, targets are born."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, sum_by
 from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled, contiguous
+from ..snapshot import MOST_STATE, floats, integers
 from ..tracks import labels
 from .algebra.blocks import SIZE, add_mean, add_spread, dot, factorise, solve
 from .algebra.kalman import predicted_covariance
 from .dynamics import Dynamics
 from .mixture import Mixture
 
+# Bounds in a snapshot: on the entries of a backward step, of which metres per radian per second are
+# the largest, and on those of the factors of a covariance.
+MOST_GAIN, MOST_FACTOR = 1e15, 1e30
+
 
 class Aged(NamedTuple):
-    """Stored hypotheses and the time since their scan.
+    """A stored mixture and its age.
 
     Parameters
     ----------
-    mixture : Mixture
     dt : float
-        Seconds.
+        Time since its scan, seconds.
     """
 
     mixture: Mixture
@@ -33,43 +37,44 @@ class Aged(NamedTuple):
 
 @dataclass(frozen=True)
 class Moves:
-    """How the hypotheses of earlier scans became predicted ones, row by row.
+    """The prediction from the hypotheses of earlier scans, row by row, for the smoother.
 
-    A pair is a motion mode before and one after the move that it may change to; there are K.
+    Each of the K pairs is a motion mode before the prediction and a possible one after it.
 
     Parameters
     ----------
     pairs : tuple of two int arrays of shape (K,)
-        The modes of each pair, from and to.
+        Modes of each pair before and after the prediction.
     change : array of shape (H, K)
-        Probability to survive and to change from the one mode to the other.
+        Probability of survival with a change from the first mode to the second.
     survival : array of shape (H, R)
-        Probability to survive until the later scan.
+        Probability of survival until the later scan.
     cells : array of shape (H, S, S) or None
-        Matrix of the cells, [from, to]; None if no cell is left.
-    place : int array of shape (H, K)
-        The row of each pair in the columns below; -1 if the pair has no weight.
+        Transition matrix of the cells, [from, to]; None if cells do not change.
     mean : array of shape (A, D)
-        Predicted by the pair.
+        Predicted mean of each pair.
     factor : array of shape (A, D, D)
-        Factors of the pair's predicted covariance; see `blocks.factorise`.
+        Factors of each pair's predicted covariance; see `blocks.factorise`.
     gain, base : arrays of shape (A, D, D)
-        Of the backward step: given a later Gaussian of mean m and covariance P, the earlier one has
+        The backward step: given a later Gaussian of mean m and covariance P, the earlier one has
         its own mean + gain (m - mean), and the covariance base + gain P gain'.
+    place : int array of shape (H, K)
+        Row of each pair in the arrays of A rows; -1 if the pair has no weight.
     """
 
     pairs: tuple[IntArray, IntArray]
-    change: FloatArray
-    survival: FloatArray
-    cells: FloatArray | None
-    place: IntArray
-    mean: FloatArray
-    factor: FloatArray
-    gain: FloatArray
-    base: FloatArray
+    change: Annotated[FloatArray, floats("PK", 0.0, 1.0)]
+    survival: Annotated[FloatArray, floats("PO", 0.0, 1.0)]
+    cells: Annotated[FloatArray | None, floats("PSS", 0.0, 1.0)]
+    mean: Annotated[FloatArray, floats("AD", -MOST_STATE, MOST_STATE)]
+    factor: Annotated[FloatArray, floats("ADD", -MOST_FACTOR, MOST_FACTOR)]
+    gain: Annotated[FloatArray, floats("ADD", -MOST_GAIN, MOST_GAIN)]
+    # A small difference of large covariances: rounding may leave it indefinite.
+    base: Annotated[FloatArray, floats("ADD", -(MOST_STATE**2), MOST_STATE**2)]
+    place: Annotated[IntArray, integers("PK", -1, below="A")]
 
     def take(self, rows: IntArray) -> Moves:
-        """Return the moves of these rows."""
+        """Return the predictions of these rows."""
         place = self.place[rows]
         kept = place[place >= 0]
         place[place >= 0] = np.arange(len(kept))
@@ -78,13 +83,16 @@ class Moves:
             self.change[rows],
             self.survival[rows],
             None if self.cells is None else self.cells[rows],
+            self.mean[kept],
+            self.factor[kept],
+            self.gain[kept],
+            self.base[kept],
             place,
-            *(part[kept] for part in (self.mean, self.factor, self.gain, self.base)),
         )
 
     @staticmethod
-    def joined(parts: Sequence[Moves]) -> Moves:
-        """Return the moves of several scans, row by row."""
+    def concatenate(parts: Sequence[Moves]) -> Moves:
+        """Return the predictions of several scans concatenated."""
         cells = [part.cells for part in parts if part.cells is not None]
         before = np.cumsum([0, *(len(part.mean) for part in parts)])
         place = [
@@ -96,11 +104,11 @@ class Moves:
             np.concatenate([part.change for part in parts]),
             np.concatenate([part.survival for part in parts]),
             np.concatenate(cells) if cells else None,
-            np.concatenate(place),
             np.concatenate([part.mean for part in parts]),
             np.concatenate([part.factor for part in parts]),
             np.concatenate([part.gain for part in parts]),
             np.concatenate([part.base for part in parts]),
+            np.concatenate(place),
         )
 
 
@@ -114,9 +122,10 @@ def _pairs(
     jacobian: Float3,
     noise: Float4,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return what each pair predicts: covariance, its factors, gain and base; see `Moves`.
+    """Return the predicted covariance of each pair, its factors, gain and base; see `Moves`.
 
-    `row`, `of`, `to` and `source` are each pair's hypothesis, modes, and scan of the noise.
+    `row`, `of` and `to` are the hypothesis and the modes of each pair; `source` is the scan whose
+    interval gives the noise.
     """
     count = len(row)
     later, factor = np.empty((count, SIZE, SIZE)), np.empty((count, SIZE, SIZE))
@@ -189,19 +198,19 @@ def _mixed(
 
 
 def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Moves]:
-    """Return the hypotheses of earlier scans at the time of a later one.
+    """Return the hypotheses of earlier scans predicted to the time of a later one.
 
     Notes
     -----
-    Interacting multiple models: each motion mode's Gaussian is that of all modes that may change to
-    it, moved by the new mode and matched by their probabilities.
+    Interacting multiple models: all Gaussians whose mode may change to a given mode are predicted
+    with that mode's motion, weighted by their transition probabilities and moment-matched by one.
 
     References
     ----------
     Blom and Bar-Shalom, "The interacting multiple model algorithm for systems with Markovian
     switching coefficients", IEEE Transactions on Automatic Control 33(8), 1988.
     """
-    before = Mixture.joined([part.mixture for part in earlier])
+    before = Mixture.concatenate([part.mixture for part in earlier])
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
     dt_of = np.array([dt for _, dt in earlier])
     intervals = [dynamics.over(dt) for _, dt in earlier]
@@ -213,7 +222,7 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     place = np.full(change.shape, -1)
     place[row, pair] = np.arange(len(row))
     earlier_mode, later_mode, scan = of[pair], to[pair], source[row]
-    pair_mean, jacobian = _moved(before.mean[row, earlier_mode], later_mode, dt_of[scan], dynamics)
+    pair_mean, jacobian = _move(before.mean[row, earlier_mode], later_mode, dt_of[scan], dynamics)
     pair_covariance, factor, gain, base = _pairs(
         *contiguous(before.covariance, row, earlier_mode, later_mode, scan, jacobian, noise)
     )
@@ -227,14 +236,14 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
         weight = weight @ cells
     return (
         Mixture(before.origin, weight, mean, covariance),
-        Moves(*((of, to), change, survival, cells, place), *(pair_mean, factor, gain, base)),
+        Moves(*((of, to), change, survival, cells), *(pair_mean, factor, gain, base), place),
     )
 
 
-def _moved(
+def _move(
     mean: FloatArray, to: IntArray, dt: FloatArray, dynamics: Dynamics
 ) -> tuple[FloatArray, FloatArray]:
-    """Return means (A, D) after `dt` seconds, each of its mode `to`, and the derivatives."""
+    """Return the means (A, D) after `dt` seconds, each in its mode `to`, and the Jacobians."""
     later = np.empty_like(mean)
     jacobian = np.empty((*mean.shape, mean.shape[1]))
     for mode, motion in enumerate(dynamics.motions):
@@ -244,15 +253,13 @@ def _moved(
     return later, jacobian
 
 
-def born(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:
-    """Return the targets born at known places, each an origin of its own.
+def births(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:
+    """Return the birth components at the configured places, each with a new label.
 
     Parameters
     ----------
     births : sequence of (int, float)
-        Birth terms, and the time since each last had births, seconds.
-    dynamics : Dynamics
-    scan_index : int
+        Index of each birth term, and the time since its last births, seconds.
     """
     model, supported = dynamics.model, dynamics.supported
     first = labels.first_predicted(scan_index)
@@ -273,20 +280,17 @@ def born(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: in
     )
 
 
-def spawned(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: float) -> Mixture:
-    """Return the targets that split off, one for each parent, each an origin of its own.
+def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: float) -> Mixture:
+    """Return the spawned targets, one for each parent, each with a new label.
 
     Parameters
     ----------
-    earlier : sequence of Aged
-    dynamics : Dynamics
-    scan_index : int
     least : float
-        Probability below which no target is spawned.
+        Existence probability below which a spawned target is left out.
 
     Notes
     -----
-    The parent's hypotheses are matched by one Gaussian, which each motion mode moves.
+    The parent's hypotheses are moment-matched by one Gaussian, which each motion mode predicts.
     """
     model = dynamics.model
     label = labels.first_predicted(scan_index) + len(model.births)
@@ -299,7 +303,7 @@ def spawned(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least:
         part = _spawned_by(mixture, parents, rate, dt, dynamics, label)
         label += len(part)
         parts.append(part)
-    return Mixture.joined(parts)
+    return Mixture.concatenate(parts)
 
 
 def _spawned_by(
@@ -311,7 +315,7 @@ def _spawned_by(
     modes, size = supported.shape
     count = len(parents)
     to = np.tile(np.arange(modes), count)
-    later, jacobian = _moved(mean.repeat(modes, axis=0), to, np.full(len(to), dt), dynamics)
+    later, jacobian = _move(mean.repeat(modes, axis=0), to, np.full(len(to), dt), dynamics)
     later, jacobian = later.reshape(count, modes, -1), jacobian.reshape(count, modes, size, -1)
     noise = np.zeros((modes, size, size))
     noise[:, np.arange(size), np.arange(size)] = spawn.std**2 * supported

@@ -1,45 +1,47 @@
 """Reduction of each target's hypotheses: improbable ones are dropped, similar ones merged.
 
-Of those that are left, each probable motion mode then goes on as a hypothesis of its own.
+Each probable motion mode of a remaining hypothesis then becomes a hypothesis of its own.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..compilation import Float1, Float3, Float4, Int1, Int2, compiled, contiguous, inner
+from ..snapshot import floats, integers
 from .algebra import kalman
 from .algebra.blocks import SIZE, add_mean, add_spread, factorise, square_distance
 from .algebra.vectors import add, total_of
 from .mixture import Mixture
 
-# Of the most hypotheses: those of one mode each may have so many. The others are for the detections
-# of the next scan, each of which branches a hypothesis.
+# Share of `Bounds.most` that single-mode hypotheses may take. The rest is reserved for the next
+# scan, in which every detection branches a hypothesis.
 ROOM = 0.25
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is kept of a target's hypotheses.
+    """Limits of the reduction.
 
     Parameters
     ----------
     hypotheses : int
-        Per target; at most, before each goes on once for each of its motion modes.
+        Largest number per target, before they are split by motion mode.
     least_share : float
-        Of the target's existence probability; hypotheses with less are dropped.
+        Hypotheses with less than this share of their target's existence probability are dropped.
     merge_distance : float
         Square Mahalanobis distance within which hypotheses are merged.
     least_existence : float
         Targets with a smaller existence probability are dropped.
     most : int
-        Hypotheses of all targets together.
+        Largest number of hypotheses of all targets together.
     least_mode : float
-        Of a hypothesis; motion modes with a smaller share do not go on as hypotheses of their own.
-        With 1 none does, and modes are mixed by every prediction.
+        Motion modes with at least this share of their hypothesis become hypotheses of their own.
+        With 1 none does, and every prediction mixes the modes.
     """
 
     hypotheses: int
@@ -52,11 +54,10 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Branched:
-    """Hypotheses, and the predicted rows that they come from.
+    """Hypotheses, and the predicted row from which each descends.
 
     Parameters
     ----------
-    mixture : Mixture
     parent : int array of shape (H,)
         Row of the predicted mixture; -1 for targets born at detections.
     """
@@ -71,7 +72,7 @@ class Branched:
 
 @dataclass(frozen=True)
 class Ancestry:
-    """The hypotheses that were merged into those kept, and where they come from.
+    """For each kept hypothesis, the hypotheses merged into it and their predicted rows.
 
     Parameters
     ----------
@@ -80,12 +81,12 @@ class Ancestry:
     parent : int array of shape (E,)
         Row of the predicted mixture; -1 for targets born at detections.
     share : array of shape (E, R, S)
-        Of the child's weight; sums to one over the rows of a child where that has weight.
+        Share of the child's weight; sums to one over the rows of a child with positive weight.
     """
 
-    child: IntArray
-    parent: IntArray
-    share: FloatArray
+    child: Annotated[IntArray, integers("E", 0, below="H")]
+    parent: Annotated[IntArray, integers("E", -1, below="P")]
+    share: Annotated[FloatArray, floats("EOS", 0.0, 1.0)]
 
 
 @compiled
@@ -102,7 +103,7 @@ def _probable(
         one = target[row]
         if mass[row] < least_share * existence[one] or not mass[row] > 0.0:
             continue
-        # Those of more mass stay before it; the last one of too many goes.
+        # Insertion in descending order of mass; of too many, the last one is dropped.
         place = size[one]
         while place > 0 and mass[best[one, place - 1]] < mass[row]:
             if place < most:
@@ -128,21 +129,20 @@ def _probable(
 
 
 def probable(target: IntArray, mass: FloatArray, bounds: Bounds) -> tuple[IntArray, FloatArray]:
-    """Return the most probable hypotheses of each target, most probable first.
+    """Return the most probable hypotheses of each target in descending order of probability.
 
     Parameters
     ----------
     target : int array of shape (N,)
-        The target of each hypothesis; all numbers from 0 occur.
+        The target of each hypothesis; every index below the number of targets occurs.
     mass : array of shape (N,)
-    bounds : Bounds
 
     Returns
     -------
     kept : int array of shape (K,)
-        By target.
+        Rows of the kept hypotheses, sorted by target.
     factor : array of shape (K,)
-        On their weights, so that the targets' existence probabilities stay the same.
+        Factor on their weights that preserves the existence probability of each target.
     """
     return _probable(bounds.hypotheses, bounds.least_share, *contiguous(target, mass))
 
@@ -155,7 +155,7 @@ def _across_modes(
     centre: FloatArray,
     spread: FloatArray,
 ) -> None:
-    """Write a hypothesis's mean and covariance over its motion modes; axes without one have 1."""
+    """Write a hypothesis's moments over its motion modes; unused axes have variance 1."""
     mass = 0.0
     for mode in range(len(weight)):
         mass += total_of(weight[mode])
@@ -173,7 +173,7 @@ def _across_modes(
 def _clusters(
     target: Int1, weight: Float3, mean: Float3, covariance: Float4, distance: float
 ) -> IntArray:
-    """Return the row of the hypothesis into which each is merged, its own if into none.
+    """Return for each hypothesis the row that absorbs it; its own row if it is not merged.
 
     The rows of a target come one after the other, the most probable first.
     """
@@ -206,9 +206,9 @@ def _clusters(
 def _merged(
     into: Int1, parent: Int1, weight: Float3, mean: Float3, covariance: Float4
 ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray, FloatArray]:
-    """Return the weight, mean and covariance of each cluster, and what was merged into it.
+    """Return the weight, mean and covariance of each cluster, and the columns of `Ancestry`.
 
-    `into` is that of `_clusters`; the last three results are the columns of `Ancestry`.
+    For `into` see `_clusters`.
     """
     count, modes, cells = weight.shape
     cluster, size = np.cumsum(into == np.arange(count)) - 1, np.zeros(count + 1, np.int64)
@@ -250,7 +250,7 @@ def _merged(
 def _split(
     row: Int1,
     mode: Int1,
-    goes_with: Int2,
+    stays_with: Int2,
     weight: Float3,
     child: Int1,
     parent: Int1,
@@ -258,8 +258,8 @@ def _split(
 ) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
     """Return the weights of hypotheses of one mode each, and the columns of their `Ancestry`.
 
-    `row` and `mode` are those of each, ascending, and `goes_with` the mode that each mode of a
-    hypothesis goes on with.
+    `row` and `mode` are the hypothesis and its mode, ascending, of each result. `stays_with` is the
+    mode with which each mode of a hypothesis stays.
     """
     modes, cells = weight.shape[1:]
     size = np.zeros(len(weight) + 1, np.int64)
@@ -278,36 +278,35 @@ def _split(
             to[edge], of[edge] = new, parent[at]
             edge += 1
         for other in range(modes):
-            if goes_with[old, other] == mode[new]:
+            if stays_with[old, other] == mode[new]:
                 found[new, other] = weight[old, other]
                 part[begin:edge, other] = share[start[old] : start[old + 1], other]
     return found, to, of, part
 
 
-def reduced(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]:
-    """Return the hypotheses that the filter goes on with.
+def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]:
+    """Return the reduced hypotheses, from which the next prediction starts.
 
     Parameters
     ----------
     branched : Branched
-        By target, each target's most probable one first.
-    bounds : Bounds
+        Sorted by target, and then by descending probability.
 
     Returns
     -------
     mixture : Mixture
     ancestry : Ancestry
     floored : int
-        Number of covariances that rounding had left with negative eigenvalues.
+        Number of covariances in which rounding had caused negative eigenvalues.
 
     Notes
     -----
-    Targets that hardly exist are dropped. Of the others, the most probable hypothesis of a target
-    takes in all that are within the merge distance of it, then the most probable of those left, and
-    so on. Each motion mode's Gaussian keeps the mean and covariance of what it takes in.
+    Targets of small existence probability are dropped. The most probable hypothesis of each other
+    target absorbs all hypotheses within the merge distance, then the most probable remaining one
+    does, and so on. Each motion mode's Gaussian is moment-matched to the Gaussians it absorbs.
 
-    To merge hypotheses of different motion modes only now, after an update, is the second-order
-    generalised pseudo-Bayesian filter; to keep those that are not near to each other is more exact.
+    A merge of hypotheses of different motion modes only after the update is the second-order
+    generalised pseudo-Bayesian filter; hypotheses that are kept apart make this more exact.
 
     References
     ----------
@@ -323,17 +322,17 @@ def reduced(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]
     weight, mean, covariance, child, parent, share = _merged(
         *contiguous(into, branched.parent, *columns)
     )
-    covariance, floored = kalman.floored(covariance)
+    covariance, floored = kalman.floor_eigenvalues(covariance)
     origin = mixture.origin[np.flatnonzero(into == np.arange(len(into)))]
     merged = Mixture(origin, weight, mean, covariance)
     return *_by_mode(merged, Ancestry(child, parent, share), bounds), floored
 
 
 def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixture, Ancestry]:
-    """Return hypotheses of one motion mode each, of those with a share of at least `least_mode`.
+    """Return a hypothesis for each motion mode whose share is at least `least_mode`.
 
-    Modes with less stay with the most probable one. Where these are so many that the next scan
-    could cost targets, none goes on by itself: modes are mixed, as with a `least_mode` of 1.
+    Less probable modes stay with the most probable one. If the number of hypotheses would leave
+    too little room for the next scan, none is split: modes are mixed, as with a `least_mode` of 1.
     """
     least = bounds.least_mode
     mass = np.where(mixture.mass > 0.0, mixture.mass, 1.0)
@@ -344,10 +343,10 @@ def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixt
     if count == len(mixture) or count > ROOM * bounds.most:
         return mixture, ancestry
     row, mode = np.nonzero(own)
-    # The mode of its own that each mode goes on with.
-    goes_with = np.where(own, np.arange(own.shape[1]), main[:, None])
+    # The mode of its own that each mode stays with.
+    stays_with = np.where(own, np.arange(own.shape[1]), main[:, None])
     weight, child, parent, share = _split(
-        *contiguous(row, mode, goes_with, mixture.weight),
+        *contiguous(row, mode, stays_with, mixture.weight),
         *contiguous(ancestry.child, ancestry.parent, ancestry.share),
     )
     split = Mixture(mixture.origin[row], weight, mixture.mean[row], mixture.covariance[row])
@@ -355,7 +354,7 @@ def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixt
 
 
 def _existing(mixture: Mixture, bounds: Bounds) -> IntArray:
-    """Return the rows of the targets that are kept."""
+    """Return the rows of the targets of sufficient existence probability."""
     existence = mixture.existence
     kept = existence >= bounds.least_existence
     size = np.bincount(mixture.target, minlength=len(existence))

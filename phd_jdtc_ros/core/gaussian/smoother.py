@@ -1,4 +1,4 @@
-"""The backward step over the window: Gaussians, weights and hypotheses with hindsight."""
+"""The backward step over the window: smoothed Gaussians, weights and hypotheses."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .mixture import Mixture
 from .prediction import Moves
 from .window_graph import Link, generations, is_chain
 
-# Log of the least fit of a pair of modes beside the best one, so that none is excluded for ever.
+# Smallest log fit of a pair of modes relative to the best pair: no pair is excluded for good.
 LEAST_LOG_FIT = -50.0
 # In the place of a log density that is not finite.
 LEAST_DENSITY = -1e300
@@ -25,12 +25,12 @@ LEAST_DENSITY = -1e300
 
 @dataclass(frozen=True)
 class Later:
-    """Predicted hypotheses, given later scans.
+    """Predicted hypotheses conditioned on later scans.
 
     Parameters
     ----------
     moves : Moves
-        To these hypotheses.
+        The predictions that led to these hypotheses.
     weight : array of shape (H, R, S)
     mean, covariance : arrays of shape (H, R, D) and (H, R, D, D)
     """
@@ -259,11 +259,11 @@ def _smoothed(
 
 
 def _before_update(smoothed: Mixture, link: Link) -> Later:
-    """Return the predicted hypotheses, given the smoothed ones that they led to.
+    """Return the predicted hypotheses, given their smoothed children.
 
-    A predicted hypothesis has the smoothed weights of its children, and its Gaussians keep the mean
-    and covariance of theirs. The weight of a merged hypothesis is divided by the filtered weights
-    of those that were merged. A hypothesis without children has no weight.
+    A predicted hypothesis has the summed weight of its smoothed children, and its Gaussians match
+    their moments. The weight of a merged child is divided by the filtered weights of its parents. A
+    hypothesis without children has no weight.
     """
     ancestry, moves = link.ancestry, link.moves
     columns = _of_children(
@@ -275,16 +275,17 @@ def _before_update(smoothed: Mixture, link: Link) -> Later:
 
 
 def _with_hindsight(own: Mixture, later: Later) -> Mixture:
-    """Return a mixture that knows what later scans say.
+    """Return the smoothed mixture of one scan, given the later predicted hypotheses.
 
     Notes
     -----
-    A later mode j hands its smoothed weight to the pairs of an earlier mode i and itself by
-    w_i P_s pi_ij N(m_j; m_ij, P_ij), with the smoothed mean m_j, and the mean and covariance that
-    the pair predicted. The state of a pair is that of a backward step from the smoothed later one:
-    the expectation correction. Without the normal density it is Kim's smoother, whose error grows
-    with the lag: in a turn by as much as it gains. What does not survive has the factor of a
-    Bernoulli target's death, (1 - its smoothed survivors) / (1 - its filtered survivors).
+    A later mode j divides its smoothed weight among the pairs (i, j) of earlier modes i in
+    proportion to w_i P_s pi_ij N(m_j; m_ij, P_ij), where m_j is the smoothed mean and m_ij, P_ij
+    are the pair's predicted mean and covariance. The state of a pair follows by a backward step
+    from the smoothed later state: the expectation correction. Without the normal density this is
+    Kim's smoother, whose error grows with the lag; in a turn the growth cancels its gain. The
+    weight of targets that die has the factor of a Bernoulli target's death,
+    (1 - smoothed survivors) / (1 - filtered survivors).
 
     References
     ----------
@@ -300,10 +301,10 @@ def _with_hindsight(own: Mixture, later: Later) -> Mixture:
         *contiguous(moves.place, moves.mean, moves.factor, moves.gain, moves.base),
         *contiguous(later.weight, later.mean, later.covariance),
     )
-    return own.told(*columns)
+    return own.with_gaussians(*columns)
 
 
-def _chained(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
+def _smooth_chain(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
     """Yield the smoothed mixtures of a chain, newest first, each with its link to the next."""
     later: Mixture | None = None
     link: Link | None = None
@@ -322,20 +323,20 @@ def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
     Parameters
     ----------
     entries : sequence of Entry
-        Oldest first. Sources that are none of them have left the window.
+        Oldest first. A source outside these entries has left the window.
     """
     if is_chain(entries):
-        return list(_chained([(entry.stored, entry.link) for entry in reversed(entries)]))
+        return list(_smooth_chain([(entry.stored, entry.link) for entry in reversed(entries)]))
     parts = generations(entries)
     weight, mean, covariance = (
         np.concatenate([getattr(entry.stored, column) for entry in entries])
         for column in ("weight", "mean", "covariance")
     )
-    smoothed = _chained([(part.stored, part.link) for part in parts])
+    smoothed = _smooth_chain([(part.stored, part.link) for part in parts])
     for part, mixture in zip(parts, smoothed, strict=True):
         weight[part.rows] = mixture.weight
         mean[part.rows], covariance[part.rows] = mixture.mean, mixture.covariance
     ends = np.cumsum([len(entry.stored) for entry in entries])[:-1]
     columns = (np.split(column, ends) for column in (weight, mean, covariance))
     whole = zip(entries, *columns, strict=True)
-    return [entry.stored.told(*parts) for entry, *parts in whole][::-1]
+    return [entry.stored.with_gaussians(*parts) for entry, *parts in whole][::-1]

@@ -1,4 +1,4 @@
-"""Targets that are seen, by their identities, where no hypothesis has them: one more of each."""
+"""Extra hypotheses for targets whose identities are detected outside all their gates."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from .reduction import Branched
 
 
 def with_strays(predicted: Branched, lost: Lost, model: TrackerModel) -> Branched:
-    """Return the hypotheses with one more for each lost target, of a manoeuvre beyond its models.
+    """Return the hypotheses with one more for each lost target: a manoeuvre beyond its models.
 
-    It is the target's most probable one, spread by the manoeuvre, and comes from the same. Where
-    detections do not show identities its weight is so small that it is of no use.
+    It is a copy of the target's most probable hypothesis with a covariance that the manoeuvre
+    inflates, and has the same parent. Its weight is negligible for detections without identities.
     """
     mixture = predicted.mixture
     strayed, place = np.unique(lost.target, return_index=True)
@@ -35,13 +35,15 @@ def with_strays(predicted: Branched, lost: Lost, model: TrackerModel) -> Branche
         mixture.covariance[row] + spread[:, None] * used[..., :, None] * used[..., None, :],
     )
     return Branched(
-        Mixture.joined([mixture.told(weight, mixture.mean, mixture.covariance), added]),
+        Mixture.concatenate(
+            [mixture.with_gaussians(weight, mixture.mean, mixture.covariance), added]
+        ),
         np.concatenate([predicted.parent, predicted.parent[row]]),
     )
 
 
 def _spread(since_s: FloatArray, size: int, model: TrackerModel) -> FloatArray:
-    """Return the covariances of manoeuvres over the axes of states, shape (L, D, D)."""
+    """Return the covariance of each manoeuvre in the state space, shape (L, D, D)."""
     space: StateSpace = model.modes.space
     done = manoeuvre(since_s, model)
     spread = np.zeros((len(since_s), size, size))

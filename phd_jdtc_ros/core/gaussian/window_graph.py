@@ -1,8 +1,8 @@
-"""Arranges the targets of a window by how many of its later scans continue them.
+"""Groups the targets of a window by the number of later scans that continue them.
 
-A radar that turns makes many small scans, each with the few targets that the antenna passed, and a
-target's last scan is another one than its neighbour's. Targets are independent of each other on the
-way back, so one step takes all of them as far back as each was last updated, whatever the scan.
+A turning radar makes many small scans, each with the few targets that the antenna passed, so that
+neighbouring targets were last updated in different scans. The backward pass treats targets
+independently: one step takes every target back to its previous update, whichever scan that was.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from .reduction import Ancestry
 
 @dataclass(frozen=True)
 class Link:
-    """How hypotheses come from earlier ones.
+    """The link from the hypotheses of a scan back to earlier hypotheses.
 
     Parameters
     ----------
     moves : Moves
-        From the earlier hypotheses, those of all sources of a scan one after the other, to the
-        predicted ones.
+        From the earlier hypotheses, concatenated over all sources of the scan, to the predicted
+        ones.
     ancestry : Ancestry
-        From the predicted hypotheses to those kept.
+        From the predicted hypotheses to the kept ones.
     """
 
     moves: Moves
@@ -39,15 +39,14 @@ class Link:
 
 @dataclass(frozen=True)
 class Generation:
-    """Targets that equally many later scans of a window continue.
+    """Targets that are continued by the same number of later scans of a window.
 
     Parameters
     ----------
-    stored : Mixture
     rows : int array
-        Their places among the hypotheses of all scans of the window, one scan after the other.
+        Their indices in the hypotheses of all scans of the window, concatenated.
     link : Link or None
-        Back to all hypotheses of the next generation; None if there is none.
+        Link back to all hypotheses of the next generation; None for the last one.
     """
 
     stored: Mixture
@@ -56,22 +55,22 @@ class Generation:
 
 
 def generations(entries: Sequence[Entry[Mixture, Link]]) -> list[Generation]:
-    """Return the generations of a window, those that no later scan continues first.
+    """Return the generations of a window, beginning with targets that no later scan continues.
 
     Parameters
     ----------
     entries : sequence of Entry
-        Oldest first. Sources that are none of them have left the window.
+        Oldest first. A source outside these entries has left the window.
     """
-    every = Mixture.joined([entry.stored for entry in entries])
+    every = Mixture.concatenate([entry.stored for entry in entries])
     ends = np.cumsum([0, *(len(entry.stored) for entry in entries)])
     depth, predicted = _depths(entries, every, ends)
     links = [entry.link for entry in reversed(entries) if entry.link is not None]
     if not links:
         return [Generation(every, np.arange(len(every)), None)]
-    moves = Moves.joined([link.moves for link in links])
+    moves = Moves.concatenate([link.moves for link in links])
     edges = _edges(entries, ends)
-    # Of a predicted hypothesis whose source has left the window nothing is told.
+    # A predicted hypothesis whose source has left the window sends no message.
     of_edge = predicted.depth[edges.parent]
     found, rows = [], np.flatnonzero(depth == 0)
     place, rank = np.empty(len(every), dtype=np.int64), np.empty(len(moves.change), dtype=np.int64)
@@ -86,7 +85,7 @@ def generations(entries: Sequence[Entry[Mixture, Link]]) -> list[Generation]:
 
 
 def is_chain(entries: Sequence[Entry[Mixture, Link]]) -> bool:
-    """Return whether every scan continues all targets of the one before, and no others."""
+    """Return whether every scan continues exactly the targets of the previous one."""
     return all(
         len(entry.sources) == 1
         and entry.sources[0].rows is None
@@ -97,15 +96,14 @@ def is_chain(entries: Sequence[Entry[Mixture, Link]]) -> bool:
 
 @dataclass(frozen=True)
 class _Predicted:
-    """The predicted hypotheses of all scans, those of the newest scan first.
+    """The predicted hypotheses of all scans, newest scan first.
 
     Parameters
     ----------
     source : int array of shape (P,)
-        Where each comes from, among the hypotheses of all scans; -1 if that has left the window.
+        Index of each one's source in the hypotheses of all scans; -1 if it has left the window.
     depth : int array of shape (P,)
-        How many scans continue its target after the one that it was predicted to; -1 without a
-        source.
+        Number of scans that continue its target after the predicted scan; -1 without a source.
     """
 
     source: IntArray
@@ -115,7 +113,7 @@ class _Predicted:
 def _depths(
     entries: Sequence[Entry[Mixture, Link]], every: Mixture, ends: IntArray
 ) -> tuple[IntArray, _Predicted]:
-    """Return how many later scans continue each hypothesis, and the predicted hypotheses."""
+    """Return the number of later scans that continue each hypothesis, and the predicted ones."""
     first = {entry.stamp_ns: int(end) for entry, end in zip(entries, ends, strict=False)}
     depth = np.zeros(len(every), dtype=np.int64)
     sources, depths = [], []
@@ -134,7 +132,7 @@ def _depths(
         stored, begin = entry.stored, first[entry.stamp_ns]
         later = np.zeros(len(stored.label) + 1, dtype=np.int64)
         later[stored.target] = depth[begin : begin + len(stored)]
-        # A target that the scan has dropped is continued by none after it.
+        # No later scan continues a target that this scan has dropped.
         target = np.searchsorted(stored.label, every.origin[source])
         gone = np.append(stored.label, -1)[target] != every.origin[source]
         here = np.where(gone, 0, later[target])
@@ -146,7 +144,7 @@ def _depths(
 
 
 def _edges(entries: Sequence[Entry[Mixture, Link]], ends: IntArray) -> Ancestry:
-    """Return all ancestries of a window as one; those born have no parent and are left out."""
+    """Return all ancestries of a window as one, without born targets: these have no parent."""
     child, parent, share, predicted = [], [], [], 0
     for entry, begin in zip(reversed(entries), ends[-2::-1], strict=True):
         if entry.link is None:

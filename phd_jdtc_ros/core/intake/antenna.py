@@ -1,8 +1,8 @@
-"""The motion of a turning antenna: a line through azimuths against times of its detections.
+"""Estimates the motion of a turning antenna from the times and azimuths of its detections.
 
-Every detection, true or false, is made where the antenna points. With every report the line is
-locked again to the detections of the last two turns. Azimuths are circular, so that it cannot slip
-by a turn.
+The antenna points at every detection when it makes it, whether the detection is true or false.
+Azimuth against time is therefore a line. Each report fits the line again to the detections of the
+last two turns. Azimuths are circular, so the line cannot slip by a whole turn.
 """
 
 from __future__ import annotations
@@ -16,51 +16,52 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray, wrap_angle
 from ..types import FULL_TURN
 
-# How far beside the line a detection may be to count in each round of the regression, rad; one
-# that is farther than the last does not fit. This share must fit, and so much weight finds a line.
+# Gates of the successive rounds of the regression, rad; a detection outside the last one does not
+# fit. A line needs at least this share of fitting detections, and this sum of weights.
 REFINEMENTS, LEAST_FIT, LEAST_WEIGHT = (0.9, 0.5, 0.4), 0.7, 3.0
-# Age in turns at which a detection has half of its weight, and that from which on it has none.
-# After so many turns unseen the line is dropped: wind changes an antenna's speed.
+# Ages in turns at which a detection's weight is halved and at which it ends. The line is dropped
+# after LONGEST_UNSEEN turns without detections, because wind changes an antenna's speed.
 HALF_AGE, OLDEST, LONGEST_UNSEEN = 0.5, 2.2, 10.0
-# The rates that are tried without a line, relative to the latest or the given one.
+# Rates that are tried when there is no line, relative to the latest or the given rate.
 RATES = np.exp(0.05 * np.arange(-6, 7))
-# Standard deviations: of the logarithm of a turn's length, and of the azimuth of a detection, rad.
+# Standard deviations of the logarithm of a turn's length, and of a detection's azimuth, rad.
 RATE_STD, AZIMUTH_STD = 0.05, 0.05
-# How much more of the detections must be on the line than on that of the other direction, and their
-# weight against an unusual rate.
+# Required advantage over the best line of the other direction, and weight of the fit against the
+# prior of the rate.
 EVIDENCE, CONCENTRATION = 4.0, 4.0
-# After so many reports that are not clear the turn is looked for again. One of so many usual turns
-# is none: a line follows an antenna that stops, and would not find it again.
+# The turn is searched again after MOST_UNCLEAR unclear reports. A line slower than SLOWEST usual
+# turns is refused: it would follow an antenna that stops, and not find it when it starts again.
 MOST_UNCLEAR, SLOWEST = 8, 2.0
-# In a report of at least so many detections, a time that is farther from the median than so many
-# median deviations, and than so many seconds, tells nothing of the antenna.
+# In a report of at least LEAST_OF_REPORT detections, a time is an outlier if its distance from the
+# median exceeds both MOST_OFF median deviations and LEAST_OFF_S seconds.
 LEAST_OF_REPORT, MOST_OFF, LEAST_OFF_S = 3, 4.0, 1.0
-# Detections that are looked at, a regular choice of more; and so many on most of a turn show its
-# motion without those before them.
+# At most MOST detections are used, regularly chosen. MANY of them over MOST_OF_A_TURN of a turn
+# show the motion without older ones.
 MOST, MANY, MOST_OF_A_TURN = 250, 20, 0.8
-# Where nobody knows a turn, seconds, it is looked for in so many detections of a minute. They must
-# go with it so well, from 0 to 1 (chance is 0.5 with as many), and so much better than with an
-# antenna that stands: what is seen at one azimuth once a second goes with a turn of a second too.
+# An unknown turn between these lengths is searched in at least LEAST_UNKNOWN detections of a
+# minute. Their coherence with the line (0 to 1; chance gives 0.5 with so few) must be at least
+# LEAST_COHERENCE, and clearly better than with an antenna that stands: a target that is seen at one
+# azimuth once a second also agrees with a turn of one second.
 SHORTEST_S, LONGEST_S = 0.5, 60.0
 LEAST_UNKNOWN, LEAST_COHERENCE, LEAST_EVIDENCE = 30, 0.85, 15.0
-# It is looked for in those of the latest seconds first, at rates that differ by such a part of a
-# turn over their time, and in so many turns at least.
+# The search begins with the latest SHORT_S seconds. Its rates differ by RATE_STEP turns over the
+# searched time, which has at least LEAST_TURNS turns.
 SHORT_S, RATE_STEP, LEAST_TURNS = 15.0, 0.1, 1.5
-# And again after such a part of that time, or so many seconds.
+# The search is repeated after this share of the searched time, at most after LOOK_S seconds.
 AGAIN, LOOK_S = 0.2, 10.0
 
 
 class Antenna(NamedTuple):
-    """An antenna that turns evenly.
+    """An antenna that turns at a constant rate.
 
     Parameters
     ----------
     time_s : float
-        A time, seconds.
+        Reference time, seconds.
     azimuth : float
-        Where it points then, radians counter-clockwise.
+        Direction at the reference time, radians counter-clockwise.
     rate : float
-        Radians per second; negative if it turns clockwise.
+        Radians per second; negative for an antenna that turns clockwise.
     """
 
     time_s: float
@@ -73,61 +74,61 @@ class Antenna(NamedTuple):
         return FULL_TURN / abs(self.rate)
 
     def azimuth_at(self, time_s: float) -> float:
-        """Return where it points at a time, radians; not wrapped."""
+        """Return the direction at a time, radians; it is not wrapped."""
         return self.azimuth + self.rate * (time_s - self.time_s)
 
     def time_near(self, azimuth: float, time_s: float) -> float:
-        """Return the time nearest to another at which it points to an azimuth, seconds."""
+        """Return the time nearest to `time_s` at which it points to an azimuth, seconds."""
         off = math.remainder(azimuth - self.azimuth_at(time_s), FULL_TURN)
         return time_s + off / self.rate
 
     def beside(self, time_s: FloatArray, azimuth: FloatArray) -> FloatArray:
-        """Return how far azimuths are from where it points at their times, radians; (M,)."""
+        """Return the deviations of azimuths from its direction at their times, radians, (M,)."""
         return wrap_angle(azimuth - self.azimuth - self.rate * (time_s - self.time_s))
 
     def fits(self, time_s: FloatArray, azimuth: FloatArray) -> BoolArray:
-        """Return which detections are where it was, (M,)."""
+        """Return a mask of the detections that agree with its motion, (M,)."""
         near: BoolArray = np.abs(self.beside(time_s, azimuth)) <= REFINEMENTS[-1]
         return near
 
 
 class Sightings(NamedTuple):
-    """Detections' times in seconds and azimuths in radians, each of shape (M,)."""
+    """Times in seconds and azimuths in radians of detections, each of shape (M,)."""
 
     time_s: FloatArray = np.zeros(0)
     azimuth: FloatArray = np.zeros(0)
 
     def since(self, oldest_s: float) -> Sightings:
-        """Return those after a time, a regular choice of `MOST`."""
+        """Return the sightings after a time, at most `MOST` of them, regularly chosen."""
         kept = np.flatnonzero(self.time_s > oldest_s)
         kept = kept[:: max(1, math.ceil(len(kept) / MOST))]
         return Sightings(self.time_s[kept], self.azimuth[kept])
 
     def with_latest(self, own: Sightings, seconds: float) -> Sightings:
-        """Return those of the last seconds up to the latest of a new report, and that."""
+        """Return the sightings of a new report and of the given seconds before its end."""
         older = self.since(float(own.time_s.max()) - seconds)
         return Sightings(*(np.concatenate(pair) for pair in zip(older, own, strict=True)))
 
     def many(self, turn_s: float) -> bool:
-        """Return whether they must show how the antenna turns."""
+        """Return whether they suffice to show the antenna's motion."""
         return len(self.time_s) >= MANY and bool(np.ptp(self.time_s) > MOST_OF_A_TURN * turn_s)
 
 
 class AntennaTrack(NamedTuple):
-    """What is known of an antenna.
+    """Estimate of an antenna's motion, and the detections from which it is updated.
 
     Parameters
     ----------
     usual_s : float
-        Time of a turn as it was given or found out, seconds; 0 if it is not known.
+        Time of a turn that was given or estimated, seconds; 0 if unknown.
     antenna : Antenna or None
-        Its motion; None if that is not known.
+        Current motion; None if unknown.
     sightings : Sightings
         The latest detections.
     unclear : int
-        Number of reports in a row after which they were not where one antenna could have been.
+        Number of consecutive reports whose detections fitted no line.
     looked_s : float
-        When a turn that nobody knows was looked for last, seconds.
+        Time of the last search for an unknown turn, seconds.
     """
 
     usual_s: float
@@ -138,29 +139,29 @@ class AntennaTrack(NamedTuple):
 
     @property
     def rotation_s(self) -> float:
-        """Time of a turn as far as it is known, seconds; 0 if it is not."""
+        """Best estimate of the time of a turn, seconds; 0 if unknown."""
         return self.usual_s if self.antenna is None else self.antenna.turn_s
 
-    def followed(
+    def follow(
         self, now_s: float, time_s: FloatArray, azimuth: FloatArray, shortest_s: float = SHORTEST_S
     ) -> AntennaTrack:
-        """Return what is known after a report.
+        """Return the estimate after a report.
 
         Parameters
         ----------
         now_s : float
-            Of the report, seconds.
+            Stamp of the report, seconds.
         time_s, azimuth : arrays of shape (M,)
-            Of its detections, seconds, and radians counter-clockwise.
+            Detections' times in seconds, and azimuths in radians counter-clockwise.
         shortest_s : float
-            A turn that nobody knows takes at least so long, seconds.
+            Lower bound of the search for an unknown turn, seconds.
         """
         turn_s, line = self.rotation_s, self.antenna
         if line is not None and now_s - line.time_s > LONGEST_UNSEEN * turn_s:
-            return AntennaTrack(self.usual_s).followed(now_s, time_s, azimuth)
+            return AntennaTrack(self.usual_s).follow(now_s, time_s, azimuth)
         if not len(time_s):
             return self
-        near = _believed(time_s)
+        near = _plausible(time_s)
         own = Sightings(time_s[near], azimuth[near]).since(-math.inf)
         if not turn_s:
             seen = self.sightings.with_latest(own, LONGEST_S)
@@ -175,66 +176,66 @@ class AntennaTrack(NamedTuple):
                 return AntennaTrack(self.usual_s, line, seen)
         if self.antenna is None and not seen.many(turn_s):
             return self._replace(sightings=seen)
-        # In the end it turns in another time than anybody thought.
+        # After many unclear reports the assumed turn itself is probably wrong.
         usual_s = self.usual_s if self.unclear < MOST_UNCLEAR else 0.0
         return AntennaTrack(usual_s, None, own, self.unclear + 1)
 
     def turning_in(self, turn_s: float) -> AntennaTrack:
-        """Return the same with a time of a turn that is known better, seconds; 0 if it is not."""
+        """Return the estimate with a more accurate time of a turn, seconds; 0 changes nothing."""
         if self.antenna is None or not turn_s:
             return self
         rate = math.copysign(FULL_TURN / turn_s, self.antenna.rate)
         return self._replace(antenna=self.antenna._replace(rate=rate))
 
     def _lines(self, seen: Sightings, weight: FloatArray) -> Iterator[Antenna]:
-        """Yield the lines that detections may be on, by what is known of the antenna before."""
+        """Yield candidate lines: the previous one refined, then the best of a search."""
         usual = FULL_TURN / self.rotation_s
         if self.antenna is not None:
-            yield _refined(self.antenna, seen, weight, usual)
+            yield _refine(self.antenna, seen, weight, usual)
         log_prior = -0.5 * (np.log(RATES) / RATE_STD) ** 2
-        (fit, line), (other, _) = searched(seen, weight, usual * RATES, log_prior)
+        (fit, line), (other, _) = search_lines(seen, weight, usual * RATES, log_prior)
         if weight.sum() * (fit**2 - other**2) >= EVIDENCE:
-            yield _refined(line, seen, weight, usual)
+            yield _refine(line, seen, weight, usual)
 
     def _found(self, now_s: float, seen: Sightings, shortest_s: float) -> AntennaTrack:
-        """Return what is known where nobody knows the turn: it is looked for now and then."""
+        """Return the estimate for an unknown turn, which is searched at intervals."""
         due_s = self.looked_s + min(LOOK_S, AGAIN * float(np.ptp(seen.time_s)))
         if len(seen.time_s) < LEAST_UNKNOWN or now_s < due_s:
             return self._replace(sightings=seen)
-        for longest_s in (SHORT_S, LONGEST_S):  # it may have stood until just now
+        for longest_s in (SHORT_S, LONGEST_S):  # the antenna may have just started
             latest = seen.since(float(seen.time_s.max()) - longest_s)
             count, span_s = len(latest.time_s), float(np.ptp(latest.time_s))
             if count < LEAST_UNKNOWN or span_s < LEAST_TURNS * shortest_s:
                 continue
             turns = np.arange(LEAST_TURNS, span_s / shortest_s + RATE_STEP, RATE_STEP)
-            (fit, line), _ = searched(latest, np.ones(count), turns * FULL_TURN / span_s)
+            (fit, line), _ = search_lines(latest, np.ones(count), turns * FULL_TURN / span_s)
             standing = float(np.abs(np.exp(1j * latest.azimuth).mean()))
             if fit >= LEAST_COHERENCE and count * (fit**2 - standing**2) >= LEAST_EVIDENCE:
-                found = AntennaTrack(line.turn_s).followed(now_s, *latest)
+                found = AntennaTrack(line.turn_s).follow(now_s, *latest)
                 return found._replace(usual_s=found.rotation_s)
         return self._replace(sightings=seen, looked_s=now_s)
 
 
-def _believed(time_s: FloatArray) -> BoolArray:
-    """Return which times of a report are near the others; far ones are of a wrong clock."""
+def _plausible(time_s: FloatArray) -> BoolArray:
+    """Return a mask of the times near the median of a report; others come from a wrong clock."""
     off_s = np.abs(time_s - np.median(time_s))
     near: BoolArray = off_s <= max(MOST_OFF * float(np.median(off_s)), LEAST_OFF_S)
     return near | (len(time_s) < LEAST_OF_REPORT)
 
 
-def searched(
+def search_lines(
     seen: Sightings, weight: FloatArray, rates: FloatArray, log_prior: FloatArray | float = 0.0
 ) -> list[tuple[float, Antenna]]:
-    """Return the best line in either direction, the better first, with its fit from 0 to 1.
+    """Return the best line of each direction, the better first, with its fit from 0 to 1.
 
     Parameters
     ----------
     seen : Sightings
     weight : array of shape (M,)
     rates : array of shape (R,)
-        Those that are tried, radians per second.
+        Candidate rates, radians per second.
     log_prior : array of shape (R,) or float
-        Logarithms of what is thought of them.
+        Logarithm of the prior of each rate.
     """
     last_s, sighted = float(seen.time_s[-1]), weight * np.exp(1j * seen.azimuth)
     back = np.exp(-1j * rates[:, None] * (seen.time_s - last_s))
@@ -247,7 +248,7 @@ def searched(
     return sorted(found, reverse=True)
 
 
-def _refined(line: Antenna, seen: Sightings, weight: FloatArray, usual: float) -> Antenna:
+def _refine(line: Antenna, seen: Sightings, weight: FloatArray, usual: float) -> Antenna:
     """Return the regression of azimuth on time near a line, at a rate near the usual one, rad/s."""
     ridge = (AZIMUTH_STD / RATE_STD) ** 2
     last_s = float(seen.time_s[-1])

@@ -1,7 +1,7 @@
-"""Up to which time the reports of a radar account for what its antenna passed.
+"""Estimates the end of the interval of time that each report of a radar covers.
 
-A stamp is somewhere in the time that its report is about, or beside it: at the end of a sector, in
-the middle of a turn, or when the report was sent. Where it is, the detections' own times tell.
+Radars stamp a report at the end of its sector, in the middle of its turn, or when it is sent. The
+detections' own times show which of these a radar does.
 """
 
 from __future__ import annotations
@@ -13,29 +13,31 @@ import numpy as np
 
 from ..arrays import FloatArray
 
-# For so many turns reports are remembered, and so many reports at least.
+# Reports of this many turns are remembered, and at least this many reports.
 TURNS, REPORTS = 4.0, 8
-# A radar is regular whose times between reports differ by less than this part, as a rule.
+# A radar is regular if the median relative deviation of its report intervals is below REGULAR;
+# fewer than LEAST_STEPS intervals count as regular.
 REGULAR, LEAST_STEPS = 0.15, 4
-# Detections this far beyond the expected end of a report, in steps and in turns, do not move it.
+# Detections farther than this beyond the expected end of a report do not move it, in report
+# intervals and in turns.
 BEYOND, BEYOND_TURNS = 0.75, 0.06
 
 
 class Horizon(NamedTuple):
-    """What the latest reports of a radar say of the next one.
+    """Timing of the latest reports of a radar, from which the next one's is predicted.
 
     Parameters
     ----------
     lays : array of shape (K, 3)
-        Of each report, oldest first, seconds: its stamp, its first detection after the stamp of the
-        one before, and its last detection after its own; NaN without detections' times.
+        For each report, oldest first, seconds: its stamp, its first detection's time after the
+        previous stamp, and its last detection's time after its own stamp; NaN without times.
     step_s : float
-        The usual time between reports, seconds; 0 if it is not known.
+        Median interval between reports, seconds; 0 if unknown.
     regular : bool
-        Whether reports come at even times, so that one that does not come was lost.
+        Whether reports come at regular intervals, so that a missing one was lost.
     lead_s : float
-        How far after its stamp a report's time ends, seconds; NaN if no detection had a time. No
-        report's last detection is later, and no next report's first one is earlier.
+        End of a report's interval relative to its stamp, seconds; NaN if no detection had a time.
+        No report has a detection later than this, and no following one has an earlier detection.
     """
 
     lays: FloatArray = np.zeros((0, 3))
@@ -45,23 +47,23 @@ class Horizon(NamedTuple):
 
     @property
     def last_s(self) -> float:
-        """Stamp of the latest report, seconds; NaN without any."""
+        """Stamp of the latest report, seconds; NaN before the first."""
         return float(self.lays[-1, 0]) if len(self.lays) else math.nan
 
     def after(self, stamp_s: float, time_s: FloatArray, turn_s: float) -> Horizon:
-        """Return the same with a new report.
+        """Return the horizon after a new report.
 
         Parameters
         ----------
         stamp_s : float
         time_s : array of shape (M,)
-            Times of its detections; empty if they have none of their own.
+            Times of its detections; empty if the detections have none.
         turn_s : float
             Time of a turn, seconds.
         """
         lay = [stamp_s, math.nan, math.nan]
         if len(time_s):
-            time_s = self._believed(stamp_s, time_s, turn_s)
+            time_s = self._plausible_times(stamp_s, time_s, turn_s)
             lay[1:] = time_s.min() - self.last_s, time_s.max() - stamp_s
         kept = self.lays[:, 0] > stamp_s - TURNS * turn_s
         kept[-REPORTS:] = True
@@ -72,10 +74,11 @@ class Horizon(NamedTuple):
         lead_s = np.fmin.reduce([np.fmax.reduce(lays[:, 2]), *lays[:, 1]])
         return Horizon(lays, step_s, bool(even), self.lead_s if np.isnan(lead_s) else float(lead_s))
 
-    def _believed(self, stamp_s: float, time_s: FloatArray, turn_s: float) -> FloatArray:
-        """Return the times that can be of a report; one that is a turn off does not tell its end.
+    def _plausible_times(self, stamp_s: float, time_s: FloatArray, turn_s: float) -> FloatArray:
+        """Return the times that are plausible for a report, without those off by a turn.
 
-        If most are elsewhere than expected, the radar reports in another way than before.
+        If most are elsewhere than expected, the radar has changed its way of reporting, and all
+        are used.
         """
         if math.isnan(self.lead_s) or not self.step_s:
             return time_s

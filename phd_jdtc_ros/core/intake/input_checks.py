@@ -1,6 +1,6 @@
-"""Notices reports and results that do not go with the configuration.
+"""Checks reports and results for signs of a wrong configuration.
 
-Nothing is rejected for it; who runs the tracker is told the likely cause.
+They reject nothing; each finding becomes a warning with its likely cause.
 """
 
 from __future__ import annotations
@@ -16,23 +16,25 @@ from ..engine import Step
 from ..types import FULL_TURN, Detections, Scan
 from .sectors import smallest_arc
 
-# Azimuths are looked at in cells of this many to a turn.
+# Number of azimuth cells per turn.
 CELLS = 72
-# In so many reports in a row, of at least so many detections, sectors show.
+# Number of consecutive reports that can show sectors, and least number of detections in each.
 SECTOR_REPORTS, SECTOR_DETECTIONS = 60, 4
-# Reports of sectors are within less than the first and together beyond the second, in turns.
+# Reports are of sectors if each spans less than the first, and all together more than the second,
+# in turns.
 SECTOR_ARC, SECTORS_TOGETHER = 0.5, 0.75
-# So many detections, in so many reports, on less of a turn than this, are all that is seen.
+# A radar has a limited field of view if these many reports, with these many detections in all, span
+# less than FIELD_ARC turns.
 FIELD_REPORTS, FIELD_DETECTIONS, FIELD_ARC = 50, 200, 0.4
-# Targets fly high where radars that turn slower than this, s, see farther than this, m.
+# A radar with a longer turn, s, and a longer range, m, is for aircraft, whose height matters.
 SLOW_TURN, FAR = 3.0, 40e3
-# Scans with detections, and nominal intervals, after which targets should have been reported.
+# Number of scans with detections, and of nominal intervals, within which targets are expected.
 PATIENCE = 30
 
 
 @dataclass
 class ReportWatch:
-    """Watches the reports of one radar.
+    """Checks the reports of one radar.
 
     Parameters
     ----------
@@ -41,7 +43,7 @@ class ReportWatch:
     whole_turn : bool
         Whether it is configured to see all azimuths at once.
     slant_ranges : bool
-        Whether ranges over ground are unknown where that matters.
+        Whether ground ranges are unknown although the difference matters.
     """
 
     by_sectors: bool = True
@@ -58,10 +60,10 @@ class ReportWatch:
         self._together = np.zeros(CELLS, dtype=bool)
 
     def add(self, detections: Detections) -> Counter[str]:
-        """Return what is noticed with a report, by what it is.
+        """Return the findings in a report, by name.
 
-        ``sectors_not_configured``, ``fov_not_configured`` and ``slant_ranges``; the last two are
-        noticed once.
+        The names are ``sectors_not_configured``, ``fov_not_configured`` and ``slant_ranges``; the
+        last two occur at most once.
         """
         noticed: Counter[str] = Counter()
         if self.slant_ranges and len(detections):
@@ -75,7 +77,7 @@ class ReportWatch:
         return +noticed
 
     def _is_sector(self, azimuth: FloatArray) -> int:
-        """Return 1 with the last of some reports in a row that are sectors."""
+        """Return 1 with the last of `SECTOR_REPORTS` consecutive reports of sectors."""
         start, width = smallest_arc(azimuth)
         if width >= SECTOR_ARC * FULL_TURN:
             self._sectors = 0
@@ -91,7 +93,7 @@ class ReportWatch:
         return int(found)
 
     def _is_field(self, azimuth: FloatArray) -> int:
-        """Return 1 once if all detections are within a part of the turn."""
+        """Return 1, at most once, if all detections lie within a part of the turn."""
         self._reports += 1
         self._detections += len(azimuth)
         self._all[_cells(azimuth)] = True
@@ -103,14 +105,14 @@ class ReportWatch:
 
 
 def _cells(azimuth: FloatArray) -> npt.NDArray[np.int64]:
-    """Return the cells in which azimuths are."""
+    """Return the cell of each azimuth."""
     cells: npt.NDArray[np.int64] = (np.mod(azimuth, FULL_TURN) / FULL_TURN * CELLS).astype(int)
     return np.minimum(cells, CELLS - 1)
 
 
 @dataclass
 class ResultWatch:
-    """Watches whether detections ever make targets.
+    """Checks whether detections lead to targets.
 
     Parameters
     ----------

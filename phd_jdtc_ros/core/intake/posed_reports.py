@@ -1,9 +1,9 @@
-"""Holds back the reports of radars that move until their poses are known.
+"""Holds back the reports of moving radars until their poses are known.
 
-A report waits for a pose at its stamp or after it, so that its own is interpolated, whichever of
-the two came first. By the stamps of later reports it is known when that has taken too long: the
-pose is then extrapolated, or the report is given up. Reports that come behind one that waits wait
-too, so that the order in which they came stays.
+A report waits for a pose at or after its stamp, so that its own pose is interpolated, whichever of
+the two arrives first. The stamps of later reports show when the pose is overdue: it is then
+extrapolated, or the report is dropped. Reports behind a waiting one wait too, which keeps the order
+of arrival.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .poses import Platform, PoseFault
 
 
 class _Held(NamedTuple):
-    """A part of a report that waits.
+    """A waiting part of a report.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class _Held(NamedTuple):
 
 @dataclass(frozen=True)
 class PosedReport:
-    """A report that no longer waits.
+    """A report with its pose.
 
     Parameters
     ----------
@@ -45,9 +45,9 @@ class PosedReport:
         Index in the configured order.
     stamp_ns : int
     detections : Detections or None
-        With the radar's pose if it moves; None if that is not known.
+        They have the radar's pose if it moves; None if the pose is unknown.
     extrapolated : bool
-        Whether the pose is.
+        Whether the pose was extrapolated.
     """
 
     radar: int
@@ -57,12 +57,12 @@ class PosedReport:
 
 
 class PosedReports:
-    """The reports that wait for poses, in the order in which they came.
+    """Queue of the reports that wait for poses, in their order of arrival.
 
     Parameters
     ----------
     platforms : sequence of (Platform or None)
-        What carries each radar, in the configured order; None for one that stands.
+        The platform of each radar, in the configured order; None for a fixed radar.
     """
 
     def __init__(self, platforms: Sequence[Platform | None]) -> None:
@@ -104,7 +104,7 @@ class PosedReports:
             if platform is None:
                 yield PosedReport(part.radar, part.stamp_ns, part.detections)
             else:
-                found = platform.posed(part.stamp_ns, part.detections)
+                found = platform.with_pose(part.stamp_ns, part.detections)
                 yield PosedReport(part.radar, part.stamp_ns, *found)
 
     def forget(self) -> None:

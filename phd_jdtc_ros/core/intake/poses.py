@@ -1,9 +1,9 @@
-"""Where a moving platform was: its reported poses, checked, and interpolated to any time.
+"""Checks the reported poses of a moving platform, and interpolates them to any time.
 
-Poses are compared by their stamps. Between two of them the platform moves straight on and turns
-evenly; after the last one it is extrapolated with its last velocity for a bounded time. A pose that
-the platform cannot have reached is left out. If the next one agrees with it, the platform has been
-relocated: the poses go on from there, and nothing is interpolated across the jump.
+Poses are ordered by their stamps. Between two poses the platform moves in a straight line and turns
+at a constant rate; after the last one its pose is extrapolated with its last velocity for a bounded
+time. A pose that the platform cannot have reached is ignored. If the next pose agrees with it, the
+platform has been relocated, and no pose is interpolated across the jump.
 """
 
 from __future__ import annotations
@@ -15,18 +15,17 @@ from enum import Enum
 
 import numpy as np
 
-from ..arrays import FloatArray
-from ..sensors.polar_radar import wrap_angle
+from ..arrays import FloatArray, wrap_angle
 from ..types import Detections, Pose
 
-# What positions and directions may be off beside the motion itself, metres and radians.
+# Tolerance of a plausible change of pose in addition to the motion, m and rad.
 POSITION_SLACK, YAW_SLACK = 5.0, math.radians(10.0)
-# No platform turns faster, rad/s.
+# Upper bound of a platform's yaw rate, rad/s.
 MOST_YAW_RATE = 1.0
-# A platform's velocity is that over at least so long, seconds: over less, the noise of two poses
-# would be more of it than the motion.
+# Shortest interval over which a velocity is computed, seconds; over a shorter one the noise of two
+# poses would exceed the motion.
 VELOCITY_S = 0.1
-# Poses that are kept at most, whatever their stamps.
+# Upper bound of the number of poses that are kept.
 MOST_POSES = 100_000
 
 
@@ -41,12 +40,12 @@ class PoseFault(Enum):
 
 @dataclass(frozen=True)
 class Mount:
-    """How a radar sits on its platform.
+    """Mounting of a radar on its platform.
 
     Parameters
     ----------
     position : tuple of two floats
-        In the platform's frame, metres.
+        Position in the platform's frame, metres.
     yaw : float
         Direction of the radar's x axis in that frame, radians counter-clockwise.
     """
@@ -69,9 +68,9 @@ class PoseTrack:
     Parameters
     ----------
     turned : bool
-        Whether its yaw turns what is mounted on it. If not, it is taken as 0.
+        Whether its yaw applies to the mounted radar. If not, the yaw is taken as 0.
     max_age_s : float
-        Farthest that a time may be from the nearest pose, seconds.
+        Longest interval between a time and the nearest pose, seconds.
     max_speed : float
         Speed above which a change between two poses is a jump, metres per second.
     reset_threshold_s : float
@@ -84,7 +83,7 @@ class PoseTrack:
     reset_threshold_s: float = math.inf
     _stamps: list[int] = field(init=False, default_factory=list)
     _poses: list[Pose] = field(init=False, default_factory=list)
-    # Between poses of two segments there was a jump.
+    # The platform has jumped between poses of different segments.
     _segments: list[int] = field(init=False, default_factory=list)
     _doubted: tuple[int, Pose] | None = field(init=False, default=None)
 
@@ -101,16 +100,16 @@ class PoseTrack:
             elif stamp_ns <= newest:
                 return PoseFault.DUPLICATE if stamp_ns == newest else PoseFault.LATE
             elif not self._reachable((newest, self._poses[-1]), stamp_ns, pose):
-                return self._jumped(stamp_ns, pose)
+                return self._reject_jump(stamp_ns, pose)
         self._append(stamp_ns, pose, self._segments[-1] if self._segments else 0)
         return None
 
     def segment(self, stamp_ns: int) -> tuple[tuple[int, Pose], tuple[int, Pose]] | None:
-        """Return two poses with stamps that tell the velocity at a stamp, None if there are none.
+        """Return the two poses, with stamps, that define the velocity at a stamp; None without.
 
-        They are the first at the stamp or after it, or the last, and one at least `VELOCITY_S`
-        before it, without a jump between them. Later poses do not count, so that it does not matter
-        how many of them have come.
+        The second is the first pose at or after the stamp, or else the last one. The first is at
+        least `VELOCITY_S` earlier, without a jump in between. Later poses have no influence, so the
+        result does not depend on how many of them have arrived.
         """
         last = min(bisect_left(self._stamps, stamp_ns), len(self._stamps) - 1)
         if last > 0 and self._segments[last - 1] != self._segments[last]:
@@ -128,7 +127,7 @@ class PoseTrack:
         return bool(self._stamps) and self._stamps[-1] >= stamp_ns
 
     def at(self, stamp_ns: int) -> tuple[Pose | None, bool]:
-        """Return the pose at a stamp, None if it is not known; and whether it is extrapolated."""
+        """Return the pose at a stamp, None if unknown; and whether it is extrapolated."""
         last = bisect_right(self._stamps, stamp_ns) - 1
         if last < 0:
             return None, False
@@ -142,7 +141,7 @@ class PoseTrack:
             return (self._between(last, following, stamp_ns) if near else None), False
         if since > self.max_age_s:
             return None, False
-        # A velocity over some time: that of two close poses would be mostly their noise.
+        # The velocity of two close poses would be mostly their noise.
         window_ns = self._stamps[last] - round(self.max_age_s * 1e9)
         first = min(bisect_left(self._stamps, window_ns), max(last - 1, 0))
         while self._segments[first] != self._segments[last]:
@@ -172,8 +171,8 @@ class PoseTrack:
             and turned <= YAW_SLACK + MOST_YAW_RATE * since
         )
 
-    def _jumped(self, stamp_ns: int, pose: Pose) -> PoseFault | None:
-        """Leave out a pose that cannot be reached, unless it goes on from another such one."""
+    def _reject_jump(self, stamp_ns: int, pose: Pose) -> PoseFault | None:
+        """Ignore a pose that cannot be reached, unless it continues from another such pose."""
         doubted, self._doubted = self._doubted, (stamp_ns, pose)
         if doubted is None or stamp_ns <= doubted[0]:
             return PoseFault.JUMP
@@ -193,7 +192,7 @@ class PoseTrack:
         oldest = max(len(self._stamps) - MOST_POSES, 0)
         if math.isfinite(kept_s):
             oldest = max(oldest, bisect_left(self._stamps, stamp_ns - round(kept_s * 1e9)))
-        # The two newest stay: what comes next is compared with them.
+        # The two newest stay, because the next pose is compared with them.
         oldest = min(oldest, len(self._stamps) - 2)
         if oldest > 0:
             del self._stamps[:oldest], self._poses[:oldest], self._segments[:oldest]
@@ -204,7 +203,7 @@ class PoseTrack:
 
 @dataclass
 class Platform:
-    """What carries a radar.
+    """A moving platform with its radar.
 
     Parameters
     ----------
@@ -215,13 +214,13 @@ class Platform:
     track: PoseTrack
     mount: Mount
 
-    def posed(self, stamp_ns: int, found: Detections) -> tuple[Detections | None, bool]:
-        """Return detections with the radar's pose at their stamp, and if it is extrapolated.
+    def with_pose(self, stamp_ns: int, found: Detections) -> tuple[Detections | None, bool]:
+        """Return detections with the radar's pose at their stamp, and whether it is extrapolated.
 
-        Detections with times of their own were measured from where the radar was then; they become
-        what it would have measured from where it was at the stamp. None if a pose is not known.
-        Range rates need its velocity too, and are left out where that is not known: after the first
-        pose, and after a jump.
+        Detections with times of their own were measured from the radar's pose at that time; they
+        are transformed to its pose at the stamp. The result is None if a pose is unknown. Range
+        rates also need the velocity, and are left out if it is unknown: after the first pose, and
+        after a jump.
         """
         at_stamp, extrapolated = self.track.at(stamp_ns)
         if at_stamp is None:
@@ -253,9 +252,9 @@ class Platform:
         return self._at_the_stamp(stamp_ns, found, azimuth + yaw), extrapolated
 
     def velocity(self, stamp_ns: int) -> tuple[float, float] | None:
-        """Return the radar's velocity at a stamp in the world frame, m/s; None if it is unknown.
+        """Return the radar's velocity at a stamp in the world frame, m/s; None if unknown.
 
-        It is that over the last poses, with what the platform's turning makes of it.
+        It follows from the last poses, and includes the motion by the platform's rotation.
         """
         known = self.track.segment(stamp_ns)
         if known is None:
@@ -266,9 +265,9 @@ class Platform:
         return (later_x - x) / since, (later_y - y) / since
 
     def _at_the_stamp(self, stamp_ns: int, found: Detections, bearing: FloatArray) -> Detections:
-        """Return detections with range rates as from the radar's velocity at the stamp.
+        """Return detections with range rates relative to the radar's velocity at the stamp.
 
-        `bearing` are the directions in which they were measured, world frame, radians.
+        `bearing` has their directions in the world frame, radians.
         """
         if found.range_rate is None or found.time_s is None or found.pose is None:
             return found

@@ -1,18 +1,13 @@
 """Groups reports into scans by stamp, and decides when a scan is complete.
 
-Time is given by stamps, never by arrival. Reports of several radars with one stamp are one scan; a
-report with another stamp is another scan. A scan is closed when every live radar has reported its
-stamp, or as soon as a later stamp has come. Whether a radar is live is decided by stamps: one that
-has missed two scans is no longer waited for, until its next report. A caller that cannot wait for a
+Stamps define time; the time of arrival does not matter. Reports with the same stamp form one scan.
+A scan is closed when every live radar has reported its stamp, or when a later stamp arrives. A
+radar that has missed two scans is not live until its next report. A caller that cannot wait for a
 later stamp closes the pending scans with `close_all`.
 
-Where stamps arrive out of order, the newest K scans can be held back, so that a late report still
-joins its scan. With K = 1 no report is lost, and the order of arrival makes no difference, as long
-as every report of a scan comes before all reports of the scan after the next.
-
-Radars that report whole turns and are not synchronous send reports that are as old as their turns
-are long. For them scans can be held back by time: until every live radar has reported the stamp or
-a later one, or the newest stamp is later by more than that time.
+Asynchronous radars that report whole turns send reports as old as their turns are long. For these
+radars scans can be held back by time: until every live radar has reported the stamp or a later
+one, or the newest stamp is later by more than that time.
 """
 
 from __future__ import annotations
@@ -37,19 +32,19 @@ class Rejection(Enum):
 
 @dataclass(frozen=True)
 class Reset:
-    """The stamps jumped: the scans that follow belong to a new run.
+    """A jump of the stamps, after which a new run begins.
 
     Parameters
     ----------
     jump_s : float
-        Length of the jump from the previous scan or report, seconds; negative for a jump back.
+        Jump from the previous scan or report, seconds; negative for a jump back.
     """
 
     jump_s: float
 
     @property
     def ahead(self) -> bool:
-        """Whether the jump is a gap, and not a jump back."""
+        """Whether the jump is forward."""
         return self.jump_s > 0.0
 
     def __str__(self) -> str:
@@ -64,22 +59,18 @@ class ScanGrouper:
     Parameters
     ----------
     radars : int
-        How many radars are configured.
+        Number of configured radars.
     reset_threshold_s : float
-        A stamp that is further behind the newest than this begins a new run and is no late report.
+        A stamp further behind the newest than this begins a new run; its report is not late.
     max_gap_s : float
         A scan that comes later than this after the previous one begins a new run.
-    reorder_scans : int
-        Number K of the newest scans that are held back.
     reorder_s : float
-        Longest time that scans are held back for radars that are behind, seconds; above 0 it
-        replaces `reorder_scans`.
+        Longest time that scans are held back for radars behind the newest stamp, seconds.
     """
 
     radars: int
     reset_threshold_s: float
     max_gap_s: float = math.inf
-    reorder_scans: int = 0
     reorder_s: float = 0.0
     _pending: dict[int, dict[int, Detections]] = field(init=False, default_factory=dict)
     _misses: list[int] = field(init=False)
@@ -107,7 +98,7 @@ class ScanGrouper:
 
     @property
     def waiting(self) -> bool:
-        """Whether a report is held back until its scan is complete."""
+        """Whether any scan is pending."""
         return bool(self._pending)
 
     def add(
@@ -134,7 +125,7 @@ class ScanGrouper:
         newest = max(self._pending, default=self._closed_ns)
         if newest is not None and stamp_ns < newest - self.reset_threshold_s * 1e9:
             events = [*self.close_all(), Reset((stamp_ns - newest) * 1e-9)]
-            overtaken = self._unreported(newest)
+            overtaken = self._pending_intervals(newest)
             self.reset()
             self._overtaken = overtaken
         if self._is_overtaken(radar, stamp_ns):
@@ -161,10 +152,9 @@ class ScanGrouper:
         radar : int
             Index in the configured order.
         stamps_ns : sequence of int
-            Of those that are replaced; those of closed scans are ignored.
+            Stamps of the reports to replace; those of closed scans are ignored.
         reports : sequence of (stamp in nanoseconds, Detections)
-            Those that replace them, by ascending stamp, at least one; those that belong to closed
-            scans are ignored.
+            At least one new report, by ascending stamp; those of closed scans are ignored.
         """
         closed_ns = -1 if self._closed_ns is None else self._closed_ns
         for stamp_ns in stamps_ns:
@@ -177,10 +167,10 @@ class ScanGrouper:
                 self._pending.setdefault(stamp_ns, {})[radar] = detections
         self._last_stamp[radar] = reports[-1][0]
 
-    def _unreported(self, newest: int) -> dict[int, tuple[int, int]]:
-        """Return the interval of each radar's stamps that may still be on their way.
+    def _pending_intervals(self, newest: int) -> dict[int, tuple[int, int]]:
+        """Return for each radar the interval of stamps whose reports may still arrive.
 
-        Topics are not ordered among each other: the last report of one radar may come after
+        Topics are not ordered relative to each other: a radar's last report may arrive after
         another radar's stamps have jumped back.
         """
         earliest = newest - round(self.reset_threshold_s * 1e9)
@@ -197,13 +187,13 @@ class ScanGrouper:
         return True
 
     def close_all(self) -> list[Scan | Reset]:
-        """Close all pending scans, also those incomplete or held back; oldest first."""
+        """Close all pending scans, oldest first, even if they are incomplete or held back."""
         return [event for stamp_ns in sorted(self._pending) for event in self._close(stamp_ns)]
 
     def _close_complete(self) -> list[Scan | Reset]:
-        """Close the oldest scans that are followed by enough later ones.
+        """Close the oldest scans that enough later ones follow.
 
-        A complete scan needs `reorder_scans` later ones, an incomplete one needs one more.
+        A complete scan needs none, and an incomplete one needs one.
         """
         events: list[Scan | Reset] = []
         stamps = sorted(self._pending)
@@ -214,14 +204,13 @@ class ScanGrouper:
     def _closable(self, stamps: list[int]) -> bool:
         """Return whether the oldest of the pending stamps need not wait."""
         if self.reorder_s:
-            return self._passed(stamps[0])
-        needed = self.reorder_scans + (not self._complete(stamps[0]))
-        return len(stamps) > needed
+            return self._is_final(stamps[0])
+        return len(stamps) > 1 or self._complete(stamps[0])
 
-    def _passed(self, stamp_ns: int) -> bool:
-        """Return whether no radar that is live by its stamps can still report a stamp in time.
+    def _is_final(self, stamp_ns: int) -> bool:
+        """Return whether no live radar can still report a stamp in time.
 
-        One that has sent nothing for `MISSES_UNTIL_SILENT` times the longest wait is not live.
+        A radar is not live if it has sent nothing for `MISSES_UNTIL_SILENT` times the longest wait.
         """
         wait_ns = self.reorder_s * 1e9
         newest = max(last for last in self._last_stamp if last is not None)

@@ -13,8 +13,8 @@ import numpy as np
 from ..arrays import FloatArray, wrap_angle
 from ..types import FULL_TURN, Coverage
 
-# Detections of a sector may be half a sector beside it, and at least this, rad: some come with the
-# next. So few detections do not say that its number is wrong.
+# A detection may lie outside its sector by half a sector, or by this margin in rad if it is larger,
+# because some come with the next report. Fewer than LEAST_NEAR cannot refute a sector's number.
 LEAST_MARGIN, LEAST_NEAR = math.radians(20.0), 3
 
 
@@ -24,9 +24,9 @@ def coverage_of(sector: int, sectors: int, compass: bool) -> Coverage:
     Parameters
     ----------
     sector : int
-        From 0.
+        Number, from 0.
     sectors : int
-        To a turn.
+        Sectors per turn.
     compass : bool
         Whether the radar counts azimuths clockwise from north, and not counter-clockwise from its
         x axis.
@@ -37,14 +37,14 @@ def coverage_of(sector: int, sectors: int, compass: bool) -> Coverage:
 
 
 def sector_of(coverage: Coverage, sectors: int, compass: bool) -> int:
-    """Return the number of the sector in which the middle of a coverage is."""
+    """Return the number of the sector that contains the middle of a coverage."""
     middle = coverage.start + 0.5 * coverage.width
     counted = math.pi / 2.0 - middle if compass else middle
     return int(counted % FULL_TURN / FULL_TURN * sectors) % sectors
 
 
 def is_sector(azimuth: FloatArray, sector: Coverage) -> bool:
-    """Return whether detections can be of a sector: half of them are in it or near, or too few.
+    """Return whether detections can belong to a sector: half are in or near it, or they are few.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def is_sector(azimuth: FloatArray, sector: Coverage) -> bool:
 
 
 def smallest_arc(azimuth: FloatArray) -> tuple[float, float]:
-    """Return where the smallest arc with all azimuths begins, and its width, radians.
+    """Return the start and the width of the smallest arc that contains all azimuths, radians.
 
     Parameters
     ----------

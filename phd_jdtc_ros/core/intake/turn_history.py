@@ -1,7 +1,7 @@
-"""The latest reports of a turning radar, so that one that comes late is cut in its place.
+"""Keeps the latest reports of a turning radar, so that a late one is cut as if it were on time.
 
-What a report covers follows from those before it. With a late report the later ones are cut again,
-and become what they would have been.
+The coverage of a report follows from the reports before it. After a late report has been inserted,
+the later ones are cut again.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .turns import Piece, State, Turns
 
 
 class _Record(NamedTuple):
-    """A report, what was known before it, and its parts."""
+    """A report, the state before it, and its parts."""
 
     stamp_ns: int
     detections: Detections
@@ -26,12 +26,12 @@ class _Record(NamedTuple):
 
 
 class Recut(NamedTuple):
-    """What a late report changes.
+    """The changes by a late report.
 
     Parameters
     ----------
     stamps_ns : list of int
-        Of the parts of later reports as they were cut first.
+        Stamps of the parts that are replaced.
     pieces : list of (stamp in nanoseconds, Detections)
         The parts of the late report and of all later ones, by ascending stamp.
     """
@@ -60,9 +60,9 @@ class TurnHistory:
         return pieces
 
     def later(self, stamp_ns: int) -> int | Rejection:
-        """Return the number of reports after a late one, or why it cannot be cut in its place.
+        """Return the number of reports after a late one, or why it cannot be inserted.
 
-        It comes once more, or before all.
+        It cannot if it is a duplicate, or older than all that are kept.
         """
         place = self._place(stamp_ns)
         if place and self._records[place - 1].stamp_ns == stamp_ns:
@@ -72,14 +72,14 @@ class TurnHistory:
         return Rejection.LATE if last_ns is None or last_ns >= stamp_ns else len(later)
 
     def insert(self, stamp_ns: int, detections: Detections, sector: int | None) -> Recut:
-        """Cut a late report that `later` finds a place for, and all later ones."""
+        """Insert a late report that `later` accepts, and cut all later ones again."""
         place = self._place(stamp_ns)
         later = self._records[place:]
         del self._records[place:]
         doubts, self._turns.state = Counter(self._turns.doubts), later[0].before
         for report in ((stamp_ns, detections, sector), *(record[:3] for record in later)):
             self.split(*report)
-        # What is odd about the later ones was counted when they came.
+        # The warnings about the later reports were counted when they came.
         self._turns.doubts = doubts
         return Recut(
             [own_ns for record in later for own_ns, _ in record.pieces],

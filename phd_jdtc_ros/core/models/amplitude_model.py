@@ -1,13 +1,12 @@
-"""What a detection's amplitude says of a target: three ways to use it.
+"""Amplitude models: the likelihood of a detection's amplitude, in three variants.
 
-`Band` knows a class's signal-to-noise ratio only as an interval and forgets every amplitude at
-once. With `Memory` every hypothesis of a target (a particle, say) carries ln(1 + SNR) of its own,
-drawn from its class's band at birth, so that a target's amplitudes tell its ratio from scan to
-scan. `Ignored` leaves positions only.
+`Band` averages over the signal-to-noise ratios of a class and has no memory. With `Memory` every
+hypothesis of a target (a particle, for example) has its own ln(1 + SNR), drawn from its class's
+band at birth, so that a target's SNR is estimated from scan to scan. `Ignored` uses positions only.
 
-Engines hold, for each of N hypotheses, a flat mode and a log_snr; both are arrays of shape (N,).
-Models that remember nothing keep log_snr at zero. Hypotheses that are not drawn but have weights
-spread them over `SnrCells`.
+Engines have a flat mode and a log_snr for each of N hypotheses, arrays of shape (N,). Without a
+memory log_snr is zero. An engine with weighted hypotheses distributes their weights over
+`SnrCells`.
 """
 
 from __future__ import annotations
@@ -19,23 +18,24 @@ from typing import Protocol
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..sensors.polar_radar import RadarModel
+from ..sensors.report import Report
+from ..sensors.sensor import Sensor
 from ..targets.amplitude_density import SMALLEST_AMPLITUDE
 from ..targets.modes import ModeSpace
 from ..types import Detections
 
-# Of a class's band; a cell of a band of 20 dB is 1.8 dB wide.
+# Number of cells of a class's SNR band; a cell of a band of 20 dB is 1.8 dB wide.
 CELLS = 11
 
 
 class AmplitudeModel(Protocol):
-    """How amplitudes enter the recursion."""
+    """Use of amplitudes in the recursion."""
 
-    def used(self, detections: Detections) -> Detections:
+    def select(self, detections: Detections) -> Detections:
         """Return the detections that the update uses, with or without amplitudes."""
         ...
 
-    def born(
+    def draw(
         self,
         mode: IntArray,
         modes: ModeSpace,
@@ -44,11 +44,11 @@ class AmplitudeModel(Protocol):
     ) -> FloatArray:
         """Return the log_snr of new hypotheses of flat modes `mode`, shape (N,).
 
-        `amplitude` is that of the detection at which each particle is born, if there is one.
+        `amplitude` is the amplitude of each particle's detection, for births at detections.
         """
         ...
 
-    def moved(
+    def diffuse(
         self,
         log_snr: FloatArray,
         mode: IntArray,
@@ -63,39 +63,38 @@ class AmplitudeModel(Protocol):
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        distance: FloatArray,
-        radar: RadarModel,
+        measured: FloatArray,
+        sensor: Sensor,
         modes: ModeSpace,
     ) -> FloatArray:
-        """Return p_D of every hypothesis at these ranges in the field of view, shape (N,)."""
+        """Return p_D of every hypothesis, given its measurement in the field of view, (N,)."""
         ...
 
     def log_likelihood(
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        detections: Detections,
+        report: Report,
         pairs: tuple[IntArray, IntArray],
-        radar: RadarModel,
         modes: ModeSpace,
     ) -> FloatArray:
         """Return log p_D g^tau(a) of every (hypothesis, detection) pair, shape (P,)."""
         ...
 
     def cells(self, modes: ModeSpace) -> SnrCells:
-        """Return the cells into which the classes' bands are cut for hypotheses with weights."""
+        """Return the cells of the classes' SNR bands, for weighted hypotheses."""
         ...
 
 
 @dataclass(frozen=True)
 class Band:
-    """The likelihood of a class's whole SNR band; there is no memory."""
+    """Likelihood averaged over the SNR band of a class, without a memory."""
 
-    def used(self, detections: Detections) -> Detections:
+    def select(self, detections: Detections) -> Detections:
         """Return the detections unchanged."""
         return detections
 
-    def born(
+    def draw(
         self,
         mode: IntArray,
         modes: ModeSpace,
@@ -105,7 +104,7 @@ class Band:
         """Return zeros; nothing is drawn."""
         return np.zeros(len(mode))
 
-    def moved(
+    def diffuse(
         self,
         log_snr: FloatArray,
         mode: IntArray,
@@ -120,14 +119,14 @@ class Band:
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        distance: FloatArray,
-        radar: RadarModel,
+        measured: FloatArray,
+        sensor: Sensor,
         modes: ModeSpace,
     ) -> FloatArray:
-        """Return the radar's given p_D, or that of each mode's class, shape (N,)."""
-        if radar.visibility.given:
-            return radar.visibility.probability(distance)
-        per_class = radar.class_detection_probability(modes.classes)
+        """Return the sensor's given p_D, or that of each mode's class, shape (N,)."""
+        if (given := sensor.given_detection_probability(measured)) is not None:
+            return given
+        per_class = sensor.class_detection_probability(modes.classes)
         probability: FloatArray = per_class[modes.class_of[mode]]
         return probability
 
@@ -135,15 +134,14 @@ class Band:
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        detections: Detections,
+        report: Report,
         pairs: tuple[IntArray, IntArray],
-        radar: RadarModel,
         modes: ModeSpace,
     ) -> FloatArray:
         """Return log g_c(a) of each pair's class, shape (P,)."""
         row, column = pairs
-        per_class = radar.log_class_likelihood(detections, modes.classes)
-        place = (modes.class_of * len(detections)).take(mode).take(row) + column
+        per_class = report.sensor.log_class_likelihood(report.detections, modes.classes)
+        place = (modes.class_of * len(report)).take(mode).take(row) + column
         likelihood: FloatArray = per_class.take(place)
         return likelihood
 
@@ -157,14 +155,14 @@ class Band:
 class Ignored(Band):
     """Amplitudes are ignored: classes differ only in p_D."""
 
-    def used(self, detections: Detections) -> Detections:
+    def select(self, detections: Detections) -> Detections:
         """Return the detections without their amplitudes."""
         return replace(detections, amplitude=None)
 
 
 @dataclass(frozen=True)
 class Memory:
-    """Every hypothesis remembers ln(1 + d) of its target's mean signal-to-noise ratio d.
+    """Every hypothesis has a state ln(1 + d), for its target's mean signal-to-noise ratio d.
 
     Parameters
     ----------
@@ -179,36 +177,36 @@ class Memory:
 
     jitter: float
 
-    def used(self, detections: Detections) -> Detections:
+    def select(self, detections: Detections) -> Detections:
         """Return the detections unchanged."""
         return detections
 
-    def born(
+    def draw(
         self,
         mode: IntArray,
         modes: ModeSpace,
         rng: np.random.Generator,
         amplitude: FloatArray | None = None,
     ) -> FloatArray:
-        """Return ln(1 + d): uniform over the band of each mode's class, or what an amplitude tells.
+        """Return ln(1 + d) drawn from the band of each mode's class, or given an amplitude.
 
         Notes
         -----
-        Given an amplitude a and the flat prior, a^2 / 2(1 + d) has an exponential distribution,
-        truncated to its values at the edges of the band.
+        The prior is uniform over the band. Given an amplitude a, a^2 / 2(1 + d) has an exponential
+        distribution that is truncated to its values at the edges of the band.
         """
         low, high = _band_edges(mode, modes)
         uniform = rng.random(len(mode))
         if amplitude is None:
-            drawn: FloatArray = low + (high - low) * uniform
-            return drawn
+            prior: FloatArray = low + (high - low) * uniform
+            return prior
         half = 0.5 * np.maximum(amplitude, SMALLEST_AMPLITUDE) ** 2
         least, most = half * np.exp(-high), half * np.exp(-low)
         exponential = least - np.log1p(uniform * np.expm1(least - most))
-        told = np.clip(np.log(half / exponential), low, high)
-        return np.where(np.isnan(amplitude), low + (high - low) * uniform, told)
+        drawn = np.clip(np.log(half / exponential), low, high)
+        return np.where(np.isnan(amplitude), low + (high - low) * uniform, drawn)
 
-    def moved(
+    def diffuse(
         self,
         log_snr: FloatArray,
         mode: IntArray,
@@ -229,48 +227,48 @@ class Memory:
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        distance: FloatArray,
-        radar: RadarModel,
+        measured: FloatArray,
+        sensor: Sensor,
         modes: ModeSpace,
     ) -> FloatArray:
-        """Return the given p_D, or the Rayleigh target's, exp(-tau^2 / 2(1 + d)), shape (N,)."""
-        if radar.visibility.given:
-            return radar.visibility.probability(distance)
-        probability: FloatArray = np.exp(-0.5 * radar.threshold**2 * np.exp(-log_snr))
+        """Return the given p_D, or exp(-tau^2 / 2(1 + d)) of a Rayleigh target, shape (N,)."""
+        if (given := sensor.given_detection_probability(measured)) is not None:
+            return given
+        probability: FloatArray = np.exp(-0.5 * sensor.threshold**2 * np.exp(-log_snr))
         return probability
 
     def log_likelihood(
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        detections: Detections,
+        report: Report,
         pairs: tuple[IntArray, IntArray],
-        radar: RadarModel,
         modes: ModeSpace,
     ) -> FloatArray:
         """Return log a - ln(1 + d) - a^2 / 2(1 + d) of each pair, shape (P,).
 
-        Where the amplitude is unknown it is log p_D; a given p_D replaces that of d.
+        It is log p_D for unknown amplitudes; a given p_D replaces the one that follows from d.
         """
         row, column = pairs
-        own = log_snr[row]
-        log_p_d = log_own = -0.5 * radar.threshold**2 * np.exp(-own)
-        if radar.visibility.given:
-            log_p_d = np.log(radar.visibility.probability(detections.measurement[column, 0]))
+        own, detections = log_snr[row], report.detections
+        log_p_d = log_own = -0.5 * report.sensor.threshold**2 * np.exp(-own)
+        given = report.sensor.given_detection_probability(detections.measurement[column])
+        if given is not None:
+            log_p_d = np.log(given)
         if detections.amplitude is None:
             return log_p_d
         a = np.maximum(detections.amplitude[column], SMALLEST_AMPLITUDE)
         density = np.log(a) - own - 0.5 * a**2 * np.exp(-own)
-        if radar.visibility.given:
+        if given is not None:
             density += log_p_d - log_own
         return np.where(np.isnan(density), log_p_d, density)
 
     def cells(self, modes: ModeSpace) -> SnrCells:
-        """Return `CELLS` cells a class, of equal width in ln(1 + d), between which d diffuses."""
+        """Return `CELLS` cells a class, of equal width in ln(1 + d), with the diffusion of d."""
         edges = np.log1p([model.snr_band for model in modes.classes])
         width = (edges[:, 1] - edges[:, 0]) / CELLS
         centre = edges[:, :1] + width[:, None] * (np.arange(CELLS) + 0.5)
-        # A random walk over cells of this rate has the variance of the jitter.
+        # A random walk over the cells with this rate has the variance of the jitter.
         rate = 0.5 * (self.jitter / width) ** 2
         step = np.eye(CELLS, k=1) + np.eye(CELLS, k=-1)
         step -= np.diag(step.sum(axis=1))
@@ -280,14 +278,14 @@ class Memory:
 
 @dataclass(frozen=True)
 class SnrCells:
-    """Cells of class and signal-to-noise ratio, over which a hypothesis can spread its weight.
+    """Cells of class and signal-to-noise ratio, over which a hypothesis distributes its weight.
 
     Parameters
     ----------
     class_of : int array of shape (S,)
         Class of each cell, ascending.
     log_snr : array of shape (S,)
-        ln(1 + d) at the cell's centre; 0 in models that remember nothing.
+        ln(1 + d) at the cell's centre; 0 in models without a memory.
     generator : array of shape (S, S)
         Rates of change from cell to cell per second, symmetric; rows sum to 0.
     """

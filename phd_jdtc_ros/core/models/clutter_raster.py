@@ -1,4 +1,4 @@
-"""Maps of clutter as a picture: how many false detections come from where, in the world frame."""
+"""Renders clutter maps as a raster: density of false detections in the world frame."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ import numpy as np
 
 from ..arrays import FloatArray, read_only
 from ..clutter.map import ClutterMap
-from ..sensors.polar_radar import RadarModel
+from ..sensors.sensor import Sensor
 
-# Cells along the longer side at most, their least size in metres, and what is left about them.
+# Largest number of cells along the longer side, smallest cell in metres, and margin as a share of
+# the longer side.
 MOST, LEAST_CELL, MARGIN = 256, 5.0, 0.05
-# Each of a map's cells is drawn as so many points in each direction.
+# Number of points in each direction with which a cell of a map is drawn.
 POINTS = 3
-# A picture is of where more than a stray detection is remembered.
+# A raster extends over cells with more detections than this, if there are any: not over stray ones.
 REPEATED = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class ClutterRaster:
-    """False detections by square of the world.
+    """Density of false detections by square of the world.
 
     Parameters
     ----------
@@ -31,8 +32,8 @@ class ClutterRaster:
     cell : float
         Side of a square, metres.
     density : array of shape (rows, columns)
-        False detections per turn, or scan, and km^2; rows by y, columns by x. A radar's own are of
-        its turns, and those of several radars are added.
+        False detections per turn, or scan, and km^2; rows by y, columns by x. Each radar counts by
+        its own turns, and the densities of several radars are added.
     """
 
     corner: tuple[float, float]
@@ -50,10 +51,10 @@ class ClutterRaster:
         return x, x + columns * self.cell, y, y + rows * self.cell
 
 
-def raster(maps: Mapping[str, ClutterMap], radars: Sequence[RadarModel]) -> ClutterRaster | None:
-    """Return the picture of the maps of some radars, by name; None if nothing was learned.
+def raster(maps: Mapping[str, ClutterMap], radars: Sequence[Sensor]) -> ClutterRaster | None:
+    """Return the raster of the maps of radars, by name; None if nothing was learned.
 
-    It shows the places at which detections have come again, with a margin, or else all places.
+    It extends over the places with repeated detections and a margin, or else over all places.
     """
     parts = list(_points(maps, radars))
     if not parts:
@@ -76,9 +77,9 @@ def raster(maps: Mapping[str, ClutterMap], radars: Sequence[RadarModel]) -> Clut
 
 
 def _points(
-    maps: Mapping[str, ClutterMap], radars: Sequence[RadarModel]
+    maps: Mapping[str, ClutterMap], radars: Sequence[Sensor]
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Yield, of each map, places in the world, their part of its rate, and their cell's count."""
+    """Yield each map's points in the world, with their part of its rate and their cell's count."""
     for radar in radars:
         learned = maps.get(radar.name)
         if learned is None or not len(learned.cell):

@@ -1,4 +1,4 @@
-"""What explains a radar's detections beside the known targets: clutter and unknown targets."""
+"""Sources of detections that compete with the known targets: clutter and unknown targets."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..sensors.polar_radar import RadarModel
-from ..types import Detections
+from ..attributes.memory import Evidence
+from ..sensors.report import Report
 from . import detection_birth
 from .detection_birth import Newborn
 from .tracker_model import TrackerModel
 
 
 @dataclass(frozen=True)
-class OtherSources:
+class CompetingSources:
     """The intensity of clutter and of unknown targets at each detection.
 
     Parameters
     ----------
     log_scale : array of shape (M,)
-        Log of what the intensities, and the likelihoods of the known targets, are divided by: the
-        largest of them. The clutter density underflows above an amplitude of 38.
+        Log of the common divisor of the intensities and of the known targets' likelihoods, which is
+        their maximum. The clutter density underflows above an amplitude of 38.
     intensity : array of shape (1 + C, M), or (1, M) without births at detections
-        Of clutter, and of unknown targets by class.
+        Intensities of clutter, and of unknown targets by class.
     """
 
     log_scale: FloatArray
@@ -33,29 +33,19 @@ class OtherSources:
 
     @property
     def total(self) -> FloatArray:
-        """Intensity of all of them, shape (M,)."""
+        """Sum of the intensities, shape (M,)."""
         total: FloatArray = self.intensity.sum(axis=0)
         return total
 
-    def newborn(
-        self,
-        claimed: FloatArray,
-        radar: RadarModel,
-        detections: Detections,
-        model: TrackerModel,
-        share: float = 1.0,
-    ) -> Newborn | None:
-        """Return the unknown targets' part of what no known target claims.
+    def newborn(self, claimed: FloatArray, report: Report, model: TrackerModel) -> Newborn | None:
+        """Return the probabilities that unclaimed detections are unknown targets.
 
         Parameters
         ----------
         claimed : array of shape (M,)
             Probability that a known target is the source of each detection.
-        radar : RadarModel
-        detections : Detections
+        report : Report
         model : TrackerModel
-        share : float
-            Of the radar's detections that were looked at; see `detection_limit.thinned`.
 
         Returns
         -------
@@ -66,45 +56,52 @@ class OtherSources:
             return None
         total = np.where(self.total > 0.0, self.total, 1.0)
         unknown = (1.0 - claimed) * self.intensity[1:] / total
-        return detection_birth.newborn(radar, detections, unknown.T, model.detection_births, share)
+        return detection_birth.newborn(report, unknown.T, model.detection_births)
 
 
-def other_sources(
-    detections: Detections,
-    radar: RadarModel,
+def log_intensities(
+    report: Report,
     model: TrackerModel,
     dt: float,
-    column: IntArray,
-    log_likelihood: FloatArray,
     earlier: Sequence[Newborn] = (),
-    log_clutter: FloatArray | float = 0.0,
-    log_unknown: FloatArray | float = 0.0,
-) -> OtherSources:
-    """Return the other sources of one radar's detections.
+    evidence: Evidence | None = None,
+) -> FloatArray:
+    """Return the log intensities of the other sources of a report's detections, (1 + C, M).
 
     Parameters
     ----------
-    detections : Detections
-    radar : RadarModel
+    report : Report
     model : TrackerModel
     dt : float
         True interval since the previous scan, seconds.
+    earlier : sequence of Newborn
+        Targets born at the detections of the scan's earlier reports.
+    evidence : Evidence or None
+        Identities and heights of the detections; they multiply both intensities.
+    """
+    log_clutter = 0.0 if evidence is None else evidence.log_clutter
+    log_other: FloatArray = report.log_clutter[None] + log_clutter
+    if model.detection_births.enabled:
+        log_birth = model.detection_births.log_intensity(report, model.modes, dt, earlier)
+        log_unknown = 0.0 if evidence is None else evidence.log_unknown
+        log_other = np.concatenate([log_other, log_birth + log_unknown])
+    return log_other
+
+
+def competing_sources(
+    log_other: FloatArray, column: IntArray, log_likelihood: FloatArray
+) -> CompetingSources:
+    """Return the competing sources, scaled with the likelihoods of the known targets.
+
+    Parameters
+    ----------
+    log_other : array of shape (1 + C, M)
+        See `log_intensities`.
     column : int array of shape (P,)
         The detection of each pair with a known target.
     log_likelihood : array of shape (P,)
         Log p_D L_z of each pair.
-    earlier : sequence of Newborn
-        Targets born at the detections of the scan's earlier radars.
-    log_clutter, log_unknown : arrays of shape (M,) or floats
-        Log of what the intensities of clutter and of unknown targets at each detection are
-        multiplied by.
     """
-    log_other = radar.log_clutter_intensity(detections)[None] + log_clutter
-    if model.detection_births.enabled:
-        log_birth = model.detection_births.log_intensity(
-            detections, radar, model.modes, dt, earlier
-        )
-        log_other = np.concatenate([log_other, log_birth + log_unknown])
     scale = log_other.max(axis=0)
     np.maximum.at(scale, column, log_likelihood)
-    return OtherSources(scale, np.exp(log_other - scale))
+    return CompetingSources(scale, np.exp(log_other - scale))

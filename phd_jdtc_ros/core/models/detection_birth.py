@@ -1,35 +1,36 @@
-"""Births at detections, for users who do not know where targets appear.
+"""Births at detections, for targets that appear at unknown places.
 
-Unknown targets are a uniform intensity in every radar's own coordinates. In the update this
+Unknown targets have a uniform intensity in every sensor's own coordinates. In the update this
 intensity competes for each detection with clutter and with the known targets. Its share is the
-newborn mass of the detection. It is added to the intensity at the detection's position, with the
-radar's noise and a broad distribution of velocity. Where the detection has a range rate, that part
-of the velocity is known, up to its ambiguity. Where earlier radars of the scan have looked, only
-the unknown targets that they have missed are left for the next one.
+detection's newborn mass, which is added to the intensity at the detection's position with the
+radar's noise and a broad distribution of velocity. A range rate determines the radial velocity up
+to its ambiguity. Where earlier radars of the scan have coverage, only the unknown targets that they
+missed remain for the next one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtri
 
 from ..arrays import FloatArray, IntArray, read_only, sum_by
-from ..sensors.polar_radar import LEAST_RANGE, RadarModel, Rates
-from ..targets.birth import shifted
+from ..sensors.range_rate import Rates
+from ..sensors.report import Report
+from ..sensors.sensor import Sensor
+from ..targets.birth import shift_points
 from ..targets.modes import ModeSpace
 from ..targets.sobol import sobol_points
 from ..types import Detections
 from . import stationary
 
-# The newborn intensity is taken as zero beyond this many standard deviations of velocity and turn
-# rate.
+# Standard deviations of velocity and turn rate beyond which the newborn intensity counts as zero.
 GATE_SIGMA = 8.0
-# With fewer particles a detection is no target to go on with; detections are left out instead.
+# Fewest particles that represent a newborn target; with less capacity, detections are left out.
 LEAST_PARTICLES = 16
-# Rows times detections that are compared at once.
+# Largest product of rows and detections in one chunk; bounds the memory.
 CHUNK_PRODUCT = 1 << 25
 
 
@@ -42,15 +43,15 @@ class DetectionBirthModel:
     rate : array of shape (C,)
         Expected births in a radar's field per nominal interval and class; all zero for none.
     velocity_std : float
-        Metres per second along each axis.
+        Standard deviation of the velocity along each axis, metres per second.
     turn_rate_std : float
-        Radians per second.
+        Standard deviation of the turn rate, radians per second.
     particles : int
-        Per detection; a power of two.
+        Particles per detection; a power of two.
     most : int
-        Particles at the detections of one radar in one scan; at most.
+        Largest number of particles at the detections of one radar in one scan.
     least_mass : float
-        Detections that are newborn targets with a lower probability than this get no particles.
+        Smallest newborn mass with which a detection gets particles.
     """
 
     rate: FloatArray
@@ -65,121 +66,112 @@ class DetectionBirthModel:
 
     @property
     def enabled(self) -> bool:
-        """Whether there are any such births."""
+        """Whether any class has births at detections."""
         return bool(np.any(self.rate > 0.0))
 
     def log_intensity(
         self,
-        detections: Detections,
-        radar: RadarModel,
+        report: Report,
         modes: ModeSpace,
         dt: float,
         earlier: Sequence[Newborn] = (),
     ) -> FloatArray:
         """Return log of the unknown targets' intensity at each detection, shape (C, M).
 
-        It covers targets that appeared in the preceding `dt` seconds, or since the antenna passed
-        last if the detections are those of a sector. It is the counterpart of the clutter
-        intensity: uniform over azimuth and range in the field of view, times p_D g^tau of each
-        class, times the density of the range rate, and times 1 - p_D of the `earlier` radars of the
-        scan, given by the targets born at their detections.
+        It covers targets that appeared in the preceding `dt` seconds, or, for the detections of a
+        sector, since the antenna's previous pass. It is the counterpart of the clutter intensity:
+        uniform over the sensor's field of view, times p_D g^tau of each class, times the density
+        of the range rate, and times 1 - p_D of the scan's `earlier` reports, which are given by the
+        targets born at their detections.
         """
-        since = dt if detections.coverage is None else radar.rotation_s or dt
+        sensor, detections = report.sensor, report.detections
+        since = dt if detections.coverage is None else sensor.rotation_s or dt
         appeared = self.rate * since / modes.interval_s
-        place = radar.to_world(detections.measurement)
+        place = sensor.to_world(detections.measurement)
         left = missed_by(earlier, place, modes)
-        # A class that is never born has intensity zero, as where an earlier radar misses nothing.
+        # The intensity is zero for classes without births, and where an earlier radar has p_D = 1.
         with np.errstate(divide="ignore"):
-            log_rate = np.log(appeared / (radar.visibility.fov.width * radar.max_range))
+            log_rate = np.log(appeared / sensor.field_size)
             log_left = np.log(left)
-        likelihood = radar.log_class_likelihood(detections, modes.classes)
+        likelihood = sensor.log_class_likelihood(detections, modes.classes)
         intensity: FloatArray = log_rate[:, None] + likelihood + log_left
-        if (measured := radar.rates_of(detections)) is not None:
-            toward = _directions(place, radar)
-            intensity = intensity + self.log_range_rate(toward, measured, radar)
+        if (measured := report.range_rates) is not None:
+            toward = sensor.line_of_sight(place)
+            intensity = intensity + self.log_range_rate(toward, measured, sensor)
         return intensity
 
-    def at_rest(self, slower: FloatArray, bound: float) -> FloatArray:
-        """Return the probability of rest at even odds, from that of being slower than a bound.
+    def stationary(self, slower: FloatArray, bound: float) -> FloatArray:
+        """Return the probability of being stationary at even prior odds, given that of being slow.
 
-        Without births at detections nobody knows what was likely at birth, and it is left as it is.
-        See `stationary.at_even_odds`.
+        Without births at detections the prior at birth is unknown, and `slower` is returned
+        unchanged. See `stationary.at_even_odds`.
         """
         return stationary.at_even_odds(slower, bound, self.velocity_std) if self.enabled else slower
 
-    def log_range_rate(self, toward: FloatArray, measured: Rates, radar: RadarModel) -> FloatArray:
+    def log_range_rate(self, toward: FloatArray, measured: Rates, sensor: Sensor) -> FloatArray:
         """Return the log density of range rates of targets of unknown velocity, shape (M,).
 
         Parameters
         ----------
         toward : array of shape (M, 2)
-            Directions from the radar to the targets, world frame.
+            Directions from the sensor to the targets, world frame.
         measured : Rates
-            M of them; where a rate is NaN the result is 0.
-        radar : RadarModel
+            M range rates; for NaN the result is 0.
+        sensor : Sensor
         """
-        radial = measured.rate + toward @ np.asarray(radar.velocity)
+        radial = measured.rate + toward @ np.asarray(sensor.velocity)
         return measured.model.log_density(radial, self.velocity_std**2 + measured.std**2)
 
 
 @dataclass(frozen=True)
 class Newborn:
-    """Possible new targets at the detections of one radar in one scan.
+    """Possible new targets at the detections of one report.
 
     Parameters
     ----------
-    radar : RadarModel
-    detections : Detections
-        J of them.
+    report : Report
+        Of J detections.
     mass : array of shape (J, C)
         Probability that each detection is a new target of each class.
-    share : float
-        Of the radar's detections that were looked at; see `detection_limit.thinned`.
     """
 
-    radar: RadarModel
-    detections: Detections
+    report: Report
     mass: FloatArray
-    share: float = 1.0
 
     def __len__(self) -> int:
-        return len(self.detections)
+        return len(self.report)
 
     def take(self, rows: IntArray) -> Newborn:
         """Return the newborn targets of these rows."""
-        return replace(self, detections=self.detections.take(rows), mass=self.mass[rows])
+        return Newborn(self.report.take(rows), self.mass[rows])
 
 
-def newborn(
-    radar: RadarModel,
-    detections: Detections,
-    mass: FloatArray,
-    model: DetectionBirthModel,
-    share: float = 1.0,
-) -> Newborn:
-    """Return the detections whose newborn mass, shape (M, C), is not below the model's least."""
+def newborn(report: Report, mass: FloatArray, model: DetectionBirthModel) -> Newborn:
+    """Return the detections with at least the model's `least_mass`, given masses (M, C)."""
     kept = np.flatnonzero(mass.sum(axis=1) >= model.least_mass)
-    return Newborn(radar, detections, mass, share).take(kept)
+    return Newborn(report, mass).take(kept)
 
 
 def missed_by(earlier: Sequence[Newborn], position: FloatArray, modes: ModeSpace) -> FloatArray:
-    """Return the probability that radars miss a target at each position, (M, 2) to (C, M).
+    """Return the probability that sensors miss a target at each position, (M, 2) to (C, M).
 
-    Each radar's is the mean over the SNR band of the class.
+    A sensor's probability is its mean over the SNR band of the class.
     """
     missed = np.ones((len(modes.classes), len(position)))
     for found in earlier:
-        measured, _ = found.radar.linearised(position)
-        seen = found.radar.missable(measured, found.detections.coverage) * found.share
-        log_p_d = found.radar.log_class_likelihood(Detections(measured, None), modes.classes)
+        report, sensor = found.report, found.report.sensor
+        measured, _ = sensor.linearise(position)
+        seen = sensor.missable(measured, report.detections.coverage) * report.share
+        log_p_d = sensor.log_class_likelihood(Detections(measured, None), modes.classes)
         missed *= 1.0 - seen * np.exp(log_p_d)
     return missed
 
 
 def affordable(found: Newborn, model: DetectionBirthModel) -> tuple[Newborn, int]:
-    """Return the newborn targets that the model's `most` allows, and the particles of each.
+    """Return the newborn targets within the model's `most` particles, and the particles of each.
 
-    Every detection gets fewer particles first; then those with the least newborn mass get none.
+    The number of particles per detection is reduced first; then the detections with the least
+    newborn mass are left out.
     """
     count = model.particles
     least = min(LEAST_PARTICLES, count)
@@ -223,32 +215,29 @@ def sample(
         The row of `found` that each particle comes from.
     """
     space = modes.space
-    size = len(space)
-    measured_rates = found.radar.rates_of(found.detections)
+    size, report = len(space), found.report
+    measured_rates = report.range_rates
     dimensions = size + 1 + (measured_rates is not None)
     shift = rng.random((len(found), 1, dimensions))
-    uniform = shifted(sobol_points(dimensions, count), shift)
+    uniform = shift_points(sobol_points(dimensions, count), shift)
     normal = ndtri(uniform[..., 1 : size + 1])
     per_mode = _mode_mass(found, modes)
     share = np.cumsum(per_mode, axis=1) / per_mode.sum(axis=1, keepdims=True)
     mode = (uniform[..., :1] >= share[:, None, :-1]).sum(axis=2).ravel()
 
-    std = found.radar.detection_noise(found.detections)
-    noise = normal[..., :2] * (found.radar.noise_std if std is None else std[:, None, :])
-    measured = found.detections.measurement[:, None, :] + noise
-    measured[..., 0] = np.abs(measured[..., 0])
+    position = report.sensor.drawn_in_plane(report.detections, normal[..., :2])
     state = np.zeros((len(found) * count, size))
     state[:, list(space.velocity)] = model.velocity_std * normal[..., 2:4].reshape(-1, 2)
-    state[:, list(space.position)] = found.radar.to_world(measured.reshape(-1, 2))
+    state[:, list(space.position)] = position.reshape(-1, 2)
     if measured_rates is not None:
         repeated = measured_rates.take(np.arange(len(found)).repeat(count))
         known = _known_velocity(
             *(state[:, list(space.position)], state[:, list(space.velocity)], repeated),
-            *(uniform[..., -1].ravel(), found.radar, model),
+            *(uniform[..., -1].ravel(), report.sensor, model),
         )
         state[:, list(space.velocity)] = known
-    if found.detections.time_s is not None:  # back to where it was at the scan's stamp
-        since = found.detections.time_s.repeat(count)[:, None]
+    if report.detections.time_s is not None:  # predict back to the scan's stamp
+        since = report.detections.time_s.repeat(count)[:, None]
         state[:, list(space.position)] -= since * state[:, list(space.velocity)]
     turning = np.array([space.turn_rate in motion.support for motion in modes.motions])[mode]
     state[:, space.turn_rate] = np.where(turning, model.turn_rate_std * normal[..., 4].ravel(), 0.0)
@@ -266,12 +255,11 @@ def intensity(
 ) -> FloatArray:
     """Return the intensity that `sample` draws from, over each mode's own support; shape (N,).
 
-    Rows are taken in chunks, because in one scan of many detections all pairs would not fit the
-    memory.
+    Rows are processed in chunks: all pairs of a scan with many detections would exceed the memory.
 
     Notes
     -----
-    The measurement has a density over range and azimuth; dividing it by the range gives the density
+    The measurement has a density over range and azimuth; its quotient by the range is the density
     over the plane.
     """
     size = max(CHUNK_PRODUCT // max(len(found), 1), 1)
@@ -294,16 +282,15 @@ def _intensity(
     slow &= np.abs(state[:, turn_rate]) <= GATE_SIGMA * model.turn_rate_std
     rows = np.flatnonzero(slow)
     slow_state = state[rows]
-    predicted = found.radar.measure(slow_state)
-    rate = None
-    if found.detections.time_s is not None:
-        rate = found.radar.measurement_rate(slow_state)
-    row, column, log_density = found.radar.gated_pairs(predicted, found.detections, rate)
+    sensor, detections = found.report.sensor, found.report.detections
+    predicted = sensor.measure(slow_state)
+    rate = None if detections.time_s is None else sensor.measurement_rate(slow_state)
+    row, column, log_density = sensor.gated_pairs(predicted, detections, rate)
     scaled = slow_state[row][:, velocity] / model.velocity_std
     log_density -= 0.5 * (scaled**2).sum(axis=1)
     log_density -= np.log(2.0 * np.pi * model.velocity_std**2)
-    log_density += _log_told_by_rate(found, model, slow_state, (row, column))
-    log_density -= np.log(np.maximum(predicted[row, 0], LEAST_RANGE))
+    log_density += _log_rate_factor(found.report, model, slow_state, (row, column))
+    log_density += sensor.log_jacobian(predicted[row])
     turning = np.array([turn_rate in motion.support for motion in modes.motions])[mode[rows[row]]]
     turn = slow_state[row, turn_rate] / model.turn_rate_std
     log_turn = -0.5 * turn**2 - np.log(model.turn_rate_std * np.sqrt(2.0 * np.pi))
@@ -312,20 +299,12 @@ def _intensity(
     return sum_by(rows[row], mass * np.exp(log_density), len(state))
 
 
-def _directions(position: FloatArray, radar: RadarModel) -> FloatArray:
-    """Return the directions from a radar to positions, world frame, shape (N, 2)."""
-    line = position - np.asarray(radar.position)
-    distance = np.maximum(np.sqrt((line**2).sum(axis=1)), LEAST_RANGE)
-    toward: FloatArray = line / distance[:, None]
-    return toward
-
-
 def _known_velocity(
     position: FloatArray,
     drawn: FloatArray,
     measured: Rates,
     uniform: FloatArray,
-    radar: RadarModel,
+    sensor: Sensor,
     model: DetectionBirthModel,
 ) -> FloatArray:
     """Return velocities drawn given the range rates of their detections, shape (N, 2).
@@ -333,19 +312,19 @@ def _known_velocity(
     Parameters
     ----------
     position, drawn : arrays of shape (N, 2)
-        At the time of the detection, and velocities drawn from the prior.
+        Positions at the time of the detection, and velocities drawn from the prior.
     measured : Rates
-        Of each row.
+        Range rate of each row.
     uniform : array of shape (N,)
-        In [0, 1); chooses the fold.
-    radar : RadarModel
+        In [0, 1); selects the fold.
+    sensor : Sensor
     model : DetectionBirthModel
     """
-    toward = _directions(position, radar)
+    toward = sensor.line_of_sight(position)
     radial = (drawn * toward).sum(axis=1)
     prior, noise = model.velocity_std**2, measured.std**2
     rates = measured.model
-    value = rates.wrapped(measured.rate + toward @ np.asarray(radar.velocity))
+    value = rates.wrap(measured.rate + toward @ np.asarray(sensor.velocity))
     value = np.where(np.isfinite(value), value, 0.0)
     shifts = rates.folds(GATE_SIGMA * float(np.sqrt(prior + np.max(noise, initial=0.0))))
     each = value[:, None] + shifts
@@ -353,34 +332,34 @@ def _known_velocity(
     share = np.cumsum(np.exp(log_share - log_share.max(axis=1, keepdims=True)), axis=1)
     fold = (uniform[:, None] * share[:, -1:] >= share[:, :-1]).sum(axis=1)
     gain = prior / (prior + noise)
-    # A draw of the prior, brought to the spread of the posterior and to its mean.
-    told = gain * each[np.arange(len(each)), fold] + radial * np.sqrt(1.0 - gain)
-    change = np.where(np.isfinite(measured.rate), told - radial, 0.0)
+    # Transforms a draw from the prior to the mean and the standard deviation of the posterior.
+    posterior = gain * each[np.arange(len(each)), fold] + radial * np.sqrt(1.0 - gain)
+    change = np.where(np.isfinite(measured.rate), posterior - radial, 0.0)
     velocity: FloatArray = drawn + change[:, None] * toward
     return velocity
 
 
-def _log_told_by_rate(
-    found: Newborn,
+def _log_rate_factor(
+    report: Report,
     model: DetectionBirthModel,
     state: FloatArray,
     pairs: tuple[IntArray, IntArray],
 ) -> FloatArray | float:
-    """Return the log of what range rates make of the density of velocities, shape (P,).
+    """Return the log factor of range rates on the density of velocities, shape (P,).
 
     The posterior is the prior times the likelihood of the range rate, divided by its density.
     """
-    measured = found.radar.rates_of(found.detections)
+    measured, sensor, detections = report.range_rates, report.sensor, report.detections
     if measured is None:
         return 0.0
     row, column = pairs
-    position = state[row][:, list(found.radar.space.position)]
-    if found.detections.time_s is not None:
-        velocity = state[row][:, list(found.radar.space.velocity)]
-        position = position + found.detections.time_s[column][:, None] * velocity
-    toward = _directions(position, found.radar)
-    evidence = model.log_range_rate(toward, measured.take(column), found.radar)
-    return found.radar.log_range_rate(state, found.detections, pairs) - evidence
+    position = state[row][:, list(sensor.space.position)]
+    if detections.time_s is not None:
+        velocity = state[row][:, list(sensor.space.velocity)]
+        position = position + detections.time_s[column][:, None] * velocity
+    toward = sensor.line_of_sight(position)
+    evidence = model.log_range_rate(toward, measured.take(column), sensor)
+    return sensor.log_range_rate(state, detections, pairs) - evidence
 
 
 def _mode_mass(found: Newborn, modes: ModeSpace) -> FloatArray:

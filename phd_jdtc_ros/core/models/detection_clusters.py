@@ -1,7 +1,7 @@
-"""Detections that are close together as one: for radars that see a vehicle as several points.
+"""Merges detections that are close together, for radars that resolve points of one vehicle.
 
-A target has at most one detection in the update; what it has beyond that looks like clutter, or
-like another target beside it.
+In the update a target has at most one detection. Further detections of it would look like clutter
+or like another target.
 """
 
 from __future__ import annotations
@@ -11,39 +11,40 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..arrays import FloatArray, IntArray, sum_by
-from ..sensors.polar_radar import RadarModel, Rates, wrap_angle
+from ..arrays import FloatArray, IntArray, sum_by, wrap_angle
+from ..sensors.range_rate import Rates
+from ..sensors.sensor import Sensor
 from ..types import UNKNOWN, Detections
 
-# Range rates agree if they differ by no more than so many deviations of their difference.
+# Gate, in standard deviations, on the difference of the range rates of one object.
 RATE_SIGMA = 4.0
-# Detections are farther apart than what they come from by at most so many deviations.
+# Gate, in standard deviations, on the distance between detections of one object.
 NOISE_SIGMA = 2.0
 
 
-def merged(detections: Detections, radar: RadarModel) -> Detections:
-    """Return detections with those of a group as one, at its centre.
+def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
+    """Return detections with each group merged to one at its centre.
 
     Parameters
     ----------
     detections : Detections
-        M of them.
-    radar : RadarModel
-        Its `cluster_distance` is the largest distance of a group's detections from the one among
-        them with the most others around it, beside their noise; their range rates agree with that
-        one's. With 0 the detections are returned as they are.
+        M detections.
+    sensor : Sensor
+        Its `cluster_distance` is the largest distance, beside the noise, of a group's detections
+        from the detection with the most neighbours; range rates agree with the rate of that one.
+        With 0 the detections are returned unchanged.
 
     Notes
     -----
-    The amplitude is the largest of the group, the identity the first that is known, and the kind
-    that of the most sensors. Deviations stay those of one detection: the centre of what answers
-    moves about in the target.
+    A merged detection has the largest amplitude of the group, the first known identity, and the
+    type with the most sensors. It has the standard deviations of one detection, because the centre
+    of reflection moves within the target.
     """
-    if not radar.cluster_distance or len(detections) < 2:
+    if not sensor.cluster_distance or len(detections) < 2:
         return detections
     position = _cartesian(detections.measurement)
-    rates = radar.rates_of(detections)
-    group = _groups(position, _close(position, detections, radar), rates)
+    rates = sensor.rates_of(detections)
+    group = _groups(position, _close(position, detections, sensor), rates)
     count = int(group.max()) + 1
     if count == len(detections):
         return detections
@@ -71,15 +72,11 @@ def _cartesian(measurement: FloatArray) -> FloatArray:
     return np.stack([distance * np.cos(azimuth), distance * np.sin(azimuth)], axis=1)
 
 
-def _close(position: FloatArray, detections: Detections, radar: RadarModel) -> IntArray:
-    """Return the pairs of detections that are farther apart than the distance only by their noise.
-
-    Shape (P, 2).
-    """
-    own = radar.detection_noise(detections)
-    std = np.tile(radar.noise_std, (len(position), 1)) if own is None else own
+def _close(position: FloatArray, detections: Detections, sensor: Sensor) -> IntArray:
+    """Return the pairs of detections within the cluster distance and their noise, (P, 2)."""
+    std = sensor.deviations(detections)
     sides = np.stack([std[:, 0], std[:, 1] * detections.measurement[:, 0]], axis=1)
-    reach = radar.cluster_distance + NOISE_SIGMA * np.sqrt(2.0) * float(sides.max())
+    reach = sensor.cluster_distance + NOISE_SIGMA * np.sqrt(2.0) * float(sides.max())
     pairs: IntArray = cKDTree(position).query_pairs(reach, output_type="ndarray")
     first, second = pairs.T
     apart = position[second] - position[first]
@@ -89,15 +86,15 @@ def _close(position: FloatArray, detections: Detections, radar: RadarModel) -> I
     cosine = np.minimum(along / np.maximum(distance, np.finfo(float).tiny), 1.0)
     square = sides[first] ** 2 + sides[second] ** 2
     noise = np.sqrt(cosine**2 * square[:, 0] + (1.0 - cosine**2) * square[:, 1])
-    close: IntArray = pairs[distance <= radar.cluster_distance + NOISE_SIGMA * noise]
+    close: IntArray = pairs[distance <= sensor.cluster_distance + NOISE_SIGMA * noise]
     return close
 
 
 def _groups(position: FloatArray, pairs: IntArray, rates: Rates | None) -> IntArray:
-    """Return the number of each detection's group, from 0 in the order of their first ones."""
+    """Return the group number of each detection, from 0 in the order of first members."""
     if rates is not None:
         first, second = pairs.T
-        apart = np.abs(rates.model.wrapped(rates.rate[first] - rates.rate[second]))
+        apart = np.abs(rates.model.wrap(rates.rate[first] - rates.rate[second]))
         unlike = apart > RATE_SIGMA * np.hypot(rates.std[first], rates.std[second])
         pairs = pairs[~unlike]  # an unknown range rate agrees with all
     size = len(position)
@@ -120,7 +117,7 @@ def _groups(position: FloatArray, pairs: IntArray, rates: Rates | None) -> IntAr
 
 
 def _mean(group: IntArray, value: FloatArray, count: int) -> FloatArray:
-    """Return the mean of each group's known values, NaN where there are none."""
+    """Return the mean of each group's known values, NaN without any."""
     known = np.isfinite(value)
     number = sum_by(group, known.astype(np.float64), count)
     total = sum_by(group, np.where(known, value, 0.0), count)
@@ -136,7 +133,7 @@ def _largest(group: IntArray, value: FloatArray | None, count: int) -> FloatArra
 
 
 def _first(group: IntArray, value: IntArray | None, count: int) -> IntArray | None:
-    """Return the first known identity of each group, `UNKNOWN` where there is none."""
+    """Return the first known identity of each group, `UNKNOWN` without one."""
     if value is None:
         return None
     known = np.flatnonzero(value != UNKNOWN)[::-1]
@@ -146,7 +143,7 @@ def _first(group: IntArray, value: IntArray | None, count: int) -> IntArray | No
 
 
 def _richest(group: IntArray, kind: IntArray | None, count: int) -> IntArray | None:
-    """Return the kind of each group: the highest, which has what the lower ones see in most."""
+    """Return the sensor type of each group: the highest, which includes most of the lower ones."""
     if kind is None:
         return None
     found = np.full(count, UNKNOWN)
@@ -157,11 +154,11 @@ def _richest(group: IntArray, kind: IntArray | None, count: int) -> IntArray | N
 def _mean_rate(
     group: IntArray, detections: Detections, rates: Rates | None, count: int
 ) -> FloatArray | None:
-    """Return the mean range rates of groups, each by the folds nearest to one of its own."""
+    """Return the mean range rates of groups, over the folds nearest to one of their own rates."""
     if rates is None:
         return None
     known = np.flatnonzero(np.isfinite(rates.rate))[::-1]
     near = np.full(count, np.nan)
-    near[group[known]] = rates.rate[known]  # of the first one that is known
-    offset = rates.model.wrapped(rates.rate - near[group])
-    return rates.model.wrapped(near + _mean(group, offset, count))
+    near[group[known]] = rates.rate[known]  # the first known rate
+    offset = rates.model.wrap(rates.rate - near[group])
+    return rates.model.wrap(near + _mean(group, offset, count))

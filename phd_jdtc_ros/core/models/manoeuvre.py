@@ -1,7 +1,7 @@
-"""What a target may do beyond its motion models, and a radar be off by beyond its noise.
+"""Covariance of deviations from the motion models, and of measurement errors beyond the noise.
 
-A target that is known to be seen, by an identity that only it has, is where it is seen, however
-improbable that is by the motions and deviations that were configured.
+A detection with a target's unique identity is the target's, however improbable its position is
+under the configured motion models and standard deviations.
 """
 
 from __future__ import annotations
@@ -13,27 +13,27 @@ import numpy as np
 from ..arrays import FloatArray
 from .tracker_model import TrackerModel
 
-# Probability that a target that was not seen where it was expected did something else.
+# Probability that a target without a detection in its gate has deviated from its motion models.
 PROBABILITY = 1e-3
-# Standard deviation of its acceleration since it was last seen, along each axis, m/s^2: one g.
+# Standard deviation of its acceleration since its last detection, along each axis, m/s^2: one g.
 ACCELERATION = 10.0
-# Of what a radar is off by, along each axis, metres.
+# Standard deviation of a radar's additional error along each axis, metres.
 OFFSET = 50.0
 
 
 class Manoeuvre(NamedTuple):
-    """What targets have done since they were last seen, beyond their motion models.
+    """Covariance of targets' deviations from their motion models since their last detections.
 
-    The same along both axes, and independent.
+    The deviations along both axes are independent and have the same covariance.
 
     Parameters
     ----------
     position, velocity : arrays of shape (L,)
-        Variances.
+        Variances, m^2 and m^2/s^2.
     both : array of shape (L,)
-        Covariance of position and velocity.
+        Covariance of position and velocity, m^2/s.
     turn_rate : float
-        Variance.
+        Variance, rad^2/s^2.
     """
 
     position: FloatArray
@@ -43,12 +43,12 @@ class Manoeuvre(NamedTuple):
 
 
 def manoeuvre(since_s: FloatArray, model: TrackerModel) -> Manoeuvre:
-    """Return what targets may have done in some seconds, shape (L,).
+    """Return the covariance of deviations `since_s` seconds after the last detection, shape (L,).
 
     Notes
     -----
-    The acceleration a is constant, so that the velocity changes by a t and the position by half of
-    a t^2; but velocities do not spread more than those of new targets.
+    The acceleration a is constant: the velocity changes by a t and the position by a t^2 / 2. The
+    standard deviation of the velocity is at most that of a new target.
     """
     births = model.detection_births
     speed = np.minimum(ACCELERATION * since_s, births.velocity_std)

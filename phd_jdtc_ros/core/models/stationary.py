@@ -1,8 +1,8 @@
-"""Whether a target is at rest: what its velocity tells, whatever was likely beforehand.
+"""Probability that a target is stationary, from its velocity at even prior odds.
 
-A newborn target's velocity has a broad distribution, so that it is probably fast although nothing
-is known of it. Where quays answer too, what appears is at least as likely to be at rest. The odds
-of rest are therefore those of the density of the velocity, divided by the odds at its birth.
+The velocity of a newborn target has a broad distribution, under which it is probably fast. Near
+quays, however, a new detection is at least as likely to be stationary. The odds of being stationary
+are therefore the odds from the velocity's density, divided by the odds at birth.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from scipy.special import chndtr
 
 from ..arrays import FloatArray
-from ..sensors.polar_radar import RadarModel
+from ..sensors.sensor import Sensor
 
-# Deviations of a velocity that is known well, metres per second and as a share of the bound.
+# Smallest standard deviations of a velocity, metres per second and as a share of the bound.
 LEAST_SPEED_STD, LEAST_SPEED_SHARE = 0.1, 0.05
 
 
@@ -33,30 +33,30 @@ def slower(mean: FloatArray, covariance: FloatArray, bound: float) -> FloatArray
 
     Notes
     -----
-    The ellipse of a velocity is taken as a circle of the same area.
+    The covariance ellipse of a velocity is replaced by a circle of the same area.
     """
     area = np.sqrt(np.maximum(np.linalg.det(covariance), 0.0))
     variance = np.maximum(area, max(LEAST_SPEED_STD, LEAST_SPEED_SHARE * bound) ** 2)
     square, limit = (mean**2).sum(axis=-1) / variance, bound**2 / variance
-    # Beyond ten deviations it is zero, and its series would be long.
+    # Beyond ten standard deviations the probability is zero, and its series would be long.
     found: FloatArray = chndtr(limit, 2.0, np.minimum(square, (np.sqrt(limit) + 10.0) ** 2))
     return found
 
 
 def at_even_odds(probability: FloatArray, bound: float, velocity_std: float) -> FloatArray:
-    """Return probabilities of being slower than a bound, if that is as likely as not beforehand.
+    """Return probabilities of being slower than a bound, for even prior odds.
 
     Parameters
     ----------
     probability : array
-        Where the velocity of a newborn target has the deviation `velocity_std` along each axis.
+        Probability under a prior velocity with standard deviation `velocity_std` along each axis.
     bound, velocity_std : float
         Metres per second.
 
     Returns
     -------
     array
-        Of the same shape; unchanged where newborn targets are all slower, or all faster.
+        Same shape; unchanged if newborn targets are all slower, or all faster.
     """
     prior = -math.expm1(-0.5 * (bound / velocity_std) ** 2)
     rest, motion = probability * (1.0 - prior), (1.0 - probability) * prior
@@ -65,26 +65,27 @@ def at_even_odds(probability: FloatArray, bound: float, velocity_std: float) -> 
     return even
 
 
-def among_reflectors(probability: FloatArray, crowding: FloatArray) -> FloatArray:
-    """Return probabilities of rest where reflectors are about, shape kept.
+def among_reflectors(probability: FloatArray, reflectors: FloatArray) -> FloatArray:
+    """Return probabilities of being stationary beside fixed clutter, shape kept.
 
     Parameters
     ----------
     probability : array
-        Of being at rest where nothing else answers.
-    crowding : array of the same shape
-        Probability that a target's neighbourhood is one of reflectors; below 1.
+        Probability of being stationary in a place without clutter.
+    reflectors : array of the same shape
+        Probability that a target's neighbourhood is fixed clutter; below 1.
 
     Notes
     -----
-    The odds are divided by the probability that it is not one. What surely moves is so anywhere.
+    The odds are divided by the probability that the neighbourhood is not fixed clutter. A
+    probability of zero stays zero.
     """
-    motion = (1.0 - probability) * (1.0 - crowding)
+    motion = (1.0 - probability) * (1.0 - reflectors)
     found: FloatArray = probability / (probability + motion)
     return found
 
 
-def bound_of_rest(radars: Sequence[RadarModel]) -> float:
+def stationary_speed(radars: Sequence[Sensor]) -> float:
     """Return the speed below which a target is clutter to every radar, m/s; 0 if there is none.
 
     To a radar without a map of clutter, or whose `clutter_map_speed` is 0, no target is clutter.

@@ -1,26 +1,27 @@
-"""What is assumed about targets and radars, in one value."""
+"""The models of targets and sensors of a tracker, in one value."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from ..attributes.memory import AttributeModel
-from ..sensors.polar_radar import RadarModel
+from ..sensors.report import Report
+from ..sensors.sensor import Sensor
 from ..targets.birth import BirthTerm
 from ..targets.modes import ModeSpace
 from ..targets.spawn import SpawnModel
-from ..types import Detections, Scan
+from ..types import Scan
 from .amplitude_model import AmplitudeModel
 from .detection_birth import DetectionBirthModel
-from .detection_clusters import merged
+from .detection_clusters import merge_clusters
 
 
 @dataclass(frozen=True)
 class TrackerModel:
-    """Everything that an engine is told about targets and radars.
+    """Models of targets and sensors, shared by both engines.
 
-    Rates and probabilities are given for the mode space's nominal interval and converted to the
-    true one.
+    Rates and probabilities refer to the mode space's nominal interval; engines convert them to the
+    true interval.
 
     Parameters
     ----------
@@ -32,10 +33,10 @@ class TrackerModel:
         Births at detections.
     spawn : SpawnModel
     amplitudes : AmplitudeModel
-    radars : tuple of RadarModel
-        In the order in which their detections are taken in.
+    radars : tuple of Sensor
+        In the order in which their reports update the targets.
     attributes : AttributeModel or None
-        Of identities and heights; None where no radar reports any.
+        Model of identities and heights; None if no radar reports any.
     """
 
     modes: ModeSpace
@@ -43,16 +44,16 @@ class TrackerModel:
     detection_births: DetectionBirthModel
     spawn: SpawnModel
     amplitudes: AmplitudeModel
-    radars: tuple[RadarModel, ...]
+    radars: tuple[Sensor, ...]
     attributes: AttributeModel | None = None
 
-    def reports(self, scan: Scan) -> list[tuple[RadarModel, Detections]]:
-        """Return the radars that reported in a scan, each where it was then, with what they saw.
+    def reports(self, scan: Scan) -> list[Report]:
+        """Return the reports of a scan, each with its sensor at its pose, in the configured order.
 
-        Detections that count as one are merged.
+        Detections of one object are merged, and amplitudes are dropped if the model ignores them.
         """
         return [
-            (radar.at(found.pose), merged(found, radar))
-            for radar, found in zip(self.radars, scan.detections, strict=True)
+            Report(sensor.at(found.pose), self.amplitudes.select(merge_clusters(found, sensor)))
+            for sensor, found in zip(self.radars, scan.detections, strict=True)
             if found is not None
         ]

@@ -1,6 +1,6 @@
-"""What a search leaves to be tested, and the test.
+"""Candidate pairs of a search, and the exact test.
 
-Searches look at two coordinates of the points; only the test looks at all of them.
+Searches use two coordinates of the points; only the test uses all of them.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from ..arrays import FloatArray, IntArray
 from . import kernels
 from .intervals import CHUNK_PAIRS, chunks
 
-# In cells or strips: what rounding may do to a place. Candidates may be too many, never too few.
+# Bound on the rounding error of a position, in cells or strips. It may add candidates, but never
+# removes one.
 ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """What a search leaves to be tested: intervals of the sorted points.
+    """Candidate pairs of a search: intervals of the sorted points.
 
     Parameters
     ----------
@@ -28,11 +29,11 @@ class Candidates:
     limit : array of shape (Q,)
         Square radius of each query.
     rank : int array of shape (P,)
-        Which point stands at each place of the sorted order.
+        Index of the point at each position of the sorted order.
     owner : int array of shape (I,)
         The query of each interval, ascending.
     start, count : int arrays of shape (I,)
-        Interval i holds the places ``start[i]`` to ``start[i] + count[i]``.
+        Interval i has ``count[i]`` positions from ``start[i]`` on.
     """
 
     query: FloatArray
@@ -61,10 +62,10 @@ class Pairs(NamedTuple):
 
 
 def near_chunks(found: Candidates) -> Iterator[Pairs]:
-    """Test candidates chunk by chunk; yield, in order, the pairs that are truly near."""
+    """Test candidates chunk by chunk; yield the near pairs in order."""
     for part in chunks(found.count, CHUNK_PAIRS):
         owner, start, count = found.owner[part], found.start[part], found.count[part]
-        query, place, square = kernels.chosen().near_pairs(
+        query, place, square = kernels.current().near_pairs(
             found.query, found.point, found.limit, owner, start, count
         )
         yield Pairs(query, found.rank.take(place), square)

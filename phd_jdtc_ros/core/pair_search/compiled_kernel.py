@@ -19,13 +19,14 @@ from .rows import Points, Queries
 _FLOATS, _INTS, _NARROW = types.float64[::1], types.int64[::1], types.int32[::1]
 _READ, _READ_ROWS, _READ_CLOUDS = (read(types.float64, axes) for axes in (1, 2, 3))
 _READ_INTS = read(types.int64, 1)
-# The two axes of a grid, its corner on them, the width of its cells, its columns and lines, the
-# rows in the order of their cells, and the index at which each cell begins.
+# A grid: its two axes, its corner on them, the width of its cells, its numbers of columns and
+# lines, the rows in the order of their cells, and the index at which each cell begins.
 _GRID = types.Tuple((*(types.int64,) * 2, *(types.float64,) * 3, *(types.int64,) * 2, _INTS, _INTS))
 
 # Grid of a group's points: width of a cell in radii, and the largest number of cells along an axis.
 CELL, MAX_CELLS = 1.0, 128
-# Bound of the rounding error of a place, in cells. There may be too many candidates, never too few.
+# Bound on the rounding error of a position in a grid, in cells. It may add candidates, but never
+# removes one.
 ROUNDING = 1e-6
 
 
@@ -42,18 +43,16 @@ def kernel_within_groups(
 
     Parameters
     ----------
-    queries : Queries
     points : Points
         Not both empty.
     motion_of : int array of shape (O,)
         Motion of each flat mode.
     density : array of shape (O, O)
         The kernel at its peak, from a point's mode to a query's.
-    radius : float
     comb : array of shape (Q,)
         Offset of each query's comb, see `resampling.comb`.
     most : int
-        At most this many pairs are kept per query, selected as in `kernel_thinning`.
+        Largest number of pairs kept per query, selected as in `kernel_thinning`.
 
     Returns
     -------
@@ -74,7 +73,7 @@ def kernel_within_groups(
 
 @compiled(types.UniTuple(_INTS, 2)(_READ_INTS, types.int64))
 def _by_bin(bin_of: IntArray, bins: int) -> tuple[IntArray, IntArray]:
-    """Return the rows in the order of their bins, and the index at which each bin begins."""
+    """Return the rows sorted by bin, and the index at which each bin begins."""
     start = np.zeros(bins + 1, dtype=np.int64)
     for number in bin_of:
         start[number + 1] += 1
@@ -106,7 +105,7 @@ def _widest_two(cloud: FloatArray) -> tuple[int, int]:
         *(_FLOATS, _NARROW, _INTS, _INTS, _READ), *(types.float64, types.float64, types.int64)
     )
 )
-def _selected(
+def _select(
     value: FloatArray,
     near: npt.NDArray[np.int32],
     group_rows: IntArray,
@@ -116,16 +115,16 @@ def _selected(
     offset: float,
     most: int,
 ) -> int:
-    """Thin one query's pairs as `kernel_thinning` does; return how many are kept, at the front.
+    """Thin one query's pairs as `kernel_thinning` does; return the number kept, at the front.
 
-    `slot` is a scratch array as long as `weight`, zero before and after.
+    `slot` is a scratch array of the length of `weight`, zero before and after.
     """
     found = value.copy()
     for pair in range(len(near)):
         slot[near[pair]] = pair + 1
     scale = most / mu if mu > 0.0 else 0.0
     running, passed, kept, left = 0.0, 0, 0, len(near)
-    for point in group_rows:  # in ascending order, which the order of `near` need not be
+    for point in group_rows:  # ascending, unlike the order of `near`
         if slot[point] == 0:
             continue
         running += found[slot[point] - 1] * weight[point] * scale
@@ -149,7 +148,7 @@ def _grid(
     wide_x, wide_y = cloud[:, x].max() - low_x, cloud[:, y].max() - low_y
     width = max(CELL * radius, max(wide_x, wide_y) / (MAX_CELLS - 1))
     across, down = int(wide_x / width) + 1, int(wide_y / width) + 1
-    # Clamped, because compiled code does not check indices.
+    # Clamped, because compiled code has no bounds checks.
     strip = ((cloud[:, y] - low_y) / width).astype(np.int64)
     strip = np.minimum(np.maximum(strip, 0), down - 1)
     cell = ((cloud[:, x] - low_x) / width).astype(np.int64)
@@ -167,14 +166,14 @@ def _near(
     square: FloatArray,
     place: npt.NDArray[np.int32],
 ) -> int:
-    """Write square distances and places of the near rows of a sorted cloud; return their number."""
+    """Write square distances and indices of near rows of a sorted cloud; return their number."""
     x, y, low_x, low_y, width, across, down, _, start = grid
     at_x, at_y, reach = query[x] - low_x, query[y] - low_y, radius + ROUNDING
     first = max(math.floor((at_y - reach) / width), 0)
     last = min(math.floor((at_y + reach) / width), down - 1)
     found = 0
     for line in range(first, last + 1):
-        # At this distance from the centre, the circle is only as wide as its chord.
+        # The circle is only as wide as its chord at this distance from the centre.
         apart = max(line * width - at_y, at_y - (line + 1) * width, 0.0)
         half = math.sqrt(max(reach * reach - apart * apart, 0.0)) + ROUNDING
         left = max(math.floor((at_x - half) / width), 0)
@@ -213,9 +212,9 @@ def _kernel(
     comb: FloatArray,
     most: int,
 ) -> tuple[FloatArray, npt.NDArray[np.int32], IntArray, IntArray, FloatArray]:
-    """Return values, points, where each query's pairs begin, their number, and mu; group by group.
+    """Return values, points, start and number of each query's pairs, and mu, group by group.
 
-    Parameters are those of `kernel_within_groups`, laid out flat.
+    The parameters are the fields and parameters of `kernel_within_groups`.
     """
     query_row, query_start = _by_bin(query_group, groups)
     point_row, point_start = _by_bin(point_group, groups)
@@ -252,7 +251,7 @@ def _kernel(
                     mu[index] += value[pair] * row_weight[other]
                 if end - found > most:
                     pairs = slice(found, end)
-                    end = found + _selected(
+                    end = found + _select(
                         *(value[pairs], near[pairs], group_rows, slot, weight),
                         *(mu[index], comb[index], most),
                     )
@@ -265,7 +264,7 @@ def _kernel(
 def _by_query(
     value: FloatArray, near: npt.NDArray[np.int32], begin: IntArray, count: IntArray
 ) -> tuple[FloatArray, npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """Return pairs in the order of their queries, and the index at which each query begins."""
+    """Return the pairs sorted by query, and the index at which each query begins."""
     start = np.zeros(len(begin) + 1, dtype=np.int32)
     for index in range(len(begin)):
         start[index + 1] = start[index] + count[index]

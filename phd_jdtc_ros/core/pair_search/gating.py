@@ -17,7 +17,8 @@ from .intervals import CHUNK_PAIRS, chunks, expand
 FULL_TURN = 2.0 * np.pi
 MOST_RANGE_CELLS = 64
 MOST_AZIMUTH_CELLS = 256
-# A particle at the very edge of a gate must not fall into the next cell by rounding.
+# Factor on the gates for which detections are listed, so that rounding cannot put a particle at the
+# edge of a gate into a cell without its detection.
 MARGIN = 1.0 + 1e-9
 
 
@@ -27,8 +28,8 @@ class CellLists(NamedTuple):
     Parameters
     ----------
     shape : tuple of two ints
-        Number of cells in azimuth and in range. One more cell in range, an empty one, stands for
-        all longer ranges.
+        Number of cells in azimuth and in range. One further, empty cell in range stands for all
+        longer ranges.
     range_width : float
         Extent of a cell in range, metres.
     start : int array of shape (cells + 1,)
@@ -36,8 +37,8 @@ class CellLists(NamedTuple):
     detection : int array of shape (L,)
         Ascending in every cell.
     range, azimuth : arrays of shape (L,)
-        Of that detection, in metres and radians. The azimuth is shifted by a full turn where
-        needed to be next to its cell, so that differences need no wrapping.
+        Range and azimuth of that detection, metres and radians. The azimuth is shifted by a full
+        turn if this puts it next to its cell, so that differences need no wrapping.
     """
 
     shape: tuple[int, int]
@@ -77,7 +78,7 @@ def cell_lists(measured: FloatArray, range_gate: float, azimuth_gate: float) -> 
     azimuths = int(np.clip(2.0 * FULL_TURN / azimuth_gate, 1, MOST_AZIMUTH_CELLS))
     range_width = top / ranges
 
-    # Detections are repeated one turn to either side, so that a gate across +-pi needs no case.
+    # Detections are repeated one turn to either side: gates across +-pi are no special case.
     detection = np.repeat(np.arange(len(measured)), 3)
     distance = measured[detection, 0]
     azimuth = (measured[:, 1:] + np.array([-FULL_TURN, 0.0, FULL_TURN])).ravel()
@@ -118,11 +119,10 @@ def near_detections(
 
     Parameters
     ----------
-    lists : CellLists
     predicted : array of shape (N, 2)
         (range, azimuth in (-pi, pi]).
     std : array of shape (2,)
-        Of range and azimuth, metres and radians.
+        Standard deviations of range and azimuth, metres and radians.
     sigmas : float
         Radius of the gate in standard deviations.
     azimuth_gate : float
@@ -149,7 +149,7 @@ def near_detections(
         square = range_error * range_error
         square += azimuth_error * azimuth_error
         near = square <= sigmas * sigmas
-        # Half open, so that a detection exactly half a turn away is not found on both sides.
+        # Half open: a detection exactly half a turn away is found on one side only.
         near &= azimuth_error >= -scaled_gate
         near &= azimuth_error < scaled_gate
         kept = np.flatnonzero(near)

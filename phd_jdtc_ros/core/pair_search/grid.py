@@ -1,6 +1,6 @@
-"""Candidates within groups: every group's points are sorted into a grid of cells.
+"""Search within groups: every group's points are sorted into a grid of cells.
 
-Where both points of a pair must belong to one group, such as the origin of one target, there are
+Where both points of a pair must belong to one group, such as the label of one target, there are
 many small groups. Each has its own grid over the two axes in which its points extend farthest. The
 candidates of a query are looked up in a table of cells, without sorting or searching coordinates.
 """
@@ -16,10 +16,10 @@ from ..arrays import FloatArray, IntArray, run_starts
 from . import kernels
 from .candidates import ROUNDING, Candidates, Pairs, near_chunks
 
-# Cells are as high as the radius and narrower by this factor, so that few points of a row of cells
-# lie outside the circle.
+# Ratio of a cell's height, which is the radius, to its width. Narrow cells leave few points of a
+# row of cells outside the circle.
 ASPECT = 3
-# Groups that are spread widely get larger cells, so that there are at most this many per point.
+# Largest number of cells per point; widely spread groups get larger cells.
 MAX_CELLS_PER_POINT = 8
 
 
@@ -53,7 +53,7 @@ def grid_candidates(
     point_group: IntArray,
     radius: float,
 ) -> Candidates:
-    """Return the candidates; parameters are those of `within_groups`."""
+    """Return the candidates; for the parameters see `within_groups`."""
     groups = 1 + int(max(query_group.max(), point_group.max()))
     by_axis = np.ascontiguousarray(point.T)
     low, extent = _extents(by_axis, point_group, groups)
@@ -62,7 +62,7 @@ def grid_candidates(
     finest = np.array([[radius / ASPECT], [radius]])
     points = np.bincount(point_group, minlength=groups)
     cells, most = wide / finest, MAX_CELLS_PER_POINT * np.maximum(points, 1)
-    # The second bound is for points on a line, whose area is zero.
+    # The second bound applies to points on a line, whose area is zero.
     coarser = np.maximum(np.sqrt(cells.prod(axis=0) / most), cells.max(axis=0) / most)
     width = finest * np.maximum(coarser, 1.0)
     across, down = (wide / width).astype(np.int64) + 1
@@ -78,8 +78,8 @@ def grid_candidates(
     start, count = _rows_of_cells(place, grid, begin, (radius / width[1]).take(query_group))
     kept = np.flatnonzero(count)
     return Candidates(
-        query=np.asarray(query.T, order=kernels.chosen().layout),
-        point=np.asarray(by_axis.take(rank, axis=1), order=kernels.chosen().layout),
+        query=np.asarray(query.T, order=kernels.current().layout),
+        point=np.asarray(by_axis.take(rank, axis=1), order=kernels.current().layout),
         limit=np.full(len(query), radius**2),
         rank=rank,
         owner=kept // start.shape[1],
@@ -89,7 +89,7 @@ def grid_candidates(
 
 
 def _extents(by_axis: FloatArray, group: IntArray, groups: int) -> tuple[FloatArray, FloatArray]:
-    """Return each group's lowest coordinates and its extents; zeros if it is empty."""
+    """Return the lowest coordinates and the extents of each group; zeros for an empty one."""
     run = run_starts(group)
     low, high = np.full((groups, len(by_axis)), np.inf), np.full((groups, len(by_axis)), -np.inf)
     np.minimum.at(low, group[run], np.minimum.reduceat(by_axis, run, axis=1).T)
@@ -99,7 +99,7 @@ def _extents(by_axis: FloatArray, group: IntArray, groups: int) -> tuple[FloatAr
 
 
 def _by_cell(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
-    """Return the points in the order of their cells, and where each cell begins."""
+    """Return the points in the order of their cells, and the index at which each cell begins."""
     # Conversion to CSR is a counting sort, twice as fast as an argsort.
     column = np.arange(len(cell))
     table = sparse.csr_array(
@@ -149,11 +149,11 @@ def _rows_of_cells(
     middle, last = np.floor(height), across - 1.0
     for column, shift in enumerate((-1.0, 0.0, 1.0)):
         row = middle + shift
-        # At this distance from the centre, the circle is only as wide as its chord.
+        # The circle is only as wide as its chord at this distance from the centre.
         apart = np.maximum(np.maximum(row - height, height - row - 1.0) - ROUNDING, 0.0)
         half = ASPECT * np.sqrt(np.maximum(reach * reach - apart * apart, 0.0)) + ROUNDING
         line = first + across * np.minimum(np.maximum(row, 0.0), down - 1.0)
-        # Clipped to the grid: a query beside it tests the cells at the edge, which find nothing.
+        # Clipped to the grid: a query outside it tests the cells at the edge, without any hit.
         left = line + np.minimum(np.maximum(np.floor(along - half), 0.0), last)
         right = line + np.minimum(np.maximum(np.floor(along + half), 0.0), last)
         start[:, column] = begin.take(left.astype(np.int64))

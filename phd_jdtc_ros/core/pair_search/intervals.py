@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import IntArray
 
-# Candidates per chunk: temporary arrays of 256 kB fit the second-level cache.
+# Number of candidates per chunk: temporary arrays of 256 kB fit the second-level cache.
 CHUNK_PAIRS = 1 << 15
 
 
@@ -27,12 +27,12 @@ def chunks(count: IntArray, most: int) -> Iterator[slice]:
 
 
 def expand(owner: IntArray, start: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the owner and the place of every candidate.
+    """Return the owner and the index of every candidate.
 
     Parameters
     ----------
     owner, start, count : int arrays of shape (I,)
-        Interval i of query ``owner[i]`` has the places from ``start[i]`` to
+        Interval i of query ``owner[i]`` has the indices from ``start[i]`` to
         ``start[i] + count[i]``, the last excluded.
     """
     place = np.arange(count.sum())

@@ -1,4 +1,4 @@
-"""The searches' inner loops: plain or compiled, whichever backend is in use.
+"""The searches' inner loops: plain or compiled, by the backend in use.
 
 Both kinds of `near_pairs` and `near_detections` add the same numbers in the same order and so
 return the same bits. The compiled `kernel_within_groups` evaluates the backward kernel as well; its
@@ -24,16 +24,15 @@ class Kernels:
 
     Parameters
     ----------
-    name : str
     near_pairs : callable
-        As that of `plain`.
+        See `plain.near_pairs`.
     layout : "C" or "F"
         Memory order of the coordinates, (K, N): NumPy gathers one axis after the other, compiled
         code reads all axes of a point.
     near_detections : callable
-        As that of `gating`.
+        See `gating.near_detections`.
     kernel_within_groups : callable or None
-        That of `compiled_kernel`; without one, `grid` finds the pairs.
+        See `compiled_kernel`; if None, `grid` finds the pairs.
     """
 
     name: str
@@ -46,9 +45,9 @@ class Kernels:
     kernel_within_groups: Callable[..., tuple[FloatArray, Any, Any, FloatArray]] | None
 
 
-def chosen() -> Kernels:
+def current() -> Kernels:
     """Return the kernels of the backend in use."""
-    return _of(backend.chosen())
+    return _of(backend.current())
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The searches' inner loop in NumPy; `compiled` has the same by numba."""
+"""The searches' inner loop in NumPy; `compiled` is the equivalent for numba."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def near_pairs(
     start: IntArray,
     count: IntArray,
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the query, the point's place and the square distance of all near pairs.
+    """Return the query, the point's index and the square distance of all near pairs.
 
-    Parameters are those of `candidates.Candidates`; the intervals may be some of them.
+    For the parameters see `candidates.Candidates`; the intervals may be a part of all.
     """
     row, place = expand(owner, start, count)
     square = np.zeros(len(row))
-    # The searched axes leave few false candidates, so the first look is at three axes at once.
+    # The searched axes leave few false candidates, so that the first test uses three axes at once.
     for axes in (range(min(3, len(query))), range(3, len(query))):
         for axis in axes:
             apart = point[axis].take(place)

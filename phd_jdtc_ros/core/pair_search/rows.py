@@ -1,4 +1,4 @@
-"""Rows of two particle sets, as a compiled kernel takes them."""
+"""Rows of two particle sets, as input of a compiled kernel."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Points(NamedTuple):
     Parameters
     ----------
     whitened : array of shape (motions, P, K)
-        Predicted by each motion.
+        Whitened states predicted by each motion.
     group, mode : int arrays of shape (P,)
     weight : array of shape (P,)
     """

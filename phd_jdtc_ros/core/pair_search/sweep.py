@@ -1,14 +1,14 @@
 """Finds all pairs of points closer than a radius, by sort and sweep.
 
 Particles whitened by a kernel's noise are spread widely in two coordinates and over a few units in
-the others. So a search over two coordinates finds few false candidates. Which two are best depends
-on the block: mostly the positions, for spawned targets also the turn rate. The second coordinate is
+the others, so that a search over two coordinates finds few false candidates. The best two depend on
+the block: mostly the positions, for spawned targets also the turn rate. The second coordinate is
 cut into strips as wide as the radius, and points are sorted by (block, strip, first coordinate).
 Each query looks up one interval in each strip that it reaches. The points in these intervals are
 its candidates.
 
-Where both points of a pair must be of one group, such as the origin of one target, `grid` is
-faster; elsewhere the sweep is (`python -m benchmarks --part searches`).
+Where both points of a pair must belong to one group, such as the label of one target, `grid` is
+faster; elsewhere the sweep is faster (`python -m benchmarks --part searches`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from ..arrays import FloatArray, IntArray
 from . import kernels
 from .candidates import ROUNDING, Candidates
 
-# Sample of queries and points on which axes are chosen: this many, and one more per so many.
+# Size of the sample of queries and of points from which axes are selected: `SAMPLE`, and one more
+# for every `SPARSE` rows.
 SAMPLE, SPARSE = 24, 128
 
 
@@ -32,7 +33,7 @@ def candidates(
 ) -> Candidates:
     """Return the candidates for all (query, point) pairs of one block within a radius.
 
-    Their number, ``count.sum()``, determines the cost of a search.
+    The number of candidates, ``count.sum()``, determines the cost of a search.
 
     Parameters
     ----------
@@ -57,8 +58,8 @@ def candidates(
     # Strips are as wide as the mean radius; larger radii reach beyond the neighbouring strips.
     width = max(float(reach.mean()), widest / 3.0) * (1.0 + ROUNDING)
     beyond = int(np.ceil(widest / width))
-    # All strips of all blocks are placed one after the other on a line, with gaps between them that
-    # are longer than any interval.
+    # All strips of all blocks are placed one after the other on a line, with gaps that are longer
+    # than any interval.
     span = float(first.max()) - low[0] + 3.0 * widest
     strips = int((float(second.max()) - low[1]) / width) + 2 * beyond + 3
     strip = np.floor((second - low[1]) / width) + beyond + 1.0
@@ -72,7 +73,7 @@ def candidates(
     strip = np.floor(height[owner])
     above = height[owner] - strip
     centre = (query_block[owner] * strips + strip) * span + along[owner]
-    # Looked up in sorted order, so that memory is read in order.
+    # The look-up is in sorted order, so that memory is read in order.
     sweep = np.argsort(centre)
     owner = owner[sweep]
     looked_up = _look_up(
@@ -107,10 +108,10 @@ def _look_up(
     Parameters
     ----------
     key : array of shape (P,)
-        The points' places on the line of all strips, ascending.
+        Positions of the points on the line of all strips, ascending.
     centre, above, radius : arrays of shape (M,)
-        The queries' places on that line, their offsets within their strips and their radii, the
-        latter two in units of a strip's width.
+        Positions of the queries on that line, their offsets within their strips and their radii;
+        the latter two in units of a strip's width.
     width, span : float
         Width of a strip, and its length on the line.
     beyond : int
@@ -124,7 +125,7 @@ def _look_up(
     found = np.empty((2, 2 * beyond + 1, len(centre)), dtype=np.int64)
     rounding = 4.0 * np.spacing(key[-1] + span)
     for shift in range(-beyond, beyond + 1):
-        # At this distance from the centre, the circle is only as wide as its chord.
+        # The circle is only as wide as its chord at this distance from the centre.
         apart = np.maximum(np.maximum(shift - above, above - shift - 1.0) - ROUNDING, 0.0)
         square = radius * radius - apart * apart
         half = width * np.sqrt(np.maximum(square, 0.0)) + rounding
@@ -150,7 +151,7 @@ def _columns(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) 
     """
     flat = np.ascontiguousarray(value).ravel()
     begin = row * value.shape[1]
-    columns = np.empty((axes.shape[1], len(row)), order=kernels.chosen().layout)
+    columns = np.empty((axes.shape[1], len(row)), order=kernels.current().layout)
     for index, axis in enumerate(axes.T):
         columns[index] = flat.take(begin + axis.take(block))
     return columns
@@ -175,17 +176,17 @@ def _selective_axes(
         own, others = np.flatnonzero(query_block == block), np.flatnonzero(point_block == block)
         if len(own) == 0 or len(others) == 0:
             continue
-        # With many targets, pairs that are near in two axes are rare, so the sample grows.
+        # The sample grows with the targets: pairs that are near in two axes become rare.
         some, rest = (
             coordinates[rows[:: max(1, len(rows) // (SAMPLE + len(rows) // SPARSE))]].T
             for coordinates, rows in ((query, own), (point, others))
         )
         near = (np.abs(some[:, :, None] - rest[:, None]) <= radius).reshape(size, -1)
-        indicator = near.astype(np.float32)  # counts are exact, and products fast
+        indicator = near.astype(np.float32)  # counts are exact and products fast
         together = (indicator @ indicator.T).astype(np.float64)
         alone = together.diagonal()
-        # The count of pairs near in both axes is small and noisy, so the count expected of
-        # independent axes is added.
+        # The count of pairs near in both axes is small and noisy. The count expected of independent
+        # axes is added.
         left = together + np.outer(alone, alone) / near.shape[1]
         np.fill_diagonal(left, np.inf)
         best = divmod(int(left.argmin()), size)

@@ -1,1 +1,1 @@
-"""What a radar measures of a state, where it sees, how it errs, and where it stands."""
+"""The protocol of a sensor, reports, and the polar radar with its geometry, gates and coverage."""

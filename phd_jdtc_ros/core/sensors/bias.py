@@ -1,4 +1,4 @@
-"""The systematic errors of a radar: what all its measurements are wrong by alike."""
+"""Biases of a radar: the constant errors of its ranges, azimuths and stamps."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from ..types import Detections
 
 @dataclass(frozen=True)
 class RadarBias:
-    """The systematic errors of one radar; all are zero for a radar that has none.
+    """Biases of one radar, zero by default: positive for measurements that are too large.
 
     A true range r is measured as ``range_bias + (1 + range_gain) r``.
 
     Parameters
     ----------
     range_bias : float
-        What ranges are too long by, metres.
+        Constant bias of ranges, metres.
     range_gain : float
-        What they are too long by in addition, metres per metre.
+        Additional bias proportional to the range, metres per metre.
     azimuth : float
-        What azimuths are too large by, radians counter-clockwise.
+        Bias of azimuths, radians counter-clockwise.
     time_offset_s : float
-        What stamps, and times of detections, are late by, seconds.
+        Delay of stamps and of times of detections, seconds.
     """
 
     range_bias: float = 0.0
@@ -35,27 +35,24 @@ class RadarBias:
 
     @property
     def offset_ns(self) -> int:
-        """What stamps are late by, nanoseconds."""
+        """Delay of stamps, nanoseconds."""
         return round(self.time_offset_s * 1e9)
 
     def true_range(self, measured: FloatArray) -> FloatArray:
-        """Return ranges without their systematic errors, metres; shape kept."""
+        """Return ranges without their biases, metres; shape kept."""
         true: FloatArray = (measured - self.range_bias) / (1.0 + self.range_gain)
         return true
 
-    def removed(self, stamp_ns: int, found: Detections) -> tuple[int, Detections]:
-        """Return a report's stamp and detections without the systematic errors.
-
-        Ranges are not below zero.
-        """
+    def remove_from(self, stamp_ns: int, found: Detections) -> tuple[int, Detections]:
+        """Return a report's stamp and detections without the biases; ranges are at least zero."""
         if self == NO_BIAS:
             return stamp_ns, found
         distance = np.maximum(self.true_range(found.measurement[:, 0]), 0.0)
         azimuth = _wrap_angle(found.measurement[:, 1] - self.azimuth)
         return stamp_ns - self.offset_ns, _with(found, distance, azimuth)
 
-    def added(self, stamp_ns: int, found: Detections) -> tuple[int, Detections]:
-        """Return a report's stamp and detections as a radar with these errors would give them."""
+    def apply_to(self, stamp_ns: int, found: Detections) -> tuple[int, Detections]:
+        """Return a report's stamp and detections as a radar with these biases measures them."""
         if self == NO_BIAS:
             return stamp_ns, found
         distance = self.range_bias + (1.0 + self.range_gain) * found.measurement[:, 0]
@@ -63,7 +60,7 @@ class RadarBias:
         return stamp_ns + self.offset_ns, _with(found, np.maximum(distance, 0.0), azimuth)
 
     def followed_by(self, later: RadarBias) -> RadarBias:
-        """Return the errors of a radar that are `later` once these have been removed."""
+        """Return the total biases of a radar with `later` ones after these have been removed."""
         scale = 1.0 + self.range_gain
         return RadarBias(
             self.range_bias + scale * later.range_bias,

@@ -1,57 +1,29 @@
-"""The polar radar: geometry, detection probability, clutter, and the gated likelihood.
-
-Range rates are in `range_rate`.
-"""
+"""The polar radar: geometry, detection probability, clutter, and the gated likelihood."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
-from ..arrays import wrap_angle as wrap_angle
+from ..arrays import BoolArray, FloatArray, IntArray, wrap_angle
 from ..clutter.amplitude_law import NOISE, ClutterAmplitude
 from ..clutter.grid import GroundGrid
 from ..clutter.map import ClutterMap
 from ..clutter.rate import ClutterCount
-from ..pair_search import kernels
-from ..pair_search.gating import CellLists, cell_lists
 from ..state_space import PLANAR, StateSpace
 from ..targets import amplitude_density
 from ..targets.modes import ClassModel
 from ..types import FULL_TURN, Coverage, Detections, Pose
-from .range_rate import RangeRateModel
+from . import polar_gate, polar_geometry
+from .polar_gate import GATE_SIGMA
+from .polar_geometry import LEAST_RANGE
+from .range_rate import RangeRateModel, Rates
+from .sensor import PlanePlots, Sensor
 from .slant_range import HeightReading
 from .visibility import Visibility, within
-
-# At six standard deviations the likelihood is 1e-8 of its peak.
-GATE_SIGMA = 6.0
-# At its own position a radar measures no azimuth; divisions by the range are bounded at this one.
-LEAST_RANGE = 1.0
-
-
-class Rates(NamedTuple):
-    """The range rates of a report.
-
-    Parameters
-    ----------
-    model : RangeRateModel
-    rate : array of shape (M,)
-        Metres per second relative to the radar; NaN where it is unknown.
-    std : array of shape (M,)
-        Metres per second.
-    """
-
-    model: RangeRateModel
-    rate: FloatArray
-    std: FloatArray
-
-    def take(self, rows: IntArray) -> Rates:
-        """Return those of these rows."""
-        return Rates(self.model, self.rate[rows], self.std[rows])
 
 
 @dataclass(frozen=True)
@@ -67,37 +39,37 @@ class RadarModel:
     yaw : float
         Direction of the sensor's x axis in the world frame, radians counter-clockwise.
     range_std, azimuth_std : float
-        Measurement noise, metres and radians.
+        Standard deviations of the measurement noise, metres and radians.
     visibility : Visibility
-        Field of view, and the detection probability where it is given.
+        Field of view, and the detection probability if it is given.
     clutter_rate : float
         Expected false detections per scan.
     clutter_max_range : float
-        False detections are uniform in azimuth and in range up to this range, metres.
+        Largest range of the uniform clutter, metres.
     threshold : float
         Detection threshold tau on the amplitude.
     space : StateSpace
-        Of the states that it measures.
+        Axes of the measured states.
     range_growth : float
-        Standard deviation that the range has in addition, in metres per metre of range.
+        Additional standard deviation of the range, metres per metre of range.
     rotation_s : float
         Time of one turn of the antenna, seconds; 0 if it does not turn.
     clutter_amplitude : ClutterAmplitude
         Law of the amplitudes of false detections.
     clutter_map : ClutterMap or None
-        Where they come from; None if that is not to be learned.
+        Learned map of false detections; None without a map.
     clutter_count : ClutterCount or None
-        What its clutter rate is learned from; None if that is given.
+        Learned clutter rate; None if the rate is given.
     clutter_map_speed : float
-        What targets slower than this claim counts for the map all the same, metres per second.
+        Detections of targets slower than this count as clutter for the map, metres per second.
     range_rate : RangeRateModel or None
-        How it measures range rates; None if it does not, or if they are not to be used.
+        Model of its range rates; None if it has none, or if they are not used.
     velocity : tuple of two floats
         In the world frame, metres per second; range rates are relative to it.
     cluster_distance : float
-        Within which detections are merged, metres; 0 for none. See `detection_clusters`.
+        Distance within which detections are merged, metres; 0 for none. See `detection_clusters`.
     height_reading : HeightReading or None
-        How ranges depend on heights that detections may have; None where they do not.
+        Dependence of ground ranges on heights; None if they do not depend on them.
 
     Notes
     -----
@@ -128,58 +100,94 @@ class RadarModel:
 
     @property
     def max_range(self) -> float:
-        """Targets beyond it are not detected and detections beyond it are rejected, metres."""
+        """Largest range, metres: targets are not detected and detections are rejected beyond."""
         return self.visibility.max_range
 
     def at(self, pose: Pose | None) -> RadarModel:
-        """Return the radar at a pose; None is for where it is."""
+        """Return the radar at a pose; None keeps its pose."""
         if pose is None:
             return self
         return replace(self, position=pose.position, yaw=pose.yaw, velocity=pose.velocity)
 
+    @property
+    def polar(self) -> bool:
+        """True: it measures range and azimuth from its position."""
+        return True
+
+    @property
+    def field_size(self) -> float:
+        """Size of its field of view, radians times metres."""
+        return self.visibility.fov.width * self.max_range
+
     def turning_in(self, rotation_s: float) -> RadarModel:
-        """Return the radar with another time of a turn, seconds."""
+        """Return the radar with another period of its antenna, seconds."""
         return replace(self, rotation_s=rotation_s)
+
+    def with_clutter(
+        self,
+        amplitude: ClutterAmplitude | None = None,
+        places: ClutterMap | None = None,
+        count: ClutterCount | None = None,
+    ) -> RadarModel:
+        """Return the radar with learned clutter; None keeps a model."""
+        return replace(
+            self,
+            clutter_amplitude=self.clutter_amplitude if amplitude is None else amplitude,
+            clutter_map=self.clutter_map if places is None else places,
+            clutter_count=self.clutter_count if count is None else count,
+            clutter_rate=self.clutter_rate if count is None else count.rate,
+        )
+
+    def limited(self, threshold: float, clutter_rate: float) -> RadarModel:
+        """Return the radar with another threshold and clutter rate."""
+        return replace(self, threshold=threshold, clutter_rate=clutter_rate)
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return noise-free (range, azimuth) of each state; shape (N, D) to (N, 2)."""
-        x, y = self.space.position
-        east, north = state[:, x] - self.position[0], state[:, y] - self.position[1]
-        # Rotated into the sensor's frame first, so that the azimuth needs no wrapping.
-        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
-        ahead, left = cos * east + sin * north, cos * north - sin * east
-        return np.stack([np.sqrt(ahead**2 + left**2), np.arctan2(left, ahead)], axis=1)
+        position = state[:, list(self.space.position)]
+        return polar_geometry.measure(position, self.position, self.yaw)
 
-    def linearised(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (range, azimuth) of positions, and their derivatives by the position.
+    def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (range, azimuth) of positions and Jacobians; see `polar_geometry.linearise`."""
+        return polar_geometry.linearise(position, self.position, self.yaw)
 
-        Parameters
-        ----------
-        position : array of shape (..., 2)
-            In the world frame, metres.
+    def wrap(self, error: FloatArray) -> FloatArray:
+        """Return differences of (range, azimuth) with wrapped azimuths; (..., 2)."""
+        wrapped: FloatArray = np.stack([error[..., 0], wrap_angle(error[..., 1])], axis=-1)
+        return wrapped
 
-        Returns
-        -------
-        measured : array of shape (..., 2)
-        jacobian : array of shape (..., 2, 2)
-        """
-        line = position - np.asarray(self.position)
-        east, north = line[..., 0], line[..., 1]
-        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
-        ahead, left = cos * east + sin * north, cos * north - sin * east
-        distance = np.maximum(np.sqrt(ahead**2 + left**2), LEAST_RANGE)
-        along, across = east / distance, north / distance
-        jacobian = np.empty((*position.shape, 2))
-        jacobian[..., 0, 0], jacobian[..., 0, 1] = along, across
-        jacobian[..., 1, 0], jacobian[..., 1, 1] = -across / distance, along / distance
-        return np.stack([distance, np.arctan2(left, ahead)], axis=-1), jacobian
+    def reachable(self, measured: FloatArray) -> FloatArray:
+        """Return (range, azimuth) with ranges beyond the radar's set to infinity."""
+        inside: FloatArray = measured.copy()
+        inside[inside[:, 0] > self.max_range, 0] = np.inf
+        return inside
 
     def to_world(self, measurement: FloatArray) -> FloatArray:
         """Return world (x, y) in metres of (range, azimuth) rows; shape (M, 2)."""
-        bearing = measurement[:, 1] + self.yaw
-        direction = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-        world: FloatArray = np.asarray(self.position) + measurement[:, :1] * direction
-        return world
+        return polar_geometry.to_plane(measurement, self.position, self.yaw)
+
+    def in_plane(self, detections: Detections) -> PlanePlots:
+        """Return detections as positions with covariances, at their own times."""
+        measured = detections.measurement
+        sides = polar_geometry.error_axes(measured, self.deviations(detections), self.yaw)
+        return PlanePlots(self.to_world(measured), *sides)
+
+    def drawn_in_plane(self, detections: Detections, normal: FloatArray) -> FloatArray:
+        """Return positions drawn from detections' noise, given (M, K, 2) normals; (M, K, 2)."""
+        measured = (
+            detections.measurement[:, None, :] + normal * self.deviations(detections)[:, None]
+        )
+        measured[..., 0] = np.abs(measured[..., 0])
+        return self.to_world(measured.reshape(-1, 2)).reshape(measured.shape)
+
+    def log_jacobian(self, measured: FloatArray) -> FloatArray:
+        """Return log |dz/dp| at (range, azimuth), the log of one over the range; shape (N,)."""
+        log_determinant: FloatArray = -np.log(np.maximum(measured[:, 0], LEAST_RANGE))
+        return log_determinant
+
+    def line_of_sight(self, position: FloatArray) -> FloatArray:
+        """Return unit vectors from the radar to positions, world frame, shape (N, 2)."""
+        return polar_geometry.line_of_sight(position, self.position)[0]
 
     @cached_property
     def noise_std(self) -> FloatArray:
@@ -187,9 +195,9 @@ class RadarModel:
         return np.array([self.range_std, self.azimuth_std])
 
     def detection_noise(self, detections: Detections) -> FloatArray | None:
-        """Return the deviations of each detection, shape (M, 2); None if all have `noise_std`.
+        """Return the standard deviations of each detection, (M, 2); None if all have `noise_std`.
 
-        Where a detection has none of its own, its range's deviation grows with the range.
+        Without a standard deviation of its own, a detection has one that grows with the range.
         """
         own = detections.noise_std
         if own is None and self.range_growth == 0.0:
@@ -199,12 +207,12 @@ class RadarModel:
         return usual if own is None else np.where(np.isfinite(own), own, usual)
 
     def deviations(self, detections: Detections) -> FloatArray:
-        """Return the deviations of each detection, shape (M, 2), also where all have the same."""
+        """Return the standard deviations of each detection, shape (M, 2)."""
         own = self.detection_noise(detections)
         return np.tile(self.noise_std, (len(detections), 1)) if own is None else own
 
     def rates_of(self, detections: Detections) -> Rates | None:
-        """Return the range rates of detections; None if there are none to be used."""
+        """Return the range rates of detections; None without usable ones."""
         model, rate = self.range_rate, detections.range_rate
         if model is None or rate is None:
             return None
@@ -233,7 +241,7 @@ class RadarModel:
     def log_range_rate(
         self, state: FloatArray, detections: Detections, pairs: tuple[IntArray, IntArray]
     ) -> FloatArray | float:
-        """Return the log likelihood of the range rates of pairs, (P,); 0 where they are unknown.
+        """Return the log likelihood of the range rates of pairs, (P,); 0 for unknown ones.
 
         Parameters
         ----------
@@ -253,6 +261,17 @@ class RadarModel:
         error = measured.rate[column] - expected
         return measured.model.log_density(error, measured.std[column] ** 2)
 
+    def given_detection_probability(self, measured: FloatArray) -> FloatArray | None:
+        """Return the configured p_D at (range, azimuth), (N,); None without one."""
+        return self.visibility.probability(measured[:, 0]) if self.visibility.given else None
+
+    def miss_probability(self, log_snr: FloatArray) -> FloatArray:
+        """Return 1 - p_D of targets by ln(1 + SNR), at the range of the best p_D; shape kept."""
+        if self.visibility.given:
+            return np.full_like(log_snr, 1.0 - max(self.visibility.probabilities))
+        missed: FloatArray = -np.expm1(-0.5 * self.threshold**2 * np.exp(-log_snr))
+        return missed
+
     def class_detection_probability(self, classes: tuple[ClassModel, ...]) -> FloatArray:
         """Return p_D of each class from its signal-to-noise ratios, shape (C,)."""
         return np.array(
@@ -265,17 +284,17 @@ class RadarModel:
         coverage: Coverage | None,
         azimuth_std: FloatArray | float | None = None,
     ) -> FloatArray:
-        """Return the probability that the antenna passes each target and could report it, (N,).
+        """Return the probability that a report covers each target, (N,).
 
         Parameters
         ----------
         predicted : array of shape (N, 2)
-            `measure` of the targets.
+            Predicted measurements of the targets.
         coverage : Coverage or None
-            Of the report. A plot belongs to the sector in which it is measured.
+            Coverage of the report. A plot belongs to the sector of its measured azimuth.
         azimuth_std : array of shape (N,), float or None
-            Standard deviation of the azimuth that would be measured, radians; None for the radar's
-            own, if the positions are certain.
+            Standard deviation of the predicted azimuth, radians; None for the radar's own noise, if
+            the positions are certain.
         """
         seen = self.visibility.sees(predicted)
         if coverage is not None:
@@ -286,7 +305,7 @@ class RadarModel:
     def log_clutter_intensity(self, detections: Detections) -> FloatArray:
         """Return log kappa(z) over (range, azimuth, range rate, amplitude), shape (M,).
 
-        Where an amplitude or a range rate is unknown it is the intensity over the others.
+        For an unknown amplitude or range rate it is the intensity over the other components.
         """
         area = FULL_TURN * self.clutter_max_range
         log_intensity = np.full(len(detections), np.log(self._rate_of_turn / area))
@@ -304,9 +323,9 @@ class RadarModel:
         return np.where(np.isnan(density), log_intensity, density)
 
     def log_clutter_factor(self, measurement: FloatArray) -> FloatArray:
-        """Return the log density of clutter at (range, azimuth) over the uniform one, (M,).
+        """Return the log ratio of all clutter to the uniform one at (range, azimuth), (M,).
 
-        It is 0 without a map of clutter.
+        It is 0 without a clutter map.
         """
         if self.clutter_map is None:
             return np.zeros(len(measurement))
@@ -314,14 +333,15 @@ class RadarModel:
         uniform = self._rate_of_turn, self.clutter_max_range
         return self.clutter_map.log_factor(measurement, world, *uniform)
 
-    def clutter_about(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
-        """Return the neighbourhoods of places in the radar's map of clutter, (M,).
+    def neighbourhood_density(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
+        """Return the detections per turn around places in the radar's clutter map, (M,).
+
+        Places outside the field of view have infinite density, except for a moving radar.
 
         Parameters
         ----------
         measurement, world : arrays of shape (M, 2)
-            See `ClutterMap.about`. Where the radar does not see, nothing is known: infinity. One
-            that moves may have seen any place.
+            See `ClutterMap.about`.
         """
         if self.clutter_map is None:
             return np.zeros(len(measurement))
@@ -333,7 +353,7 @@ class RadarModel:
 
     @property
     def _rate_of_turn(self) -> float:
-        """Expected uniform clutter of a whole turn, of which the radar may see a part; above 0."""
+        """Expected uniform clutter of a whole turn, scaled up from the field of view; above 0."""
         # A rate of zero is allowed; the floor keeps the update's quotient defined.
         rate = max(self.clutter_rate, np.finfo(float).tiny)
         return rate * FULL_TURN / self.visibility.fov.width
@@ -345,8 +365,8 @@ class RadarModel:
 
         Notes
         -----
-        Where p_D follows from the classes' signal-to-noise ratios, the product p_D g^tau is g_c
-        itself. A given p_D is that at the detection's range. Where an amplitude is unknown, the
+        If p_D follows from the classes' signal-to-noise ratios, the product p_D g^tau is g_c
+        itself. A configured p_D is evaluated at the detection's range. For an unknown amplitude the
         result is log p_D,c.
         """
         log_band = np.log(self.class_detection_probability(classes))[:, None]
@@ -368,75 +388,36 @@ class RadarModel:
     def measurement_rate(self, state: FloatArray) -> FloatArray:
         """Return the rates of (range, azimuth) of each state, m/s and rad/s; (N, D) to (N, 2)."""
         position, velocity = list(self.space.position), list(self.space.velocity)
-        line = state[:, position] - np.asarray(self.position)
-        distance = np.maximum(np.sqrt((line**2).sum(axis=1)), LEAST_RANGE)
-        along, across = line / distance[:, None], state[:, velocity]
-        radial = (along * across).sum(axis=1)
-        tangential = along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]
-        return np.stack([radial, tangential / distance], axis=1)
+        return polar_geometry.rates(state[:, position], state[:, velocity], self.position)
 
     def gated_pairs(
         self, predicted: FloatArray, detections: Detections, rate: FloatArray | None = None
     ) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the (particle, detection) pairs within the gate and their log likelihood.
-
-        Parameters
-        ----------
-        predicted : array of shape (N, 2)
-            `measure` of the particles at the scan's stamp.
-        detections : Detections
-        rate : array of shape (N, 2) or None
-            `measurement_rate` of the particles; needed where detections have times of their own.
-
-        Returns
-        -------
-        particle, detection : int arrays of shape (P,)
-        log_likelihood : array of shape (P,)
-            log N(z; predicted, R), azimuth wrapped, at the time of the detection.
-
-        Notes
-        -----
-        The cost grows with the number of pairs found and not with N x M; see `gating`. To first
-        order, a particle's measurement at the time t of a detection is that at the stamp plus rate
-        times t. At 250 m/s and 5 km the error is 0.1 m after 0.125 s.
-        """
-        std, shift = self.detection_noise(detections), detections.time_s if len(predicted) else None
-        if std is None and shift is None:
-            lists, gate = self._lists(detections, self.noise_std)
-            log_norm = -np.log(2.0 * np.pi * self.range_std * self.azimuth_std)
-            particle, detection, square = kernels.chosen().near_detections(
-                lists, predicted, self.noise_std, GATE_SIGMA, gate
-            )
-            return particle, detection, log_norm - 0.5 * square
-        if std is None:
-            std = np.tile(self.noise_std, (len(detections), 1))
-        widest = std.max(axis=0, initial=0.0) if len(std) else self.noise_std
-        if shift is not None and rate is not None and len(shift):
-            fastest = np.abs(rate).max(axis=0) * np.abs(shift).max()
-            # An ellipse this much larger contains the gate wherever the shift moves it.
-            widest = widest + 1.5 * fastest / GATE_SIGMA
-        lists, gate = self._lists(detections, widest)
-        particle, detection, _ = kernels.chosen().near_detections(
-            lists, predicted, widest, GATE_SIGMA, gate
-        )
-        error = detections.measurement[detection] - predicted[particle]
-        if shift is not None and rate is not None:
-            error -= rate[particle] * shift[detection, None]
-        error[:, 1] = wrap_angle(error[:, 1])
-        square = ((error / std[detection]) ** 2).sum(axis=1)
-        near = np.flatnonzero(square <= GATE_SIGMA**2)
-        log_norm_of = -np.log(2.0 * np.pi * std.prod(axis=1))
-        kept = detection[near]
-        return particle[near], kept, log_norm_of[kept] - 0.5 * square[near]
+        """Return the pairs of points and detections in the gate; see `polar_gate.gated_pairs`."""
+        own = self.detection_noise(detections)
+        return polar_gate.gated_pairs(predicted, detections, self.noise_std, own, rate)
 
     def candidates(self, predicted: FloatArray, detections: Detections) -> int:
-        """Return how many pairs `gated_pairs` would look at; about twice those that it finds."""
-        lists, _ = self._lists(detections, self.noise_std)
-        return int(np.diff(lists.start).take(lists.cell_of(predicted)).sum())
+        """Return the number of candidate pairs of `gated_pairs`."""
+        return polar_gate.candidates(predicted, detections, self.noise_std)
 
-    def _lists(self, detections: Detections, std: FloatArray) -> tuple[CellLists, float]:
-        """Return the detections by cell, and the half width of the gate in azimuth."""
-        gate = min(GATE_SIGMA * float(std[1]), np.pi)
-        measured = detections.measurement.copy()
-        measured[:, 1] = wrap_angle(measured[:, 1])
-        return cell_lists(measured, GATE_SIGMA * float(std[0]), gate), gate
+    def passes(self, position: FloatArray, radius: FloatArray, detections: Detections) -> BoolArray:
+        """Return whether the antenna may have swept the circles around positions, shape (T,)."""
+        std = GATE_SIGMA * self.azimuth_std
+        return polar_geometry.passes(position, radius, self.position, self.yaw, std, detections)
+
+
+def polar_radars(sensors: Iterable[Sensor]) -> tuple[RadarModel, ...]:
+    """Return the sensors as polar radars, for functions that support only these.
+
+    Raises
+    ------
+    TypeError
+        If a sensor is not a polar radar.
+    """
+    radars = []
+    for sensor in sensors:
+        if not isinstance(sensor, RadarModel):
+            raise TypeError(f"{sensor.name}: {type(sensor).__name__} given, must be a polar radar")
+        radars.append(sensor)
+    return tuple(radars)

@@ -1,36 +1,36 @@
-"""Range rates: their noise, their ambiguity, and what false detections have of them.
+"""Range rates: noise, ambiguity, and the distribution for false detections.
 
-A pulse-Doppler radar measures the range rate modulo the interval that its pulse repetition gives.
-All range rates that differ by whole intervals are folds of one another.
+A pulse-Doppler radar measures the range rate modulo the interval of its pulse repetition frequency.
+Range rates that differ by multiples of this interval are folds of one another.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, IntArray
 
-# Folds whose innovations are farther out than this many deviations count for nothing.
+# Standard deviations of the innovation beyond which a fold is ignored.
 FOLD_SIGMA = 6.0
-# With deviations that reach more folds than this to either side, the density is uniform.
+# Largest number of folds to either side: beyond it the density is almost uniform.
 MOST_FOLDS = 8
 
 
 @dataclass(frozen=True)
 class RangeRateModel:
-    """How a radar measures range rates; they are positive where a target recedes.
+    """Measurement model of range rates, which are positive for receding targets.
 
     Parameters
     ----------
     std : float
         Standard deviation, metres per second.
     ambiguity : float
-        The interval modulo which it measures them, metres per second; 0 if it knows them wholly.
+        Interval of the ambiguity, metres per second; 0 for unambiguous range rates.
     span : float
-        Width of the interval in which the range rates of false detections are uniform if there is
-        no ambiguity, metres per second.
+        Width of the uniform distribution for false detections without ambiguity, metres per second.
     """
 
     std: float
@@ -39,20 +39,20 @@ class RangeRateModel:
 
     @property
     def clutter_width(self) -> float:
-        """Width of the interval in which those of false detections are uniform, m/s."""
+        """Width of the uniform distribution for false detections, m/s."""
         return self.ambiguity or self.span
 
-    def wrapped(self, rate: FloatArray) -> FloatArray:
-        """Return the folds that are nearest to zero; shape kept."""
+    def wrap(self, rate: FloatArray) -> FloatArray:
+        """Return the folds nearest to zero; shape kept."""
         if not self.ambiguity:
             return rate
         nearest: FloatArray = rate - self.ambiguity * np.round(rate / self.ambiguity)
         return nearest
 
     def folds(self, reach: float) -> FloatArray:
-        """Return the shifts, m/s, between a range rate and its folds up to `reach`, shape (K,).
+        """Return the shifts, m/s, from a wrapped range rate to its folds up to `reach`, (K,).
 
-        For a value that is wrapped; the first shift is 0.
+        The first shift is 0.
         """
         if not self.ambiguity:
             return np.zeros(1)
@@ -60,7 +60,7 @@ class RangeRateModel:
         numbers = np.arange(-count, count + 1, dtype=np.float64)
         return self.ambiguity * numbers[np.argsort(np.abs(numbers), kind="stable")]
 
-    def folded(
+    def fold(
         self, error: FloatArray, variance: FloatArray | float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the innovation over all folds, its variance over them, and its log density.
@@ -70,7 +70,7 @@ class RangeRateModel:
         error : array
             Measured less expected range rate, metres per second.
         variance : array of the same shape, or float
-            Of the innovation if there were no ambiguity.
+            Variance of the innovation without ambiguity.
 
         Returns
         -------
@@ -81,12 +81,11 @@ class RangeRateModel:
 
         Notes
         -----
-        Where one fold is much more probable than the others the innovation is that fold, and the
-        spread is zero. Else the update with the innovation, and with a covariance that is reduced
-        by so much less, has the mean and the covariance of the mixture of the updates with each
-        fold.
+        If one fold is much more probable than the others, the innovation is that fold and the
+        spread is zero. In general, an update with the innovation and with a covariance reduction
+        that is smaller by the spread has the mean and the covariance of the mixture of all folds.
         """
-        nearest = self.wrapped(error)
+        nearest = self.wrap(error)
         widest = float(np.sqrt(np.max(variance, initial=0.0)))
         shifts = self.folds(FOLD_SIGMA * widest)
         log_norm = -0.5 * np.log(2.0 * np.pi * np.asarray(variance))
@@ -104,7 +103,28 @@ class RangeRateModel:
         return innovation, spread, log_norm + best + np.log(total)
 
     def log_density(self, error: FloatArray, variance: FloatArray | float) -> FloatArray:
-        """Return the log density of errors over all folds; 0 where they are NaN, shape kept."""
+        """Return the log density of errors over all folds; 0 for NaN, shape kept."""
         known = np.isfinite(error)
-        density = self.folded(np.where(known, error, 0.0), variance)[2]
+        density = self.fold(np.where(known, error, 0.0), variance)[2]
         return np.where(known, density, 0.0)
+
+
+class Rates(NamedTuple):
+    """The range rates of a report.
+
+    Parameters
+    ----------
+    model : RangeRateModel
+    rate : array of shape (M,)
+        Metres per second relative to the radar; NaN if unknown.
+    std : array of shape (M,)
+        Standard deviations, metres per second.
+    """
+
+    model: RangeRateModel
+    rate: FloatArray
+    std: FloatArray
+
+    def take(self, rows: IntArray) -> Rates:
+        """Return the range rates of these rows."""
+        return Rates(self.model, self.rate[rows], self.std[rows])

@@ -1,15 +1,15 @@
-"""A radar's site on the round earth: what it measures, to and from places in the world's plane.
+"""A radar's site on the round earth: projection of its measurements to the world's plane and back.
 
 ::
 
     slant range, azimuth, height or elevation
-      |  about the site, on the WGS84 ellipsoid
+      |  around the site, on the WGS84 ellipsoid
     latitude and longitude
       |  the world's plane, see `Plane`
-    range and azimuth about the site's place in the plane
+    range and azimuth around the site's position in the plane
 
-Rays are straight: the atmosphere, which bends them by about a quarter of the earth's curvature, has
-no part in it. Where the height is known it does not matter, where only the elevation is it does.
+Rays are straight: the refraction of the atmosphere, about a quarter of the earth's curvature, is
+neglected. It matters only if the elevation is given instead of the height.
 """
 
 from __future__ import annotations
@@ -25,11 +25,12 @@ import numpy.typing as npt
 from ..arrays import FloatArray
 from . import wgs84
 
-# Farther than any radar measures, metres; what is farther is not computed.
+# Largest slant range that is projected, metres; no radar measures a larger one.
 FARTHEST = 2e6
-# The first elevations leave 3 m at 400 km, and each step a hundred thousandth of that.
+# Newton steps of the elevation: the first value is 3 m off at 400 km, and each step leaves a
+# hundred thousandth of the error.
 STEPS = 2
-# Metres; the plane is not for sites farther from its origin, where lengths are 0.15 % too long.
+# Largest distance of a site from the plane's origin, metres: there lengths are 0.15 % too long.
 MOST_FROM_ORIGIN = 500e3
 
 
@@ -54,7 +55,7 @@ class Plane(Protocol):
 
 @dataclass(frozen=True)
 class Site:
-    """Where a radar stands on the earth, and in the plane.
+    """Position and orientation of a radar on the earth, and in the plane.
 
     Parameters
     ----------
@@ -66,9 +67,9 @@ class Site:
 
     Notes
     -----
-    All heights are above one surface, that of the ellipsoid. Heights above the sea, or of the
-    standard atmosphere, are at most some hundred metres off; if they are for the site and for the
-    targets alike, places are off by a ten-thousandth of that.
+    All heights are above the ellipsoid. Heights above the sea, or of the standard atmosphere,
+    differ by at most some hundred metres; if site and targets use the same ones, positions are
+    wrong by a ten-thousandth of the difference.
     """
 
     geodetic: tuple[float, float, float]
@@ -77,7 +78,7 @@ class Site:
 
     @cached_property
     def position(self) -> tuple[float, float]:
-        """Its place in the plane, metres."""
+        """Its position in the plane, metres."""
         x, y = self.plane.to_plane(*self.geodetic[:2])
         return float(x), float(y)
 
@@ -89,7 +90,7 @@ class Site:
     def elevation_of(
         self, distance: FloatArray, azimuth: FloatArray, height: FloatArray
     ) -> FloatArray:
-        """Return the sines of the elevations at which targets are at heights.
+        """Return the sines of the elevations of targets at given heights.
 
         Parameters
         ----------
@@ -103,12 +104,12 @@ class Site:
         Returns
         -------
         array of shape (N,)
-            Beyond -1 and 1 if the target is higher or lower than it is far away.
+            Beyond -1 or 1 if the difference of heights exceeds the slant range.
 
         Notes
         -----
-        Newton's steps with the derivative on a sphere; the first elevation is that on the sphere
-        with the site's radius of curvature.
+        Newton's method with the derivative on the sphere with the site's radius of curvature; the
+        first value is the elevation on this sphere.
         """
         own, radius = self.geodetic[2], self._radius
         above = height - own
@@ -119,7 +120,7 @@ class Site:
             reached = wgs84.to_geodetic(self._cartesian(distance, azimuth, held))[2]
             slope = distance * centre / (radius + reached)
             step = (height - reached) / slope
-            # Beyond the zenith there is no such place; what is beyond stays beyond.
+            # Values beyond the zenith are impossible and stay beyond it.
             sine = np.where(sine == held, held + step, sine)
         found: FloatArray = sine
         return found
@@ -127,7 +128,7 @@ class Site:
     def to_ground(
         self, distance: FloatArray, azimuth: FloatArray, sine: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return ranges and azimuths in the plane of what is measured at elevations.
+        """Return ranges and azimuths in the plane of measurements with elevations.
 
         Parameters
         ----------
@@ -136,12 +137,12 @@ class Site:
         azimuth : array of shape (N,)
             Radians counter-clockwise from the sensor's x axis.
         sine : array of shape (N,)
-            Of the elevations, from -1 to 1.
+            Sines of the elevations, from -1 to 1.
 
         Returns
         -------
         distance, azimuth : arrays of shape (N,)
-            About the site's place in the plane, from the sensor's x axis in it.
+            Around the site's position in the plane, from the sensor's x axis in it.
         """
         latitude, longitude, _ = wgs84.to_geodetic(self._cartesian(distance, azimuth, sine))
         x, y = self.plane.to_plane(latitude, longitude)
@@ -151,12 +152,12 @@ class Site:
     def to_slant(
         self, distance: FloatArray, azimuth: FloatArray, height: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return slant ranges and azimuths of targets at places in the plane and at heights.
+        """Return slant ranges and azimuths of targets at positions in the plane and heights.
 
         Parameters
         ----------
         distance, azimuth : arrays of shape (N,)
-            About the site's place in the plane, as `to_ground` returns them.
+            Around the site's position in the plane, as `to_ground` returns them.
         height : array of shape (N,)
             Metres.
 
@@ -175,7 +176,7 @@ class Site:
         return np.sqrt((line**2).sum(axis=1)), np.arctan2(north, east) - self.turned
 
     def _cartesian(self, distance: FloatArray, azimuth: FloatArray, sine: FloatArray) -> FloatArray:
-        """Return where a ray ends, shape (N, 3)."""
+        """Return the Cartesian end points of rays, shape (N, 3)."""
         bearing = azimuth + self.turned
         level = distance * np.sqrt(1.0 - sine**2)
         local = np.stack(
@@ -186,7 +187,7 @@ class Site:
 
     @cached_property
     def _place(self) -> FloatArray:
-        """Its Cartesian coordinates, shape (3,)."""
+        """Cartesian coordinates of the site, shape (3,)."""
         return wgs84.to_cartesian(*self.geodetic)
 
     @cached_property

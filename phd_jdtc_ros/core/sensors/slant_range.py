@@ -1,6 +1,7 @@
-"""The plots of a radar with a site: from slant ranges to places in the plane, whatever is known.
+"""Projects slant ranges to the plane, with a measured height, an elevation or an assumed height.
 
-And back, to read a plot of a missing or false height once more at the height of a target.
+The inverse projection allows to project a plot with a missing or false height again, at the height
+of a target.
 """
 
 from __future__ import annotations
@@ -14,26 +15,26 @@ import numpy.typing as npt
 from ..arrays import FloatArray, wrap_angle
 from .site import FARTHEST, Site
 
-# Metres; nothing that a radar of this kind tracks flies higher.
+# Largest plausible height of a target, metres.
 MAX_HEIGHT = 30e3
-# Metres; at the radar itself there is no elevation.
+# Smallest slant range, metres: the elevation is undefined at the radar itself.
 LEAST = 1e-3
-# What is assumed of a height makes the elevation at most as large as this sine, 30 degrees.
+# Largest sine of the elevation at an assumed height: 30 degrees.
 MOST_ASSUMED = 0.5
-# Each leaves less than a third of the error that a supposed height makes of the slant range.
+# Most iterations of the inverse projection; each leaves less than a third of the error.
 SETTLING = 25
 BoolArray = npt.NDArray[np.bool_]
 
 
 class Ground(NamedTuple):
-    """Where points are in the plane, arrays of shape (M,).
+    """Positions in the plane, arrays of shape (M,).
 
     Parameters
     ----------
     distance, azimuth : array
-        Metres, and radians counter-clockwise from the sensor's x axis; about the radar.
+        Around the radar, metres and radians counter-clockwise from the sensor's x axis.
     possible : bool array
-        Whether the height is one that a target can have, and not beyond its range.
+        Whether the height is plausible and within the slant range.
     """
 
     distance: FloatArray
@@ -49,7 +50,7 @@ def over_ground(
     height: FloatArray | None = None,
     elevation: FloatArray | None = None,
 ) -> Ground:
-    """Return where points are in the plane.
+    """Return the positions of plots in the plane.
 
     Parameters
     ----------
@@ -57,13 +58,13 @@ def over_ground(
     assumed : float
         See `supposed_height`.
     distance : array of shape (M,)
-        Slant ranges, metres; those that are negative give negative ranges.
+        Slant ranges, metres; negative ones give negative ground ranges.
     azimuth : array of shape (M,)
         Radians counter-clockwise from the sensor's x axis.
     height : array of shape (M,) or None
-        Metres, as those of the site; NaN where it is unknown.
+        Metres above the same surface as the site's height; NaN if unknown.
     elevation : array of shape (M,) or None
-        Radians; used where the height is unknown.
+        Radians; used for plots without a height.
     """
     near = np.abs(distance) <= FARTHEST
     slant = np.where(near, np.maximum(np.abs(distance), LEAST), LEAST)
@@ -76,7 +77,7 @@ def over_ground(
     sine = np.clip(sine, -1.0, 1.0)
     beyond = np.zeros(len(slant), dtype=bool)
     if elevation is not None:
-        # Beyond the zenith, as in the plane, the ground range becomes negative.
+        # Elevations beyond the zenith give negative ground ranges, as in the plane.
         beyond = ~known & (np.cos(elevation) < 0.0)
         sine = np.where(known, sine, np.sin(elevation))
     ground, direction = site.to_ground(slant, azimuth, sine)
@@ -85,14 +86,13 @@ def over_ground(
 
 
 def supposed_height(site: Site, assumed: float, distance: FloatArray) -> FloatArray:
-    """Return the heights that targets of unknown height are taken to have.
+    """Return the assumed heights of targets without a measured height.
 
     Parameters
     ----------
     site : Site
     assumed : float
-        Metres, but near the radar no higher than the elevation of 30 degrees; NaN for the site's
-        own height.
+        Metres, limited to an elevation of 30 degrees near the radar; NaN for the site's own height.
     distance : array of shape (M,)
         Slant ranges, metres.
     """
@@ -107,7 +107,7 @@ def supposed_height(site: Site, assumed: float, distance: FloatArray) -> FloatAr
 def slant_of(
     site: Site, assumed: float, distance: FloatArray, azimuth: FloatArray, height: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the slant ranges and azimuths that `over_ground` reads as places in the plane.
+    """Return the slant ranges and azimuths that `over_ground` projects to positions in the plane.
 
     Parameters
     ----------
@@ -115,13 +115,13 @@ def slant_of(
     assumed : float
         See `supposed_height`.
     distance, azimuth : arrays of shape (M,)
-        About the site's place in the plane, metres and radians.
+        Around the site's position in the plane, metres and radians.
     height : array of shape (M,)
-        Metres, as those of the site; NaN where it was unknown.
+        Metres above the same surface as the site's height; NaN if it was unknown.
     """
     known, slant = np.isfinite(height), distance
     for _ in range(SETTLING):
-        # What is supposed depends on the slant range itself.
+        # The assumed height depends on the slant range itself.
         given = np.where(known, height, supposed_height(site, assumed, slant))
         slant, measured = site.to_slant(distance, azimuth, given)
         if np.isnan(assumed) or known.all():
@@ -131,16 +131,16 @@ def slant_of(
 
 @dataclass(frozen=True)
 class HeightReading:
-    """How the ranges of a radar whose plots have heights depend on these.
+    """Dependence of a radar's ground ranges on the heights of its plots.
 
     Parameters
     ----------
     antenna : float
         Height of the antenna above the world's zero, metres.
     datum : float
-        Height of the world's zero, as the site counts heights, metres.
+        Height of the world's zero above the site's reference surface, metres.
     site : Site or None
-        None for a plane: without a height the slant range is the range over ground.
+        None for a flat earth: without a height the slant range is the ground range.
     assumed : float
         See `supposed_height`.
     """
@@ -151,17 +151,17 @@ class HeightReading:
     assumed: float = np.nan
 
     def at(self, measurement: FloatArray, before: FloatArray, height: FloatArray) -> FloatArray:
-        """Return plots that were read at their heights as they are read at others, (M, 2).
+        """Return plots projected at other heights than before, (M, 2).
 
         Parameters
         ----------
         measurement : array of shape (M, 2)
-            Ranges over ground, metres, and azimuths, radians.
+            Ground ranges, metres, and azimuths, radians.
         before : array of shape (M,)
-            Their heights above the world's zero, metres; NaN where unknown.
+            Heights of the present projection above the world's zero, metres; NaN if unknown.
         height : array of shape (M,)
-            The others; NaN for none. What is higher than its slant range is read as if above the
-            radar.
+            Heights of the new projection; NaN for none. A plot with a height above its slant range
+            is projected to the radar's own position.
         """
         distance, azimuth = measurement.T
         if self.site is None:

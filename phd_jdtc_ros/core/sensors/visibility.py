@@ -1,4 +1,4 @@
-"""What a radar can see: its field of view, and the probability to detect over range."""
+"""Coverage of a radar: its field of view, and the detection probability by range."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..arrays import FloatArray
 from ..types import FULL_TURN, Coverage
 
 WHOLE_TURN = Coverage(-np.pi, FULL_TURN)
-# Widths closer to a turn than this are one: degrees in files are rounded.
+# Tolerance with which a sector counts as a whole turn, radians: degrees in files are rounded.
 TURN_TOLERANCE = 1e-9
 
 
@@ -42,19 +42,19 @@ def within(
 
 @dataclass(frozen=True)
 class Visibility:
-    """A radar's field of view, and its detection probability where that is given.
+    """A radar's field of view, and its detection probability if it is given.
 
     Parameters
     ----------
     min_range, max_range : float
-        Targets nearer or farther are not detected, metres.
+        Limits of the range in which targets are detected, metres.
     fov : Coverage
-        The azimuths that it sees.
+        Azimuths of the field of view.
     blind : tuple of Coverage
-        The azimuths in its field of view that are hidden.
+        Obstructed azimuths within the field of view.
     ranges, probabilities : tuples of K floats
-        The detection probability by range, metres, linear between the entries and constant
-        outside. Empty if it follows from the classes' signal-to-noise ratios.
+        Detection probability by range, metres; linear between the entries and constant outside.
+        Empty if it follows from the classes' signal-to-noise ratios.
     """
 
     max_range: float

@@ -1,4 +1,4 @@
-"""The WGS84 ellipsoid: places by latitude, longitude and height, and in Cartesian coordinates.
+"""The WGS84 ellipsoid: conversion of latitude, longitude and height to Cartesian and back.
 
 Cartesian coordinates are earth-centred and earth-fixed, metres: x to latitude 0 and longitude 0, z
 to the north pole.
@@ -13,15 +13,15 @@ import numpy.typing as npt
 
 from ..arrays import FloatArray
 
-# Of WGS84, metres.
+# Semi-axes of WGS84, metres, and its flattening.
 SEMI_MAJOR = 6_378_137.0
 FLATTENING = 1.0 / 298.257223563
 SEMI_MINOR = SEMI_MAJOR * (1.0 - FLATTENING)
 # Squares of the first and the second eccentricity.
 E_SQUARE = FLATTENING * (2.0 - FLATTENING)
 E_SECOND_SQUARE = E_SQUARE / (1.0 - E_SQUARE)
-# Each pass of Bowring's formula leaves far less than a thousandth of the error; up to 50 km high,
-# the first leaves a micrometre.
+# Iterations of Bowring's formula: up to 50 km high the first is a micrometre off, and each further
+# one leaves far less than a thousandth of the error.
 PASSES = 2
 
 
@@ -68,7 +68,7 @@ def to_geodetic(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """
     x, y, z = place[..., 0], place[..., 1], place[..., 2]
     from_axis = np.hypot(x, y)
-    # Reduced latitude: of the point on the circle about the ellipse.
+    # The reduced latitude belongs to the point on the circle around the ellipse.
     sin, cos = z * SEMI_MAJOR, from_axis * SEMI_MINOR
     for _ in range(PASSES):
         length = np.hypot(sin, cos)
@@ -78,7 +78,7 @@ def to_geodetic(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     north = np.arctan2(up, out)
     sin, cos = np.sin(north), np.cos(north)
     across = SEMI_MAJOR / np.sqrt(1.0 - E_SQUARE * sin**2)
-    # The component along the normal, which is defined at the poles too.
+    # The height is the component along the normal, which is defined at the poles too.
     height = from_axis * cos + z * sin - SEMI_MAJOR**2 / across
     return np.degrees(north), np.degrees(np.arctan2(y, x)), height
 
@@ -97,6 +97,6 @@ def east_north_up(latitude: float, longitude: float) -> FloatArray:
 
 
 def normal_radius(latitude: FloatArray) -> FloatArray:
-    """Return the radius of curvature from west to east at latitudes in degrees, metres."""
+    """Return the radius of curvature in the prime vertical at latitudes in degrees, metres."""
     radius: FloatArray = SEMI_MAJOR / np.sqrt(1.0 - E_SQUARE * np.sin(np.radians(latitude)) ** 2)
     return radius

@@ -1,10 +1,10 @@
 """The two correctors: rules by which one radar's detections change the intensity.
 
-`BERNOULLI`, the default, is that of a labelled multi-Bernoulli filter. The particles of one origin
-are at most one target, which claims at most one detection. After a missed detection its existence
-probability is that of Bayes' rule. `POISSON` is the corrector of the PHD filter (Sec. IV-C,
-Step 2). Targets are a Poisson process: the mass at one place may claim any number of detections,
-and a missed detection scales it down by 1 - p_D.
+`BERNOULLI`, the default, is the corrector of a labelled multi-Bernoulli filter. The particles of
+one label represent at most one target, which causes at most one detection. A missed detection
+changes its existence probability by Bayes' rule. `POISSON` is the corrector of the PHD filter
+(Sec. IV-C, Step 2). Targets are a Poisson process: the mass at one place may cause any number of
+detections, and a missed detection scales it down by 1 - p_D.
 """
 
 from __future__ import annotations
@@ -25,11 +25,10 @@ class Corrected(NamedTuple):
 
     Parameters
     ----------
-    particles : ParticleSet
     claimed : array of shape (M,)
-        Share of each detection that targets claim.
+        Probability that a target caused each detection.
     pair : array of shape (P,)
-        Weight of each pair: of its particle, with its detection.
+        Weight of each pair's particle under its detection.
     """
 
     particles: ParticleSet
@@ -41,19 +40,18 @@ class Correction(Protocol):
     """The rule by which one radar's detections change the intensity."""
 
     def __call__(self, particles: ParticleSet, claims: Claims) -> Corrected:
-        """Return the corrected intensity, given how well each pair explains its detection."""
+        """Return the intensity corrected with the association likelihoods of all pairs."""
         ...
 
 
 @dataclass(frozen=True)
 class Corrector:
-    """A correction, and whether origins are targets under it.
+    """A correction rule, and whether it gives one label to each target.
 
     Parameters
     ----------
-    correct : Correction
     labelled : bool
-        Whether an origin is at most one target, so that the origin is the target's label.
+        Whether the particles of one label represent at most one target.
     """
 
     correct: Correction
@@ -61,9 +59,9 @@ class Corrector:
 
 
 def _poisson(particles: ParticleSet, claims: Claims) -> Corrected:
-    """Correct as the PHD filter does; every detection has a component.
+    """Correct as the PHD filter does, with a component for every detection.
 
-    Earlier components are multiplied by 1 - p_D, and M new ones are added.
+    Earlier components are multiplied by 1 - p_D, and M new components are added.
 
     Notes
     -----
@@ -89,12 +87,12 @@ def _poisson(particles: ParticleSet, claims: Claims) -> Corrected:
 
 
 def _bernoulli(particles: ParticleSet, claims: Claims) -> Corrected:
-    """Correct every origin as at most one target; every origin is a component.
+    """Correct each label as at most one target, with a component for every label.
 
     Notes
     -----
     Deviation from Sec. IV-C, Step 2; see `association.bernoulli`. The posterior is a labelled
-    multi-Bernoulli density, with the origins as labels.
+    multi-Bernoulli density.
     """
     origins, target = factorize(particles.origin)
     shares = bernoulli(target, len(origins), particles.weight, claims)

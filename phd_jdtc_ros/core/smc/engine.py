@@ -19,7 +19,7 @@ from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
 from .smoother import DeathTerm, backward_pass
 
-# Second word of the seed of extraction; the filter's is `filter.FILTER_STREAM`.
+# Second word of the extraction's seed; `filter.FILTER_STREAM` is the filter's.
 EXTRACTION_STREAM = 1
 
 
@@ -27,17 +27,12 @@ EXTRACTION_STREAM = 1
 class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
     """Sequential Monte Carlo filter with a fixed-lag backward smoother over the general mode.
 
-    A labelled multi-Bernoulli filter or a PHD filter: the corrector of `forward` decides.
+    The corrector of `forward` makes it a labelled multi-Bernoulli filter or a PHD filter.
 
     Parameters
     ----------
-    forward : ParticleFilter
-    lag : Lag
-    schedule : Schedule
     rule : ReportingRule
         When tracks are reported.
-    death_term : DeathTerm
-    extraction : Extraction
 
     Notes
     -----
@@ -52,25 +47,25 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
     def reset(self) -> None:
         """Return to the initial state; the random generators start from the seed again."""
         super().reset()
-        # A generator of its own, so that the filter's draws do not depend on the extraction.
+        # A separate generator keeps the filter's draws independent of the extraction.
         self._rng = np.random.default_rng([self.forward.seed, EXTRACTION_STREAM])
 
     def _state(self) -> dict[str, Any]:
         return {**super()._state(), "rng": self._rng.bit_generator.state}
 
-    def _recall(self, state: Mapping[str, Any]) -> None:
-        super()._recall(state)
+    def _load_state(self, state: Mapping[str, Any]) -> None:
+        super()._load_state(state)
         self._rng.bit_generator.state = state["rng"]
 
     def snapshot(self) -> Snapshot:
-        """Return all that the engine holds; see `Engine.snapshot`."""
-        held = super().snapshot()
-        held.facts["smoother"]["rng"] = self._rng.bit_generator.state
-        return held
+        """Return the engine's state; see `Engine.snapshot`."""
+        stored = super().snapshot()
+        stored.facts["extraction.rng"] = self._rng.bit_generator.state
+        return stored
 
-    def _take(self, held: Snapshot) -> None:
-        super()._take(held)
-        self._rng.bit_generator.state = held.facts["smoother"]["rng"]
+    def _from_snapshot(self, stored: Snapshot) -> None:
+        super()._from_snapshot(stored)
+        self._rng.bit_generator.state = stored.facts["extraction.rng"]
 
     def _extract(self, stored: ParticleSet, stamp_ns: int, lag: int, threshold: float) -> Estimates:
         modes = self.forward.model.modes
@@ -87,11 +82,11 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
             "orphans": step.entry.link.orphans if step.entry.link else 0,
         }
 
-    def _put_entry(self, held: Snapshot, name: str, entry: ParticleEntry) -> None:
-        snapshot.put_entry(held, name, entry)
+    def _entry_to_snapshot(self, entry: ParticleEntry, stored: Snapshot, name: str) -> None:
+        snapshot.entry_to_snapshot(entry, stored, name)
 
-    def _take_entry(
-        self, held: Snapshot, name: str, earlier: Mapping[int, ParticleEntry]
+    def _entry_from_snapshot(
+        self, stored: Snapshot, name: str, earlier: Mapping[int, ParticleEntry]
     ) -> ParticleEntry:
         modes, most = self.forward.model.modes, self.forward.budget.most
-        return snapshot.take_entry(held, name, earlier, modes, most)
+        return snapshot.entry_from_snapshot(stored, name, earlier, modes, most)

@@ -13,8 +13,8 @@ from . import resampling
 from .particle_set import ParticleSet
 
 CLUSTER_SAMPLES = 2000
-# Particles that the spread before later scans counts as, beside those that they have left. Found by
-# the share of smoothed positions outside 3 sigma, on seeds from 9000: one is too few.
+# Weight, in particles, of the prior covariance of a target. It was tuned by the share of smoothed
+# positions outside 3 sigma, on seeds from 9000: one particle is too few.
 PRIOR_PARTICLES = 2.0
 
 
@@ -30,10 +30,10 @@ class Extraction(Protocol):
         threshold: float,
         rng: np.random.Generator,
     ) -> Estimates:
-        """Return the targets of `particles`, filtered (lag 0) or smoothed.
+        """Return the filtered (lag 0) or smoothed targets of a particle set.
 
-        `threshold` is the existence probability above which a target is reported. The `track_id`
-        of a labelled target is its label plus one.
+        Targets with an existence probability above `threshold` are reported. The `track_id` of a
+        labelled target is its label plus one.
         """
         ...
 
@@ -48,19 +48,19 @@ def components(
 ) -> Estimates:
     """Report every component, and every group of the Poisson part, with a mass above the threshold.
 
-    A group is the mass of one (origin, class) that belongs to no component. Without it, a target
-    that all radars missed would not be reported for a scan. The class is that of the largest mass,
-    and the state and covariance are those of that class. A mass above 1.5 stands for two unresolved
-    targets, which are reported as one.
+    A group is the mass of one (label, class) outside all components. Without groups, a target that
+    all radars missed would not be reported for a scan. A target's class is the one of largest mass,
+    and its state and covariance are the moments of that class. A mass above 1.5 stands for two
+    unresolved targets, which are reported as one.
 
     Notes
     -----
     Deviation from Sec. IV-C, Step 6, which rounds the total mass and clusters: the mass of the
-    PHD filter is biased, and a component already tells which particles belong together.
+    PHD filter is biased, and components already group the particles of each target.
     """
     parts = particles.components
     target_class = modes.class_of[particles.mode]
-    # The groups of the Poisson part follow the components in one index space.
+    # Groups of the Poisson part are numbered after the components.
     first_group = parts.shape[1]
     poisson = np.flatnonzero(particles.poisson)
     origins, origin = factorize(particles.origin[poisson])
@@ -94,11 +94,12 @@ def _moments(
 
     Notes
     -----
-    Later scans leave few of a young target's particles with weight, and their spread is too small:
-    with one left there would be none. A covariance is estimated from n of them, the effective
-    number, with a prior of `PRIOR_PARTICLES` that are spread as all were drawn and by the process
-    noise of one interval, the mean of an inverse Wishart distribution. With hundreds left it is the
-    sample covariance, and even if all were drawn from one particle it is not singular.
+    Later scans leave weight on few particles of a young target, so that their sample covariance is
+    too small, and zero for a single one. The covariance is therefore the mean of an inverse Wishart
+    posterior: the sample covariance counts as the effective number of particles, and a prior counts
+    as `PRIOR_PARTICLES`. The prior is the covariance of all particles as they were drawn, plus the
+    process noise of one interval. With hundreds of effective particles the result is the sample
+    covariance; it is regular even if all particles descend from one.
     """
     classes, count = len(modes.classes), len(label)
     target_class = modes.class_of[particles.mode[row]]
@@ -111,7 +112,7 @@ def _moments(
     row, group = row[kept], group[kept]
     share = weight[kept] / class_mass[np.arange(count), majority].take(group)
 
-    # One axis at a time, so that no temporary array is larger than a column.
+    # One axis at a time keeps temporary arrays no larger than a column.
     dimension = particles.state.shape[1]
     offset = np.stack([axis.take(row) for axis in particles.state.T])
     state = np.stack([sum_by(group, share * axis, count) for axis in offset], axis=1)
@@ -119,7 +120,7 @@ def _moments(
         offset[axis] -= state[:, axis].take(group)
     left = 1.0 / sum_by(group, share**2, count)
     prior = PRIOR_PARTICLES / (left + PRIOR_PARTICLES)
-    counted = _counted(particles.multiplicity.take(row), group, share, prior)
+    counted = _covariance_weights(particles.multiplicity.take(row), group, share, prior)
     covariance = np.empty((count, dimension, dimension))
     for i in range(dimension):
         spread = counted * offset[i]
@@ -144,7 +145,7 @@ def _moments(
 def _noise(
     modes: ModeSpace, mode: IntArray, group: IntArray, share: FloatArray, count: int
 ) -> FloatArray:
-    """Return the process noise of one interval, mean over each group's modes; (G, D, D)."""
+    """Return the process noise of one interval, averaged over each group's modes; (G, D, D)."""
     size = len(modes.space)
     covariance = np.zeros((count, size, size))
     for index, motion in enumerate(modes.motions):
@@ -155,10 +156,12 @@ def _noise(
     return covariance
 
 
-def _counted(copies: IntArray, group: IntArray, share: FloatArray, prior: FloatArray) -> FloatArray:
-    """Return what each particle counts in its group's covariance; sums to one in every group.
+def _covariance_weights(
+    copies: IntArray, group: IntArray, share: FloatArray, prior: FloatArray
+) -> FloatArray:
+    """Return the weight of each particle in its group's covariance; sums to one in every group.
 
-    `prior` is the share of the group's particles as they were drawn, of shape (G,).
+    `prior` is the share of the covariance of the particles as they were drawn, shape (G,).
     """
     drawn = copies.astype(np.float64)
     drawn /= sum_by(group, drawn, len(prior)).take(group)
@@ -180,7 +183,7 @@ def clusters(
     -----
     Sec. IV-C, Steps 5 and 6: resample within each class, then cluster within each class.
     """
-    # Imported here because the default extraction does not need it and a live node starts sooner.
+    # Imported here to shorten a node's start: the default extraction does not need it.
     from scipy.cluster.vq import kmeans2
 
     target_class = modes.class_of[particles.mode]
@@ -206,7 +209,7 @@ def clusters(
         return _moments(particles, modes, stamp_ns, lag, *_no_entries())
     row, group = np.concatenate(rows), np.concatenate(groups)
     size = np.bincount(group, minlength=count)
-    # k-means may leave a cluster empty; it is not a target.
+    # k-means may leave a cluster empty, which is no target.
     rank = np.cumsum(size > 0) - 1
     unlabelled = np.full(int((size > 0).sum()), -1)
     return _moments(

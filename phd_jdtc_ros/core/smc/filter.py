@@ -12,20 +12,21 @@ from ..snapshot import Snapshot
 from ..types import Scan
 from ..window.entries import Current, Entry
 from ..window.forward_filter import Filtered, ForwardFilter
-from ..window.swept import parted
+from ..window.swept import partition_swept
+from ..window.update import update_scan
 from .correction import Corrector
 from .kernel import backward_kernel
 from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import Aged, ParticleSet
 from .prediction import predict
-from .proposals import birth_newborns, regularisation
-from .proposals.detected_newborns import informed
+from .proposals import birth_newborns
+from .proposals.detected_newborns import redraw_velocities
 from .proposals.detections_in_plane import places
 from .resampling import ParticleBudget, resample
-from .update import update_scan
+from .update import ParticleSteps
 
-# Second word of the seed, so that the filter's stream is independent of all others. With a shared
-# stream, a simulation with the same seed would be correlated with the filter.
+# Second word of the seed. It makes the filter's random stream independent of all others; with a
+# shared stream, a simulation of the same seed would be correlated with the filter.
 FILTER_STREAM = 2
 
 
@@ -35,10 +36,6 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
 
     Parameters
     ----------
-    model : TrackerModel
-    corrector : Corrector
-    budget : ParticleBudget
-    seed : int
     done : callable
         See `ForwardFilter`.
     """
@@ -56,7 +53,7 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
     def step(self, scan: Scan, linked: bool) -> Filtered[ParticleSet, Transition]:
         """Predict, update with every radar and resample; if `linked`, build the backward kernel.
 
-        Newborn targets of the earlier sets may be drawn again, see `detected_newborns`.
+        Velocities of newborn targets in the earlier sets may be redrawn, see `detected_newborns`.
 
         Notes
         -----
@@ -64,16 +61,12 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         """
         model, corrector, index, rng = self.model, self.corrector, self._scan_index, self._rng
         dt = self._interval(scan)
-        touched, others = parted(self.current, scan, model, corrector.labelled)
+        touched, others = partition_swept(self.current, scan, model, corrector.labelled)
         seen = places(scan, model)
-        radars = [radar for radar, _ in model.reports(scan)]
-        # With range rates young targets are regularised, which is in place of more particles.
-        rated = any(radar.range_rate is not None for radar in radars)
-        regularises = corrector.labelled and rated
         if corrector.labelled:
             before = touched
-            touched = informed(before, scan.stamp_ns, seen, radars, model, rng)
-            # The rows that this scan leaves alone stay rows of the same set as those that it drew.
+            touched = redraw_velocities(before, scan.stamp_ns, seen, model, rng)
+            # Rows outside the sector keep referring to the redrawn set.
             drawn = {id(old.entry): new.entry for old, new in zip(before, touched, strict=True)}
             others = [Current(drawn.get(id(rows.entry), rows.entry), rows.rows) for rows in others]
         budget = self.budget.beside(sum(rows.entry.stored.copies(rows.rows) for rows in others))
@@ -83,23 +76,19 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         births = self._births(scan)
         predicted = predict(earlier, births, seen, model, corrector, budget, index, rng)
         self.done("predict")
-        updated, born_here = update_scan(
-            *(predicted, scan, model, corrector, dt, index, rng, self.clutter),
-            self.attributes if corrector.labelled else None,
-        )
+        steps = ParticleSteps(model, corrector, rng)
+        known = self.attributes if corrector.labelled else None
+        found = update_scan(predicted, scan, steps, dt, index, self.clutter, known)
+        updated = found.rows
         self.done("update")
-        young_from = index if corrector.labelled and not regularises else None
-        drawn_on = resample(updated, model.modes, budget, rng, young_from)
+        young_from = index if corrector.labelled else None
+        stored = resample(updated, model.modes, budget, rng, young_from)
         if corrector.labelled:
-            drawn_on = birth_newborns.spread(drawn_on, scan, model, index, rng)
-        stored = drawn_on
-        if regularises:
-            stored = regularisation.regularised(drawn_on, radars, model.modes, index, rng)
+            stored = birth_newborns.redraw_velocities(stored, scan, model, index, rng)
         self.done("resample")
         link = None
         if linked and earlier:
-            # Of the same rows before they were regularised, which no transition density describes.
-            link = backward_kernel.build_joint(earlier, drawn_on, model, corrector, born_here)
+            link = backward_kernel.build_joint(earlier, stored, model, corrector, found.newborns)
             self.done("transition")
         sources = tuple(rows.source for rows in touched)
         entry = Entry(scan.stamp_ns, stored, sources, link)
@@ -113,21 +102,21 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
             return ParticleSet.empty(len(self.model.modes.space))
         return self.current[-1].entry.stored
 
-    def hold(self) -> dict[str, Any]:
-        """Return the filter's state; see `ForwardFilter.hold`."""
-        return {**super().hold(), "rng": self._rng.bit_generator.state}
+    def save_state(self) -> dict[str, Any]:
+        """Return the filter's state; see `ForwardFilter.save_state`."""
+        return {**super().save_state(), "rng": self._rng.bit_generator.state}
 
-    def recall(self, held: Mapping[str, Any]) -> None:
-        """Return to a state that was held."""
-        super().recall(held)
-        self._rng.bit_generator.state = held["rng"]
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a saved state."""
+        super().load_state(state)
+        self._rng.bit_generator.state = state["rng"]
 
-    def put(self, into: Snapshot) -> None:
+    def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the filter's state, except for the sets themselves, in a snapshot."""
-        super().put(into)
-        into.facts["filter"]["rng"] = self._rng.bit_generator.state
+        super().to_snapshot(snapshot)
+        snapshot.facts["filter.rng"] = self._rng.bit_generator.state
 
-    def take(self, stored: Snapshot, entries: Mapping[int, ParticleEntry]) -> None:
-        """Restore the filter's state from a snapshot; see `ForwardFilter.take`."""
-        super().take(stored, entries)
-        self._rng.bit_generator.state = stored.facts["filter"]["rng"]
+    def from_snapshot(self, snapshot: Snapshot, entries: Mapping[int, ParticleEntry]) -> None:
+        """Restore the filter's state from a snapshot; see `ForwardFilter.from_snapshot`."""
+        super().from_snapshot(snapshot, entries)
+        self._rng.bit_generator.state = snapshot.facts["filter.rng"]

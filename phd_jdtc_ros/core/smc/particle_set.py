@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, SparseArray, factorize, read_only, sum_by
+from ..snapshot import MOST_INDEX, MOST_STATE, floats, integers, sparse_rows
 from ..state_space import StateSpace
 from ..window.entries import Extents
+
+# Bound, in a snapshot, on the logarithm of a signal-to-noise ratio.
+MOST_LOG_SNR = 100.0
 
 
 @dataclass(frozen=True)
@@ -20,9 +24,9 @@ class ParticleSet:
 
     After an update the posterior is a Poisson part and Bernoulli components, each of at most one
     target. The weight of a particle is split accordingly:
-    ``weight = poisson + components.sum(axis=1)``. A component is the mass of one origin, and then
-    the Poisson part is zero; or with the corrector of the PHD filter the mass that one detection
-    explains. See `correction`.
+    ``weight = poisson + components.sum(axis=1)``. With labels, a component is the mass of one
+    label, and the Poisson part is zero. With the corrector of the PHD filter, a component is the
+    mass that explains one detection. See `correction`.
 
     Parameters
     ----------
@@ -31,31 +35,31 @@ class ParticleSet:
     mode : int array of shape (N,)
         Flat index into the mode space.
     origin : int array of shape (N,)
-        The birth term and scan, the detection, or the parent and scan from which the particle
-        descends; see `labels`.
+        Label of the birth from which the particle descends: a birth term and scan, a detection, or
+        a parent and scan; see `labels`.
     parent : int array of shape (N,)
         Row in the previous scan's stored set from which it was predicted; -1 for a birth.
     multiplicity : int array of shape (N,)
-        Number of equal copies that the row stands for.
+        Number of equal particles that the row represents.
     poisson : array of shape (N,)
-        Weight that belongs to no component.
+        Weight outside all components.
     components : sparse array of shape (N, J)
         Weight in component j.
     label : int array of shape (J,)
-        Origin of the target that the component is; -1 for the component of a detection.
+        Label of the component's target; -1 for the component of a detection.
     log_snr : array of shape (N,)
-        ln(1 + SNR) of each particle's target in the amplitude model `memory`; zeros in the others.
+        ln(1 + SNR) of each particle's target with the amplitude model `memory`; otherwise zeros.
     """
 
-    state: FloatArray
-    mode: IntArray
-    origin: IntArray
-    parent: IntArray
-    multiplicity: IntArray
-    poisson: FloatArray
-    components: SparseArray
-    label: IntArray
-    log_snr: FloatArray
+    state: Annotated[FloatArray, floats("ND", -MOST_STATE, MOST_STATE)]
+    mode: Annotated[IntArray, integers("N", 0, below="O")]
+    origin: Annotated[IntArray, integers("N", 0)]
+    parent: Annotated[IntArray, integers("N", -1)]
+    multiplicity: Annotated[IntArray, integers("N", 1)]
+    poisson: Annotated[FloatArray, floats("N", 0.0, MOST_INDEX)]
+    components: Annotated[SparseArray, sparse_rows("NJ", MOST_INDEX)]
+    label: Annotated[IntArray, integers("J", -1)]
+    log_snr: Annotated[FloatArray, floats("N", -MOST_LOG_SNR, MOST_LOG_SNR)]
 
     def __post_init__(self) -> None:
         for name in ("state", "poisson", "log_snr"):
@@ -76,12 +80,12 @@ class ParticleSet:
 
     @cached_property
     def _entries(self) -> IntArray | None:
-        """Number of components of each row; None where each has one, as is usual."""
+        """Number of components of each row; None in the usual case that each row has one."""
         count = np.diff(self.components.indptr)
         return None if (count == 1).all() else count
 
     def by_entry(self, row_value: FloatArray) -> FloatArray:
-        """Return the value of the row of each entry of the components."""
+        """Return the values of rows expanded to the entries of the components."""
         return row_value if self._entries is None else row_value.repeat(self._entries)
 
     @cached_property
@@ -107,10 +111,7 @@ class ParticleSet:
 
     @property
     def effective_sample_size(self) -> float:
-        """Number of equally weighted particles of the same variance, at most N.
-
-        Copies count as one particle, as they are in one place.
-        """
+        """Effective sample size, at most N; copies count as one particle."""
         square = float(self.weight @ self.weight)
         if square == 0.0:
             return 0.0
@@ -120,8 +121,8 @@ class ParticleSet:
     def effective_share(self) -> float:
         """Effective share of a target's particles, 0 to 1; 1 if all have the same weight.
 
-        The mean over the origins, by their mass: so the many particles of births, which hardly have
-        any, do not hide that a target is left with few.
+        This is the mean over the labels, weighted by their mass. The many particles of births have
+        little mass, and so do not hide a target of few effective particles.
         """
         origins, origin = factorize(self.origin)
         mass = sum_by(origin, self.weight, len(origins))
@@ -139,11 +140,11 @@ class ParticleSet:
         return sum_by(class_of[self.mode[rows]], self.weight[rows], classes)
 
     def copies(self, rows: IntArray | None = None) -> int:
-        """Return the number of particles that these rows stand for; None for all rows."""
+        """Return the number of particles that these rows represent; None for all rows."""
         return int((self.multiplicity if rows is None else self.multiplicity[rows]).sum())
 
     def extents(self, space: StateSpace) -> Extents:
-        """Return where the particles of each origin are."""
+        """Return the position and extent of each label's particles."""
         origin, row_origin = factorize(self.origin)
         weight = np.maximum(self.weight, np.finfo(float).tiny)
         share = weight / sum_by(row_origin, weight, len(origin)).take(row_origin)
@@ -179,13 +180,12 @@ class ParticleSet:
 
 
 class Aged(NamedTuple):
-    """A stored set and the time since its scan.
+    """A stored set and its age.
 
     Parameters
     ----------
-    particles : ParticleSet
     dt : float
-        Seconds.
+        Time since its scan, seconds.
     """
 
     particles: ParticleSet

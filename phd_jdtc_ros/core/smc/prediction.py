@@ -1,4 +1,4 @@
-"""Prediction (Sec. IV-C, Step 1): survivors move, targets are spawned, targets are born."""
+"""Prediction (Sec. IV-C, Step 1): targets survive and move, are spawned, and are born."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..tracks import labels
 from . import resampling
 from .correction import Corrector
 from .particle_set import Aged, ParticleSet
-from .proposals import range_rate_proposal
+from .proposals import proposal
 from .proposals.detections_in_plane import Places
 from .resampling import ParticleBudget
 
@@ -36,29 +36,25 @@ def predict(
     Parameters
     ----------
     earlier : sequence of Aged
-        The stored sets that the scan continues; every copy of a row is moved with its own noise.
+        The stored sets that the scan continues; every copy of a row has its own process noise.
     births : sequence of (int, float)
-        The birth terms to draw, and the time since they were last drawn, seconds.
+        Index of each birth term to draw, and the time since its last draw, seconds.
     seen : Places
-        The detections of the scan, which guide the noise of the survivors.
-    model : TrackerModel
+        The detections of the scan, used in the proposal of the survivors' process noise.
     corrector : Corrector
-        A labelled one gives every spawned target an origin of its own.
-    budget : ParticleBudget
+        A labelled corrector gives every spawned target a new label.
     scan_index : int
-        Determines the origins of births and spawned targets.
-    rng : numpy.random.Generator
+        Determines the labels of births and spawned targets.
 
     Returns
     -------
     ParticleSet
-        With all weight in the Poisson part. Parents are rows of the stored sets, one set after the
-        other.
+        All weight is in the Poisson part. Parents are rows of the concatenated stored sets.
 
     Notes
     -----
-    Sec. IV-C, Step 1. Deviation: the survivor and birth steps, which are missing there, are added,
-    and the spawn weight has the factors of the parent's weight, rate and mode.
+    Sec. IV-C, Step 1. Deviation: the steps of survival and birth, which the paper omits, are added,
+    and the spawn weight includes the parent's weight, rate and mode.
     """
     origin = labels.first_predicted(scan_index)
     spawned = origin + len(model.births)
@@ -66,13 +62,13 @@ def predict(
     for particles, dt in earlier:
         moved = [_survivors(particles, model, dt, seen, rng)]
         if model.spawn.rate > 0.0:
-            moved.append(_spawned(particles, model, corrector, budget, dt, spawned, rng))
+            moved.append(_spawn(particles, model, corrector, budget, dt, spawned, rng))
             spawned = max(spawned, int(moved[1].origin.max(initial=0)) + 1)
         parts += [replace(part, parent=part.parent + first) for part in moved]
         first += len(particles)
     for index, dt in births:
         term = model.births[index]
-        parts.append(_born(term, model, budget.per_birth_term, dt, origin + index, rng))
+        parts.append(_births(term, model, budget.per_birth_term, dt, origin + index, rng))
     return _concatenate(parts, len(model.modes.space))
 
 
@@ -84,7 +80,7 @@ def _fresh(
     weight: FloatArray,
     log_snr: FloatArray,
 ) -> ParticleSet:
-    """Return particles of multiplicity one that belong to no component."""
+    """Return particles of multiplicity one outside all components."""
     return ParticleSet(
         state=state,
         mode=mode,
@@ -117,7 +113,7 @@ def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator)
     cumulative[:, -1] = 1.0
     uniform = rng.random(len(mode))
     drawn = np.zeros(len(mode), dtype=np.int64)
-    # One mode at a time: (N, O) temporary arrays would cost several times as much.
+    # One mode at a time: temporary arrays of shape (N, O) would take several times as long.
     for bound in cumulative.T[:-1]:
         drawn += uniform >= bound.take(mode)
     return drawn
@@ -140,24 +136,22 @@ def _survivors(
     for index, motion_model in enumerate(modes.motions):
         chosen = np.flatnonzero(mode == index)
         earlier = particles.state.take(copy.take(chosen), axis=0)
-        state[chosen], factor[chosen] = range_rate_proposal.sample(
-            motion_model, earlier, dt, seen, rng
-        )
+        state[chosen], factor[chosen] = proposal.sample(motion_model, earlier, dt, seen, rng)
     origin = particles.origin[copy]
     if (factor != 1.0).any():
         weight = _of_equal_mass(weight * factor, weight, origin)
-    log_snr = model.amplitudes.moved(particles.log_snr[copy], mode, modes, dt, rng)
+    log_snr = model.amplitudes.diffuse(particles.log_snr[copy], mode, modes, dt, rng)
     return _fresh(state, mode, origin, copy, weight, log_snr)
 
 
 def _of_equal_mass(weight: FloatArray, prior: FloatArray, origin: IntArray) -> FloatArray:
-    """Return weights scaled so that every origin has the mass that it has by `prior`."""
+    """Return weights scaled so that every label keeps its mass under `prior`."""
     origins_, place = factorize(origin)
     mass, wanted = (sum_by(place, part, len(origins_)) for part in (weight, prior))
     return weight * (wanted / np.where(mass > 0.0, mass, 1.0)).take(place)
 
 
-def _spawned(
+def _spawn(
     particles: ParticleSet,
     model: TrackerModel,
     corrector: Corrector,
@@ -166,7 +160,7 @@ def _spawned(
     origin: int,
     rng: np.random.Generator,
 ) -> ParticleSet:
-    """Return the spawned mass; with a labelled corrector, each parent's has a new origin."""
+    """Return the spawned particles; a labelled corrector gives those of each parent a new label."""
     spawn = model.spawn
     mass = float(particles.weight.sum())
     wanted = int(np.ceil(spawn.particles_per_target * mass))
@@ -185,14 +179,14 @@ def _spawned(
         state[chosen] = centre
     rate = spawn.rate * dt / model.modes.interval_s
     weight = np.full(len(parent), rate * mass / max(count, 1))
-    log_snr = model.amplitudes.born(mode, model.modes, rng)
+    log_snr = model.amplitudes.draw(mode, model.modes, rng)
     origins_of_spawn = particles.origin[parent]
     if corrector.labelled:
         origins_of_spawn = origin + factorize(origins_of_spawn)[1]
     return _fresh(state, mode, origins_of_spawn, parent, weight, log_snr)
 
 
-def _born(
+def _births(
     term: BirthTerm,
     model: TrackerModel,
     count: int,
@@ -208,5 +202,5 @@ def _born(
         np.full(count, origin),
         np.full(count, -1),
         np.full(count, expected / count),
-        model.amplitudes.born(mode, model.modes, rng),
+        model.amplitudes.draw(mode, model.modes, rng),
     )

@@ -1,10 +1,10 @@
 """Systematic resampling within groups (Sec. IV-C, Step 3), to unique particles with a multiplicity.
 
-Contract: `within` returns the particles per target and the minimum per group that keep the whole
-set within its budget. `allocate` returns the number of copies of each group, `systematic` and
-`comb` that of each particle.
+`within` returns the particles per target and the minimum per group that keep the whole set within
+its budget. `allocate` returns the number of copies of each group, `systematic` and `comb` return
+the number of copies of each particle.
 
-Deviation from Sec. IV-C, Step 3: groups are (class, origin) and not classes alone. Targets with
+Deviation from Sec. IV-C, Step 3: groups are (class, label) and not classes alone. Targets with
 more mass thus take no particles from a target that was just missed.
 """
 
@@ -20,9 +20,9 @@ from ..tracks.labels import first_scan
 from .correction import scale_rows
 from .particle_set import ParticleSet
 
-# The velocity of a newborn target is next to unknown, and few of its particles have the right one:
-# of those, more are needed until it is known. Found by the share of smoothed positions outside
-# 3 sigma by age, on seeds from 9000.
+# Age, in scans, below which a label gets `YOUNG_FACTOR` times the particles: few particles of a
+# newborn target have about its velocity. Both values were tuned by the share of smoothed positions
+# outside 3 sigma by age, on seeds from 9000.
 YOUNG_SCANS = 10
 YOUNG_FACTOR = 4.0
 
@@ -30,7 +30,7 @@ YOUNG_FACTOR = 4.0
 def allocate(
     mass: FloatArray, particles_per_target: FloatArray | float, least: int, rng: np.random.Generator
 ) -> tuple[IntArray, FloatArray]:
-    """Return the number of copies and the weight of a copy for every group.
+    """Return the number of copies, and the weight of each copy, of every group.
 
     Parameters
     ----------
@@ -39,13 +39,12 @@ def allocate(
     particles_per_target : float or array of shape (G,)
     least : int
         Minimum number of copies of a group with a mass of at least ``1 / particles_per_target``.
-    rng : numpy.random.Generator
 
     Returns
     -------
     count : int array of shape (G,)
     weight : array of shape (G,)
-        Weight of one copy. The expected mass of every group is kept: a group too small for one
+        Weight of one copy. The expected mass of every group is preserved: a group too small for one
         particle keeps one of weight ``1 / particles_per_target`` with the probability that
         preserves its mass, and none otherwise.
     """
@@ -61,11 +60,11 @@ def within(
 ) -> tuple[FloatArray | float, int]:
     """Return the particles per target and the minimum per group that keep a set within `most`.
 
-    The particles per target are one number, or one for each group.
+    The particles per target are one number for all groups, or one for each.
 
     The minimum per group is lowered first, so that established targets keep their particles in
-    heavy clutter. Groups too small for one particle are drawn at random in `allocate`, and their
-    particles come on top of `most`.
+    heavy clutter. Groups too small for one particle are drawn at random in `allocate`; their
+    particles are not counted in `most`.
     """
     total = float((mass * particles_per_target).sum())
     density = particles_per_target * min(1.0, most / max(total, 1.0))
@@ -88,7 +87,6 @@ def systematic(
         Ascending, 0 to G - 1.
     count : int array of shape (G,)
         Copies to draw in each group.
-    rng : numpy.random.Generator
 
     Returns
     -------
@@ -110,12 +108,12 @@ def comb(weight: FloatArray, group: IntArray, count: IntArray, offset: FloatArra
     group : int array of shape (N,)
     count : int array of shape (G,)
     offset : array of shape (G,)
-        At least 0 and below 1; if drawn uniformly, the copies are unbiased.
+        At least 0 and below 1; a uniform draw gives unbiased numbers of copies.
 
     Returns
     -------
     copies : int array of shape (N,)
-        As of `systematic`.
+        As for `systematic`.
     """
     mass = sum_by(group, weight, len(count))
     expected = weight * (count / np.where(mass > 0.0, mass, 1.0)).take(group)
@@ -125,8 +123,8 @@ def comb(weight: FloatArray, group: IntArray, count: IntArray, offset: FloatArra
     base[group[last]] = running[last]
     base = np.concatenate([[0.0], base[:-1]])
     within = running - np.maximum.accumulate(base).take(group)
-    # The comb's teeth are at offset, offset + 1, ...; count those passed so far. Rounding must not
-    # decide about the group's last tooth, so the last particle passes all of them.
+    # The comb has teeth at offset, offset + 1, ...; this counts the teeth passed so far. The last
+    # particle passes all teeth, so that rounding cannot lose the group's last one.
     passed = np.ceil(within - offset.take(group))
     passed = np.clip(passed, 0.0, count.take(group))
     passed[last] = count[group[last]]
@@ -143,31 +141,28 @@ def resample(
     rng: np.random.Generator,
     scan_index: int | None = None,
 ) -> ParticleSet:
-    """Resample within each (class, origin) to unique rows with a multiplicity.
+    """Resample within each (class, label) to unique rows with a multiplicity.
 
     Parameters
     ----------
     particles : ParticleSet
         The updated set.
-    modes : ModeSpace
-    budget : ParticleBudget
-    rng : numpy.random.Generator
     scan_index : int or None
-        If given, origins of less than `YOUNG_SCANS` have `YOUNG_FACTOR` times the particles.
+        If given, labels younger than `YOUNG_SCANS` have `YOUNG_FACTOR` times the particles.
 
     Returns
     -------
     ParticleSet
-        Sorted by (class, origin). The components of each row are scaled by the ratio of its new
+        Sorted by (class, label). The components of each row are scaled by the ratio of its new
         weight to its old weight.
 
     Notes
     -----
-    Sec. IV-C, Step 3. Deviation: groups are (class, origin) and not classes alone.
+    Sec. IV-C, Step 3. Deviation: groups are (class, label) and not classes alone.
     """
     origins, origin = factorize(particles.origin)
     key = modes.class_of[particles.mode] * len(origins) + origin
-    # numpy sorts narrow integers by radix.
+    # NumPy sorts 16-bit integers by radix, which is faster.
     narrow = key.astype(np.int16) if len(modes.classes) * len(origins) < 2**15 else key
     order = np.argsort(narrow, kind="stable")
     ranked = key[order]
@@ -205,9 +200,9 @@ class ParticleBudget:
     Parameters
     ----------
     per_target : int
-        Copies to which a unit of mass is resampled.
+        Number of copies to which unit mass is resampled.
     least : int
-        Minimum number of copies of a (class, origin) group.
+        Minimum number of copies of a (class, label) group.
     per_birth_term : int
         Particles of each birth term per scan; a power of two.
     most : int
@@ -220,5 +215,5 @@ class ParticleBudget:
     most: int
 
     def beside(self, held: int) -> ParticleBudget:
-        """Return the budget of a set that is held beside others of `held` copies together."""
+        """Return the budget of a further set, when other sets have `held` copies in total."""
         return self if held == 0 else replace(self, most=max(self.most - held, self.least))

@@ -1,4 +1,4 @@
-"""The backward step (Sec. IV-C, Step 4) over cached transitions, with a choice of death terms."""
+"""The backward step (Sec. IV-C, Step 4) over cached transitions, with selectable death terms."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ..arrays import FloatArray, sum_by
-from ..window.backward_pass import Told, smoothed_sets
+from ..window.backward_pass import Message, smoothed_sets
 from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
 
 
 class DeathTerm(Protocol):
-    """The part of the backward step for targets that do not survive."""
+    """The term of the backward step for targets that do not survive."""
 
     def __call__(
         self, particles: ParticleSet, survival: FloatArray, backward: FloatArray
@@ -43,7 +43,7 @@ def paper_death_term(
 
     Notes
     -----
-    Sec. II-B, backward equation. It is right only for targets with a small existence probability.
+    Sec. II-B, backward equation. It is correct only for targets with a small existence probability.
     A target that was certain and then died loses its mass in the whole lag window.
     """
     return np.ones(particles.components.shape[1])
@@ -52,7 +52,7 @@ def paper_death_term(
 def bernoulli_death_term(
     particles: ParticleSet, survival: FloatArray, backward: FloatArray
 ) -> FloatArray:
-    """Return the death factor of each component as that of a Bernoulli target.
+    """Return the death factor of each component as a Bernoulli target.
 
     Notes
     -----
@@ -68,7 +68,7 @@ def bernoulli_death_term(
         return sum_by(parts.indices, parts.data * particles.by_entry(factor), components)
 
     survived = np.minimum(by_component(backward), 1.0)
-    # A component is at most one target; resampling may round its mass to a little more.
+    # A component is at most one target, but resampling may round its mass up to a little more.
     mass = np.maximum(particles.component_mass, 1.0)
     dying = 1.0 - by_component(survival) / mass
     factor: FloatArray = (1.0 - survived) / np.where(dying > 0.0, dying, np.inf)
@@ -76,7 +76,7 @@ def bernoulli_death_term(
 
 
 class _Message(NamedTuple):
-    """What a later set tells earlier rows.
+    """The content of a backward message to N earlier rows.
 
     Parameters
     ----------
@@ -109,7 +109,6 @@ def backward_step(
         Between t and t + 1.
     later_weight : array of shape (N_{t+1},)
         w_{t+1|k}.
-    death_term : DeathTerm
 
     Returns
     -------
@@ -121,10 +120,10 @@ def backward_step(
     -----
     Sec. IV-C, Step 4. Deviation: the superscript of w_{t+1|k} in the numerator is (q), not (s).
     """
-    return _reweighted(particles, link.survival, link.ratio @ later_weight, death_term)
+    return _reweight(particles, link.survival, link.ratio @ later_weight, death_term)
 
 
-def _reweighted(
+def _reweight(
     particles: ParticleSet, survival: FloatArray, backward: FloatArray, death_term: DeathTerm
 ) -> ParticleSet:
     """Return the set with the weights of `backward_step`, given P_s and B of every row."""
@@ -145,22 +144,23 @@ def backward_pass(entries: Sequence[ParticleEntry], death_term: DeathTerm) -> It
     Parameters
     ----------
     entries : sequence of Entry
-        Oldest first. Sources that are none of them have left the window.
-    death_term : DeathTerm
+        Oldest first. A source outside these entries has left the window.
     """
 
-    def tell(later: ParticleSet, link: Transition) -> _Message:
+    def send(later: ParticleSet, link: Transition) -> _Message:
         return _Message(link.survival, link.ratio @ later.weight)
 
-    def hear(particles: ParticleSet, told: Sequence[Told[_Message]]) -> ParticleSet:
-        return _reweighted(particles, *_gathered(len(particles), told), death_term)
+    def receive(particles: ParticleSet, received: Sequence[Message[_Message]]) -> ParticleSet:
+        return _reweight(particles, *_gather(len(particles), received), death_term)
 
-    return smoothed_sets(entries, tell, hear)
+    return smoothed_sets(entries, send, receive)
 
 
-def _gathered(size: int, told: Sequence[Told[_Message]]) -> _Message:
-    """Return P_s and B of all rows of a set; both are 1 for rows that no later set continues."""
-    parts = [(part.rows, _Message(*(side[part.part] for side in part.message))) for part in told]
+def _gather(size: int, received: Sequence[Message[_Message]]) -> _Message:
+    """Return P_s and B of all rows of a set; both are 1 for rows without a message."""
+    parts = [
+        (part.rows, _Message(*(side[part.part] for side in part.content))) for part in received
+    ]
     if parts[0][0] is None:
         return parts[0][1]
     whole = _Message(np.ones(size), np.ones(size))

@@ -1,4 +1,4 @@
-"""Targets that are seen, by their identities, where none of their particles are: some more of them.
+"""Extra particles for targets whose identities are detected outside all their gates.
 
 They are drawn by importance sampling: positions from the detection, and velocities given these.
 """
@@ -12,8 +12,7 @@ from ..arrays import FloatArray, IntArray, factorize
 from ..attributes.uniqueness import Lost
 from ..models.manoeuvre import PROBABILITY, Manoeuvre, manoeuvre
 from ..models.tracker_model import TrackerModel
-from ..sensors.polar_radar import RadarModel
-from ..types import Detections
+from ..sensors.report import Report
 from .particle_set import ParticleSet
 from .proposals.detections_in_plane import Places, places_of
 
@@ -21,29 +20,24 @@ from .proposals.detections_in_plane import Places, places_of
 def with_strays(
     particles: ParticleSet,
     lost: Lost,
-    detections: Detections,
-    radar: RadarModel,
+    report: Report,
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> ParticleSet:
-    """Return the set with particles of lost targets, of manoeuvres beyond their models.
+    """Return the set with more particles of lost targets: manoeuvres beyond their models.
 
     Parameters
     ----------
     particles : ParticleSet
-        Predicted; of a labelled filter.
+        The predicted set of a labelled filter.
     lost : Lost
-        By index of the distinct origins.
-    detections : Detections
-    radar : RadarModel
-    model : TrackerModel
-    rng : numpy.random.Generator
+        The lost targets, by index of the distinct labels.
     """
     target = factorize(particles.origin)[1]
     count = model.detection_births.particles
-    row = np.concatenate([_drawn(particles, target, own, count, rng) for own in lost.target])
+    row = np.concatenate([_draw(particles, target, own, count, rng) for own in lost.target])
     column, since_s = lost.column.repeat(count), lost.since_s.repeat(count)
-    seen = places_of(detections, radar).take(column)
+    seen = places_of(report).take(column)
     space = model.modes.space
     place, speed = list(space.position), list(space.velocity)
     done = manoeuvre(since_s, model)
@@ -73,10 +67,10 @@ def with_strays(
     )
 
 
-def _drawn(
+def _draw(
     particles: ParticleSet, target: IntArray, own: int, count: int, rng: np.random.Generator
 ) -> IntArray:
-    """Return rows of a target, as probable as their weights, shape (count,)."""
+    """Draw rows of a target in proportion to their weights, shape (count,)."""
     rows = np.flatnonzero(target == own)
     share = np.cumsum(particles.weight[rows])
     place = np.searchsorted(share, share[-1] * (np.arange(count) + rng.random()) / count)
@@ -85,7 +79,7 @@ def _drawn(
 
 
 def _positions(seen: Places, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Return a position drawn at each place, (N, 2), and the log density that it is drawn from."""
+    """Draw a position at each place, (N, 2); return also the log of its proposal density."""
     normal = rng.standard_normal(seen.position.shape)
     factor = np.linalg.cholesky(seen.covariance)
     log_density = -0.5 * (normal**2).sum(axis=1) - np.log(2.0 * np.pi)
@@ -94,7 +88,7 @@ def _positions(seen: Places, rng: np.random.Generator) -> tuple[FloatArray, Floa
 
 
 def _velocities(moved: FloatArray, done: Manoeuvre, rng: np.random.Generator) -> FloatArray:
-    """Return changes of velocity drawn given how far manoeuvres have moved targets, (N, 2)."""
+    """Draw changes of velocity given the displacements by manoeuvres, both of shape (N, 2)."""
     gain = done.both / done.position
     rest = np.sqrt(np.maximum(done.velocity - gain * done.both, 0.0))
     change: FloatArray = gain[:, None] * moved + rest[:, None] * rng.standard_normal(moved.shape)

@@ -1,1 +1,1 @@
-"""What targets do: motions and their modes, births, spawning, and how strong their echoes are."""
+"""Models of targets: motions and their modes, births, spawning, and amplitudes."""

@@ -1,4 +1,4 @@
-"""Amplitude likelihoods of clutter, and of targets whose mean SNR is known only as an SNR band.
+"""Amplitude likelihoods of clutter, and of targets whose mean SNR lies in a known band.
 
 The envelope a of a Rayleigh target of mean SNR d (linear) has density
 ``a/(1+d) exp(-a^2 / 2(1+d))``; clutter is the case d = 0. A class is a band [d1, d2] of SNRs, and
@@ -16,7 +16,7 @@ from scipy.special import exp1
 
 from ..arrays import FloatArray
 
-# The densities vanish at zero amplitude; a floor keeps their logarithms finite.
+# Floor of the amplitude: the densities vanish at zero, and their logarithms must be finite.
 SMALLEST_AMPLITUDE = 1e-6
 
 

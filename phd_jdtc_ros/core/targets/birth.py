@@ -11,7 +11,7 @@ from ..arrays import FloatArray, IntArray, read_only
 from .modes import ModeSpace
 from .sobol import sobol_points
 
-# Birth terms are taken as zero beyond this many standard deviations in any coordinate.
+# Standard deviations in any coordinate beyond which a birth term counts as zero.
 GATE_SIGMA = 8.0
 
 
@@ -43,7 +43,7 @@ class BirthTerm:
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
-def shifted(points: FloatArray, shift: FloatArray) -> FloatArray:
+def shift_points(points: FloatArray, shift: FloatArray) -> FloatArray:
     """Return points of the unit cube shifted modulo one, kept off the faces; broadcast shape."""
     moved: FloatArray = points + shift
     moved -= np.floor(moved)
@@ -70,7 +70,7 @@ def sample(
     mode : int array of shape (count,)
     """
     size = len(term.mean)
-    uniform = shifted(sobol_points(size + 1, count), rng.random(size + 1))
+    uniform = shift_points(sobol_points(size + 1, count), rng.random(size + 1))
     share = np.cumsum(term.rate) / term.rate.sum()
     mode = np.minimum(np.searchsorted(share, uniform[:, 0], side="right"), len(share) - 1)
     state = ndtri(uniform[:, 1:])
@@ -88,7 +88,7 @@ def intensity(
 ) -> FloatArray:
     """Return gamma(x, o) at every row, over each mode's own support; shape (N,).
 
-    The rate is that of a nominal interval; the caller scales it.
+    The rate is per nominal interval; the caller scales it.
     """
     supported = np.zeros((len(modes), state.shape[1]), dtype=bool)
     for index, motion in enumerate(modes.motions):

@@ -22,6 +22,7 @@ from ..arrays import FloatArray, IntArray, read_only
 from ..state_space import StateSpace
 from .motion import MotionModel
 
+# Largest error, by rounding, of a generator's entries; one over it bounds the condition number.
 GENERATOR_TOLERANCE = 1e-9
 
 
@@ -60,7 +61,7 @@ def markov_generator(transition: FloatArray) -> FloatArray | None:
     return None if found is None else found.copy()
 
 
-# Classes mostly have the same matrix, and it is asked for by the checks and by the model.
+# Cached, as classes mostly have the same matrix, which the checks and the model both need.
 @lru_cache(maxsize=256)
 def _generator_of(rows: tuple[tuple[float, ...], ...]) -> FloatArray | None:
     transition = np.array(rows).reshape(len(rows), len(rows))
@@ -87,7 +88,7 @@ class ModeSpace:
     ----------
     classes : tuple of ClassModel
     interval_s : float
-        The nominal interval that the classes' matrices and probabilities are given for.
+        Nominal interval of the classes' matrices and probabilities, seconds.
     """
 
     classes: tuple[ClassModel, ...]
@@ -148,7 +149,6 @@ class ModeSpace:
         """Return the (O, O) transition matrix over the interval `dt` in seconds.
 
         If a matrix has no generator, the interval is rounded to whole nominal ones, at least one.
-        The configuration accepts such a matrix only with `fixed_interval`.
         """
         steps = dt / self.interval_s
         if abs(steps - 1.0) < 1e-6:

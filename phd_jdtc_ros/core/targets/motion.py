@@ -20,7 +20,7 @@ import numpy as np
 from ..arrays import FloatArray, read_only
 from ..state_space import OMEGA, PLANAR, VX, VY, StateSpace, X, Y
 
-# Angle of a turn, radians, below which a series is more accurate than quotients that cancel.
+# Turn angle below which a series is more accurate than quotients that cancel, radians.
 STRAIGHT = 1e-4
 
 
@@ -191,8 +191,7 @@ class CoordinatedTurn:
         return covariance
 
 
-# By the name that configurations use. A motion's parameters are those of its fields that the
-# configuration has parameters for.
+# Motion models by the name in configurations. Configurable fields of a motion are its parameters.
 MOTIONS: dict[str, type[ConstantVelocity | CoordinatedTurn]] = {
     "constant_velocity": ConstantVelocity,
     "coordinated_turn": CoordinatedTurn,
@@ -221,7 +220,7 @@ def whitener(covariance: FloatArray) -> tuple[FloatArray, float]:
     return _whitener(len(covariance), np.asarray(covariance, dtype=np.float64).tobytes())
 
 
-# Intervals and noise seldom change, and with few targets this is a tenth of a kernel's time.
+# Cached, as intervals and noise seldom change: with few targets this is a tenth of a kernel's time.
 @lru_cache(maxsize=64)
 def _whitener(size: int, entries: bytes) -> tuple[FloatArray, float]:
     covariance = np.frombuffer(entries).reshape(size, size)

@@ -17,11 +17,11 @@ class SpawnModel:
         lambda_beta, expected spawned targets per target and nominal interval.
     transition : array of shape (O, O)
         Flat mode of the parent to flat mode of the spawned target; rows sum to one. It is the
-        class matrix b times the mode matrix, and unlike survival it may change the class.
+        class matrix b times the mode matrix; unlike survival, it can change the class.
     std : array of shape (D,)
         Standard deviations of the spawned state about its predicted parent, in the world frame.
     particles_per_target : int
-        How many particles represent the mass that one target spawns.
+        Number of particles for the expected number of targets that one target spawns.
 
     Notes
     -----

@@ -1,1 +1,1 @@
-"""From the targets of a filter to tracks: labels, numbers, confirmation and what is reported."""
+"""Tracks of a filter's targets: labels, track numbers, confirmation and reporting."""

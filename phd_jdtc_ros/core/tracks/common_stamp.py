@@ -1,12 +1,11 @@
-"""When estimates go out, and how targets that were updated at different times get one stamp.
+"""Publication stamps, and prediction or interpolation of estimates to one common stamp.
 
-A radar that turns updates every target at a time of its own. Filtered estimates are predicted from
-there to the common stamp, and smoothed ones are interpolated between the times before and after.
+A turning radar updates every target at a different time. Filtered estimates are predicted from
+there to the common stamp; smoothed ones are interpolated between the updates before and after it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +13,9 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..targets.modes import ModeSpace
 from ..targets.motion import CoordinatedTurn
-from ..types import Attributes, Estimates
+from ..types import Estimates
 
-# The mean of a target's next state; with a turn rate of zero it is a straight line.
+# Predicts the mean of a state; with a turn rate of zero along a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
 # Steps of the numerical Jacobian along the axes of position and velocity, and of the turn rate.
 STEP, TURN_STEP = 1e-2, 1e-6
@@ -24,20 +23,20 @@ STEP, TURN_STEP = 1e-2, 1e-6
 
 @dataclass(frozen=True)
 class Schedule:
-    """When estimates go out.
+    """Stamps at which estimates are published.
 
     Parameters
     ----------
     period_ns : int
-        At stamps that are multiples of this; 0 for the stamp of every scan.
+        Estimates are published at multiples of this; 0 for the stamp of every scan.
     """
 
     period_ns: int
 
     def between(self, after_ns: int, before_ns: int) -> list[int]:
-        """Return the stamps of estimates from one scan's until before the next one's, ascending.
+        """Return the publication stamps from one scan's stamp to before the next one's, ascending.
 
-        That of the earlier scan is one of them if it is a multiple: all that it says is then known.
+        The earlier scan's stamp is included if it is a multiple of the period.
         """
         if not self.period_ns:
             return []
@@ -45,55 +44,7 @@ class Schedule:
         return list(range(first, before_ns, self.period_ns))
 
 
-def joined(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:
-    """Return estimates of several stamps as one, by ascending track, and the stamp of each.
-
-    There must be one part at least. The stamp of the whole is that of the last part.
-    """
-    if len(parts) == 1:
-        return parts[0], np.full(len(parts[0]), parts[0].stamp_ns)
-    order = np.argsort(np.concatenate([part.track_id for part in parts]), kind="stable")
-
-    def column(name: str) -> FloatArray:
-        joint: FloatArray = np.concatenate([getattr(part, name) for part in parts])[order]
-        return joint
-
-    told = [part.attributes for part in parts if part.attributes is not None]
-    whole = Estimates(
-        stamp_ns=parts[-1].stamp_ns,
-        lag=lag,
-        attributes=Attributes.joined(told).take(order) if len(told) == len(parts) else None,
-        state=column("state"),
-        covariance=column("covariance"),
-        weight=column("weight"),
-        class_probability=column("class_probability"),
-        class_id=column("class_id").astype(np.int64),
-        track_id=column("track_id").astype(np.int64),
-        track_state=column("track_state").astype(np.int64),
-        space=parts[0].space,
-    )
-    stamps = np.array([part.stamp_ns for part in parts], dtype=np.int64)
-    return whole, stamps.repeat([len(part) for part in parts])[order]
-
-
-def chosen(estimates: Estimates, rows: IntArray) -> Estimates:
-    """Return the estimates of these rows."""
-    return replace(
-        estimates,
-        state=estimates.state[rows],
-        covariance=estimates.covariance[rows],
-        weight=estimates.weight[rows],
-        class_probability=estimates.class_probability[rows],
-        class_id=estimates.class_id[rows],
-        track_id=estimates.track_id[rows],
-        track_state=estimates.track_state[rows],
-        attributes=None if estimates.attributes is None else estimates.attributes.take(rows),
-    )
-
-
-def predicted(
-    estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeSpace
-) -> Estimates:
+def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeSpace) -> Estimates:
     """Return the estimates at a later stamp.
 
     Parameters
@@ -101,22 +52,22 @@ def predicted(
     estimates : Estimates
         Of N targets.
     time_ns : int array of shape (N,)
-        The time of each.
+        Time of each estimate.
     stamp_ns : int
     modes : ModeSpace
 
     Notes
     -----
-    The mean moves along its turn, and the covariance to first order of it. The process noise is the
-    mean of those of the class's motions.
+    The mean follows its coordinated turn, and the covariance is predicted to first order. The
+    process noise is the mean over the class's motion models.
     """
-    moved = np.flatnonzero(time_ns != stamp_ns)
+    late = np.flatnonzero(time_ns != stamp_ns)
     estimates = replace(estimates, stamp_ns=stamp_ns)
-    if not len(moved):
+    if not len(late):
         return estimates
-    every, which = np.unique((stamp_ns - time_ns[moved]) * 1e-9, return_inverse=True)
-    dt, kind = every[which.ravel()], estimates.class_id[moved]
-    state, covariance = estimates.state[moved], estimates.covariance[moved]
+    every, which = np.unique((stamp_ns - time_ns[late]) * 1e-9, return_inverse=True)
+    dt, kind = every[which.ravel()], estimates.class_id[late]
+    state, covariance = estimates.state[late], estimates.covariance[late]
     size = state.shape[1]
     step = np.full(size, STEP)
     step[estimates.space.turn_rate] = TURN_STEP
@@ -132,9 +83,9 @@ def predicted(
     covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise[rows]
     return replace(
         estimates,
-        state=_with(estimates.state, moved, NOISE_FREE.mean(state, dt)),
-        covariance=_with(estimates.covariance, moved, covariance),
-        weight=_with(estimates.weight, moved, estimates.weight[moved] * survival[rows]),
+        state=_with(estimates.state, late, NOISE_FREE.mean(state, dt)),
+        covariance=_with(estimates.covariance, late, covariance),
+        weight=_with(estimates.weight, late, estimates.weight[late] * survival[rows]),
     )
 
 
@@ -155,7 +106,7 @@ def _with(column: FloatArray, rows: IntArray, values: FloatArray) -> FloatArray:
     return changed
 
 
-def interpolated(
+def interpolate(
     before: Estimates, after: Estimates, between_ns: tuple[IntArray, IntArray], stamp_ns: int
 ) -> Estimates:
     """Return the estimates at a stamp between two others; tracks must match row by row.
@@ -164,8 +115,8 @@ def interpolated(
 
     Notes
     -----
-    Positions follow the cubic with the positions and velocities at both ends. Everything else is
-    linear in time.
+    Positions follow the cubic Hermite spline of the positions and velocities at both ends.
+    Everything else is linear in time.
     """
     length = ((between_ns[1] - between_ns[0]) * 1e-9)[:, None]
     s = (stamp_ns - between_ns[0])[:, None] * 1e-9 / length
@@ -205,14 +156,14 @@ def interpolated(
 def at_stamp(
     found: Estimates, time_ns: IntArray, stamp_ns: int, threshold: float, modes: ModeSpace
 ) -> Estimates:
-    """Return the targets at a stamp, given them at the times at which they were updated.
+    """Return the targets at a stamp, given estimates at the times of their updates.
 
     Parameters
     ----------
     found : Estimates
-        Also of targets that are not reported. A target may be there at several times.
+        Includes unreported targets; a target may have estimates at several times.
     time_ns : int array
-        The time of each.
+        Time of each estimate.
     stamp_ns : int
     threshold : float
         Existence probability above which a target is reported.
@@ -220,8 +171,8 @@ def at_stamp(
 
     Notes
     -----
-    A target is interpolated between its last update until the stamp and its first one after it. If
-    there is none after it, it is predicted.
+    A target is interpolated between its last update up to the stamp and its first update after it.
+    Without a later update it is predicted.
     """
     order = np.lexsort((time_ns, found.track_id))
     order = order[found.track_id[order] != 0]
@@ -234,31 +185,13 @@ def at_stamp(
     seen_again = (last + 1 < len(order)) & (track[following] == track[last])
     both, only = row[seen_again], row[~seen_again]
     after = order[following[seen_again]]
-    # What no label follows is only known from the last scan.
+    # Estimates without labels cannot be followed: those of the last scan are used.
     unlabelled = (found.track_id == 0) & (time_ns <= stamp_ns)
     latest = time_ns[unlabelled].max(initial=0)
     only = np.append(only, np.flatnonzero(unlabelled & (time_ns == latest)))
     parts = [
-        interpolated(
-            chosen(found, both), chosen(found, after), (time_ns[both], time_ns[after]), stamp_ns
-        ),
-        predicted(chosen(found, only), time_ns[only], stamp_ns, modes),
+        interpolate(found.take(both), found.take(after), (time_ns[both], time_ns[after]), stamp_ns),
+        predict(found.take(only), time_ns[only], stamp_ns, modes),
     ]
-    whole, _ = joined(parts, found.lag)
-    return chosen(whole, np.flatnonzero(whole.weight > threshold))
-
-
-def none(modes: ModeSpace, stamp_ns: int, lag: int) -> Estimates:
-    """Return estimates of no targets."""
-    size, no_one = len(modes.space), np.zeros(0, dtype=np.int64)
-    return Estimates(
-        stamp_ns=stamp_ns,
-        lag=lag,
-        state=np.zeros((0, size)),
-        covariance=np.zeros((0, size, size)),
-        weight=np.zeros(0),
-        class_probability=np.zeros((0, len(modes.classes))),
-        class_id=no_one,
-        track_id=no_one,
-        space=modes.space,
-    )
+    whole, _ = Estimates.concatenate(parts, found.lag)
+    return whole.take(np.flatnonzero(whole.weight > threshold))

@@ -1,133 +1,143 @@
-"""Which tracks are reported: tentative, confirmed and coasting ones.
+"""Track confirmation and deletion: tentative, confirmed and coasting tracks.
 
-A track is confirmed when its existence probability passes one threshold, and stays reported until
-it falls below a lower one. A confirmed track that the last scan missed is coasting. A tentative one
-is not reported by the filter.
+A track is confirmed when its existence probability exceeds one threshold, and stays reported until
+it falls below a lower one. A confirmed track that the last scan missed is coasting. The filter does
+not report tentative tracks.
 
-Where no radar can see a target, nothing speaks against its existence, and its probability falls by
-survival alone. A track that was not detected for longer than a limit is not reported there. The
-filter goes on with it, so that it has its number again when it comes out of a blind sector.
+Outside all coverage nothing lowers a target's existence probability except the survival
+probability. A track without coverage is no longer reported once its last detection is older than a
+limit. The filter keeps it, so that it has the same number when it leaves a blind sector.
 
-Where radars have maps of clutter, a track is not confirmed if it is probably at rest: it is part of
-the map soon, and until then it would be reported in vain. Among reflectors that is likely until its
-velocity tells that it moves. Alone at sea it is reported until its velocity tells that it rests.
+With clutter maps, a track that is probably stationary is not confirmed: the map will soon contain
+it. Among fixed clutter a track counts as stationary until its velocity shows motion. Alone at sea
+it is reported until its velocity shows that it is stationary.
 
-The thresholds are those of a `reporting_rule`.
+The thresholds come from `reporting_rule`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray
-from ..clutter.neighbourhood import crowding
+from ..clutter.neighbourhood import probability_among_reflectors
 from ..models import stationary
 from ..models.amplitude_model import Band
 from ..models.tracker_model import TrackerModel
-from ..snapshot import MOST_INDEX, MOST_STAMP_NS, Snapshot, require_numbers, require_whole, whole
+from ..snapshot import (
+    MASS_SLACK,
+    MOST_STAMP_NS,
+    Snapshot,
+    floats,
+    from_snapshot,
+    integers,
+    to_snapshot,
+)
 from ..types import COASTING, CONFIRMED, TENTATIVE, Estimates, Scan
-from .common_stamp import chosen
 from .reporting_rule import LEAST, ReportingRule, slowest_s
 
 BoolArray = npt.NDArray[np.bool_]
-# A scan that misses a target with a larger probability says nothing about it.
+# A scan with a larger probability of a missed detection does not count as a miss.
 UNSEEN = 0.98
-# A target that no antenna has passed for so many intervals, or turns, is coasting.
+# Intervals or turns without coverage after which a track is coasting.
 PATIENCE = 1.5
-# Where radars have maps of clutter, a track that is at rest with a larger probability than the
-# first is not confirmed, and one with a larger than the second no longer is. A half knows nothing.
-REST, CERTAIN_REST = 0.85, 0.9
-# Scans that are less than this share of a turn apart may be of the same pass of the antenna.
+# With clutter maps: largest probability of being stationary with which a track is confirmed, and
+# with which it stays confirmed. The probability is one half if nothing is known.
+STATIONARY, SURELY_STATIONARY = 0.85, 0.9
+# Scans less than this share of a turn apart may belong to the same pass of the antenna.
 SAME_TURN = 0.5
+# Upper bound of counts and factors in a snapshot.
+MOST = 1e18
 
 
 def missed_by_all(found: Estimates, scan: Scan, model: TrackerModel) -> FloatArray:
     """Return the probability that no radar of a scan detects each target, shape (T,).
 
-    It is that of the target's class, at the target's place, and for radars where they are then.
+    It depends on the target's class and position, and on the radars' poses at the scan.
     """
     modes, missed = model.modes, np.ones(len(found))
     mode = np.searchsorted(modes.class_of, found.class_id)
-    for radar, detections in model.reports(scan):
-        measured = radar.measure(found.state)
-        detected = Band().detection_probability(
-            mode, np.zeros(len(found)), measured[:, 0], radar, modes
-        )
-        missed *= 1.0 - radar.missable(measured, detections.coverage) * detected
+    for report in model.reports(scan):
+        sensor = report.sensor
+        measured = sensor.measure(found.state)
+        nothing = np.zeros(len(found))
+        detected = Band().detection_probability(mode, nothing, measured, sensor, modes)
+        missed *= 1.0 - sensor.missable(measured, report.detections.coverage) * detected
     return missed
 
 
-def at_rest(found: Estimates, model: TrackerModel) -> FloatArray:
-    """Return the probability that each target is at rest, and so clutter to all radars, (T,).
+def stationary_probability(found: Estimates, model: TrackerModel) -> FloatArray:
+    """Return the probability that each target is stationary, and so clutter to all radars, (T,).
 
-    It is 0 where a radar has no map of clutter, or keeps targets that are at rest. Before a
-    velocity is known it is a half where nothing else answers, see `stationary`, and more among
-    reflectors: the odds are divided by the probability that the neighbourhood is not one of them.
+    It is 0 if a radar has no clutter map, or tracks stationary targets. While the velocity is
+    unknown it is one half away from fixed clutter, see `stationary`, and larger among fixed
+    clutter: the odds are divided by the probability that the neighbourhood has none.
     """
-    bound = stationary.bound_of_rest(model.radars)
+    bound = stationary.stationary_speed(model.radars)
     if bound == 0.0:
         return np.zeros(len(found))
     axes = list(found.space.velocity)
     covariance = found.covariance[:, axes][:, :, axes]
     slower = stationary.slower(found.velocity, covariance, bound)
-    alone = model.detection_births.at_rest(slower, bound)
-    return stationary.among_reflectors(alone, _crowding(found, model))
+    alone = model.detection_births.stationary(slower, bound)
+    return stationary.among_reflectors(alone, _among_reflectors(found, model))
 
 
-def _crowding(found: Estimates, model: TrackerModel) -> FloatArray:
-    """Return how probably each target's neighbourhood is one of reflectors to all radars, (T,).
+def _among_reflectors(found: Estimates, model: TrackerModel) -> FloatArray:
+    """Return the probability that all radars have fixed clutter around each target, (T,).
 
-    Those are meant that see the place; it is 0 where none does. The cells of a radar that moves are
-    of the world, wherever it is.
+    Only radars that see the place count; 0 if none does. The cells of a moving radar are fixed in
+    the world.
     """
     about = [
-        radar.clutter_about(radar.measure(found.state), found.position) for radar in model.radars
+        radar.neighbourhood_density(radar.measure(found.state), found.position)
+        for radar in model.radars
     ]
     least = np.min(about, axis=0)
-    return crowding(np.where(np.isinf(least), 0.0, least))
+    return probability_among_reflectors(np.where(np.isinf(least), 0.0, least))
 
 
 class Records(NamedTuple):
-    """What is known of each track that is not yet gone, confirmed or not.
+    """Confirmation state of each live track, confirmed or not.
 
     Parameters
     ----------
     label : int array of shape (T,)
         Ascending.
     stamp_ns, detected_ns : int arrays of shape (T,)
-        Of the last scan that touched it, and of the last one that detected it.
+        Stamps of the last scan that swept the track, and of its last detection.
     existence : array of shape (T,)
-        Existence probability after the former.
+        Existence probability at `stamp_ns`.
     state : int array of shape (T,)
         `TENTATIVE`, `CONFIRMED` or `COASTING`.
     expected, missed : arrays of shape (T,)
-        Expected and actual number of scans without a detection since it was confirmed.
+        Expected and actual number of missed detections since confirmation.
     factor : array of shape (T,)
-        Of the odds of existence: the correction for the misses since the last detection.
+        Correction of the odds of existence for the misses since the last detection.
     """
 
-    label: IntArray
-    stamp_ns: IntArray
-    detected_ns: IntArray
-    existence: FloatArray
-    state: IntArray
-    expected: FloatArray
-    missed: FloatArray
-    factor: FloatArray
+    label: Annotated[IntArray, integers("T", 1, ascending=True)]
+    stamp_ns: Annotated[IntArray, integers("T", 0, MOST_STAMP_NS)]
+    detected_ns: Annotated[IntArray, integers("T", 0, MOST_STAMP_NS)]
+    existence: Annotated[FloatArray, floats("T", 0.0, MASS_SLACK)]
+    state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)]
+    expected: Annotated[FloatArray, floats("T", 0.0, MOST)]
+    missed: Annotated[FloatArray, floats("T", 0.0, MOST)]
+    factor: Annotated[FloatArray, floats("T", 0.0, MOST)]
 
     @staticmethod
     def of_none() -> Records:
-        """Return the records of no tracks."""
+        """Return a table without tracks."""
         return Records.new(np.zeros(0, dtype=np.int64), 0, np.zeros(0))
 
     @staticmethod
     def new(label: IntArray, stamp_ns: int, existence: FloatArray) -> Records:
-        """Return the records of tracks that begin."""
+        """Return the records of new tracks."""
         size = len(label)
         stamps = np.full(size, stamp_ns, dtype=np.int64)
         tentative, none = np.full(size, TENTATIVE), np.zeros(size)
@@ -138,12 +148,12 @@ class Records(NamedTuple):
         columns: list[Any] = [column[rows] for column in self]
         return Records(*columns)
 
-    def joined(self, other: Records) -> Records:
+    def merge(self, other: Records) -> Records:
         """Return the records of both, by ascending label."""
         columns: list[Any] = [np.concatenate(pair) for pair in zip(self, other, strict=True)]
         return Records(*columns).take(np.argsort(columns[0], kind="stable"))
 
-    def updated(self, rows: IntArray, by: Records) -> Records:
+    def replace_rows(self, rows: IntArray, by: Records) -> Records:
         """Return the records with these rows replaced."""
         columns: list[Any] = [column.copy() for column in self]
         for column, other in zip(columns, by, strict=True):
@@ -151,14 +161,26 @@ class Records(NamedTuple):
         return Records(*columns)
 
 
+class PastStates(NamedTuple):
+    """States of filtered tracks whose stamps may still be smoothed; all columns (T,)."""
+
+    stamp_ns: Annotated[IntArray, integers("T", 0, MOST_STAMP_NS)]
+    label: Annotated[IntArray, integers("T", 0)]
+    state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)]
+
+    def at(self, stamp_ns: int) -> PastStates:
+        """Return the rows of a stamp."""
+        return PastStates(*(column[self.stamp_ns == stamp_ns] for column in self))
+
+    def since(self, stamp_ns: int) -> PastStates:
+        """Return the rows from a stamp on."""
+        return PastStates(*(column[self.stamp_ns >= stamp_ns] for column in self))
+
+
 class TrackStates:
-    """The state of every track, and so which tracks are reported.
+    """Confirms and deletes tracks, and selects the reported ones.
 
-    Labels are as in the estimates of `Extraction`: the track's origin plus one.
-
-    Parameters
-    ----------
-    rule : ReportingRule
+    Labels are those of the engines' estimates: the target's label plus one.
     """
 
     def __init__(self, rule: ReportingRule) -> None:
@@ -168,10 +190,9 @@ class TrackStates:
     def reset(self) -> None:
         """Forget all tracks."""
         self._records = Records.of_none()
-        # Labels and states of the filtered estimates at each stamp that may still be smoothed.
-        self._noted: dict[int, tuple[IntArray, IntArray]] = {}
+        self._noted = PastStates(*np.zeros((3, 0), dtype=np.int64))
 
-    def filtered(
+    def report_filtered(
         self,
         found: Estimates,
         touched: IntArray,
@@ -179,16 +200,16 @@ class TrackStates:
         scan: Scan,
         model: TrackerModel,
     ) -> Estimates:
-        """Return the estimates of a scan that are reported, with their states.
+        """Return the reported estimates of a scan, with their states.
 
         Parameters
         ----------
         found : Estimates
             All with an existence probability above `ReportingRule.least`.
         touched : int array
-            Origins that the scan touched.
+            Labels of the targets that the scan swept.
         held_ns : collection of int
-            Stamps of earlier scans whose tracks no later one has touched.
+            Stamps of earlier scans with tracks that no later scan has swept.
         scan : Scan
         model : TrackerModel
         """
@@ -196,27 +217,27 @@ class TrackStates:
             return found
         place = np.argsort(found.track_id, kind="stable")
         labelled = place[found.track_id[place] > 0]
-        records = self._next(chosen(found, labelled), scan, model)
+        records = self._next(found.take(labelled), scan, model)
         gone = np.isin(self._records.label - 1, touched)
         gone |= ~np.isin(self._records.stamp_ns, list(held_ns))
-        self._records = self._records.take(np.flatnonzero(~gone)).joined(records)
+        self._records = self._records.take(np.flatnonzero(~gone)).merge(records)
         state = np.full(len(found), CONFIRMED)
         state[found.track_id == 0] = np.where(
             found.weight[found.track_id == 0] > self.rule.delete.min(), CONFIRMED, TENTATIVE
         )
         state[labelled] = records.state
-        return chosen(replace(found, track_state=state), np.flatnonzero(state != TENTATIVE))
+        return replace(found, track_state=state).take(np.flatnonzero(state != TENTATIVE))
 
     def _next(self, found: Estimates, scan: Scan, model: TrackerModel) -> Records:
-        """Return the records of the tracks that a scan found, by ascending label."""
+        """Return the records of a scan's tracks, by ascending label."""
         label, weight = found.track_id, found.weight
         before, known = self._before(found)
         missable = missed_by_all(found, scan, model)
         seen = known & (missable < UNSEEN)
-        # The odds of a target that a scan detects rise, and of one that it misses they fall.
+        # A detection raises the odds of existence, and a miss lowers them.
         survived = before.existence * _survival(found, before.stamp_ns, model)
         lower = _odds(weight) < _odds(survived)
-        # At the edge of a slice a target is in one of two, and not missed by the other.
+        # A target at the edge of a slice may be in either of two: the other one is not a miss.
         same_turn = scan.stamp_ns - before.detected_ns < SAME_TURN * 1e9 * _shortest_turn_s(model)
         missed = seen & lower & ~same_turn
         detected = ~known | (seen & ~lower)
@@ -238,8 +259,8 @@ class TrackStates:
             (corrected >= lowest) & (weight >= np.minimum(LEAST, delete)),
         )
         kept &= detected | seen | (since_ns <= 1e9 * self.rule.coasting_s)
-        bound = np.where(before.state == TENTATIVE, REST, CERTAIN_REST)
-        kept &= at_rest(found, model) <= bound
+        bound = np.where(before.state == TENTATIVE, STATIONARY, SURELY_STATIONARY)
+        kept &= stationary_probability(found, model) <= bound
         coasting = missed | long_ago | (~detected & (before.state == COASTING))
         return Records(
             label=label,
@@ -260,103 +281,64 @@ class TrackStates:
         inside = place < len(records.label)
         known[inside] = records.label[place[inside]] == found.track_id[inside]
         new = Records.new(found.track_id, found.stamp_ns, found.weight)
-        return new.updated(np.flatnonzero(known), records.take(place[known])), known
+        return new.replace_rows(np.flatnonzero(known), records.take(place[known])), known
 
     def note(self, published: Estimates) -> None:
-        """Keep the states of filtered estimates for the smoothed ones of their stamp."""
-        self._noted[published.stamp_ns] = published.track_id, published.track_state
+        """Store the states of filtered estimates for the smoothed ones of their stamp."""
+        stamp_ns = np.full(len(published), published.stamp_ns)
+        new = PastStates(stamp_ns, published.track_id, published.track_state)
+        self._noted = PastStates(*map(np.concatenate, zip(self._noted, new, strict=True)))
 
     def forget_before(self, stamp_ns: int) -> None:
         """Forget the states of stamps that have been smoothed."""
-        self._noted = {stamp: kept for stamp, kept in self._noted.items() if stamp >= stamp_ns}
+        self._noted = self._noted.since(stamp_ns)
 
-    def smoothed(self, found: Estimates) -> Estimates:
-        """Return the smoothed estimates that are reported, with their states.
+    def report_smoothed(self, found: Estimates) -> Estimates:
+        """Return the reported smoothed estimates, with their states.
 
-        A target is reported if its track was or became confirmed between the stamp and the last
-        scan, and is so back to where it begins to exist. Its state is the filter's at the stamp,
-        and so tentative before it was confirmed.
+        A target is reported if its track was confirmed at any time between the stamp and the last
+        scan, and the report extends back to the scan in which the track began. Its state is the
+        filter's at the stamp: tentative before the confirmation.
         """
         if not self.rule.labelled:
             return found
-        later = [noted for stamp, noted in self._noted.items() if stamp >= found.stamp_ns]
         confirmed = self._records.label[self._records.state != TENTATIVE]
-        ever = np.concatenate([confirmed, *(label for label, _ in later)])
+        ever = np.concatenate([confirmed, self._noted.since(found.stamp_ns).label])
         kept = np.isin(found.track_id, ever) | (found.track_id == 0)
         kept &= found.weight >= self.rule.delete[found.class_id]
-        found = chosen(found, np.flatnonzero(kept))
-        label, state = self._noted.get(found.stamp_ns, (ever[:0], ever[:0]))
+        found = found.take(np.flatnonzero(kept))
+        _, label, state = self._noted.at(found.stamp_ns)
         states = dict(zip(label.tolist(), state.tolist(), strict=True))
         known = [states.get(n, TENTATIVE if n else CONFIRMED) for n in found.track_id.tolist()]
         return replace(found, track_state=np.array(known, dtype=np.int64))
 
-    def hold(self) -> dict[str, Any]:
-        """Return the states, for `recall`."""
-        return {"records": self._records, "noted": dict(self._noted)}
+    def save_state(self) -> dict[str, Any]:
+        """Return the tracks' states, for `load_state`."""
+        return {"records": self._records, "noted": self._noted}
 
-    def recall(self, held: Mapping[str, Any]) -> None:
-        """Return to states that were held."""
-        self._records, self._noted = held["records"], dict(held["noted"])
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Restore saved states."""
+        self._records, self._noted = state["records"], state["noted"]
 
-    def put(self, into: Snapshot) -> None:
+    def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the states in a snapshot."""
-        count = len(self._records.label)
-        into.facts["track_states"] = {"tracks": count, "stamps_ns": list(self._noted)}
-        for name, column in zip(Records._fields, self._records, strict=True):
-            if count:
-                into.arrays[f"tracks.{name}"] = column
-        for stamp_ns, (label, state) in self._noted.items():
-            into.arrays[f"tracks.{stamp_ns}.label"] = label
-            into.arrays[f"tracks.{stamp_ns}.state"] = state
+        to_snapshot(self._records, snapshot, "tracks")
+        to_snapshot(self._noted, snapshot, "noted")
 
-    def take(self, held: Snapshot) -> None:
+    def from_snapshot(self, snapshot: Snapshot) -> None:
         """Restore the states from a snapshot.
 
         Raises
         ------
         ValueError
-            If they are none that the tracker could have stored.
+            If the tracker cannot have stored these values.
         """
-        facts = held.facts["track_states"]
-        columns = Records.of_none()._asdict()
-        if whole("track_states.tracks", facts["tracks"], 0, MOST_INDEX):
-            columns = {name: held.array(f"tracks.{name}") for name in Records._fields}
-        _require_columns("tracks", list(columns.values()))
-        for name in ("stamp_ns", "detected_ns"):
-            require_whole(f"tracks.{name}", columns[name], 0, MOST_STAMP_NS)
-        for name, most in (("existence", MOST_MASS), ("expected", MOST), ("missed", MOST)):
-            require_numbers(f"tracks.{name}", columns[name], 0.0, most)
-        require_numbers("tracks.factor", columns["factor"], 0.0, MOST)
-        _require_states("tracks", columns["label"], columns["state"])
-        noted = {}
-        for stamp in facts["stamps_ns"]:
-            name = f"tracks.{whole('track_states.stamps_ns', stamp, 0, MOST_STAMP_NS)}"
-            label, state = held.array(f"{name}.label"), held.array(f"{name}.state")
-            _require_columns(name, [label, state])
-            require_whole(f"{name}.label", label, 0, MOST_INDEX)
-            require_whole(f"{name}.state", state, TENTATIVE, COASTING)
-            noted[stamp] = label, state
-        self._records, self._noted = Records(**columns), noted
-
-
-# Of an existence probability, by rounding; and of counts and factors.
-MOST_MASS, MOST = 100.0, 1e18
-
-
-def _require_columns(name: str, columns: list[IntArray | FloatArray]) -> None:
-    if any(column.shape != columns[0].shape or column.ndim != 1 for column in columns):
-        raise ValueError(f"{name}: columns of different lengths")
-
-
-def _require_states(name: str, label: IntArray, state: IntArray) -> None:
-    require_whole(f"{name}.label", label, 1, MOST_INDEX)
-    require_whole(f"{name}.state", state, TENTATIVE, COASTING)
-    if (np.diff(label) <= 0).any():
-        raise ValueError(f"{name}.label: must increase")
+        self._records = from_snapshot(Records, snapshot, "tracks", {})
+        self._noted = from_snapshot(PastStates, snapshot, "noted", {})
 
 
 def _odds(probability: FloatArray) -> FloatArray:
-    """Return the odds of probabilities, finite for those that are 1 or more."""
+    """Return the odds of probabilities; finite for probabilities of 1 or more."""
     return probability / np.maximum(1.0 - probability, np.finfo(float).eps)
 
 

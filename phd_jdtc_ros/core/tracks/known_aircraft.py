@@ -1,43 +1,50 @@
-"""The aircraft that tracks have been of, by their addresses: so that one has one number.
+"""Aircraft known by their addresses: a new track of a known aircraft has the same number.
 
-Number and address of every track are kept with its last place, for a while after its end. A track
-that begins with such an address, where that aircraft may be by then, is of the same aircraft. One
-that is too far away is of another that was given the same address.
+Number, address and last position of every track are stored, and kept for some time after its end. A
+new track with the address, at a place that the aircraft can have reached, belongs to the same
+aircraft. A track that is too far away belongs to another aircraft with the same address.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from ..arrays import FloatArray, IntArray
 from ..models.tracker_model import TrackerModel
-from ..snapshot import MOST_STAMP_NS, require_numbers, whole
+from ..snapshot import (
+    MOST_STAMP_NS,
+    MOST_STATE,
+    Snapshot,
+    floats,
+    from_snapshot,
+    integers,
+    to_snapshot,
+)
 from ..types import CONFIRMED, UNKNOWN, Estimates
 
-# At most so many aircraft are kept, those seen last.
+# Largest number of aircraft that are stored; the most recently detected ones stay.
 MOST_AIRCRAFT = 10_000
-# Deviations of a new target's velocity that the fastest one has.
+# Largest speed, in standard deviations of a new target's velocity.
 FASTEST_SIGMA = 3.0
-# Metres between two places of one aircraft at one time: by what tracks and radars are off.
+# Tolerance of the distance between two tracks of one aircraft, for errors of both, metres.
 MARGIN = 1000.0
-# Bounds of what a snapshot may hold, metres and metres per second.
-MOST_PLACE = 1e9
 MOST_ADDRESS = (1 << 24) - 1
 
 
 @dataclass(frozen=True)
 class Reach:
-    """How far aircraft may go while they have no track, and for how long they are kept.
+    """Limits within which a new track may belong to an aircraft without a track.
 
     Parameters
     ----------
     kept_s : float
-        Seconds.
+        Time for which aircraft are stored, seconds.
     speed : float
-        Of the fastest, metres per second.
+        Speed of the fastest aircraft, metres per second.
     """
 
     kept_s: float
@@ -45,7 +52,7 @@ class Reach:
 
     @staticmethod
     def of(model: TrackerModel) -> Reach | None:
-        """Return the reach of a model's targets; None where no radar reports identities."""
+        """Return the reach of a model's targets; None if no radar reports identities."""
         if model.attributes is None:
             return None
         speed = FASTEST_SIGMA * model.detection_births.velocity_std
@@ -53,7 +60,7 @@ class Reach:
 
 
 class LastSeen(NamedTuple):
-    """Where the track of a number was when it was confirmed last.
+    """Last confirmed estimate of a track.
 
     Parameters
     ----------
@@ -71,21 +78,31 @@ class LastSeen(NamedTuple):
     speed: float
 
     def may_be_at(self, position: Sequence[float], stamp_ns: int, reach: Reach) -> bool:
-        """Return whether the aircraft may be at a place at a time, earlier or later."""
+        """Return whether the aircraft can be at a position at an earlier or later time."""
         since_s = abs(stamp_ns - self.stamp_ns) * 1e-9
         moved = float(np.hypot(position[0] - self.position[0], position[1] - self.position[1]))
         allowed = max(reach.speed, self.speed) * since_s + MARGIN
         return since_s <= reach.kept_s and moved <= allowed
 
 
+class Seen(NamedTuple):
+    """Snapshot of track numbers and their `LastSeen`, as columns of R rows."""
+
+    number: Annotated[IntArray, integers("R", 1)]
+    address: Annotated[IntArray, integers("R", 0, MOST_ADDRESS)]
+    stamp_ns: Annotated[IntArray, integers("R", 0, MOST_STAMP_NS)]
+    position: Annotated[FloatArray, floats("RA", -MOST_STATE, MOST_STATE)]
+    speed: Annotated[FloatArray, floats("R", -MOST_STATE, MOST_STATE)]
+
+
 @dataclass
 class KnownAircraft:
-    """The numbers of tracks whose addresses are known, and where they were last.
+    """Numbers and last estimates of the tracks with known addresses.
 
     Parameters
     ----------
     seen : dict of number to LastSeen
-        Those that were seen last are last.
+        In the order of their last confirmed estimates.
     """
 
     seen: dict[int, LastSeen] = field(default_factory=dict)
@@ -101,7 +118,7 @@ class KnownAircraft:
     ) -> int | None:
         """Return the number of the aircraft with an address at a place; None if it is a new one.
 
-        Of several it is that which was seen last, and then the oldest.
+        Among several, the most recent one is returned, and then the one with the smallest number.
         """
         possible = [
             number
@@ -111,7 +128,7 @@ class KnownAircraft:
         return min(possible, key=lambda n: (-self.seen[n].stamp_ns, n), default=None)
 
     def note(self, estimates: Estimates, reach: Reach) -> None:
-        """Keep where the confirmed tracks of a set are, and forget who was not seen for long."""
+        """Store the positions of confirmed tracks, and drop aircraft not seen for too long."""
         if estimates.attributes is None:
             return
         known = (estimates.attributes.address != UNKNOWN) & (estimates.track_id > 0)
@@ -140,40 +157,38 @@ class KnownAircraft:
             if not same:
                 del self._of_address[last.address]
 
-    def copy(self) -> KnownAircraft:
-        """Return another of the same; what it notes, this one does not."""
-        return KnownAircraft(dict(self.seen))
-
-    @property
-    def facts(self) -> list[list[Any]]:
-        """What is kept, for a snapshot."""
-        return [
-            [number, last.address, last.stamp_ns, *last.position, last.speed]
-            for number, last in self.seen.items()
-        ]
+    def to_snapshot(self, snapshot: Snapshot) -> None:
+        """Store the aircraft in a snapshot."""
+        address, stamp_ns, position, speed = (
+            zip(*self.seen.values(), strict=True) if self.seen else ((), (), (), ())
+        )
+        table = Seen(
+            np.array([*self.seen], dtype=np.int64),
+            np.array(address, dtype=np.int64),
+            np.array(stamp_ns, dtype=np.int64),
+            np.array(position, dtype=np.float64).reshape(-1, 2),
+            np.array(speed, dtype=np.float64),
+        )
+        to_snapshot(table, snapshot, "aircraft")
 
     @staticmethod
-    def of_facts(facts: Any, count: int) -> KnownAircraft:
-        """Return what a snapshot has kept, of numbers up to `count`.
+    def from_snapshot(snapshot: Snapshot, count: int) -> KnownAircraft:
+        """Return the stored aircraft, with numbers up to `count`.
 
         Raises
         ------
         ValueError
-            If it is nothing that the tracker could have stored.
+            If the tracker cannot have stored these values.
         """
-        seen: dict[int, LastSeen] = {}
-        for number, address, stamp_ns, *rest in facts:
-            state = np.array(rest)
-            if state.shape != (3,):
-                raise ValueError(f"tracks.aircraft: {state.shape} numbers given, expected 3")
-            require_numbers("tracks.aircraft", state, -MOST_PLACE, MOST_PLACE)
-            x, y, speed = state.tolist()
-            seen[whole("tracks.aircraft", number, 1, count)] = LastSeen(
-                whole("tracks.aircraft.address", address, 0, MOST_ADDRESS),
-                whole("tracks.aircraft.stamp_ns", stamp_ns, 0, MOST_STAMP_NS),
-                (x, y),
-                speed,
+        table = from_snapshot(Seen, snapshot, "aircraft", {"A": 2})
+        if table.number.max(initial=0) > count or len(table.number) > MOST_AIRCRAFT:
+            raise ValueError(
+                f"aircraft.number: {len(table.number)} up to {table.number.max()} given, must be "
+                f"at most {MOST_AIRCRAFT} up to {count}"
             )
-        if len(seen) > MOST_AIRCRAFT:
-            raise ValueError(f"tracks.aircraft: {len(seen)} given, at most {MOST_AIRCRAFT}")
+        seen = {}
+        for number, address, stamp_ns, (x, y), speed in zip(
+            *(column.tolist() for column in table), strict=True
+        ):
+            seen[number] = LastSeen(address, stamp_ns, (x, y), speed)
         return KnownAircraft(seen)

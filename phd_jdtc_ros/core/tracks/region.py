@@ -1,8 +1,8 @@
-"""The part of the world that a tracker is for, where several trackers part an area.
+"""The region of a tracker, if several trackers share an area.
 
-A tracker takes in the detections of its core region and of a margin around it, and reports what is
-there. The margins of neighbours overlap, so that a target that crosses the seam is tracked by both
-before it changes over.
+A tracker processes the detections in its core region and in a margin around it, and reports the
+tracks there. The margins of neighbours overlap, so that both track a target that crosses the
+boundary before it is handed over.
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import FloatArray
-from ..sensors.polar_radar import RadarModel
+from ..sensors.sensor import Sensor
 from ..types import Detections, Estimates
-from .common_stamp import chosen
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -28,9 +27,9 @@ class Region:
     Parameters
     ----------
     x_min, y_min, x_max, y_max : float
-        Of the core region, metres.
+        Bounds of the core region, metres.
     margin : float
-        What belongs to the tracker on each side beyond it, metres.
+        Width of the strip around the core region that the tracker also covers, metres.
     """
 
     x_min: float
@@ -40,7 +39,7 @@ class Region:
     margin: float = 0.0
 
     def depth(self, position: FloatArray) -> FloatArray:
-        """Return how far inside the core region positions are, metres; negative outside.
+        """Return the depth of positions inside the core region, metres; negative outside.
 
         Parameters
         ----------
@@ -50,7 +49,7 @@ class Region:
         Returns
         -------
         array of shape (N,)
-            Distance to the nearest side; outside, that to the farthest one that is passed.
+            Distance to the nearest side; outside, negative distance to the farthest side crossed.
         """
         low = position - np.array([self.x_min, self.y_min])
         high = np.array([self.x_max, self.y_max]) - position
@@ -58,35 +57,35 @@ class Region:
         return depth
 
     def covers(self, position: FloatArray) -> BoolArray:
-        """Return whether positions are in the core region or its margin, shape (N,)."""
+        """Return a mask of positions in the core region or its margin, shape (N,)."""
         inside: BoolArray = self.depth(position) >= -self.margin
         return inside
 
-    def seen(self, detections: Detections, radar: RadarModel) -> Detections:
-        """Return a radar's detections that are in the core region or its margin."""
-        place = radar.at(detections.pose).to_world(detections.measurement)
+    def select_detections(self, detections: Detections, sensor: Sensor) -> Detections:
+        """Return a sensor's detections in the core region or its margin."""
+        place = sensor.at(detections.pose).to_world(detections.measurement)
         inside = self.covers(place)
         return detections if inside.all() else detections.take(np.flatnonzero(inside))
 
-    def reported(self, estimates: Estimates) -> Estimates:
-        """Return the estimates that are in the core region or its margin."""
+    def select_estimates(self, estimates: Estimates) -> Estimates:
+        """Return the estimates in the core region or its margin."""
         inside = self.covers(estimates.position)
-        return estimates if inside.all() else chosen(estimates, np.flatnonzero(inside))
+        return estimates if inside.all() else estimates.take(np.flatnonzero(inside))
 
 
 @dataclass(frozen=True)
 class Everywhere:
-    """No part of the world: everything is taken in and reported."""
+    """No restriction: a tracker for the whole world."""
 
-    def seen(self, detections: Detections, radar: RadarModel) -> Detections:
+    def select_detections(self, detections: Detections, sensor: Sensor) -> Detections:
         """Return all detections."""
         return detections
 
-    def reported(self, estimates: Estimates) -> Estimates:
+    def select_estimates(self, estimates: Estimates) -> Estimates:
         """Return all estimates."""
         return estimates
 
 
 def within(region: Region | Everywhere, found: Sequence[Estimates]) -> tuple[Estimates, ...]:
-    """Return what is reported of some estimates."""
-    return tuple(region.reported(estimates) for estimates in found)
+    """Return the reported part of each set of estimates."""
+    return tuple(region.select_estimates(estimates) for estimates in found)

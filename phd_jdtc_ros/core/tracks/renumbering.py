@@ -1,8 +1,8 @@
-"""Which targets keep their track numbers when scans were stepped again with late reports.
+"""Continues track numbers after scans were reprocessed with out-of-sequence reports.
 
-A label says in which scan a target was born, and where in it. Those of targets that are older than
-the late report stay. Younger ones may have been born at another detection, or in another scan: they
-are matched by where they are.
+A label contains the scan in which the target was born, and its index there. Labels of targets that
+are older than the out-of-sequence report stay the same. Younger targets may have been born at other
+detections or in other scans, and are matched by their states.
 """
 
 from __future__ import annotations
@@ -13,27 +13,26 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..types import Estimates
-from .common_stamp import chosen
 from .labels import first_scan
 
-# Square Mahalanobis distance beyond which two estimates are not of one target: of positions, and of
+# Gates of the square Mahalanobis distance between estimates of one target: for positions, and for
 # positions with velocities.
 GATE, MOVING_GATE = 16.0, 20.0
-# What leaving out a target costs: more than any sum of square distances within the gates, so that
-# as many are matched as can be.
+# Cost of an unmatched target: above any sum of square distances within the gates, so that as many
+# targets as possible are matched.
 _NO_MATCH = 1e6
-# So many targets of the other set, the nearest, are compared with each: two sets of thousands would
-# else have millions of pairs.
+# Number of nearest targets of the other set that are compared with each target; bounds the number
+# of pairs of two sets of thousands.
 NEIGHBOURS = 32
-# By what targets at one place are told apart in the search of neighbours, metres: without it all of
-# them would be in one leaf of its tree, and compared one by one.
+# Range of the artificial third coordinate in the neighbour search, metres: without it, targets at
+# one place would share one leaf of the tree and be compared one by one.
 _SPREAD = 1e-3
-# Added to correlations, so that none is singular by the rounding of single precision.
+# Added to correlation matrices, which single precision may have rounded to singular ones.
 _LEAST_EIGENVALUE = 2e-6
 
 
-def matched(one: Estimates, other: Estimates, moving: bool = False) -> tuple[IntArray, IntArray]:
-    """Return the rows of two sets of estimates of one stamp that are of the same targets.
+def match(one: Estimates, other: Estimates, moving: bool = False) -> tuple[IntArray, IntArray]:
+    """Match two sets of estimates of one stamp, and return the rows of the same targets.
 
     Parameters
     ----------
@@ -44,11 +43,12 @@ def matched(one: Estimates, other: Estimates, moving: bool = False) -> tuple[Int
     Returns
     -------
     tuple of two int arrays
-        Rows of the first and of the second, pair by pair. The pairs are those of least total square
-        Mahalanobis distance, by the sum of the covariances, within `GATE` or `MOVING_GATE`, of each
-        target with its `NEIGHBOURS` nearest. Time and memory grow with the number of targets.
+        Rows of the first and of the second set, pair by pair. The assignment minimises the total
+        square Mahalanobis distance, by the sum of the covariances. Pairs are within `GATE` or
+        `MOVING_GATE`, and only the `NEIGHBOURS` nearest targets are candidates. Time and memory
+        grow with the number of targets.
     """
-    # Imported here because only late reports need it, and a live node starts sooner.
+    # Imported here because only out-of-sequence reports need it, and a live node starts sooner.
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
@@ -60,7 +60,7 @@ def matched(one: Estimates, other: Estimates, moving: bool = False) -> tuple[Int
     rows, columns = _neighbours(one, other)
     cost = _square_distance(one, other, rows, columns, axes)
     near = cost <= gate
-    # A target may also go with a column of its own, that is with none. Weights of 0 would be none.
+    # A column of its own leaves a target unmatched. The sparse matrix drops weights of zero.
     own = np.arange(len(one))
     edge = np.concatenate([cost[near], np.full(len(one), _NO_MATCH)]) + 1.0
     at = np.concatenate([rows[near], own]), np.concatenate([columns[near], len(other) + own])
@@ -71,7 +71,7 @@ def matched(one: Estimates, other: Estimates, moving: bool = False) -> tuple[Int
 
 
 def _neighbours(one: Estimates, other: Estimates) -> tuple[IntArray, IntArray]:
-    """Return each target of the first set with its nearest ones of the second, pair by pair."""
+    """Return the pairs of each target of the first set with its nearest ones of the second."""
     from scipy.spatial import KDTree
 
     query, point = (
@@ -88,8 +88,8 @@ def _square_distance(
     """Return the square Mahalanobis distance of each pair."""
     apart = one.state[rows][:, axes] - other.state[columns][:, axes]
     spread = (one.covariance[rows] + other.covariance[columns])[:, axes][:, :, axes]
-    # With a metre, and a metre per second, of slack no small covariance is singular; large ones may
-    # be so wide that the slack is lost in them, and their correlations have some too.
+    # A metre, and a metre per second, of slack keep small covariances regular. The slack is lost by
+    # rounding in very large ones; therefore their correlations have slack too.
     spread = spread + np.eye(len(axes))
     variance = np.einsum("pkk->pk", spread)
     if not (variance > 0.0).all():
@@ -105,23 +105,23 @@ def _square_distance(
     return np.maximum(squared, 0.0)
 
 
-def continued(
+def continue_numbers(
     earlier: Mapping[int, int],
     latest: Mapping[int, int],
     before: Estimates,
     after: Estimates,
     first: int,
 ) -> dict[int, int]:
-    """Return the track numbers by label after scans were stepped again.
+    """Return the track numbers by label after scans were reprocessed.
 
     Parameters
     ----------
     earlier, latest : mappings of label to number
-        Before those scans, and after them as they were stepped the first time.
+        Numbers before these scans, and after their first processing.
     before, after : Estimates
-        After them, as they were stepped the first time and now; their tracks are labels.
+        Estimates after the first processing and after the second; their tracks are labels.
     first : int
-        Index of the first of those scans.
+        Index of the first reprocessed scan.
     """
     numbers = {
         label: number
@@ -129,9 +129,9 @@ def continued(
         if first_scan(np.array(label - 1)) < first
     }
     given = np.array([label for label in latest if label not in numbers], dtype=np.int64)
-    old = chosen(before, np.flatnonzero(np.isin(before.track_id, given)))
+    old = before.take(np.flatnonzero(np.isin(before.track_id, given)))
     young = first_scan(after.track_id - 1) >= first
-    new = chosen(after, np.flatnonzero(young & (after.track_id > 0)))
-    for row, column in zip(*matched(old, new), strict=True):
+    new = after.take(np.flatnonzero(young & (after.track_id > 0)))
+    for row, column in zip(*match(old, new), strict=True):
         numbers[int(new.track_id[column])] = latest[int(old.track_id[row])]
     return numbers

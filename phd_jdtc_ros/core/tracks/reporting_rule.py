@@ -1,10 +1,10 @@
-"""The existence probabilities at which tracks are confirmed and deleted: given, or derived.
+"""Thresholds of the existence probability for confirmation and deletion: given, or derived.
 
-How much a missed detection says depends on how often the target is missed. A class's detection
-probability is a mean over its SNR band: targets at its lower end are missed again and again, and
-of one at its upper end a miss by all radars says that it is gone. The thresholds that are derived
-from the detection probability therefore take a track's own record into account: how often it has
-been missed, against how often a target of its class is expected to be.
+The evidence of a missed detection depends on the target's own detection probability. The detection
+probability of a class is a mean over its SNR band: targets at its lower end are missed often, and a
+target at its upper end that all radars miss has probably disappeared. Thresholds derived from the
+detection probability therefore use a track's own record: its number of misses against the number
+expected for its class.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ import numpy as np
 from ..arrays import FloatArray
 from ..models.amplitude_model import Memory
 from ..models.tracker_model import TrackerModel
-from ..sensors.polar_radar import RadarModel
+from ..sensors.sensor import Sensor
 from ..targets.modes import ClassModel
 
-# Of estimates without labels: at even odds, a wrong report costs as much as a missing one.
+# Threshold of estimates without labels: at even odds, a false report costs as much as a missed one.
 EVEN = 0.5
 # Below this existence probability a track is deleted, whatever its record.
 LEAST = 0.05
-# Number of places in a class's band, at which the detection probability is averaged.
+# Number of points in a class's SNR band at which the detection probability is evaluated.
 PLACES = 400
-# Relative variances below this are rounding.
+# Relative variances below this are rounding errors.
 SAME = 1e-9
 
 
 @dataclass(frozen=True)
 class ReportingRule:
-    """When tracks are reported.
+    """Thresholds for the confirmation and the deletion of tracks.
 
     Parameters
     ----------
@@ -40,14 +40,14 @@ class ReportingRule:
     delete : array of shape (C,)
         Existence probability below which a confirmed track is no longer reported.
     hidden : array of shape (C,)
-        As `delete`, of tracks that no antenna has passed for `confirmation.PATIENCE`.
+        As `delete`, for tracks without coverage for `confirmation.PATIENCE`.
     record_weight : array of shape (C,)
-        Number of expected misses that the class's detection probability counts as, against the
-        track's own record. Infinite if the record is not used.
+        Weight of the class's detection probability against the track's own record, as a number of
+        expected misses. Infinite if the record is not used.
     labelled : bool
-        Whether estimates have labels. If not, those above `confirm` are reported, scan by scan.
+        Whether estimates have labels. If not, estimates above `confirm` are reported in each scan.
     coasting_s : float
-        Tracks that no radar can see are reported for so long after their last detection.
+        Time for which tracks outside all coverage are reported after their last detection, seconds.
     """
 
     confirm: FloatArray
@@ -69,7 +69,7 @@ class ReportingRule:
         return float((self.delete if self.labelled else self.confirm).min())
 
     def slower(self, factor: float) -> ReportingRule:
-        """Return the rule where targets are seen so many times more rarely."""
+        """Return the rule for detections that are less frequent by a factor."""
         return replace(self, coasting_s=self.coasting_s * factor)
 
 
@@ -80,7 +80,7 @@ def rule_of(
     delete: float = 0.0,
     coasting_scans: float = np.inf,
 ) -> ReportingRule:
-    """Return the rule of given thresholds; those that are 0 are derived from the model.
+    """Return the rule of given thresholds; thresholds of 0 are derived from the model.
 
     Parameters
     ----------
@@ -90,15 +90,15 @@ def rule_of(
     confirm, delete : float
         `confirm_probability` and `delete_probability`.
     coasting_scans : float
-        Intervals, or turns where they are longer; see `ReportingRule.coasting_s`.
+        `ReportingRule.coasting_s` in intervals, or in turns if these are longer.
 
     Notes
     -----
-    In each scan, to report a target that does not exist costs as much as to miss one that does. To
-    take back a report, or the end of one, costs as much again. If the class's targets are detected
-    with probability p, a track that is deleted although it exists is back in the next scan with
-    this probability, and a false one that is confirmed is gone. So a track is confirmed where
-    r > (1 - r) (1 + p), and deleted where r (1 + p) < 1 - r. Where no radar looks, p is 0.
+    In each scan a false report costs as much as a missed target. To withdraw a report, or to
+    resume one, costs as much again. With detection probability p, a track that was deleted although
+    its target exists returns in the next scan with probability p, and so does a false confirmed
+    track disappear. A track is therefore confirmed if r > (1 - r) (1 + p), and deleted if
+    r (1 + p) < 1 - r. Outside all coverage p is 0.
     """
     classes = model.modes.classes
     never = np.full(len(classes), np.inf)
@@ -113,22 +113,19 @@ def rule_of(
         below = np.full(len(classes), delete)
         return ReportingRule(np.maximum(above, delete), below, below, never, coasting_s=coasting_s)
     weight = never
-    if not isinstance(model.amplitudes, Memory):  # which knows each target's own SNR
+    if not isinstance(model.amplitudes, Memory):  # `Memory` estimates each target's own SNR
         weight = np.array([_record_weight(missed) for missed in misses])
     below, hidden = (np.minimum(1.0 / (2.0 + again), above) for again in (p, 0.0))
     return ReportingRule(above, below, hidden, weight, coasting_s=coasting_s)
 
 
-def _misses(kind: ClassModel, radars: tuple[RadarModel, ...]) -> FloatArray:
-    """Return the probability that all radars miss a target, at places in its class's band."""
+def _misses(kind: ClassModel, sensors: tuple[Sensor, ...]) -> FloatArray:
+    """Return the probability that all sensors miss a target, at points of its class's SNR band."""
     low, high = np.log1p(kind.snr_band)
     place = low + (high - low) * (np.arange(PLACES) + 0.5) / PLACES
     missed = np.ones(PLACES)
-    for radar in radars:
-        if radar.visibility.given:
-            missed *= 1.0 - max(radar.visibility.probabilities)
-        else:
-            missed *= -np.expm1(-0.5 * radar.threshold**2 * np.exp(-place))
+    for sensor in sensors:
+        missed *= sensor.miss_probability(place)
     return missed
 
 
@@ -137,8 +134,9 @@ def _record_weight(missed: FloatArray) -> float:
 
     Notes
     -----
-    The shape of the gamma distribution with the mean and the variance of the probability that all
-    radars miss a target of the class. A given probability holds for every target.
+    It is the shape parameter of the gamma distribution with the mean and the variance of the
+    probability that all radars miss a target of the class. A given detection probability is the
+    same for all targets.
     """
     variance = float(missed.var())
     mean = float(missed.mean())

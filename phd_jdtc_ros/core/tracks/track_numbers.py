@@ -1,6 +1,6 @@
 """Track numbers: small, in the order in which tracks are first reported.
 
-A track of an aircraft that had a number before, by its address, has that number again; and of two
+A new track of an aircraft that had a number before, by its address, has that number again. Two
 tracks of one aircraft both have the older number, and the better one is reported.
 """
 
@@ -9,17 +9,28 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import IntArray
+from ..snapshot import MOST_INDEX, Snapshot, from_snapshot, integers, to_snapshot
 from ..types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
-from .common_stamp import chosen
 from .known_aircraft import MARGIN, KnownAircraft, Reach
 
-# Of two tracks of one aircraft that is reported which is confirmed, else which is coasting.
+# Largest restored number: messages have 32 bits for a track number, and half of the range remains
+# for tracks after the restart.
+MOST_TRACKS = 1 << 31
+# Rank of two tracks of one aircraft by their states; the lower one is reported.
 PREFERENCE = {CONFIRMED: 0, COASTING: 1, TENTATIVE: 2}
+
+
+class Numbers(NamedTuple):
+    """Snapshot of the last assigned number, and of the labels and numbers in use, each (T,)."""
+
+    last: Annotated[int, integers("", 0, MOST_TRACKS)]
+    label: Annotated[IntArray, integers("T", 0, MOST_INDEX + 1)]
+    number: Annotated[IntArray, integers("T", 1)]
 
 
 class TrackNumbers:
@@ -30,9 +41,9 @@ class TrackNumbers:
     number : dict of label to number, or None
         The numbers in use.
     count : int
-        The last number given; the first is 1.
+        The last assigned number; the first is 1.
     aircraft : KnownAircraft or None
-        Those of tracks with known addresses.
+        Aircraft with known addresses.
     """
 
     def __init__(
@@ -45,14 +56,14 @@ class TrackNumbers:
         self.count = count
         self.aircraft = aircraft or KnownAircraft()
 
-    def numbered(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
-        """Return the estimates with track numbers for labels, each once; 0 stays 0.
+    def assign(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
+        """Return the estimates with distinct track numbers in the place of labels; 0 stays 0.
 
         Parameters
         ----------
         estimates : Estimates
         reach : Reach or None
-            Of aircraft whose tracks have ended; None where no radar reports identities.
+            Reach of aircraft whose tracks have ended; None if no radar reports identities.
         """
         label = estimates.track_id.tolist()
         if reach is None or estimates.attributes is None:
@@ -69,7 +80,7 @@ class TrackNumbers:
         self._part(estimates)
         numbers = [self._track(one) if one else 0 for one in label]
         found = replace(estimates, track_id=np.array(numbers, dtype=np.int64))
-        found = chosen(found, _best(found))
+        found = found.take(_best(found))
         self.aircraft.note(found, reach)
         return found
 
@@ -85,7 +96,7 @@ class TrackNumbers:
                 self._number.update(dict.fromkeys(labels, min(given)))
 
     def _part(self, estimates: Estimates) -> None:
-        """Take a number from the younger of two confirmed tracks that are not one aircraft."""
+        """Withdraw the number of the younger of two confirmed tracks of different aircraft."""
         confirmed = estimates.track_state == CONFIRMED
         number = [self._number.get(label, 0) for label in estimates.track_id.tolist()]
         for one, other in _pairs(np.where(confirmed, number, 0), 0):
@@ -103,14 +114,23 @@ class TrackNumbers:
         """The number of each label; a copy."""
         return dict(self._number)
 
-    @property
-    def facts(self) -> dict[str, Any]:
-        """The state for a snapshot: the arguments that make an equal one."""
-        return {
-            "number": [list(pair) for pair in self._number.items()],
-            "count": self.count,
-            "aircraft": self.aircraft.facts,
-        }
+    def to_snapshot(self, snapshot: Snapshot) -> None:
+        """Store the numbers in a snapshot."""
+        label, number = (
+            np.array([*part], dtype=np.int64) for part in (self._number, self._number.values())
+        )
+        to_snapshot(Numbers(self.count, label, number), snapshot, "numbers")
+        self.aircraft.to_snapshot(snapshot)
+
+    @staticmethod
+    def from_snapshot(snapshot: Snapshot) -> TrackNumbers:
+        """Return the stored numbers; raises ValueError if the tracker cannot have stored them."""
+        stored = from_snapshot(Numbers, snapshot, "numbers", {})
+        count, number = stored.last, stored.number
+        if number.max(initial=0) > count:
+            raise ValueError(f"numbers.number: {number.max()} given, must be at most {count}")
+        pairs = dict(zip(stored.label.tolist(), number.tolist(), strict=True))
+        return TrackNumbers(pairs, count, KnownAircraft.from_snapshot(snapshot, count))
 
     def forget_all_but(self, labels: list[IntArray]) -> None:
         """Drop the numbers of targets that can no longer be reported."""
@@ -119,10 +139,10 @@ class TrackNumbers:
 
 
 class NoNumbers(TrackNumbers):
-    """Leaves labels as they are, while it is not known yet which of them have a number."""
+    """Keeps labels as track numbers, while scans are reprocessed."""
 
-    def numbered(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
-        """Return the estimates as they are."""
+    def assign(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
+        """Return the estimates unchanged."""
         return estimates
 
     def forget_all_but(self, labels: list[IntArray]) -> None:
@@ -130,7 +150,7 @@ class NoNumbers(TrackNumbers):
 
 
 def _pairs(value: IntArray, none: int) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of rows that have the same value and not `none`."""
+    """Yield the pairs of rows with the same value, except for the value `none`."""
     known, count = np.unique(value[value != none], return_counts=True)
     for same in known[count > 1]:
         yield from itertools.combinations(np.flatnonzero(value == same).tolist(), 2)
@@ -142,7 +162,7 @@ def _apart(estimates: Estimates, one: int, other: int) -> float:
 
 
 def _best(estimates: Estimates) -> IntArray:
-    """Return the rows of the estimates, of those of one number only the best one."""
+    """Return the rows of the best estimate of each number, and all without a number."""
     number = estimates.track_id
     rank = np.array([PREFERENCE[state] for state in estimates.track_state.tolist()], dtype=np.int64)
     order = np.lexsort((-estimates.weight, rank, number))

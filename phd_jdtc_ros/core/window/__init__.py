@@ -1,1 +1,1 @@
-"""The fixed-lag window of an engine: entries of past scans, the forward and the backward pass."""
+"""The fixed-lag window of an engine: past scans, forward pass with its update, backward pass."""

@@ -1,172 +1,118 @@
-"""Storage of what a filter has learned of clutter in a snapshot, and its restoration.
-
-`snapshot` says why every value is checked.
-"""
+"""Storage of learned clutter in a snapshot, and its restoration."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Sequence
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..clutter.amplitude_law import CELLS, MEMORY, Learned
-from ..clutter.grid import MOST_AZIMUTHS, Grid, GroundGrid, PolarGrid
-from ..clutter.map import MEMORY_TURNS, MOST_CELLS, ClutterMap
-from ..clutter.rate import MEMORY_TURNS as COUNTED_TURNS
+from ..arrays import FloatArray
+from ..clutter.amplitude_law import CELLS, MEMORY, MOST_COUNT, Learned
+from ..clutter.grid import Grid, GroundGrid, PolarGrid
+from ..clutter.map import MOST_CELLS, ClutterMap
 from ..clutter.rate import ClutterCount
 from ..models.clutter_learning import ClutterMemory
-from ..sensors.polar_radar import RadarModel
-from ..snapshot import MOST_INDEX, Snapshot, require_numbers, require_whole, whole
+from ..sensors.sensor import Sensor
+from ..snapshot import MOST_STATE, Snapshot, floats, from_snapshot, to_snapshot
 
 NAME, MAP, RATE = "clutter", "clutter_map", "clutter_rate"
-# Rounding may leave a little more than all of the memory.
-MOST_COUNT, MOST_TURNS = 1.001 * MEMORY, 1.001 * MEMORY_TURNS
-# Of a rate: detections of all remembered turns, and these.
-MOST_IN_ALL, LEAST_TURNS, MOST_COUNTED_TURNS = 1e9, 0.5, 2.0 * COUNTED_TURNS
-# Of a map: detections of one report in one cell add up.
-MOST_IN_CELL = 1e9
 
 
-def put_clutter(snapshot: Snapshot, memory: ClutterMemory, radars: Sequence[RadarModel]) -> None:
-    """Store what has been learned of these radars; nothing if none of them learns."""
-    if memory.laws:
-        snapshot.facts[NAME] = sorted(memory.laws)
-    for radar, law in memory.laws.items():
-        snapshot.arrays[f"{NAME}.{radar}"] = law.count
-    learning = [radar.name for radar in radars if radar.clutter_count is not None]
-    counts = {name: memory.counts[name] for name in learning if name in memory.counts}
-    if counts:
-        snapshot.facts[RATE] = {name: [own.count, own.turns] for name, own in counts.items()}
-    if memory.maps:
-        pose = {radar.name: [*radar.position, radar.yaw] for radar in radars}
-        snapshot.facts[MAP] = {
-            radar: {
-                "pose": pose[radar],
-                **_grid_facts(places.grid),
-                "turns": places.turns,
-                "recent_turns": places.recent_turns,
-            }
-            for radar, places in memory.maps.items()
-        }
-    for radar, places in memory.maps.items():
-        snapshot.arrays[f"{MAP}.{radar}.cell"] = places.cell
-        snapshot.arrays[f"{MAP}.{radar}.count"] = places.count
-        snapshot.arrays[f"{MAP}.{radar}.recent"] = places.recent
+class Place(NamedTuple):
+    """The location of a radar with learned clutter.
+
+    Parameters
+    ----------
+    pose : array of shape (3,)
+        World x and y in metres, and yaw in radians.
+    """
+
+    pose: Annotated[FloatArray, floats("X", -MOST_STATE, MOST_STATE)]
 
 
-def take_clutter(snapshot: Snapshot, radars: Sequence[RadarModel]) -> ClutterMemory:
-    """Return what a snapshot has of the clutter of these radars.
+def clutter_to_snapshot(
+    memory: ClutterMemory, radars: Sequence[Sensor], snapshot: Snapshot
+) -> None:
+    """Store the learned clutter of these radars; nothing if none of them learns."""
+    for name, law in memory.laws.items():
+        to_snapshot(law, snapshot, f"{NAME}.{name}")
+    for radar in radars:
+        if radar.clutter_count is not None and radar.name in memory.counts:
+            to_snapshot(memory.counts[radar.name], snapshot, f"{RATE}.{radar.name}")
+        if radar.name in memory.maps:
+            own, name = memory.maps[radar.name], f"{MAP}.{radar.name}"
+            to_snapshot(own, snapshot, name)
+            to_snapshot(own.grid, snapshot, f"{name}.grid")
+            to_snapshot(_place_of(radar), snapshot, name)
+
+
+def clutter_from_snapshot(snapshot: Snapshot, radars: Sequence[Sensor]) -> ClutterMemory:
+    """Return the stored clutter of these radars.
 
     Raises
     ------
     ValueError
-        If it is that of another radar or place, or none that a tracker could have stored.
+        If it belongs to another radar or place, or a tracker could not have stored it.
     """
-    learning = {
-        radar.name: radar.threshold
-        for radar in radars
-        if isinstance(radar.clutter_amplitude, Learned)
+    known = {radar.name: radar for radar in radars}
+    learning = [n for n, radar in known.items() if isinstance(radar.clutter_amplitude, Learned)]
+    mapping = [name for name, radar in known.items() if radar.clutter_map is not None]
+    laws = {
+        name: _law(snapshot, known[name])
+        for name in _radars(snapshot, NAME, learning, "whose clutter_amplitude is learned")
     }
-    names: Any = snapshot.facts.get(NAME, [])
-    if not isinstance(names, list):
-        raise ValueError(f"{NAME}: {str(names)[:40]} given, must be a list of radars")
-    _require_radars(NAME, names, learning, "clutter_amplitude is learned")
-    laws = {name: Learned(learning[name], _take_count(snapshot, name)) for name in names}
-    mapping = {radar.name: radar for radar in radars if radar.clutter_map is not None}
-    facts: Any = snapshot.facts.get(MAP, {})
-    if not isinstance(facts, dict):
-        raise ValueError(f"{MAP}: {str(facts)[:40]} given, must be a mapping by radar")
-    _require_radars(MAP, facts, mapping, "clutter_map is true")
-    maps = {name: _take_map(snapshot, mapping[name], facts[name]) for name in facts}
-    return ClutterMemory(laws, maps, _take_counts(snapshot, radars))
+    maps = {
+        name: _map(snapshot, known[name])
+        for name in _radars(snapshot, MAP, mapping, "whose clutter_map is true")
+    }
+    counts = {
+        name: from_snapshot(ClutterCount, snapshot, f"{RATE}.{name}", {})
+        for name in _radars(snapshot, RATE, known, "of this tracker")
+    }
+    # A rate learned before the snapshot is dropped if the configuration sets it now.
+    counts = {name: own for name, own in counts.items() if known[name].clutter_count is not None}
+    return ClutterMemory(laws, maps, counts)
 
 
-def _take_counts(snapshot: Snapshot, radars: Sequence[RadarModel]) -> dict[str, ClutterCount]:
-    """Return the numbers that clutter rates are learned from.
-
-    Those of a radar whose rate is given now are left out: it may change at any time.
-    """
-    facts: Any = snapshot.facts.get(RATE, {})
-    if not isinstance(facts, dict):
-        raise ValueError(f"{RATE}: {str(facts)[:40]} given, must be a mapping by radar")
-    known = {radar.name: radar.clutter_count is not None for radar in radars}
-    counts = {}
-    for name, fact in facts.items():
-        if name not in known:
-            raise ValueError(
-                f"{RATE}: that of {str(name)[:40]} given, must be of one of {', '.join(known)}"
-            )
-        if not (isinstance(fact, list) and len(fact) == 2):
-            raise ValueError(f"{RATE}.{name}: {str(fact)[:40]} given, must be a count and turns")
-        numbers = np.array([each if isinstance(each, float) else np.nan for each in fact])
-        require_numbers(f"{RATE}.{name}.count", numbers[:1], 0.0, MOST_IN_ALL)
-        # No turns are remembered of a radar whose rate was never learned.
-        require_numbers(f"{RATE}.{name}.turns", numbers[1:], LEAST_TURNS, MOST_COUNTED_TURNS)
-        if known[name]:
-            counts[name] = ClutterCount(*numbers.tolist())
-    return counts
-
-
-def _require_radars(fact: str, names: Collection[Any], known: Collection[str], which: str) -> None:
-    for name in names:
-        if name not in known:
-            raise ValueError(
-                f"{fact}: that of {str(name)[:40]} given, must be of a radar whose {which}: "
-                f"{', '.join(known) or 'there is none'}"
-            )
-
-
-def _take_count(snapshot: Snapshot, radar: str) -> Any:
-    """Return the counts of a learned law."""
-    count = snapshot.array(f"{NAME}.{radar}")
-    if count.shape != (CELLS,):
-        raise ValueError(f"{NAME}.{radar}: shape {count.shape}, expected ({CELLS},)")
-    require_numbers(f"{NAME}.{radar}", count, 0.0, MOST_COUNT)
-    if count.sum() > MOST_COUNT:
-        raise ValueError(f"{NAME}.{radar}: {count.sum():.4g} detections given, at most {MEMORY:g}")
-    return count
-
-
-def _take_map(snapshot: Snapshot, radar: RadarModel, facts: Mapping[str, Any]) -> ClutterMap:
-    """Return the map of a radar at this place."""
-    name = f"{MAP}.{radar.name}"
-    pose = [*radar.position, radar.yaw]
-    if facts["pose"] != pose:
+def _radars(snapshot: Snapshot, part: str, allowed: Collection[str], which: str) -> list[str]:
+    """Return the radars named in a part of a snapshot; raises ValueError for unknown ones."""
+    names = snapshot.names_below(part)
+    for name in names.difference(allowed):
         raise ValueError(
-            f"{name}: of a radar at {str(facts['pose'])[:80]} (x, y in m, yaw in rad), expected "
-            f"{pose}"
+            f"{part}: clutter of {name[:40]} given, must be of a radar {which}: "
+            f"{', '.join(allowed) or 'there is none'}"
         )
-    size = np.array([facts["size"], facts["turns"], facts["recent_turns"]], dtype=np.float64)
-    require_numbers(f"{name}.size", size[:1], 1e-9, 1e12)
-    require_numbers(f"{name}.turns", size[1:2], 0.0, MOST_TURNS)
-    require_numbers(f"{name}.recent_turns", size[2:], 0.0, MOST_TURNS)
+    return sorted(names)
+
+
+def _place_of(radar: Sensor) -> Place:
+    return Place(np.array([*radar.position, radar.yaw], dtype=np.float64))
+
+
+def _law(snapshot: Snapshot, radar: Sensor) -> Learned:
+    name = f"{NAME}.{radar.name}"
+    law = from_snapshot(Learned, snapshot, name, {"K": CELLS}, threshold=radar.threshold)
+    if law.count.sum() > MOST_COUNT:
+        raise ValueError(f"{name}.count: {law.count.sum():.4g} detections, at most {MEMORY:g}")
+    return law
+
+
+def _map(snapshot: Snapshot, radar: Sensor) -> ClutterMap:
+    """Return the stored clutter map of a radar; raises ValueError for one of another place."""
+    name, place = f"{MAP}.{radar.name}", _place_of(radar).pose.tolist()
+    stored = from_snapshot(Place, snapshot, name, {"X": 3}).pose.tolist()
+    if stored != place:
+        raise ValueError(
+            f"{name}: map of a radar at {stored} (x, y in m, yaw in rad), expected {place}"
+        )
     polar = radar.clutter_map is not None and isinstance(radar.clutter_map.grid, PolarGrid)
-    if polar != ("azimuths" in facts):
-        raise ValueError(f"{name}: that of a radar that {'moves' if polar else 'stands'} given")
-    grid: Grid = GroundGrid(float(size[0]))
-    if polar:
-        azimuths = whole(f"{name}.azimuths", facts["azimuths"], 3, MOST_AZIMUTHS)
-        grid = PolarGrid(float(size[0]), azimuths)
-    cell, counts = snapshot.array(f"{name}.cell"), []
-    require_whole(f"{name}.cell", cell, 0, MOST_INDEX)
-    for part in ("count", "recent"):
-        counts.append(count := snapshot.array(f"{name}.{part}"))
-        require_numbers(f"{name}.{part}", count, 0.0, MOST_IN_CELL)
-        if cell.ndim != 1 or cell.shape != count.shape or len(cell) > MOST_CELLS:
-            raise ValueError(
-                f"{name}.{part}: {cell.shape} cells and {count.shape} counts, expected as many, at "
-                f"most {MOST_CELLS}"
-            )
-    if (np.diff(cell) <= 0).any():
-        raise ValueError(f"{name}.cell: must increase")
-    return ClutterMap(grid, cell, counts[0], float(size[1]), counts[1], float(size[2]))
-
-
-def _grid_facts(grid: Grid) -> dict[str, float]:
-    """Return the size of a map's cells in metres and, if they are polar, the cells of a turn."""
-    if isinstance(grid, PolarGrid):
-        return {"size": grid.range_cell, "azimuths": grid.columns}
-    if isinstance(grid, GroundGrid):
-        return {"size": grid.cell}
-    raise TypeError(f"{type(grid).__name__}: a grid that cannot be stored")
+    if polar != (f"{name}.grid.columns" in snapshot.arrays):
+        given, own = ("moving", "fixed") if polar else ("fixed", "moving")
+        raise ValueError(f"{name}: map of a {given} radar given, but this radar is {own}")
+    kind: type[Grid] = PolarGrid if polar else GroundGrid
+    grid = from_snapshot(kind, snapshot, f"{name}.grid", {})
+    learned = from_snapshot(ClutterMap, snapshot, name, {}, grid=grid)
+    if len(learned.cell) > MOST_CELLS:
+        raise ValueError(f"{name}.cell: {len(learned.cell)} cells, at most {MOST_CELLS}")
+    return learned

@@ -1,10 +1,9 @@
-"""What an engine keeps of one scan, and how it is linked to the scans before.
+"""Entries of the window: the set that an engine keeps of one scan, linked to earlier sets.
 
-A scan of a radar that turns updates the targets that the antenna passed, and leaves the others
-alone. Every origin is then in the set of the last scan that touched it, and a scan may continue
-rows of several earlier sets.
+A scan of a turning radar updates only the targets that the antenna passed. Every label is then in
+the set of the last scan that swept it, and a scan may continue rows of several earlier sets.
 
-What a row is, the engine says: a particle, or a Gaussian that is one of several of its origin.
+The engine defines a row: a particle, or one of the Gaussian hypotheses of a label.
 """
 
 from __future__ import annotations
@@ -25,14 +24,14 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Extents:
-    """Where the targets of each origin are.
+    """Position and velocity of the target of each label, with their spread.
 
     Parameters
     ----------
     origin : int array of shape (T,)
-        Ascending.
+        Labels, ascending.
     row_origin : int array of shape (N,)
-        The index of each row's origin.
+        Index of each row's label in `origin`.
     position, velocity : arrays of shape (T, 2)
         Means, metres and metres per second.
     position_std, velocity_std : arrays of shape (T,)
@@ -48,16 +47,16 @@ class Extents:
 
 
 class Rows(Sized, Protocol):
-    """A set that approximates the intensity: N weighted rows, each of one origin."""
+    """A set that approximates the intensity: N weighted rows, each with one label."""
 
     @property
     def origin(self) -> IntArray:
-        """Origin of each row, shape (N,); see `labels`."""
+        """Label of each row, shape (N,); see `labels`."""
         ...
 
     @property
     def label(self) -> IntArray:
-        """Origin of the target that each component is, shape (J,); -1 where it is of none."""
+        """Label of each component's target, shape (J,); -1 for a component without label."""
         ...
 
     def take(self: RowsT, rows: IntArray) -> RowsT:
@@ -73,19 +72,18 @@ class Rows(Sized, Protocol):
         ----------
         class_of : int array of shape (O,)
             Class of each flat mode.
-        classes : int
         rows : int array or None
-            Only these; None for all of them.
+            The rows to count; None for all rows.
         """
         ...
 
     def extents(self, space: StateSpace) -> Extents:
-        """Return where the targets of each origin are."""
+        """Return the position and velocity of the target of each label."""
         ...
 
 
 RowsT = TypeVar("RowsT", bound=Rows)
-# What an engine needs to go back from the rows of a set to those of its sources.
+# The engine's data for the backward step from the rows of a set to the rows of its sources.
 LinkT = TypeVar("LinkT")
 
 
@@ -96,9 +94,9 @@ class Source:
     Parameters
     ----------
     stamp_ns : int
-        Of the earlier set's scan.
+        Stamp of the earlier set's scan.
     rows : int array or None
-        Ascending; None for all of them.
+        Continued rows, ascending; None for all rows.
     size : int
         Number of rows.
     """
@@ -114,14 +112,13 @@ class Entry(Generic[RowsT, LinkT]):
 
     Parameters
     ----------
-    stamp_ns : int
     stored : Rows
-        The origins that the scan touched, and those that it began.
+        Rows of the labels that the scan swept or created.
     sources : tuple of Source
-        Where its rows come from; empty if from nowhere.
+        The earlier rows that these continue; empty if there are none.
     link : object or None
-        Leads from `stored` back to the rows of all sources, one source after the other; None
-        without sources and without smoothing.
+        Link from `stored` back to the concatenated rows of all sources; None without sources or
+        without smoothing.
     """
 
     stamp_ns: int
@@ -139,7 +136,7 @@ class Entry(Generic[RowsT, LinkT]):
         return {}
 
     def extents(self, space: StateSpace) -> Extents:
-        """Return where the targets of each origin are; computed once."""
+        """Return the position and velocity of the target of each label; computed once."""
         if space not in self._extents:
             self._extents[space] = self.stored.extents(space)
         return self._extents[space]
@@ -147,13 +144,12 @@ class Entry(Generic[RowsT, LinkT]):
 
 @dataclass(frozen=True)
 class Current(Generic[RowsT, LinkT]):
-    """An entry with rows that no later scan has touched.
+    """The rows of an entry that no later scan has swept.
 
     Parameters
     ----------
-    entry : Entry
     rows : int array or None
-        Those rows, ascending; None for all of them.
+        These rows, ascending; None for all rows.
     """
 
     entry: Entry[RowsT, LinkT]
@@ -169,7 +165,7 @@ class Current(Generic[RowsT, LinkT]):
 
     @property
     def origin(self) -> IntArray:
-        """Origin of each of these rows."""
+        """Label of each of these rows."""
         origin = self.entry.stored.origin
         return origin if self.rows is None else origin[self.rows]
 
@@ -180,7 +176,7 @@ class Current(Generic[RowsT, LinkT]):
     def class_mass(self, class_of: IntArray, classes: int) -> FloatArray:
         """Return the rows' expected number of targets of each class; computed once.
 
-        See `Rows.class_mass`. The flat modes of a number of classes are always the same.
+        See `Rows.class_mass`. `class_of` is the same for every call with the same `classes`.
         """
         if classes not in self._class_mass:
             mass = self.entry.stored.class_mass(class_of, classes, self.rows)
@@ -192,15 +188,15 @@ class Current(Generic[RowsT, LinkT]):
         """The rows as a source of a later scan."""
         return Source(self.entry.stamp_ns, self.rows, len(self))
 
-    def parted(
+    def split(
         self, touched: BoolArray
     ) -> tuple[Current[RowsT, LinkT] | None, Current[RowsT, LinkT] | None]:
-        """Return the rows that are touched, and the other rows; None where there are none.
+        """Return the swept rows and the other rows; None in the place of an empty part.
 
         Parameters
         ----------
         touched : bool array of shape (N,)
-            By row of the entry.
+            Whether a scan has swept each row of the entry.
         """
         every = np.arange(len(touched)) if self.rows is None else self.rows
         chosen = touched[every]

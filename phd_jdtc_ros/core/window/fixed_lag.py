@@ -1,47 +1,57 @@
-"""The part of an engine around its filter: the fixed-lag window, the schedule, track numbers."""
+"""The fixed-lag engine around a forward filter: window, schedule and track numbers."""
 
 from __future__ import annotations
 
-import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Generic
+from typing import Annotated, Any, Generic, NamedTuple
 
 import numpy as np
 
 from ..arrays import IntArray
-from ..engine import Held, Lag, Reworked, Step
+from ..engine import EngineState, Lag, Reprocessed, Step
 from ..models.clutter_raster import ClutterRaster, raster
 from ..models.tracker_model import TrackerModel
-from ..snapshot import MOST_INDEX, MOST_STAMP_NS, Snapshot, whole
+from ..snapshot import MOST_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from ..tracks import renumbering
-from ..tracks.common_stamp import Schedule, at_stamp, chosen, joined, none, predicted
+from ..tracks.common_stamp import Schedule, at_stamp, predict
 from ..tracks.confirmation import TrackStates
-from ..tracks.known_aircraft import KnownAircraft, Reach
+from ..tracks.known_aircraft import Reach
 from ..tracks.reporting_rule import ReportingRule
 from ..tracks.track_numbers import NoNumbers, TrackNumbers
 from ..types import Estimates, Scan
-from . import window_snapshot
 from .entries import Entry, LinkT, RowsT
 from .forward_filter import MOST_SCANS, Filtered, ForwardFilter
 
-# Messages have 32 bits for a track's number; half of them are left for what is still to come.
-MOST_TRACKS = 1 << 31
 NO_ROWS = np.zeros(0, dtype=np.int64)
+
+
+class Window(NamedTuple):
+    """The window's part of a snapshot.
+
+    Parameters
+    ----------
+    stamps_ns : int array of shape (Q,)
+        Stamps whose smoothed estimates are pending.
+    entries : int
+        Number of sets.
+    """
+
+    stamps_ns: Annotated[IntArray, integers("Q", 0, MOST_STAMP_NS, ascending=True)]
+    entries: Annotated[int, integers("", 0, MOST_SCANS)]
 
 
 @dataclass(frozen=True)
 class Part(Generic[RowsT]):
-    """Targets of a set.
+    """Some targets of a set, for extraction.
 
     Parameters
     ----------
-    stored : Rows
     rows : int array or None
-        The rows of those targets; None for all.
+        The rows of these targets; None for all rows.
     stamp_ns : int
-        Of the set's scan.
+        Stamp of the set's scan.
     """
 
     stored: RowsT
@@ -51,16 +61,13 @@ class Part(Generic[RowsT]):
 
 @dataclass
 class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
-    """A forward filter with a fixed-lag smoother; fulfils the protocol `Engine`.
+    """A forward filter with a fixed-lag smoother; implements the protocol `Engine`.
 
-    An engine is a subclass that says how to extract targets, go backward over the window, and store
-    a set and its link.
+    An engine is a subclass that implements the extraction of targets, the backward pass over the
+    window, and the storage of an entry.
 
     Parameters
     ----------
-    forward : ForwardFilter
-    lag : Lag
-    schedule : Schedule
     rule : ReportingRule
         When tracks are reported.
     """
@@ -72,9 +79,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     _states: TrackStates = field(init=False, repr=False)
     _tracks: TrackNumbers = field(init=False, repr=False)
     _window: list[Entry[RowsT, LinkT]] = field(init=False, repr=False)
-    # The filtered targets of each scan with rows that no later one has touched, by stamp.
+    # Filtered targets of each scan with rows that no later scan has swept, by stamp.
     _filtered: dict[int, Estimates] = field(init=False, repr=False)
-    _stamps: list[int] = field(init=False, repr=False)  # whose smoothed estimates are to come
+    _stamps: list[int] = field(init=False, repr=False)  # with pending smoothed estimates
     # Stamps of the latest filtered and smoothed estimates; -1 before the first.
     _given_ns: tuple[int, int] = field(init=False, repr=False)
 
@@ -85,26 +92,26 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     def _extract(self, stored: RowsT, stamp_ns: int, lag: int, threshold: float) -> Estimates:
         """Return the targets of a set, filtered (lag 0) or smoothed.
 
-        Those with an existence probability above the threshold; the `track_id` of a labelled target
-        is its label plus one, and otherwise 0.
+        Targets with an existence probability above the threshold are returned. The `track_id` of a
+        labelled target is its label plus one, of others 0.
         """
 
     def _extract_all(self, parts: Sequence[Part[RowsT]], lag: int) -> tuple[Estimates, IntArray]:
-        """Return the targets of several sets, and the time of each; those that exist or not."""
+        """Return the targets of several sets at any existence probability, and each one's time."""
         every = []
         for part in parts:
             found = self._extract(part.stored, part.stamp_ns, lag, 0.0)
             if part.rows is not None:
                 alive = np.isin(found.track_id - 1, part.stored.origin[part.rows])
-                found = chosen(found, np.flatnonzero(alive))
+                found = found.take(np.flatnonzero(alive))
             every.append(found)
-        return joined(every, lag)
+        return Estimates.concatenate(every, lag)
 
     @abstractmethod
     def _backward(self, window: Sequence[Entry[RowsT, LinkT]]) -> Iterable[RowsT]:
         """Return the smoothed sets of a window, newest first; the window is oldest first.
 
-        Sources that are not in the window have left it.
+        A source outside the window has left it.
         """
 
     @abstractmethod
@@ -112,17 +119,17 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         """Return the diagnostics of a step."""
 
     @abstractmethod
-    def _put_entry(self, held: Snapshot, name: str, entry: Entry[RowsT, LinkT]) -> None:
-        """Store an entry under a name; see `window_snapshot.put_sources`."""
+    def _entry_to_snapshot(self, entry: Entry[RowsT, LinkT], stored: Snapshot, name: str) -> None:
+        """Store an entry under a name; see `window_snapshot.sources_to_snapshot`."""
 
     @abstractmethod
-    def _take_entry(
-        self, held: Snapshot, name: str, earlier: Mapping[int, Entry[RowsT, LinkT]]
+    def _entry_from_snapshot(
+        self, stored: Snapshot, name: str, earlier: Mapping[int, Entry[RowsT, LinkT]]
     ) -> Entry[RowsT, LinkT]:
-        """Return a stored entry, given those stored before it, by stamp.
+        """Return a stored entry, given the entries stored before it, by stamp.
 
-        A source that is none of them has left the window. Of any snapshot that is not this
-        engine's, an exception says what is wrong with it.
+        A source outside these entries has left the window. A snapshot that does not fit this engine
+        raises an exception with the reason.
         """
 
     def reset(self) -> None:
@@ -141,12 +148,12 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             filtered = [self._filtered_at(stamp_ns) for stamp_ns in due]
         step = self.forward.step(scan, linked=self.lag.positive)
         replaced = {entry.stamp_ns: entry for entry in step.earlier}
-        self._window = [replaced.get(entry.stamp_ns, entry) for entry in self._window]
-        self._window.append(step.entry)
+        earlier = [replaced.get(entry.stamp_ns, entry) for entry in self._window]
+        self._window = [*earlier, step.entry]
         self._note_filtered(step.updated, scan)
         if not self.schedule.period_ns:
             filtered.append(self._filtered_at(scan.stamp_ns))
-        self._stamps += [estimates.stamp_ns for estimates in filtered]
+        self._stamps = [*self._stamps, *(estimates.stamp_ns for estimates in filtered)]
         if filtered:
             self._given_ns = filtered[-1].stamp_ns, self._given_ns[1]
         smoothed = []
@@ -164,13 +171,13 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         return Step(tuple(filtered), tuple(smoothed), total, self._figures(step))
 
     def clutter_raster(self) -> ClutterRaster | None:
-        """Return where clutter comes from; see `Engine.clutter_raster`."""
+        """Return the learned clutter density; see `Engine.clutter_raster`."""
         return raster(self.forward.clutter.maps, self.forward.model.radars)
 
     def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
         """Use another model and rule from the next scan on; see `Engine.retune`.
 
-        The stored sets and the links between them stay as the previous model made them.
+        Stored sets and links are not recomputed with the new model.
         """
         self.forward.model = model
         if self.forward.attributes is not None and model.attributes is not None:
@@ -178,178 +185,179 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self.rule = self._states.rule = rule
 
     def flush(self) -> tuple[Estimates, ...]:
-        """Return the estimates of the window, smoothed with the scans that it holds, and reset."""
+        """Return the pending estimates, smoothed with the scans of the window, and reset."""
         rest = self._smooth_rest()
         self.reset()
         return rest
 
     def interrupt(self) -> tuple[Estimates, ...]:
-        """Do as `flush`, but use no track number a second time; see `Engine.interrupt`."""
+        """Flush without reuse of track numbers; see `Engine.interrupt`."""
         rest, before = self._smooth_rest(), self._tracks
         self.reset()
         self._tracks = TrackNumbers(count=before.count, aircraft=before.aircraft)
         return rest
 
-    def hold(self) -> Held:
-        """Return what the engine holds; see `Engine.hold`."""
-        return Held(self.forward.stamp_ns, self.forward.model, self.rule, self._state())
+    def save_state(self) -> EngineState:
+        """Return the engine's state; see `Engine.save_state`."""
+        return EngineState(self.forward.stamp_ns, self.forward.model, self.rule, self._state())
 
-    def rework(self, scans: Sequence[tuple[Held, Scan]]) -> Reworked:
-        """Step scans again; see `Engine.rework`.
+    def reprocess(self, scans: Sequence[tuple[EngineState, Scan]]) -> Reprocessed:
+        """Step scans again; see `Engine.reprocess`.
 
-        Filtered estimates of a stamp that comes late have no place between those that are out.
+        Filtered estimates of an out-of-sequence stamp are not published: later ones already are.
         """
-        before, now = self.hold(), self._reported()
+        before, now = self.save_state(), self._latest_targets()
         numbers, given = self._tracks, self._given_ns
-        self._recall(scans[0][0].state)
+        self._load_state(scans[0][0].state)
         first, earlier = self.forward.scan_index, self._tracks.in_use
         self._tracks = NoNumbers()
-        held, steps = [], []
+        states, steps = [], []
         for tuned, scan in scans:
             self.retune(tuned.model, tuned.rule)
-            held.append(self.hold())
+            states.append(self.save_state())
             steps.append(self.step(scan))
         self.retune(before.model, before.rule)
-        known = renumbering.continued(earlier, numbers.in_use, now, self._reported(), first)
+        latest = self._latest_targets()
+        known = renumbering.continue_numbers(earlier, numbers.in_use, now, latest, first)
         self._tracks, reach = TrackNumbers(known, numbers.count, numbers.aircraft), self._reach
         filtered, smoothed = [], []
         for step in steps:
             if self.schedule.period_ns:
                 due = [found for found in step.filtered if found.stamp_ns > given[0]]
-                filtered += [self._tracks.numbered(found, reach) for found in due]
+                filtered += [self._tracks.assign(found, reach) for found in due]
             due = [found for found in step.smoothed if found.stamp_ns > given[1]]
-            smoothed += [self._tracks.numbered(found, reach) for found in due]
+            smoothed += [self._tracks.assign(found, reach) for found in due]
         own = {"numbers": self._tracks.in_use}
-        held = [replace(each, state={**each.state, **own}) for each in held]
+        states = [replace(each, state={**each.state, **own}) for each in states]
         self._tracks.forget_all_but([entry.stored.label for entry in self._window])
-        return Reworked(tuple(held), tuple(filtered), tuple(smoothed))
+        return Reprocessed(tuple(states), tuple(filtered), tuple(smoothed))
 
     def _state(self) -> dict[str, Any]:
-        """Return what is the engine's own, for `_recall`; see `Held`."""
+        """Return the engine's own state, for `_load_state`; see `EngineState`."""
         return {
-            "filter": self.forward.hold(),
-            "tracks": self._states.hold(),
+            "filter": self.forward.save_state(),
+            "tracks": self._states.save_state(),
             "numbers": self._tracks.in_use,
-            "window": tuple(self._window),
-            "filtered": dict(self._filtered),
-            "stamps": tuple(self._stamps),
+            "window": self._window,
+            "filtered": self._filtered,
+            "stamps": self._stamps,
             "given": self._given_ns,
         }
 
-    def _recall(self, state: Mapping[str, Any]) -> None:
-        """Return to a state that was held."""
-        self.forward.recall(state["filter"])
-        self._states.recall(state["tracks"])
+    def _load_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a saved state."""
+        self.forward.load_state(state["filter"])
+        self._states.load_state(state["tracks"])
         self._tracks = TrackNumbers(dict(state["numbers"]))
-        self._window, self._stamps = list(state["window"]), list(state["stamps"])
-        self._filtered, self._given_ns = dict(state["filtered"]), state["given"]
+        self._window, self._stamps = state["window"], state["stamps"]
+        self._filtered, self._given_ns = state["filtered"], state["given"]
 
     def snapshot(self) -> Snapshot:
-        """Return all that the engine holds; see `Engine.snapshot`."""
-        held = Snapshot(self.forward.stamp_ns)
-        self.forward.put(held)
-        self._states.put(held)
-        held.facts["smoother"] = {
-            "stamps_ns": list(self._stamps),
-            "entries": len(self._window),
-            "tracks": self._tracks.facts,
-        }
+        """Return the engine's state; see `Engine.snapshot`."""
+        stored = Snapshot(self.forward.stamp_ns)
+        self.forward.to_snapshot(stored)
+        self._states.to_snapshot(stored)
+        self._tracks.to_snapshot(stored)
+        window = Window(np.array(self._stamps, dtype=np.int64), len(self._window))
+        to_snapshot(window, stored, "window")
         for index, entry in enumerate(self._window):
-            self._put_entry(held, f"stored.{index}", entry)
+            self._entry_to_snapshot(entry, stored, f"stored.{index}")
         for stamp_ns, estimates in self._filtered.items():
-            window_snapshot.put_estimates(held, f"filtered.{stamp_ns}", estimates)
-        return held
+            to_snapshot(estimates, stored, f"filtered.{stamp_ns}")
+        return stored
 
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot; see `Engine.restore`."""
         self.reset()
         try:
-            self._take(snapshot)
-        except Exception as error:  # of any kind: nobody knows what a foreign one holds
+            self._from_snapshot(snapshot)
+        except Exception as error:  # a foreign snapshot may cause any exception
             self.reset()
             raise ValueError(f"snapshot: {type(error).__name__}: {error}") from error
 
-    def _take(self, held: Snapshot) -> None:
-        facts = held.facts["smoother"]
-        stamps = [whole("stamps_ns", stamp, 0, MOST_STAMP_NS) for stamp in facts["stamps_ns"]]
-        if any(b <= a for a, b in itertools.pairwise(stamps)):
-            raise ValueError("stamps_ns: must increase")
-        modes = self.forward.model.modes
-        window: dict[int, Entry[RowsT, LinkT]] = {}
-        for index in range(whole("entries", facts["entries"], 0, MOST_SCANS)):
-            entry = self._take_entry(held, f"stored.{index}", window)
-            if window and entry.stamp_ns <= max(window):
+    def _from_snapshot(self, stored: Snapshot) -> None:
+        kept, latest = from_snapshot(Window, stored, "window", {}), stored.stamp_ns
+        if latest is not None and not (type(latest) is int and 0 <= latest <= MOST_STAMP_NS):
+            raise ValueError(f"stamp_ns: {str(latest)[:40]} given, must be a stamp, nanoseconds")
+        if len(kept.stamps_ns) and (latest is None or kept.stamps_ns[-1] > latest):
+            raise ValueError(f"window.stamps_ns: end at {kept.stamps_ns[-1]}, after {latest}")
+        entries: dict[int, Entry[RowsT, LinkT]] = {}
+        for index in range(kept.entries):
+            entry = self._entry_from_snapshot(stored, f"stored.{index}", entries)
+            if entries and entry.stamp_ns <= max(entries):
                 raise ValueError(f"stored.{index}.stamp_ns: must increase")
-            window[entry.stamp_ns] = entry
-        if stamps and (held.stamp_ns is None or stamps[-1] > held.stamp_ns):
-            raise ValueError(f"stamps_ns: end at {stamps[-1]}, after {held.stamp_ns}")
-        tracks = _track_numbers(facts["tracks"])
-        self.forward.take(held, window)
-        self._states.take(held)
-        self._tracks, self._stamps, self._window = tracks, stamps, list(window.values())
-        self._filtered = {
-            rows.entry.stamp_ns: window_snapshot.take_estimates(
-                held, f"filtered.{rows.entry.stamp_ns}", rows.entry.stamp_ns, modes
+            entries[entry.stamp_ns] = entry
+        self.forward.from_snapshot(stored, entries)
+        self._states.from_snapshot(stored)
+        self._tracks = TrackNumbers.from_snapshot(stored)
+        self._stamps, self._window = kept.stamps_ns.tolist(), list(entries.values())
+        modes = self.forward.model.modes
+        sizes = {"D": len(modes.space), "C": len(modes.classes)}
+        for rows in self.forward.current:
+            at, given = rows.entry.stamp_ns, {"lag": 0, "space": modes.space}
+            self._filtered[at] = from_snapshot(
+                Estimates, stored, f"filtered.{at}", sizes, stamp_ns=at, **given
             )
-            for rows in self.forward.current
-        }
 
     def _note_filtered(self, updated: RowsT, scan: Scan) -> None:
-        """Keep the targets of a scan, and forget those of scans that later ones have replaced."""
+        """Store the filtered targets of a scan, and drop those of scans that are fully replaced."""
         current = {rows.entry.stamp_ns for rows in self.forward.current}
-        found = self._extracted(updated, scan.stamp_ns, 0, self.rule.least)
-        self._filtered[scan.stamp_ns] = self._states.filtered(
+        found = self._extract_timed(updated, scan.stamp_ns, 0, self.rule.least)
+        reported = self._states.report_filtered(
             found, updated.label, current, scan, self.forward.mapped_model
         )
-        self._filtered = {stamp: kept for stamp, kept in self._filtered.items() if stamp in current}
+        every = {**self._filtered, scan.stamp_ns: reported}
+        self._filtered = {stamp: kept for stamp, kept in every.items() if stamp in current}
 
     def _filtered_at(self, stamp_ns: int) -> Estimates:
-        """Return the targets that go out for a stamp."""
-        whole = self._predicted(stamp_ns)
+        """Return the targets to publish for a stamp."""
+        whole = self._predict_targets(stamp_ns)
         self._states.note(whole)
-        return self._published(whole, smoothed=False)
+        return self._describe_and_number(whole, smoothed=False)
 
-    def _reported(self) -> Estimates:
-        """Return the targets as known now, at the stamp of the last scan; tracks are labels."""
+    def _empty(self, stamp_ns: int, lag: int) -> Estimates:
+        modes = self.forward.model.modes
+        return Estimates.empty(stamp_ns, lag, len(modes.classes), modes.space)
+
+    def _latest_targets(self) -> Estimates:
+        """Return the latest targets at the stamp of the last scan; tracks are labels."""
         stamp_ns = self.forward.stamp_ns
-        return (
-            none(self.forward.model.modes, 0, 0) if stamp_ns is None else self._predicted(stamp_ns)
-        )
+        return self._empty(0, 0) if stamp_ns is None else self._predict_targets(stamp_ns)
 
-    def _predicted(self, stamp_ns: int) -> Estimates:
-        """Return the targets as known now, predicted to a stamp; tracks are labels."""
+    def _predict_targets(self, stamp_ns: int) -> Estimates:
+        """Return the latest targets predicted to a stamp; tracks are labels."""
         parts = []
         for rows in self.forward.current:
             targets = self._filtered[rows.entry.stamp_ns]
             if rows.rows is not None:
                 alive = np.isin(targets.track_id - 1, rows.origin)
-                targets = chosen(targets, np.flatnonzero(alive))
+                targets = targets.take(np.flatnonzero(alive))
             parts.append(targets)
-        found, time_ns = joined(parts, 0)
-        return predicted(found, time_ns, stamp_ns, self.forward.model.modes)
+        found, time_ns = Estimates.concatenate(parts, 0)
+        return predict(found, time_ns, stamp_ns, self.forward.model.modes)
 
-    def _published(self, found: Estimates, smoothed: bool) -> Estimates:
-        """Return targets with what is known of them besides, and with track numbers for labels."""
+    def _describe_and_number(self, found: Estimates, smoothed: bool) -> Estimates:
+        """Return targets with their attributes, and with track numbers in the place of labels."""
         if self.forward.attributes is not None:
-            found = self.forward.attributes.told(found, smoothed)
-        return self._tracks.numbered(found, self._reach)
+            found = self.forward.attributes.describe(found, smoothed)
+        return self._tracks.assign(found, self._reach)
 
     @property
     def _reach(self) -> Reach | None:
-        """How far aircraft may go without a track; None where no radar reports identities."""
+        """Search limits for aircraft that lost their track; None if no radar reports identities."""
         return Reach.of(self.forward.model)
 
     def _smooth_rest(self) -> tuple[Estimates, ...]:
-        """Smooth all stamps that are held back with the scans that the window holds."""
+        """Smooth all pending stamps with the scans of the window."""
         rest = []
         while self._stamps:
             rest.append(self._smooth_oldest())
         return tuple(rest)
 
     def _smooth_oldest(self) -> Estimates:
-        """Return the targets at the oldest stamp that is held back, smoothed with all later scans.
+        """Return the targets at the oldest pending stamp, smoothed with all later scans.
 
-        Entries that no later stamp needs are then removed from the window.
+        Entries that no later stamp needs are then dropped from the window.
         """
         stamp_ns, lag = self._stamps[0], len(self._stamps) - 1
         modes, threshold = self.forward.model.modes, self.rule.least_smoothed
@@ -358,24 +366,24 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self.forward.done("backward")
         smoothed = dict(zip((entry.stamp_ns for entry in self._window), backward, strict=True))
         if alive.keys() == {stamp_ns}:
-            found = self._extracted(smoothed[stamp_ns], stamp_ns, lag, threshold)
-        elif held := self._held(stamp_ns, alive):
+            found = self._extract_timed(smoothed[stamp_ns], stamp_ns, lag, threshold)
+        elif held := self._interpolation_stamps(stamp_ns, alive):
             parts = [Part(smoothed[part_ns], alive.get(part_ns), part_ns) for part_ns in held]
             every, time_ns = self._extract_all(parts, lag)
             found = at_stamp(every, time_ns, stamp_ns, threshold, modes)
             self.forward.done("extraction")
         else:
-            found = none(modes, stamp_ns, lag)
-        found = self._states.smoothed(found)
+            found = self._empty(stamp_ns, lag)
+        found = self._states.report_smoothed(found)
         self._given_ns = self._given_ns[0], stamp_ns
-        del self._stamps[0]
+        self._stamps = self._stamps[1:]
         self._trim()
-        return self._published(found, smoothed=True)
+        return self._describe_and_number(found, smoothed=True)
 
     def _alive_at(self, stamp_ns: int) -> dict[int, IntArray | None]:
-        """Return the entries that hold the targets at a stamp, with the rows that do.
+        """Return the entries with targets at a stamp, by their stamps, and the rows of these.
 
-        These rows are continued after the stamp, or not yet; None is for all rows.
+        Only rows after the stamp continue these rows, if any do; None stands for all rows.
         """
         sources = [rows.source for rows in self.forward.current]
         for entry in self._window:
@@ -390,7 +398,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
                 alive[source.stamp_ns] = some
         return alive
 
-    def _held(self, stamp_ns: int, alive: Collection[int]) -> list[int]:
+    def _interpolation_stamps(self, stamp_ns: int, alive: Collection[int]) -> list[int]:
         """Return the stamps of the entries to interpolate between, ascending."""
         return [
             entry.stamp_ns
@@ -403,7 +411,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         ]
 
     def _trim(self) -> None:
-        """Remove what neither the filter nor a stamp that is held back needs."""
+        """Drop entries that neither the filter nor a pending stamp needs."""
         following = self._stamps[0] if self._stamps else MOST_STAMP_NS
         self._states.forget_before(following)
         needed = {*self._alive_at(following)}
@@ -414,18 +422,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             if entry.stamp_ns in needed
         ]
 
-    def _extracted(self, stored: RowsT, stamp_ns: int, lag: int, threshold: float) -> Estimates:
+    def _extract_timed(self, stored: RowsT, stamp_ns: int, lag: int, threshold: float) -> Estimates:
         """Extract the targets of a set; their tracks are labels."""
         estimates = self._extract(stored, stamp_ns, lag, threshold)
         self.forward.done("extraction")
         return estimates
-
-
-def _track_numbers(facts: Any) -> TrackNumbers:
-    """Return stored track numbers; raises ValueError if they are none."""
-    count = whole("tracks.count", facts["count"], 0, MOST_TRACKS)
-    number = {
-        whole("label", label, 0, MOST_INDEX + 1): whole("track", given, 1, count)
-        for label, given in facts["number"]
-    }
-    return TrackNumbers(number, count, KnownAircraft.of_facts(facts.get("aircraft", []), count))

@@ -1,29 +1,56 @@
-"""What every forward filter keeps from scan to scan, whatever its rows are."""
+"""The forward filter of an engine, and the state that it keeps from scan to scan."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
-from typing import Any, Generic
+from typing import Annotated, Any, Generic, NamedTuple
 
+import numpy as np
+
+from ..arrays import IntArray
 from ..attributes.memory import AttributeMemory
-from ..attributes.stored import put_attributes, take_attributes
+from ..attributes.stored import attributes_from_snapshot, attributes_to_snapshot
 from ..models.clutter_learning import ClutterMemory
 from ..models.tracker_model import TrackerModel
-from ..snapshot import MOST_STAMP_NS, Snapshot, whole
+from ..snapshot import MOST_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from ..types import Scan
-from . import window_snapshot
-from .clutter_snapshot import put_clutter, take_clutter
+from .clutter_snapshot import clutter_from_snapshot, clutter_to_snapshot
 from .entries import Current, Entry, LinkT, RowsT
-from .swept import births_passed
+from .swept import swept_births
+from .window_snapshot import current_from_snapshot, current_to_snapshot
 
-# Origins are numbered by scan and must fit 64 bits: 6000 years of a scan a second.
+# Largest number of scans. Labels contain the scan index and must fit 64 bits; at one scan a second
+# the limit is reached after 4000 years.
 MOST_SCANS = 1 << 37
+# The fields of a filter that change from scan to scan. Their values are replaced and never
+# modified, so that a shallow copy is enough to restore a state.
+STATE = ("current", "stamp_ns", "_born_ns", "_scan_index", "clutter", "attributes")
 
 
 def _ignore(part: str) -> None:
     """Do nothing when a part is done."""
+
+
+class Progress(NamedTuple):
+    """The filter's part of a snapshot, without its sets.
+
+    Parameters
+    ----------
+    scan_index : int
+        Index of the next scan.
+    birth, born_ns : int arrays of shape (B,)
+        Birth terms, and the time of the antenna's last pass over each, nanoseconds.
+    current_ns : int array of shape (Q,)
+        Stamps of the sets that later scans continue.
+    """
+
+    scan_index: Annotated[int, integers("", 0, MOST_SCANS)]
+    birth: Annotated[IntArray, integers("B", 0, MOST_SCANS)]
+    born_ns: Annotated[IntArray, integers("B", 0, MOST_STAMP_NS)]
+    current_ns: Annotated[IntArray, integers("Q", 0, MOST_STAMP_NS)]
 
 
 @dataclass(frozen=True)
@@ -33,11 +60,11 @@ class Filtered(Generic[RowsT, LinkT]):
     Parameters
     ----------
     updated : Rows
-        After the update with all radars; the filtered targets are extracted from it.
+        The set after the update with all radars; the filtered targets are extracted from it.
     entry : Entry
-        What is kept: the set after its reduction, and its link to earlier sets.
+        The entry to keep: the reduced set, and its link to earlier sets.
     earlier : tuple of Entry
-        Those it is linked to, which the step may have replaced by others of the same stamps.
+        The entries it is linked to; the step may replace earlier entries of the same stamps.
     """
 
     updated: RowsT
@@ -47,24 +74,23 @@ class Filtered(Generic[RowsT, LinkT]):
 
 @dataclass
 class ForwardFilter(ABC, Generic[RowsT, LinkT]):
-    """A filter over scans; keeps the sets that later scans continue.
+    """A filter over scans, with the sets that later scans continue.
 
     Parameters
     ----------
-    model : TrackerModel
     done : callable
-        Called with the name of each part of a step when it is done; for timing.
+        Called with the name of each part of a step at its end, for timing.
     """
 
     model: TrackerModel
     done: Callable[[str], None] = field(default=_ignore, kw_only=True)
-    # By ascending stamp; the last one is all of the last scan's set.
+    # By ascending stamp; the last element has all rows of the last scan's set.
     current: list[Current[RowsT, LinkT]] = field(init=False, repr=False)
     stamp_ns: int | None = field(init=False, repr=False)
     _born_ns: dict[int, int] = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
     clutter: ClutterMemory = field(init=False, repr=False)
-    # None where no radar reports identities or heights.
+    # None if no radar reports identities or heights.
     attributes: AttributeMemory | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -77,15 +103,15 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
 
     @property
     def mapped_model(self) -> TrackerModel:
-        """The model, with the maps of clutter that its radars have learned."""
-        return self.clutter.mapped(self.model)
+        """The model, with the learned clutter maps of its radars."""
+        return self.clutter.with_learned_maps(self.model)
 
     @abstractmethod
     def step(self, scan: Scan, linked: bool) -> Filtered[RowsT, LinkT]:
         """Predict and update with every radar; if `linked`, link the new set to earlier ones.
 
-        Origins that no antenna passed in this scan are left as they are, see `swept`. The new set
-        is handed to `_keep`.
+        Labels that no antenna swept in this scan are unchanged, see `swept`. Implementations pass
+        the new set to `_keep`.
 
         Raises
         ------
@@ -100,82 +126,63 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         known = self.model.attributes
         self.attributes = None if known is None else AttributeMemory(known)
 
-    def hold(self) -> dict[str, Any]:
-        """Return the filter's state, for `recall`; the sets are not copied."""
-        return {
-            "current": tuple(self.current),
-            "stamp_ns": self.stamp_ns,
-            "born_ns": dict(self._born_ns),
-            "scan_index": self._scan_index,
-            "clutter": self.clutter.copy(),
-            "attributes": None if self.attributes is None else self.attributes.copy(),
-        }
+    def save_state(self) -> dict[str, Any]:
+        """Return the filter's state, for `load_state`; its values are shared."""
+        return {name: copy(getattr(self, name)) for name in STATE}
 
-    def recall(self, held: Mapping[str, Any]) -> None:
-        """Return to a state that was held."""
-        self.current, self.stamp_ns = list(held["current"]), held["stamp_ns"]
-        self._born_ns, self._scan_index = dict(held["born_ns"]), held["scan_index"]
-        self.clutter = held["clutter"].copy()
-        known = held["attributes"]
-        self.attributes = None if known is None else known.copy()
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a saved state."""
+        for name in STATE:
+            setattr(self, name, copy(state[name]))
 
     def start_from(self, stamp_ns: int, stored: RowsT) -> None:
         """Use `stored` as the set of an earlier scan."""
         self.stamp_ns, self.current = stamp_ns, [Current(Entry(stamp_ns, stored))]
 
-    def put(self, into: Snapshot) -> None:
+    def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the filter's state, except for the sets themselves, in a snapshot."""
-        into.facts["filter"] = {
-            "scan_index": self._scan_index,
-            "born_ns": [list(pair) for pair in self._born_ns.items()],
-            "current_ns": [rows.entry.stamp_ns for rows in self.current],
-        }
+        progress = Progress(
+            self._scan_index,
+            np.array([*self._born_ns], dtype=np.int64),
+            np.array([*self._born_ns.values()], dtype=np.int64),
+            np.array([rows.entry.stamp_ns for rows in self.current], dtype=np.int64),
+        )
+        to_snapshot(progress, snapshot, "filter")
         for rows in self.current:
-            window_snapshot.put_current(into, rows)
-        put_clutter(into, self.clutter, self.model.radars)
+            current_to_snapshot(rows, snapshot)
+        clutter_to_snapshot(self.clutter, self.model.radars, snapshot)
         if self.attributes is not None:
-            put_attributes(into, self.attributes)
+            attributes_to_snapshot(self.attributes, snapshot)
 
-    def take(self, stored: Snapshot, entries: Mapping[int, Entry[RowsT, LinkT]]) -> None:
+    def from_snapshot(self, snapshot: Snapshot, entries: Mapping[int, Entry[RowsT, LinkT]]) -> None:
         """Restore the filter's state from a snapshot.
 
         Parameters
         ----------
-        stored : Snapshot
         entries : mapping of stamp to Entry
             The sets that the snapshot holds.
 
         Raises
         ------
         ValueError
-            If the snapshot is not of such a filter.
+            If the snapshot does not fit this filter.
         """
-        facts = stored.facts["filter"]
-        current = []
-        for stamp_ns in facts["current_ns"]:
+        progress, latest = from_snapshot(Progress, snapshot, "filter", {}), snapshot.stamp_ns
+        stamps = progress.current_ns.tolist()
+        for stamp_ns in stamps:
             if stamp_ns not in entries:
-                raise ValueError(f"current_ns: {stamp_ns} is none of the stored sets")
-            current.append(window_snapshot.take_current(stored, entries[stamp_ns]))
-        latest = None
-        if stored.stamp_ns is not None:
-            latest = whole("stamp_ns", stored.stamp_ns, 0, MOST_STAMP_NS)
-        if (latest is None) != (not current) or (current and current[-1].entry.stamp_ns != latest):
-            raise ValueError(f"current_ns: do not end at {latest}")
-        index = whole("scan_index", facts["scan_index"], 0, MOST_SCANS)
-        born = {
-            whole("birth", term, 0, MOST_SCANS): whole("born_ns", stamp, 0, MOST_STAMP_NS)
-            for term, stamp in facts["born_ns"]
-        }
-        clutter = take_clutter(stored, self.model.radars)
-        attributes = None
+                raise ValueError(f"filter.current_ns: {stamp_ns} is none of the stored sets")
+        if stamps[-1:] != ([] if latest is None else [latest]):
+            raise ValueError(f"filter.current_ns: do not end at {latest}")
+        self.current = [current_from_snapshot(snapshot, entries[stamp]) for stamp in stamps]
+        self.clutter = clutter_from_snapshot(snapshot, self.model.radars)
         if self.model.attributes is not None:
-            attributes = take_attributes(stored, self.model.attributes)
-        self.current, self.stamp_ns, self._scan_index = current, latest, index
-        self.clutter, self.attributes = clutter, attributes
-        self._born_ns = born
+            self.attributes = attributes_from_snapshot(snapshot, self.model.attributes)
+        born = zip(progress.birth.tolist(), progress.born_ns.tolist(), strict=True)
+        self.stamp_ns, self._scan_index, self._born_ns = latest, progress.scan_index, dict(born)
 
     def _interval(self, scan: Scan) -> float:
-        """Return the seconds from the previous scan to this one; raises ValueError if it is not."""
+        """Return the seconds since the previous scan; raises ValueError if not positive."""
         dt = self._since(self.stamp_ns, scan.stamp_ns)
         if dt <= 0.0:
             raise ValueError(f"scan.stamp_ns: {scan.stamp_ns} is not later than {self.stamp_ns}")
@@ -188,15 +195,15 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         return (stamp_ns - earlier_ns) * 1e-9
 
     def _births(self, scan: Scan) -> list[tuple[int, float]]:
-        """Return the birth terms that an antenna passed, and the time since it last did."""
+        """Return the birth terms that an antenna passed, and the time since its previous pass."""
         births = []
-        for index in births_passed(scan, self.model):
+        for index in swept_births(scan, self.model):
             earlier = self._born_ns.get(index, self.stamp_ns)
             births.append((index, self._since(earlier, scan.stamp_ns)))
-            self._born_ns[index] = scan.stamp_ns
+            self._born_ns = {**self._born_ns, index: scan.stamp_ns}
         return births
 
     def _keep(self, entry: Entry[RowsT, LinkT], others: Sequence[Current[RowsT, LinkT]]) -> None:
-        """Continue from the set of a scan, and from the rows that it did not touch."""
+        """Continue from the set of a scan, and from the rows that it did not sweep."""
         self.current = [*others, Current(entry)]
         self.stamp_ns, self._scan_index = entry.stamp_ns, self._scan_index + 1

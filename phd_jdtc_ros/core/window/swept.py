@@ -1,7 +1,7 @@
-"""Which origins a scan touches: those that an antenna may have passed.
+"""Partition of targets by whether a scan's antennas may have swept them.
 
-The others are neither predicted nor linked for it, so that a scan of a sector costs what the
-antenna passed. It was where it says, and wherever it has detected something.
+Targets that were not swept are neither predicted nor linked, so that the cost of a sector grows
+with the targets in it. The swept area is the reported coverage, and every place of a detection.
 """
 
 from __future__ import annotations
@@ -13,33 +13,30 @@ import numpy as np
 
 from ..arrays import FloatArray
 from ..models.tracker_model import TrackerModel
-from ..sensors.polar_radar import GATE_SIGMA, LEAST_RANGE, RadarModel
+from ..sensors.report import Report
 from ..targets.motion import MotionModel
-from ..types import FULL_TURN, Detections, Scan
+from ..types import Scan
 from .entries import BoolArray, Current, LinkT, RowsT
 
-# Of the position of an origin; farther out, next to none of its mass is.
+# Radius of a target's position density, in standard deviations; hardly any mass is outside.
 SPREAD_SIGMA = 4.0
-# An origin that no antenna has passed for this many turns is predicted all the same.
+# A label that no antenna has swept for this many turns is predicted nevertheless.
 LONGEST_TURNS = 1.5
 
-Reports = Sequence[tuple[RadarModel, Detections]]
+Reports = Sequence[Report]
 
 
-def parted(
+def partition_swept(
     current: list[Current[RowsT, LinkT]], scan: Scan, model: TrackerModel, labelled: bool
 ) -> tuple[list[Current[RowsT, LinkT]], list[Current[RowsT, LinkT]]]:
-    """Return the rows that a scan touches, and those that it does not.
+    """Return the rows of targets that a scan may have swept, and all other rows.
 
     Parameters
     ----------
     current : list of Current
         Oldest first.
-    scan : Scan
-    model : TrackerModel
     labelled : bool
-        Whether an origin is at most one target. Otherwise there are no origins to leave alone, and
-        everything is touched.
+        Whether the rows of one label are at most one target. Otherwise all rows count as swept.
     """
     reports = model.reports(scan)
     if not labelled or not current or _everywhere(reports):
@@ -52,43 +49,43 @@ def parted(
     dt = np.repeat(age_s, sizes)
     position = np.concatenate([extent.position for extent in extents])
     position += dt[:, None] * np.concatenate([extent.velocity for extent in extents])
-    # The radius within which each target is.
+    # Radius of each target's position density.
     spread = np.concatenate([extent.position_std for extent in extents])
     spread += dt * np.concatenate([extent.velocity_std for extent in extents])
     spread += np.repeat([_noise_std(model, age) for age in age_s], sizes)
-    near = _passed(position, SPREAD_SIGMA * spread, reports) | (dt >= longest_s)
+    near = _in_sweep(position, SPREAD_SIGMA * spread, reports) | (dt >= longest_s)
     touched, others = [], []
     by_entry = np.split(near, np.cumsum(sizes)[:-1])
     for rows, extent, near_here in zip(current, extents, by_entry, strict=True):
-        inside, outside = rows.parted(near_here[extent.row_origin])
+        inside, outside = rows.split(near_here[extent.row_origin])
         touched += [inside] if inside is not None else []
         others += [outside] if outside is not None else []
     return touched, others
 
 
-def births_passed(scan: Scan, model: TrackerModel) -> list[int]:
-    """Return the birth terms at places that an antenna may have passed in a scan."""
+def swept_births(scan: Scan, model: TrackerModel) -> list[int]:
+    """Return the birth terms at places that an antenna may have swept in a scan."""
     reports = model.reports(scan)
     if not model.births or _everywhere(reports):
         return list(range(len(model.births)))
     place = list(model.modes.space.position)
     position = np.array([term.mean[place] for term in model.births])
     spread = np.array([np.hypot(*term.std[place]) for term in model.births])
-    return [int(k) for k in np.flatnonzero(_passed(position, SPREAD_SIGMA * spread, reports))]
+    return [int(k) for k in np.flatnonzero(_in_sweep(position, SPREAD_SIGMA * spread, reports))]
 
 
 def _everywhere(reports: Reports) -> bool:
-    """Return whether reports are of whole fields, or there are none."""
-    return not reports or any(detections.coverage is None for _, detections in reports)
+    """Return whether the reports cover whole fields of view, or there are none."""
+    return not reports or any(report.detections.coverage is None for report in reports)
 
 
 def _noise_std(model: TrackerModel, dt: float) -> float:
-    """Return the standard deviation, along both axes, that the process noise adds in `dt`."""
+    """Return the standard deviation of position that the process noise adds in `dt`, both axes."""
     motions = dict.fromkeys(model.modes.motions)
     return float(np.sqrt(2.0 * max(_position_variance(motion, dt) for motion in motions)))
 
 
-# Antennas turn evenly, so the same intervals come again and again.
+# An antenna turns evenly, so that the same intervals recur.
 @lru_cache(maxsize=1024)
 def _position_variance(motion: MotionModel, dt: float) -> float:
     """Return the process noise of a position along an axis after `dt` seconds."""
@@ -96,20 +93,9 @@ def _position_variance(motion: MotionModel, dt: float) -> float:
     return float(motion.noise_covariance(dt)[axis, axis])
 
 
-def _passed(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:
+def _in_sweep(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:
     """Return whether an antenna comes within `spread` of each position, shape (T,)."""
     near = np.zeros(len(spread), dtype=bool)
-    for radar, detections in reports:
-        line = position - np.asarray(radar.position)
-        distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), LEAST_RANGE)
-        margin = np.arcsin(np.minimum(spread / distance, 1.0)) + GATE_SIGMA * radar.azimuth_std
-        azimuth = np.arctan2(line[:, 1], line[:, 0]) - radar.yaw
-        near |= spread >= distance
-        if (coverage := detections.coverage) is not None:
-            offset = np.mod(azimuth + margin - coverage.start, FULL_TURN)
-            near |= offset <= coverage.width + 2.0 * margin
-        if len(detections):
-            seen, first = np.sort(np.mod(detections.measurement[:, 1], FULL_TURN)), azimuth - margin
-            following = seen[np.searchsorted(seen, np.mod(first, FULL_TURN)) % len(seen)]
-            near |= np.mod(following - first, FULL_TURN) <= 2.0 * margin
+    for report in reports:
+        near |= report.sensor.passes(position, spread, report.detections)
     return near

@@ -1,99 +1,108 @@
-"""Storage of an engine's window in a snapshot, except for its sets and links, and its restoration.
-
-`snapshot` says why every value is checked.
-"""
+"""Storage of the sources of the window's entries, and of the rows that later scans continue."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import IntArray
-from ..snapshot import (
-    MOST_INDEX,
-    MOST_STAMP_NS,
-    Snapshot,
-    require_covariances,
-    require_numbers,
-    require_whole,
-    whole,
-)
-from ..targets.modes import ModeSpace
-from ..types import COASTING, TENTATIVE, Estimates
+from ..snapshot import MOST_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from .entries import Current, Entry, LinkT, Rows, RowsT, Source
 
-# Of any component of a state: metres, metres per second, radians per second.
-MOST_STATE = 1e9
-# Of one target and of what is traced back to it: a draw is right on the average only.
-MASS_SLACK = 100.0
-ESTIMATES = (
-    "state",
-    "covariance",
-    "weight",
-    "class_probability",
-    "class_id",
-    "track_id",
-    "track_state",
-)
 
-
-def put_sources(snapshot: Snapshot, name: str, entry: Entry[RowsT, LinkT]) -> None:
-    """Store the stamp of an entry, and where its rows come from."""
-    snapshot.facts[name] = {
-        "stamp_ns": entry.stamp_ns,
-        "sources_ns": [source.stamp_ns for source in entry.sources],
-        "sizes": [source.size for source in entry.sources],
-    }
-    for index, source in enumerate(entry.sources):
-        if source.rows is not None:
-            snapshot.arrays[f"{name}.source.{index}"] = source.rows
-
-
-def take_sources(snapshot: Snapshot, name: str, most: int) -> tuple[int, tuple[Source, ...]]:
-    """Return the stamp of a stored entry, and where its rows come from.
+class Sources(NamedTuple):
+    """The stamp and sources of an entry as arrays.
 
     Parameters
     ----------
-    snapshot : Snapshot
-    name : str
+    source_ns : int array of shape (Q,)
+        Stamp of each source.
+    size : int array of shape (Q,)
+        Number of rows of each source.
+    listed : int array of shape (Q,)
+        1 if the rows of a source are listed in `rows`, 0 if it has all rows of its set.
+    rows : int array of shape (R,)
+        Concatenated rows of all listed sources.
+    """
+
+    stamp_ns: Annotated[int, integers("", 0, MOST_STAMP_NS)]
+    source_ns: Annotated[IntArray, integers("Q", 0, MOST_STAMP_NS)]
+    size: Annotated[IntArray, integers("Q", 0)]
+    listed: Annotated[IntArray, integers("Q", 0, 1)]
+    rows: Annotated[IntArray, integers("R", 0)]
+
+
+class Untouched(NamedTuple):
+    """The rows of an entry that no later scan has swept; None for all rows."""
+
+    rows: Annotated[IntArray | None, integers("R", 0, ascending=True)]
+
+
+def sources_to_snapshot(entry: Entry[RowsT, LinkT], snapshot: Snapshot, name: str) -> None:
+    """Store the stamp and the sources of an entry."""
+    rows = [source.rows for source in entry.sources if source.rows is not None]
+    table = Sources(
+        entry.stamp_ns,
+        np.array([source.stamp_ns for source in entry.sources], dtype=np.int64),
+        np.array([source.size for source in entry.sources], dtype=np.int64),
+        np.array([source.rows is not None for source in entry.sources], dtype=np.int64),
+        np.concatenate([np.zeros(0, dtype=np.int64), *rows]),
+    )
+    to_snapshot(table, snapshot, name)
+
+
+def sources_from_snapshot(
+    snapshot: Snapshot, name: str, most: int
+) -> tuple[int, tuple[Source, ...]]:
+    """Return the stamp and the sources of a stored entry.
+
+    Parameters
+    ----------
     most : int
-        Rows that a source may have.
+        Largest number of rows of a source.
 
     Raises
     ------
     ValueError
-        If they are none that the tracker could have stored.
+        If the tracker could not have stored them.
     """
-    facts = snapshot.facts[name]
-    stamp_ns = whole(f"{name}.stamp_ns", facts["stamp_ns"], 0, MOST_STAMP_NS)
-    sources = tuple(
-        _take_source(snapshot, f"{name}.source.{index}", source_ns, size, stamp_ns, most)
-        for index, (source_ns, size) in enumerate(
-            zip(facts["sources_ns"], facts["sizes"], strict=True)
-        )
-    )
-    return stamp_ns, sources
+    table = from_snapshot(Sources, snapshot, name, {})
+    if table.source_ns.max(initial=-1) >= table.stamp_ns:
+        raise ValueError(f"{name}.source_ns: not before {table.stamp_ns}")
+    if table.size.max(initial=0) > most:
+        raise ValueError(f"{name}.size: {table.size.max()} rows, at most {most}")
+    end = np.cumsum(table.size * table.listed)
+    if len(table.rows) != end[-1:].sum():
+        raise ValueError(f"{name}.rows: {len(table.rows)} rows, expected {end[-1:].sum()}")
+    sources = []
+    columns = zip(*(part.tolist() for part in (*table[1:4], end)), strict=True)
+    for stamp_ns, size, listed, last in columns:
+        rows = table.rows[last - size : last] if listed else None
+        if rows is not None and (np.diff(rows) <= 0).any():
+            raise ValueError(f"{name}.rows: must increase")
+        sources.append(Source(stamp_ns, rows, size))
+    return table.stamp_ns, tuple(sources)
 
 
 def require_rows_of(name: str, source: Source, stored: Rows) -> None:
     """Raise ValueError unless the rows of an entry's source are rows of this set."""
     size = len(stored)
     if source.rows is not None:
-        require_whole(f"{name}.source", source.rows, 0, size - 1)
+        if source.rows.max(initial=-1) >= size:
+            raise ValueError(f"{name}.rows: {source.rows.max()} given, must be below {size}")
         size = len(source.rows)
     if size != source.size:
-        raise ValueError(f"{name}.sizes: {source.size} rows, expected {size}")
+        raise ValueError(f"{name}.size: {source.size} rows, expected {size}")
 
 
-def put_current(snapshot: Snapshot, current: Current[RowsT, LinkT]) -> None:
-    """Store which rows of an entry no later scan has touched."""
-    if current.rows is not None:
-        snapshot.arrays[f"current.{current.entry.stamp_ns}"] = current.rows
+def current_to_snapshot(current: Current[RowsT, LinkT], snapshot: Snapshot) -> None:
+    """Store the rows of an entry that no later scan has swept."""
+    to_snapshot(Untouched(current.rows), snapshot, f"current.{current.entry.stamp_ns}")
 
 
-def take_current(snapshot: Snapshot, entry: Entry[RowsT, LinkT]) -> Current[RowsT, LinkT]:
-    """Return the rows of an entry that no later scan has touched.
+def current_from_snapshot(snapshot: Snapshot, entry: Entry[RowsT, LinkT]) -> Current[RowsT, LinkT]:
+    """Return the rows of an entry that no later scan has swept.
 
     Raises
     ------
@@ -101,63 +110,7 @@ def take_current(snapshot: Snapshot, entry: Entry[RowsT, LinkT]) -> Current[Rows
         If the stored rows are not rows of the entry.
     """
     name = f"current.{entry.stamp_ns}"
-    if name not in snapshot.arrays:
-        return Current(entry)
-    rows = _take_rows(snapshot, name)
-    require_whole(name, rows, 0, len(entry.stored) - 1)
+    rows = from_snapshot(Untouched, snapshot, name, {}).rows
+    if rows is not None and rows.max(initial=-1) >= len(entry.stored):
+        raise ValueError(f"{name}.rows: {rows.max()} given, must be below {len(entry.stored)}")
     return Current(entry, rows)
-
-
-def put_estimates(snapshot: Snapshot, name: str, estimates: Estimates) -> None:
-    """Store estimates, except for their stamp and lag."""
-    for part in ESTIMATES:
-        snapshot.arrays[f"{name}.{part}"] = getattr(estimates, part)
-
-
-def take_estimates(snapshot: Snapshot, name: str, stamp_ns: int, modes: ModeSpace) -> Estimates:
-    """Return stored filtered estimates of a stamp.
-
-    Raises
-    ------
-    ValueError
-        If they are none of these modes' tracker.
-    """
-    parts: dict[str, Any] = {part: snapshot.array(f"{name}.{part}") for part in ESTIMATES}
-    count, size, classes = len(parts["track_id"]), len(modes.space), len(modes.classes)
-    shapes = {
-        "state": (count, size),
-        "covariance": (count, size, size),
-        "class_probability": (count, classes),
-    }
-    for part, array in parts.items():
-        if array.shape != shapes.get(part, (count,)):
-            raise ValueError(f"{name}.{part}: shape {array.shape}")
-    require_numbers(f"{name}.state", parts["state"], -MOST_STATE, MOST_STATE)
-    require_numbers(f"{name}.covariance", parts["covariance"], -(MOST_STATE**2), MOST_STATE**2)
-    require_covariances(f"{name}.covariance", parts["covariance"])
-    require_numbers(f"{name}.weight", parts["weight"], 0.0, MASS_SLACK)
-    require_numbers(f"{name}.class_probability", parts["class_probability"], 0.0, MASS_SLACK)
-    require_whole(f"{name}.class_id", parts["class_id"], 0, classes - 1)
-    require_whole(f"{name}.track_id", parts["track_id"], 0, MOST_INDEX)
-    require_whole(f"{name}.track_state", parts["track_state"], TENTATIVE, COASTING)
-    return Estimates(stamp_ns=stamp_ns, lag=0, space=modes.space, **parts)
-
-
-def _take_source(
-    snapshot: Snapshot, name: str, stamp_ns: Any, size: Any, before: int, most: int
-) -> Source:
-    stamp_ns = whole(f"{name}.stamp_ns", stamp_ns, 0, before - 1)
-    rows = _take_rows(snapshot, name) if name in snapshot.arrays else None
-    size = whole(f"{name}.size", size, 0, most)
-    if rows is not None and len(rows) != size:
-        raise ValueError(f"{name}: {len(rows)} rows, expected {size}")
-    return Source(stamp_ns, rows, size)
-
-
-def _take_rows(snapshot: Snapshot, name: str) -> IntArray:
-    rows = snapshot.array(name)
-    require_whole(name, rows, 0, MOST_INDEX)
-    if rows.ndim != 1 or (np.diff(rows) <= 0).any():
-        raise ValueError(f"{name}: must be a list of ascending rows")
-    ascending: IntArray = rows.astype(np.int64)
-    return ascending

@@ -12,7 +12,7 @@ from msg_adapters import diagnostics, names
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 
-from ..common.seen import Seen
+from ..common.health import Seen
 
 # A radar that has sent nothing for so long is silent.
 SILENT_S = 15.0
@@ -28,14 +28,12 @@ def of_input(
     ----------
     node : str
         Full name of the bridge.
-    stream : PlotStream
     lost : int
         Datagrams that there was no room for.
     inputs : sequence of str
         Addresses that are listened to.
     active_s : float
         For how long the bridge has been active, seconds; NaN while it is not.
-    seen : Seen
     """
     counts = +stream.counts
     # Other categories, and radars that nobody asked for, are no faults.

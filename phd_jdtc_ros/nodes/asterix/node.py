@@ -16,18 +16,20 @@ from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import names
 from msg_adapters.errors import RejectedMessageError
-from phd_jdtc_ros.asterix import records, udp
+from phd_jdtc_ros.asterix import records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
-from phd_jdtc_ros.asterix.udp import Receiver
+from phd_jdtc_ros.asterix.transport import udp
+from phd_jdtc_ros.asterix.transport.udp import Receiver
 from phd_jdtc_ros.asterix_bridge import clouds, settings
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -35,10 +37,8 @@ from phd_jdtc_ros.exit_status import faults_of
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import arguments, offers, overridable, parameters, runtime, transitions
-from ..common.health_reports import HealthReports
-from ..common.runtime import WARNING_PERIOD_S
-from ..common.seen import Seen
-from ..common.throttled import ThrottledWarnings
+from ..common.health import HealthReports, Seen, ThrottledWarnings
+from ..common.runtime import WARNING_PERIOD_S, RunnableNode
 from . import health
 
 DEPTH = 50
@@ -47,9 +47,11 @@ INPUT_DEPTH = 10
 BUDGET_S = 0.05
 # After so long without a datagram nothing late is expected, seconds.
 QUIET_S = 5.0
+# The topic of the estimates to send, unless it is remapped.
+ESTIMATES = names.estimates("filtered")
 
 
-class AsterixBridge(LifecycleNode):
+class AsterixBridge(LifecycleNode, RunnableNode):
     """The bridge as a lifecycle node.
 
     Active it receives and sends. Its parameters are fixed at the start.
@@ -57,7 +59,6 @@ class AsterixBridge(LifecycleNode):
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("asterix_bridge")
-        self.exit_status: int | None = None
         given = parameters.given(self, files)
         self._bridge = settings.resolve(given, settings.TABLE)
         self._values = self._bridge.values
@@ -84,9 +85,8 @@ class AsterixBridge(LifecycleNode):
         for name in self._values["radars"]:
             self._add_output(name)
         if self._values["output"]:
-            topic = self._values["estimates_topic"]
             overridable.subscribe(
-                self, PointCloud2, topic, self._on_estimates, INPUT_DEPTH, "estimates_topic"
+                self, PointCloud2, ESTIMATES, self._on_estimates, INPUT_DEPTH, ESTIMATES
             )
         HealthReports(self, self._statuses, self._warnings)
         # By the wall clock, because radars and displays do not follow simulated time.
@@ -229,7 +229,7 @@ class AsterixBridge(LifecycleNode):
             self._output.take(cloud)
         except RejectedMessageError as error:
             self._dropped[error.reason] += 1
-            topic = self._values["estimates_topic"]
+            topic = self.resolve_topic_name(ESTIMATES)
             self._warnings.warn(topic, f"{topic}: {error}")
             return
         self._taken_s = time.monotonic()
@@ -244,7 +244,7 @@ class AsterixBridge(LifecycleNode):
         if self._sender is None or self._output is None:
             return
         now_ns, stamp_ns = time.time_ns(), self._output.stamp_ns
-        if abs(now_ns - stamp_ns) > self._values["max_prediction_s"] * 1e9:
+        if abs(now_ns - stamp_ns) > settings.MAX_PREDICTION_S * 1e9:
             now_ns = stamp_ns + round((time.monotonic() - self._taken_s) * 1e9)
         if not self._values["output_period_s"]:
             now_ns = stamp_ns
@@ -270,7 +270,7 @@ class AsterixBridge(LifecycleNode):
         """Return where estimates may be, if nobody publishes them where they are expected."""
         if not self._values["output"]:
             return ""
-        topic = self.resolve_topic_name(self._values["estimates_topic"])
+        topic = self.resolve_topic_name(ESTIMATES)
         return offers.hint(self, topic, PointCloud2)
 
     def _statuses(self) -> list[DiagnosticStatus]:

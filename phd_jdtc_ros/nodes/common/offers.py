@@ -20,7 +20,6 @@ def hint(node: Node, topic: str, message_class: type) -> str:
         Who listens; topics that it has itself are not named.
     topic : str
         Full name.
-    message_class : type
 
     Returns
     -------

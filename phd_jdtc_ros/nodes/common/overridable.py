@@ -40,8 +40,6 @@ def full_name(node: Node, topic: str, parameter: str, given: str | None = None) 
 
     Parameters
     ----------
-    node : Node
-    topic : str
     parameter : str
         Which parameter the topic comes from, for the error.
     given : str or None

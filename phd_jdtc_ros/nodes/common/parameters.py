@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
 
 from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
@@ -30,7 +30,6 @@ def given(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
 
     Parameters
     ----------
-    node : Node
     files : sequence of ParameterFile
         Those that the process was given.
 
@@ -43,7 +42,7 @@ def given(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
     return {
         # An empty list has no type, and arrives as None.
         name: [] if parameter.value is None else parameter.value
-        for name, parameter in node.handle.get_parameters(rclpy.Parameter).items()
+        for name, parameter in node.handle.get_parameters(RosParameter).items()
         if is_ours(name)
     }
 
@@ -70,7 +69,7 @@ def _by_launch(path: Path) -> bool:
 
 def _values_in(files: Sequence[ParameterFile], node: Node) -> list[dict[str, Any]]:
     """Return the node's parameters in each file."""
-    found, faults = [], []
+    found, faults = list[dict[str, Any]](), list[str]()
     for file in files:
         try:
             found.append(file.values(node.get_fully_qualified_name()))
@@ -106,7 +105,6 @@ def redeclare(
 
     Parameters
     ----------
-    node : Node
     table : mapping of name to Parameter
         What there shall be; a parameter of the node's that is not in it is removed.
     values : mapping of name to value
@@ -138,24 +136,24 @@ def resolve(
     table: tuple[Parameter, ...],
     flags: Mapping[str, Any],
     files: Sequence[ParameterFile],
+    old: Mapping[str, str],
 ) -> dict[str, Any]:
     """Check a node's parameters against a plain table, declare them, return their values.
 
     Parameters
     ----------
-    node : Node
-    table : tuple of Parameter
     flags : mapping of name to value
         From plain command-line flags, which override ROS arguments.
     files : sequence of ParameterFile
         Those that the process was given.
+    old : mapping of a name of before to what takes its place
 
     Raises
     ------
     ConfigError
         With every fault.
     """
-    values, faults = check(table, {**given(node, files), **flags})
+    values, faults = check(table, {**given(node, files), **flags}, old)
     if faults:
         raise ConfigError(faults)
     declare(node, {parameter.name: parameter for parameter in table}, values)
@@ -166,8 +164,8 @@ def _descriptor(parameter: Parameter, value: Any) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         description=parameter.description,
         additional_constraints=f"must be {parameter.allowed}",
-        # An empty list has no type of its own, and a word may stand for a number.
-        dynamic_typing=value == [] or bool(parameter.words),
+        # An empty list has no type of its own, and some values are written in several ways.
+        dynamic_typing=value == [] or bool(parameter.words) or parameter.form is not None,
     )
     largest = sys.float_info.max
     low, high = max(parameter.low, -largest), min(parameter.high, largest)

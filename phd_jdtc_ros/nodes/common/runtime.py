@@ -9,7 +9,6 @@ from __future__ import annotations
 import gc
 import signal
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
@@ -17,6 +16,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
 
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -38,10 +38,10 @@ REPORTED = (
 )
 
 
-class RunnableNode(Protocol):
-    """What `run` requires of a node in addition to the rclpy node's interface."""
+class RunnableNode(Node):
+    """A node that `run` runs."""
 
-    exit_status: int | None
+    exit_status: int | None = None
     """None while the node is to run; the exit status once it has ended by itself or failed."""
 
     def close(self) -> None:
@@ -49,7 +49,6 @@ class RunnableNode(Protocol):
 
         May set the exit status if finishing fails.
         """
-        ...
 
 
 class StopRequest:
@@ -69,7 +68,7 @@ class StopRequest:
             signal.signal(number, signal.SIG_IGN)
 
 
-def run(name: str, make_node: Callable[[], Node], argv: Sequence[str]) -> int:
+def run(name: str, make_node: Callable[[], RunnableNode], argv: Sequence[str]) -> int:
     """Run a node until it ends or a signal stops it, and return the exit status.
 
     Parameters
@@ -77,7 +76,7 @@ def run(name: str, make_node: Callable[[], Node], argv: Sequence[str]) -> int:
     name : str
         Of the executable, for messages.
     make_node : callable
-        Makes the node, a `RunnableNode`, once ROS is initialised.
+        Makes the node, once ROS is initialised.
     argv : sequence of str
         Command-line arguments, including the ROS arguments.
     """
@@ -102,7 +101,7 @@ def run(name: str, make_node: Callable[[], Node], argv: Sequence[str]) -> int:
     return node.exit_status or OK
 
 
-def _end(node: Node | None, stop: StopRequest) -> None:
+def _end(node: RunnableNode | None, stop: StopRequest) -> None:
     """Close a node, then destroy it and shut ROS down even if closing fails."""
     try:
         if node is not None:
@@ -112,14 +111,14 @@ def _end(node: Node | None, stop: StopRequest) -> None:
             if node is not None:
                 node.destroy_node()
         finally:
-            rclpy.try_shutdown()
+            try_shutdown()
             stop.ignore_further()
             # The process ends here. Without this, its last garbage collection would visit every
             # object of the numerical libraries, which takes most of the time of a stop.
             gc.freeze()
 
 
-def _spin(node: Node, stop: StopRequest) -> None:
+def _spin(node: RunnableNode, stop: StopRequest) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:

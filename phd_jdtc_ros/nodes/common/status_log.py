@@ -29,7 +29,6 @@ class StatusLog:
 
     Parameters
     ----------
-    logger : RcutilsLogger
     clock : callable
         Returns the time, seconds; a steady one.
     """

@@ -8,7 +8,8 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.task import Future
@@ -22,7 +23,6 @@ class TrackerParameters:
 
     Parameters
     ----------
-    node : Node
     tracker : str
         The tracker's full name.
     answered : callable

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.limits import LONGEST_INTERPOLATION_S
+from phd_jdtc_ros.evaluation.true_tracks import LONGEST_INTERPOLATION_S
 
 from ..common.sequence_numbers import SequenceNumbers
 
@@ -24,7 +24,6 @@ class Coverage:
     ----------
     truth : str
         Topic of the truth.
-    estimates : mapping of source to topic
 
     Attributes
     ----------

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from rclpy._rclpy_pybind11 import NodeNameNonExistentError
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from msg_adapters import platform_poses
@@ -21,7 +22,6 @@ class MissingRadars:
 
     Parameters
     ----------
-    node : Node
     tracker : str
         The tracker's full name.
     recorded : collection of str
@@ -48,11 +48,11 @@ class MissingRadars:
                 self._known.add(topic)
                 self._node.get_logger().warning(
                     f"{topic}, of which {self._tracker} has a radar's detections, is not among "
-                    "radar_topics and is not recorded"
+                    "record_topics and is not recorded"
                 )
             elif topic not in self._known and self._poses.intersection(types):
                 self._known.add(topic)
                 self._node.get_logger().warning(
                     f"{topic}, of which {self._tracker} has the poses of a radar that moves, is "
-                    "not among pose_topics and is not recorded"
+                    "not among record_topics and is not recorded"
                 )

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rich.console import Console
@@ -26,25 +26,29 @@ from msg_adapters import (
     diagnostics,
     estimates,
     names,
+    outputs,
     platform_poses,
     plots,
     quantities,
     stamps,
     truth,
 )
-from msg_adapters.errors import RejectedMessageError, quoted
+from msg_adapters.errors import RejectedMessageError, quote
 from phd_jdtc_ros import output_files
+from phd_jdtc_ros.configuration import replaced
+from phd_jdtc_ros.configuration.parameters import engine_of
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import SOURCES, Estimates, Truth
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import PointSet, ScanScore
+from phd_jdtc_ros.evaluation.run_scores import ScanScore
 from phd_jdtc_ros.exit_status import FAILED, OK
 from phd_jdtc_ros.parameter_files.evaluator import TABLE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.report.table import metrics, score_tables
 
 from ..common import arguments, overridable, parameters, runtime
-from ..common.runtime import WARNING_PERIOD_S
+from ..common.runtime import WARNING_PERIOD_S, RunnableNode
 from ..common.tracker_parameters import TrackerParameters
 from .coverage import Coverage
 from .missing_radars import MissingRadars
@@ -63,25 +67,26 @@ KEPT_SCANS, KEPT_STEPS = 1000, 100_000
 MOST_TARGETS = 2000
 
 
-class Evaluator(Node):
+class Evaluator(RunnableNode):
     """Compares estimates with the truth at their stamps and publishes every score."""
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("evaluator")
-        self._values = parameters.resolve(self, TABLE, {}, files)
-        self.exit_status: int | None = None
+        self._values = parameters.resolve(self, TABLE, {}, files, replaced.EVALUATOR)
         self._report = _report_path(self._values["report"])
+        self._classes = len(self._values["classes"])
         self._evaluation = Evaluation(
-            self._values["classes"],
+            self._classes,
             self._values["cutoff"],
             self._values["order"],
             KEPT_SCANS,
-            _class_names(self._values),
+            tuple(self._values["classes"]),
             self._values["least_speed"],
         )
+        self._truth_topic = self.resolve_topic_name(names.TRUTH)
         tracker = self._values["tracker"]
         self._coverage = Coverage(
-            self._values["truth_topic"], {s: names.estimates(s, tracker) for s in SOURCES}
+            self._truth_topic, {s: names.estimates(s, tracker) for s in SOURCES}
         )
         self._warned_unmatched = False
         self._step_ms: deque[float] = deque(maxlen=KEPT_STEPS)
@@ -90,8 +95,7 @@ class Evaluator(Node):
         self._scores = self.create_publisher(DiagnosticArray, "~/ospa", OUTPUT_QOS)
         self._plots = {
             quantity: self.create_publisher(Float64, f"~/plot/{quantity}", OUTPUT_QOS)
-            for quantity in quantities.of_evaluator(self._values["classes"])
-            if self._values["publish_plots"]
+            for quantity in quantities.of_evaluator(self._classes)
         }
         self._recorder = self._make_recorder()
         self._engine: str | None = None
@@ -107,11 +111,10 @@ class Evaluator(Node):
 
     def _subscribe(self) -> list[Subscription]:
         """Subscribe to the truth and to the tracker, and return the subscriptions to the latter."""
-        truth_topic = self._values["truth_topic"]
         overridable.subscribe(
-            self, PointCloud2, truth_topic, self._on_truth, INPUT_DEPTH, "truth_topic"
+            self, PointCloud2, names.TRUTH, self._on_truth, INPUT_DEPTH, names.TRUTH
         )
-        inputs = [
+        inputs: list[tuple[type, str, Callable[..., None]]] = [
             *(
                 (PointCloud2, topic, partial(self._on_estimates, source))
                 for source, topic in self._coverage.estimates.items()
@@ -130,20 +133,17 @@ class Evaluator(Node):
             return None
         directory, tracker = Path(self._values["record"]), self._values["tracker"]
         topics = {
-            **dict.fromkeys(self._values["radar_topics"], names.CLOUD),
-            **dict.fromkeys(
-                self._values["pose_topics"], platform_poses.TYPES[self._values["pose_message"]]
-            ),
-            self._values["truth_topic"]: names.CLOUD,
-            **names.published(
-                self._values["classes"],
+            **dict(map(_recorded, self._values["record_topics"])),
+            self._truth_topic: names.CLOUD,
+            **outputs.default_topics(
+                self._classes,
                 tracker,
                 self._scores.topic_name,
                 self.get_fully_qualified_name(),
                 engine=None,
             ),
         }
-        recorder = Recorder(self, directory, topics, names.optional(tracker))
+        recorder = Recorder(self, directory, topics, outputs.optional(tracker))
         MissingRadars(self, tracker, {self.resolve_topic_name(topic) for topic in topics})
         return recorder
 
@@ -221,11 +221,11 @@ class Evaluator(Node):
         world = self._values["world_frame"]
         if frame != world:
             raise RejectedMessageError(
-                "frame", f"frame_id is {quoted(frame)}, must be world_frame, {world!r}"
+                "frame", f"frame_id is {quote(frame)}, must be world_frame, {world!r}"
             )
 
     def _check_classes(self, found: Truth | Estimates) -> None:
-        classes = self._values["classes"]
+        classes = self._classes
         if len(found.class_id) and found.class_id.max() >= classes:
             raise RejectedMessageError(
                 "schema", f"class_id is {found.class_id.max()}, must be below classes, {classes}"
@@ -234,7 +234,7 @@ class Evaluator(Node):
     def _on_parameters(self, values: Mapping[str, Any]) -> None:
         """Take in the tracker's parameters, which it sends once it has found this node."""
         engine = values.get("engine")
-        self._engine = engine if isinstance(engine, str) else None
+        self._engine = engine_of(values) if isinstance(engine, str) else None
         if self._recorder is not None:
             self._recorder.write_parameters(values)
         self._answered = True
@@ -309,18 +309,25 @@ def _check_size(found: Truth | Estimates) -> None:
         )
 
 
-def _class_names(values: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the names of the classes; none if they are not given.
+def _recorded(entry: str) -> tuple[str, str]:
+    """Return the topic and the message type of an entry of ``record_topics``.
 
     Raises
     ------
     ConfigError
-        If there are not as many as classes.
+        If there is no such message.
     """
-    names, classes = values["class_names"], values["classes"]
-    if names and len(names) != classes:
-        raise ConfigError([f"class_names: {names} given, must be empty or {classes} names"])
-    return tuple(names)
+    topic, *message = entry.split()
+    if not message:
+        return topic, names.CLOUD
+    if len(message) > 1 or message[0] not in platform_poses.TYPES:
+        raise ConfigError(
+            [
+                f"record_topics: {entry!r} given, must be a topic, with "
+                f"{' or '.join(platform_poses.TYPES)} after it for poses"
+            ]
+        )
+    return topic, platform_poses.TYPES[message[0]]
 
 
 def _report_path(given: str) -> Path | None:

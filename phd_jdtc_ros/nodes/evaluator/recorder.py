@@ -43,7 +43,6 @@ class Recorder:
         Its executor delivers the messages.
     directory : Path
         Of the new bag.
-    topics : mapping of topic to type name
     optional : mapping of topic to type name
         Those that are in the bag only if something comes on them, and whose types need not be
         installed.

@@ -13,7 +13,7 @@ from msg_adapters import diagnostics, names
 from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.handover.picture import LATEST_STAMPS
 
-from ..common.seen import Seen
+from ..common.health import Seen
 
 # Of so many of the latest clouds the usual interval is taken. Until there is one: no surveillance
 # radar turns more slowly, seconds.
@@ -92,14 +92,12 @@ def of_tracker(
     ----------
     name, node : str
         Of the status, and the full name of the tracker's node.
-    heard : Heard
     behind_s : float
         How much older its estimates are than the newest of all, seconds.
     silent : bool
         Whether the picture is without it.
     now_s : float
         By the steady clock, seconds.
-    seen : Seen
     hint : str
         What there is instead of its estimates, in words; empty if they are published.
     """
@@ -143,7 +141,6 @@ def of_picture(
         Full name of the node.
     published : Counter
         Clouds by source.
-    tracks, handed_over : int
     parted : int
         How many of the latest `LATEST_STAMPS` were of some trackers only, silent ones apart.
     alive : sequence of str

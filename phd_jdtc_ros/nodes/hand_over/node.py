@@ -8,13 +8,12 @@ from collections.abc import Sequence
 from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import estimates, names
-from msg_adapters.errors import RejectedMessageError, quoted
+from msg_adapters.errors import RejectedMessageError, quote
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
 from phd_jdtc_ros.handover import checks, settings
 from phd_jdtc_ros.handover.picture import Joint, JointPicture
@@ -22,10 +21,8 @@ from phd_jdtc_ros.handover.synchroniser import Refused
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import arguments, offers, overridable, parameters, runtime
-from ..common.health_reports import HealthReports
-from ..common.runtime import WARNING_PERIOD_S
-from ..common.seen import Seen
-from ..common.throttled import ThrottledWarnings
+from ..common.health import HealthReports, Seen, ThrottledWarnings
+from ..common.runtime import WARNING_PERIOD_S, RunnableNode
 from . import health
 
 INPUT_DEPTH, OUTPUT_DEPTH = 50, 10
@@ -33,7 +30,7 @@ INPUT_DEPTH, OUTPUT_DEPTH = 50, 10
 MOST_WAITING = 1200
 
 
-class HandOver(Node):
+class HandOver(RunnableNode):
     """Subscribes to the estimates of two trackers or more, and publishes one picture of them.
 
     Its parameters are fixed at the start.
@@ -41,7 +38,6 @@ class HandOver(Node):
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("hand_over")
-        self.exit_status: int | None = None
         self._settings = settings.resolve(parameters.given(self, files))
         values = self._settings.values
         parameters.declare(self, self._settings.table, values)
@@ -50,13 +46,14 @@ class HandOver(Node):
         self._picture = JointPicture(
             self._settings.regions,
             self._settings.hysteresis,
-            values["smoothed_wait_s"],
+            settings.SMOOTHED_WAIT_S,
             limit_s,
             MOST_WAITING,
         )
         self._heard = [health.Heard(limit_s) for _ in self._settings.names]
         self._silent: frozenset[int] = frozenset()
         self._classes: int | None = None
+        self._frame: str | None = None
         self._published: Counter[str] = Counter()
         self._tracks = self._overflow = 0
         self._seen = Seen()
@@ -136,10 +133,12 @@ class HandOver(Node):
         RejectedMessageError
             If it is not one of estimates, or does not fit those of the others.
         """
-        frame, allowed = cloud.header.frame_id, self._settings.values["world_frame"]
-        if frame != allowed:
-            raise RejectedMessageError("frame", f"frame is {quoted(frame)}, must be {allowed!r}")
         found = estimates.from_msg(cloud)
+        frame, allowed = cloud.header.frame_id, self._frame or cloud.header.frame_id
+        if frame != allowed:
+            raise RejectedMessageError(
+                "frame", f"frame is {quote(frame)}, must be {allowed!r} as in the first estimates"
+            )
         classes = found.class_probability.shape[1]
         if self._classes is None:
             self._classes = classes
@@ -150,6 +149,7 @@ class HandOver(Node):
         reason = checks.why_not(found)
         if reason is not None:
             raise RejectedMessageError(*reason)
+        self._frame = allowed
         return found
 
     def _publish(self, done: Sequence[Joint]) -> None:
@@ -157,8 +157,7 @@ class HandOver(Node):
             self._published[source] += 1
             if source == FILTERED:
                 self._tracks = len(joint)
-            frame = self._settings.values["world_frame"]
-            self._outputs[source].publish(estimates.to_msg(joint, frame))
+            self._outputs[source].publish(estimates.to_msg(joint, self._frame or ""))
 
     def _log_silent(self) -> None:
         """Log when the picture begins to go on without a tracker, and when it has it again."""

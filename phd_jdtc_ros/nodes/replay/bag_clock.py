@@ -14,10 +14,6 @@ class BagClock:
         Speed relative to the recording.
     now_ns : int
         Log time at which it starts.
-
-    Attributes
-    ----------
-    now_ns : int
     """
 
     def __init__(self, rate: float, now_ns: int) -> None:

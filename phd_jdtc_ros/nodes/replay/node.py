@@ -10,7 +10,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
@@ -20,12 +19,14 @@ from std_srvs.srv import Trigger
 from msg_adapters import names, stamps
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.configuration import replaced
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
 from phd_jdtc_ros.parameter_files import sensor_replay
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.parameter_files.sensor_replay import SEEK
 
 from ..common import arguments, parameters, runtime
+from ..common.runtime import RunnableNode
 from . import playable, scene_check, seek_parameter
 from .bag_clock import BagClock
 from .lock_step import GIVE_UP_S, LockStep
@@ -58,14 +59,15 @@ class State(Enum):
     FLUSHING = auto()
 
 
-class SensorReplay(Node):
+class SensorReplay(RunnableNode):
     """Publishes a bag's messages with the bytes that were recorded."""
 
     def __init__(self, flags: dict[str, Any], files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("sensor_replay")
-        self._values = parameters.resolve(self, sensor_replay.AT_THE_START, flags, files)
+        self._values = parameters.resolve(
+            self, sensor_replay.AT_THE_START, flags, files, replaced.REPLAY
+        )
         sensor_replay.check(self._values)
-        self.exit_status: int | None = None
         path = resources.bag(self._values["bag"])
         bag = BagReader(path)
         self._played = playable.choose(bag, self._values["topics"])
@@ -101,7 +103,7 @@ class SensorReplay(Node):
             self._values["duration_s"],
         )
         self._bag_clock = BagClock(self._values["rate"], bag.start_ns)
-        self._line = ProgressLine(bool(self._values["progress"]), *self._part_s)
+        self._line = ProgressLine(*self._part_s)
         for name, callback in (
             ("pause", self._on_pause),
             ("resume", self._on_resume),

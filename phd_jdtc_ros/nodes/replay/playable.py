@@ -34,7 +34,6 @@ class Playable:
 
     Parameters
     ----------
-    classes : dict of topic to message class
     scan_topics : tuple of str
         Detections and truth: their stamps make the scans.
     detections : tuple of str
@@ -57,7 +56,6 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
 
     Parameters
     ----------
-    bag : BagReader
     wanted : list of str
         Topics; if empty, all but those that the tracker, the evaluator and every node publish.
 

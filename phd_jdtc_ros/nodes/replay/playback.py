@@ -42,8 +42,6 @@ class Playback:
 
     Parameters
     ----------
-    bag : BagReader
-    topics : collection of str
     scan_topics : collection of str
         The topics whose stamps make the scans.
     start_s : float

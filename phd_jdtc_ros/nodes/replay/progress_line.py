@@ -11,12 +11,11 @@ class ProgressLine:
 
     Parameters
     ----------
-    shown : bool
     first_s, last_s : float
         The part that is played, in the bag's time.
     """
 
-    def __init__(self, shown: bool, first_s: float, last_s: float) -> None:
+    def __init__(self, first_s: float, last_s: float) -> None:
         console = Console()
         self._progress = Progress(
             TextColumn("replay {task.fields[doing]}"),
@@ -25,7 +24,7 @@ class ProgressLine:
             TextColumn("{task.fields[scans]} scans"),
             TimeElapsedColumn(),
             console=console,
-            disable=not (shown and console.is_terminal),
+            disable=not console.is_terminal,
         )
         self._first_s = first_s
         self._length_s = max(last_s - first_s, 1e-9)

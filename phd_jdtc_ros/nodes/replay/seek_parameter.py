@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import rclpy
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from phd_jdtc_ros.parameter_files.sensor_replay import SEEK
 
@@ -17,19 +17,18 @@ def declare(node: Node, fault: Callable[[Any], str], go_to: Callable[[float], No
 
     Parameters
     ----------
-    node : Node
     fault : callable
         Returns why a given value is refused; empty if it is accepted.
     go_to : callable
         Called with an accepted value, in seconds.
     """
 
-    def check(given: list[rclpy.Parameter]) -> SetParametersResult:
+    def check(given: list[Parameter]) -> SetParametersResult:
         faults = [fault(parameter.value) for parameter in given if parameter.name == SEEK.name]
         reason = "; ".join(found for found in faults if found)
         return SetParametersResult(successful=not reason, reason=reason)
 
-    def follow(given: list[rclpy.Parameter]) -> None:
+    def follow(given: list[Parameter]) -> None:
         for parameter in given:
             if parameter.name == SEEK.name:
                 go_to(float(parameter.value))

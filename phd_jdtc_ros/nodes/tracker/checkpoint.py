@@ -32,7 +32,7 @@ from phd_jdtc_ros.core.snapshot import Snapshot
 
 from ..common.runtime import WARNING_PERIOD_S
 
-MAGIC = b"phd_jdtc_ros checkpoint 2\n"
+MAGIC = b"phd_jdtc_ros checkpoint 3\n"
 # Of a file. Its content and its arrays are in memory together, at most 256 MB.
 MOST_BYTES = 120 << 20
 # Of the texts, and of the archive's directory, whose parsing takes some twenty times the memory.
@@ -57,7 +57,6 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
     ----------
     path : Path
         In an existing directory.
-    snapshot : Snapshot
     configuration : mapping
         Parameters by name; only a tracker with the same ones may continue from the snapshot.
 
@@ -71,9 +70,11 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
         FACTS: snapshot.facts,
         CONFIGURATION: dict(configuration),
     }
-    stored = {name: _text(value) for name, value in texts.items()}
+    # Values are Any, because savez has options beside the arrays, which may have any name.
+    stored: dict[str, Any] = {name: _text(value) for name, value in texts.items()}
+    stored |= {f"array.{name}": array for name, array in snapshot.arrays.items()}
     payload = io.BytesIO()
-    np.savez(payload, **stored, **{f"array.{k}": v for k, v in snapshot.arrays.items()})
+    np.savez(payload, **stored)
     body = payload.getvalue()
     if len(MAGIC) + DIGEST_SIZE + len(body) > MOST_BYTES:
         raise OSError(errno.EFBIG, f"{len(body) >> 20} MB, at most {MOST_BYTES >> 20} MB")
@@ -200,14 +201,12 @@ class Checkpoints:
 
     Parameters
     ----------
-    path : Path
     every : int
         Scans between checkpoints; 0 to write on request only.
     max_age_s : float
         Longest time from the checkpoint's last scan to the first scan after a restart, seconds.
     configuration : mapping
         Parameters of the tracker, without those that can change while it runs.
-    log : rclpy logger
     """
 
     def __init__(

@@ -85,18 +85,10 @@ class Listener:
 
     Parameters
     ----------
-    node : LifecycleNode
-    message_type : type
-    topic : str
     callback : callable
         Called with each message and its information.
-    health : InputHealth
     depth : int
         Of its history.
-
-    Attributes
-    ----------
-    subscription : Subscription
 
     Raises
     ------

@@ -1,14 +1,10 @@
-"""The health of the tracker's inputs, steps and outputs, as diagnostics.
-
-Ages are measured by the wall clock, because a radar whose driver has died sends no more stamps.
-"""
+"""The health of the tracker's inputs, steps and outputs, as diagnostics."""
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
-from statistics import median
 from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -16,18 +12,15 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from msg_adapters import diagnostics, doubts, names
 from phd_jdtc_ros.calibration.innovations import Fit
 
+from ..common.health import WARNING_MEMORY_S, Lately, Rhythm
 from ..common.sequence_numbers import SequenceNumbers
 
 # Added to the scans that a radar may miss. Noticing it takes two looks, up to 0.2 s, and the
 # message its way, so that a radar is reported silent within half a second after those scans.
 SILENCE_SLACK_S = 0.25
-# How long a warning stays after its cause.
-WARNING_MEMORY_S = 10.0
 # A killed publisher stays in the graph for the middleware's lease, by default at most 20 s. Two
 # that are listed together for longer than this must both be alive.
 LEASE_S = 30.0
-# Number of latest intervals whose median is the usual one.
-KEPT_INTERVALS = 9
 # If more than this share of the time since a radar's previous message was spent on work, a loss is
 # the tracker's own: its queue overflows meanwhile. A loss on the way is as likely at any time.
 WORKING_SHARE = 0.5
@@ -37,67 +30,11 @@ BUSY_SHARE = 0.95
 REAL_TIME = 0.9
 # What to do about steps that take too long, by engine.
 ADVICE = {
-    "particles": "turn down particles_per_target, max_particles or lag",
-    "gaussian": "turn down hypotheses_per_target, max_hypotheses or lag",
+    "particles": "turn down accuracy, particles_per_target or lag",
+    "gaussian": "turn down accuracy or lag",
 }
 # Figures of a step whose sum is part of the health, where an engine has them.
 SUMMED = ("approximate_clusters", "floored_covariances")
-
-
-class Rhythm:
-    """The usual interval between repeated events: the median of the latest ones.
-
-    Parameters
-    ----------
-    first_guess_s : float
-        Counts as one interval, so that the first two events arriving together are not taken as
-        the usual interval.
-    """
-
-    def __init__(self, first_guess_s: float) -> None:
-        self._intervals = deque([first_guess_s], maxlen=KEPT_INTERVALS)
-        self._last_s: float | None = None
-
-    def beat(self, now_s: float) -> None:
-        """Record an event."""
-        if self._last_s is not None and now_s > self._last_s:
-            self._intervals.append(now_s - self._last_s)
-        self._last_s = now_s
-
-    def pause(self) -> None:
-        """Let the next event begin a new series, so that the interval before it does not count."""
-        self._last_s = None
-
-    @property
-    def interval_s(self) -> float:
-        """The usual interval, seconds."""
-        return median(self._intervals)
-
-
-class Losses:
-    """The messages that were lost within the last `WARNING_MEMORY_S`."""
-
-    def __init__(self) -> None:
-        self._lost: deque[tuple[float, int, bool]] = deque()
-
-    def add(self, now_s: float, count: int, overload: bool) -> None:
-        """Record lost messages, and whether they were lost because the tracker is too slow."""
-        self._lost.append((now_s, count, overload))
-        self._forget(now_s)
-
-    def recent(self, now_s: float) -> int:
-        """Return the number of messages lost lately."""
-        self._forget(now_s)
-        return sum(count for _, count, _ in self._lost)
-
-    def by_overload(self, now_s: float) -> int:
-        """Return the number of messages lost lately because the tracker is too slow."""
-        self._forget(now_s)
-        return sum(count for _, count, overload in self._lost if overload)
-
-    def _forget(self, now_s: float) -> None:
-        while self._lost and now_s - self._lost[0][0] >= WARNING_MEMORY_S:
-            self._lost.popleft()
 
 
 @dataclass(frozen=True)
@@ -125,7 +62,6 @@ class InputHealth:
 
     Parameters
     ----------
-    name : str
     topic : str
         Its full name, after remapping.
     rhythm : Rhythm
@@ -135,7 +71,8 @@ class InputHealth:
     ----------
     turn_found_s : float
         Time of a turn that is not set and was found out, seconds; or 0.
-    losses : Losses
+    lost, lost_by_overload : Lately
+        Messages, and those of them that were lost because the tracker is too slow.
     fit : Fit or None
         How the radar's innovations compare with its noise, if that is known.
     """
@@ -149,14 +86,15 @@ class InputHealth:
     turn_found_s: float = 0.0
     doubts: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
-    losses: Losses = field(default_factory=Losses)
+    lost: Lately = field(default_factory=Lately)
+    lost_by_overload: Lately = field(default_factory=Lately)
     fit: Fit | None = None
     _heard_s: float | None = None
     _worked_s: float = 0.0
     _numbering: SequenceNumbers = field(default_factory=SequenceNumbers)
     _listed_since_s: dict[Hashable, float] = field(default_factory=dict)
-    _trouble_s: float | None = None
-    _doubt_s: float | None = None
+    _trouble: Lately = field(default_factory=Lately)
+    _doubted: Lately = field(default_factory=Lately)
     _doubt: str = ""
 
     def arrived(self, now_s: float, sequence: int | None, worked_s: float) -> None:
@@ -164,7 +102,6 @@ class InputHealth:
 
         Parameters
         ----------
-        now_s : float
         sequence : int or None
             Its publisher's number for it.
         worked_s : float
@@ -177,7 +114,9 @@ class InputHealth:
             lost = self._numbering.lost - before
             if lost > 0 and self._heard_s is not None:
                 share = (worked_s - self._worked_s) / max(now_s - self._heard_s, 1e-9)
-                self.losses.add(now_s, lost, share > WORKING_SHARE)
+                self.lost.add(now_s, lost)
+                if share > WORKING_SHARE:
+                    self.lost_by_overload.add(now_s, lost)
         self._heard_s, self._worked_s = now_s, worked_s
 
     def pause(self) -> None:
@@ -194,18 +133,18 @@ class InputHealth:
     def drop(self, reason: str, count: int, now_s: float) -> None:
         """Count detections or messages that were not used."""
         self.dropped[reason] += count
-        self._trouble_s = now_s
+        self._trouble.add(now_s)
 
     def doubt(self, counts: Counter[str], text: str, now_s: float) -> None:
         """Count what was used and does not look as it is configured; `text` says what."""
         self.doubts += counts
         self._doubt = text
-        self._doubt_s = now_s
+        self._doubted.add(now_s)
 
     def miss_deadline(self, count: int, now_s: float) -> None:
         """Count missed deadlines."""
         self.deadlines_missed += count
-        self._trouble_s = now_s
+        self._trouble.add(now_s)
 
     def silent(self, looked_s: float, scans: float) -> bool:
         """Return whether nothing has come for `scans` of its usual intervals and the slack.
@@ -215,7 +154,6 @@ class InputHealth:
         looked_s : float
             Until when all messages that have come have been received. A slow tracker is late, and
             what waits in its queue meanwhile must not count as silence.
-        scans : float
         """
         if self._heard_s is None:
             return True
@@ -252,19 +190,19 @@ class InputHealth:
             )
         if several:
             return DiagnosticStatus.WARN, several
-        if self._doubt_s is not None and now_s - self._doubt_s < WARNING_MEMORY_S:
+        if self._doubted.count(now_s):
             return DiagnosticStatus.WARN, self._doubt
-        lost = self.losses.recent(now_s)
+        lost = self.lost.count(now_s)
         if lost:
             why = (
                 "the tracker is too slow, see its step time"
-                if self.losses.by_overload(now_s)
+                if self.lost_by_overload.count(now_s)
                 else "on the way to the tracker"
             )
             return DiagnosticStatus.WARN, (
                 f"{lost} messages lost in the last {WARNING_MEMORY_S:g} s: {why}"
             )
-        if self._trouble_s is not None and now_s - self._trouble_s < WARNING_MEMORY_S:
+        if self._trouble.count(now_s):
             return DiagnosticStatus.WARN, "input was dropped or missed its deadline"
         wrong = None if self.fit is None else doubts.of_noise(self.fit)
         if wrong is not None:
@@ -289,7 +227,6 @@ class InputHealth:
             Full name of the tracker.
         now_s, looked_s, scans : float
             See `silent`.
-        publishers : Publishers
         """
         self._listed_since_s = {
             identity: self._listed_since_s.get(identity, now_s)
@@ -357,7 +294,6 @@ class StepHealth:
         ----------
         stamp_ns : int
             Of its scan.
-        now_s : float
         step_ms : float
             CPU time from receipt to publication.
         targets : int
@@ -397,7 +333,7 @@ class StepHealth:
             return DiagnosticStatus.WARN, f"at its limit, busy for {busy:.0%} of the time: {advice}"
         if self.overdue and not self._targets_seen:
             # Once there were targets, it may well be that there are none now.
-            return DiagnosticStatus.WARN, doubts.nothing_reported(self.overdue)
+            return DiagnosticStatus.WARN, doubts.no_targets(self.overdue)
         return DiagnosticStatus.OK, "in time"
 
     def status(self, node: str, limit: float, lost: int, busy: float) -> DiagnosticStatus:
@@ -433,17 +369,17 @@ class OutputHealth:
     """Subscriptions to the tracker's outputs that ask for incompatible QoS."""
 
     refused: Counter[str] = field(default_factory=Counter)
-    _trouble_s: float | None = None
+    _trouble: Lately = field(default_factory=Lately)
 
     def refuse(self, topic: str, count: int, now_s: float) -> None:
         """Count subscriptions that ask for incompatible QoS."""
         self.refused[topic] += count
-        self._trouble_s = now_s
+        self._trouble.add(now_s)
 
     def status(self, node: str, now_s: float) -> DiagnosticStatus:
         """Return the status of the outputs; `node` is the full name of the tracker."""
         level, text = DiagnosticStatus.OK, "served"
-        if self._trouble_s is not None and now_s - self._trouble_s < WARNING_MEMORY_S:
+        if self._trouble.count(now_s):
             level, text = DiagnosticStatus.WARN, "a subscription asks for incompatible QoS"
         values = {f"incompatible_qos {topic}": n for topic, n in sorted(self.refused.items())}
         return diagnostics.status(names.health("outputs", node), values, level, text, node)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,7 +13,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters import doubts, interfaces, platform_poses
+from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import Reader, reader_of
+from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -22,30 +24,27 @@ from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.pipeline import POSE_MISSING
 
 from ..common import overridable
+from ..common.health import Rhythm, ThrottledWarnings
 from ..common.runtime import WARNING_PERIOD_S
-from ..common.throttled import ThrottledWarnings
 from . import endpoints
 from .endpoints import Listener
-from .health import InputHealth, Rhythm
+from .health import InputHealth
 
 # Why poses are not used, in words.
 POSE_FAULTS = {
     PoseFault.DUPLICATE: "duplicate stamp",
     PoseFault.LATE: "older than the one before",
     PoseFault.JUMP: "a jump from the one before; used once others go on from there",
-    PoseFault.ORIENTATION: "its orientation is no quaternion; set pose_yaw false if it has none",
+    PoseFault.ORIENTATION: "its orientation is no quaternion; pose may be stabilised",
 }
 # Poses come much more often than scans, and wait while one is stepped.
 POSES_KEPT = 200
+# A radar may miss so many of its scans; within half a second more it is called silent.
+SILENT_AFTER_SCANS = 2.0
 
 
 class Inputs:
-    """Subscribes to every radar and platform, and counts what is not used of their messages.
-
-    Parameters
-    ----------
-    node : LifecycleNode
-    settings : Settings
+    """Subscribes to every radar and platform; as `Notices` it counts what is not used of them.
 
     Attributes
     ----------
@@ -150,54 +149,74 @@ class Inputs:
         for health in self._all():
             health.pause()
 
-    def drop(self, health: InputHealth, reason: str, text: str, count: int = 1) -> None:
-        """Count what is not used of an input, and warn of it."""
-        health.drop(reason, count, time.monotonic())
-        self._warnings.warn((health.name, reason), f"{health.name}: {text}")
+    def unreadable(self, radar: int, error: RejectedMessageError) -> None:
+        """Count a message that is no report."""
+        self._drop(self.radars[radar], error.reason, f"scan rejected: {error}")
 
-    def drop_waiting(self, index: int, counts: Counter[str]) -> None:
-        """Count the scans of a radar that waited for their poses and are not used, by reason."""
-        radar = self._settings.config.inputs[index]
-        for reason, count in counts.items():
+    def read(self, radar: int, report: Report) -> None:
+        """Count the points that were dropped; warn, once, of a radar without amplitudes.
+
+        They would tell the classes apart.
+        """
+        for reason, count in report.dropped.items():
+            self._drop(self.radars[radar], reason, f"{count} points dropped: {reason}", count)
+        source = self._settings.config.inputs[radar]
+        several = len(self._settings.config.model.modes.classes) > 1
+        if report.detections.amplitude is None and several and source.name not in self._neutral:
+            self._neutral.add(source.name)
+            self._node.get_logger().warning(doubts.no_amplitude(source))
+
+    def rejected(self, radar: int, reason: str, report: Report) -> None:
+        """Count a report of which no part belongs to any scan."""
+        self._drop(self.radars[radar], reason, f"scan rejected: {reason} stamp")
+
+    def lost_later(self, radar: int, reasons: Counter[str]) -> None:
+        """Count the reports that waited for their poses and are not used."""
+        source = self._settings.config.inputs[radar]
+        for reason, count in reasons.items():
             text = f"{count} scans rejected: {reason} stamp"
             if reason == POSE_MISSING:
                 text = (
-                    f"{count} scans rejected: no pose on {radar.pose_topic} within "
-                    f"{radar.pose_max_age_s:g} s"
+                    f"{count} scans rejected: no pose on {source.pose_topic} within "
+                    f"{source.pose_max_age_s:g} s"
                 )
-            self.drop(self.radars[index], reason, text, count)
+            self._drop(self.radars[radar], reason, text, count)
 
-    def drop_pose(self, topic: str, faults: Iterable[PoseFault]) -> None:
-        """Count a pose that some of the radars that it carries do not use, once for each cause."""
-        for fault in dict.fromkeys(faults):
-            text = f"pose rejected: {POSE_FAULTS[fault]}"
-            self.drop(self.platforms[topic], fault.value, text)
-
-    def doubt(self, index: int, counts: Counter[str]) -> None:
+    def warn(self, radar: int, counts: Counter[str]) -> None:
         """Count what does not look as it is configured, and warn of it."""
         if not counts:
             return
-        radar = self._settings.config.inputs[index]
-        texts = list(doubts.of(radar, counts))
-        self.radars[index].doubt(counts, texts[0], time.monotonic())
+        source = self._settings.config.inputs[radar]
+        texts = list(doubts.of(source, counts))
+        self.radars[radar].doubt(counts, texts[0], time.monotonic())
         for what, text in zip(counts, texts, strict=True):
-            self._warnings.warn((radar.name, what), f"{radar.topic}: {text}")
+            self._warnings.warn((source.name, what), f"{source.topic}: {text}")
 
-    def turning(self, index: int, turn_s: float) -> None:
+    def turning(self, radar: int, turn_s: float) -> None:
         """Take the turn of a radar that was found out, seconds, or 0; warn of a new one."""
-        health, radar = self.radars[index], self._settings.config.inputs[index]
+        health, source = self.radars[radar], self._settings.config.inputs[radar]
         if turn_s and turn_s != health.turn_found_s:
-            text = doubts.turn_found(radar, turn_s)
+            text = doubts.turn_found(source, turn_s)
             health.doubt(Counter(), text, time.monotonic())
-            self._warnings.warn((radar.name, "turn_found"), text)
+            self._warnings.warn((source.name, "turn_found"), text)
         health.turn_found_s = turn_s
 
-    def without_amplitudes(self, index: int) -> None:
-        """Warn, once, of a radar without amplitudes, which would tell the classes apart."""
-        radar = self._settings.config.inputs[index]
-        if len(self._settings.config.model.modes.classes) > 1 and radar.name not in self._neutral:
-            self._neutral.add(radar.name)
-            self._node.get_logger().warning(doubts.no_amplitude(radar))
+    def pose_unreadable(self, topic: str, error: RejectedMessageError) -> None:
+        """Count a message that is no pose."""
+        self._drop(self.platforms[topic], error.reason, f"pose rejected: {error}")
+
+    def posed(self, topic: str, faults: Sequence[PoseFault]) -> None:
+        """Count a pose that some of the radars that it carries do not use, once for each cause."""
+        health = self.platforms[topic]
+        for fault in dict.fromkeys(faults):
+            self._drop(health, fault.value, f"pose rejected: {POSE_FAULTS[fault]}")
+        if not faults:
+            health.rhythm.beat(time.monotonic())
+
+    def _drop(self, health: InputHealth, reason: str, text: str, count: int = 1) -> None:
+        """Count what is not used of an input, and warn of it."""
+        health.drop(reason, count, time.monotonic())
+        self._warnings.warn((health.name, reason), f"{health.name}: {text}")
 
     def look(self) -> frozenset[str]:
         """Return the names of the inputs that are silent; to be called regularly.
@@ -206,15 +225,15 @@ class Inputs:
         the previous look has been received by now, however long the steps between them took.
         """
         self._judged_s, self._looked_s = self._looked_s, time.monotonic()
-        scans = self._settings.node["silent_after_scans"]
-        return frozenset(r.name for r in self._all() if r.silent(self._judged_s, scans))
+        return frozenset(
+            r.name for r in self._all() if r.silent(self._judged_s, SILENT_AFTER_SCANS)
+        )
 
     def statuses(self, now: float) -> list[DiagnosticStatus]:
         """Return a status for each input; `now` is by the monotonic clock."""
         name = self._node.get_fully_qualified_name()
-        scans = self._settings.node["silent_after_scans"]
         return [
-            health.status(name, now, self._judged_s, scans, listener.publishers())
+            health.status(name, now, self._judged_s, SILENT_AFTER_SCANS, listener.publishers())
             for health, listener in zip(self._all(), self._listeners, strict=True)
         ]
 
@@ -225,7 +244,7 @@ class Inputs:
 
     def lost(self, now: float) -> int:
         """Return how many messages were lost lately because the tracker is too slow."""
-        return sum(health.losses.by_overload(now) for health in self.radars)
+        return sum(health.lost_by_overload.count(now) for health in self.radars)
 
     def summary(self) -> str:
         """Return the numbers of received, lost and dropped clouds as text."""
@@ -263,7 +282,7 @@ def _pose_name(config: TrackerConfig, carried: Sequence[int]) -> str:
 
 
 def _message_class(radar: RadarInput, reader: Reader) -> Any:
-    message_class = reader.installed()
+    message_class = reader.message_class()
     if message_class is None:
         package = reader.type_name.split("/")[0]
         raise ConfigError(

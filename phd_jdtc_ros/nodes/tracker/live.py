@@ -7,45 +7,46 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode
 from rclpy.timer import Timer
 
 from msg_adapters import doubts, platform_poses
-from msg_adapters.errors import RejectedMessageError
+from msg_adapters.outputs import SCAN, STEP, Done
 from msg_adapters.readers import Reader
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import Drift, RegistrationMonitor
-from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.engine import Engine
-from phd_jdtc_ros.core.intake.poses import PoseFault
-from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
-from phd_jdtc_ros.core.types import SMOOTHED
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+from phd_jdtc_ros.feed.feed import Feed, Monitor
 
+from ..common.health import WARNING_MEMORY_S, Rhythm
 from . import registration_health
 from .checkpoint import Checkpoints
-from .health import WARNING_MEMORY_S, InputHealth, OutputHealth, Rhythm, StepHealth
+from .health import OutputHealth, StepHealth
 from .inputs import Inputs
 from .load import Load
 from .outputs import Outputs
 from .static_frames import StaticFrames
 
+# An older checkpoint is not used, seconds: the targets are elsewhere.
+CHECKPOINT_MAX_AGE_S = 60.0
+# Step time above which diagnostics warn, in intervals between scans: the tracker falls behind.
+STEP_TIME_LIMIT = 1.0
+
 
 class LiveTracker:
     """Subscribes to every radar, steps the engine scan by scan, and publishes the estimates.
-
-    Parameters
-    ----------
-    node : LifecycleNode
-    settings : Settings
 
     Raises
     ------
@@ -64,8 +65,8 @@ class LiveTracker:
         self._served = OutputHealth()
         self._innovations = InnovationMonitor(config.model)
         self._monitor: RegistrationMonitor | None = None
-        if settings.node["registration_monitor"] and len(config.inputs) > 1:
-            self._monitor = RegistrationMonitor(config.model.radars, nominal_s)
+        if "registration" in settings.node["outputs"] and len(config.inputs) > 1:
+            self._monitor = RegistrationMonitor(polar_radars(config.model.radars), nominal_s)
         self._active = False
         self._cpu_s = 0.0
         self._outputs = Outputs(node, settings, self._served)
@@ -75,7 +76,11 @@ class LiveTracker:
             self._checkpoints = self._make_checkpoints()
             # Radars find these while the engine loads its compiled loops.
             self._inputs.subscribe(self._on_message, self._on_pose)
-            self._pipeline = new_pipeline(config, self._begin)
+            monitors: list[Monitor] = [self._innovations]
+            if self._monitor is not None:
+                monitors.append(self._monitor)
+            self._feed = Feed(config, self._inputs, monitors, self._begin)
+            self._pipeline = self._feed.pipeline
         except Exception:
             self.destroy()
             raise
@@ -106,7 +111,7 @@ class LiveTracker:
             path,
             values["checkpoint.every"],
             # The time of a restart is a gap, and the limit of gaps applies to it too.
-            min(values["checkpoint.max_age_s"], self._settings.config.max_gap_s),
+            min(CHECKPOINT_MAX_AGE_S, self._settings.config.max_gap_s),
             fixed,
             self._node.get_logger(),
         )
@@ -144,8 +149,8 @@ class LiveTracker:
         self._pipeline.retune(settings.config.model, settings.config.rule)
         self._innovations.retune(settings.config.model)
         if self._monitor is not None:
-            self._monitor.retune(settings.config.model.radars)
-        self._outputs.show_markers(settings.node["publish_markers"])
+            self._monitor.retune(polar_radars(settings.config.model.radars))
+        self._outputs.retune(settings)
 
     def flush(self) -> int:
         """Close all scans, publish all smoothed estimates, and begin a new run.
@@ -156,10 +161,9 @@ class LiveTracker:
             Number of stamps whose smoothed estimates were held back.
         """
         start, published = time.thread_time(), 0
-        for event in self._pipeline.flush():
+        for event in self._feed.flush():
             start = self._publish(event, start)
             published = len(event.smoothed) if isinstance(event, RunEnded) else 0
-        self._judge_held()
         return published
 
     def save(self) -> str | None:
@@ -170,9 +174,9 @@ class LiveTracker:
 
     def reset(self) -> None:
         """Begin a new run without publishing."""
-        self._pipeline.reset()
+        self._feed.reset()
         self._forget_run()
-        self._outputs.clear_markers()
+        self._outputs.clear()
 
     def _begin(self, engine: Engine, stamp_ns: int) -> None:
         """Continue from the checkpoint, if there is one, before a run's first scan is stepped."""
@@ -180,12 +184,9 @@ class LiveTracker:
             self._checkpoints.resume(engine, stamp_ns)
 
     def _forget_run(self) -> None:
-        self._innovations.forget_tracks()
-        if self._monitor is not None:
-            self._monitor.forget_tracks()
         if self._checkpoints is not None:
             self._checkpoints.discard()
-        self._outputs.forget()
+        self._outputs.begin_run()
         self._pace.pause()
         if self._patience is not None:
             self._patience.cancel()
@@ -193,83 +194,36 @@ class LiveTracker:
     def _on_message(
         self, index: int, reader: Reader, message: Any, info: Mapping[str, int]
     ) -> None:
+        """Take in a report of a radar, and process the scans that it closes."""
         if not self._active:
             return
         self._inputs.take_poses(lambda: self._pipeline.awaited_pose)
-        begin_s = time.monotonic()
+        begin_s, start = time.monotonic(), time.thread_time()
         health = self._inputs.radars[index]
         health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
-        self._take(index, reader, message)
+        radar, waiting = self._settings.config.inputs[index], self._pipeline.waiting
+        events = self._feed.message(index, lambda: reader.from_msg(message, radar))
+        if events is not None:
+            health.rhythm.beat(time.monotonic())
+            closed = self._handle(events, start)
+            self._wait(new_scan=bool(closed) or not waiting)
         self._load.add(begin_s, time.monotonic())
 
     def _on_pose(self, topic: str, message: Any, info: Mapping[str, int]) -> None:
         """Take in a pose of what carries radars, and process the scans that waited for it."""
         if not self._active:
             return
-        begin_s = time.monotonic()
+        begin_s, frame = time.monotonic(), self._settings.config.world_frame
         health = self._inputs.platforms[topic]
         health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
-        self._take_pose(topic, health, message)
+        events = self._feed.pose(topic, lambda: platform_poses.from_msg(message, frame))
+        self._wait(new_scan=bool(self._handle(events, time.thread_time())))
         self._load.add(begin_s, time.monotonic())
-
-    def _take_pose(self, topic: str, health: InputHealth, message: Any) -> None:
-        start, config = time.thread_time(), self._settings.config
-        try:
-            stamp_ns, pose = platform_poses.from_msg(message, config.world_frame)
-        except RejectedMessageError as error:
-            self._inputs.drop(health, error.reason, f"pose rejected: {error}")
-            return
-        faults: list[PoseFault] = []
-        closed = 0
-        for index in config.carried[topic]:
-            events = self._pipeline.add_pose(index, stamp_ns, pose)
-            if isinstance(events, PoseFault):
-                faults.append(events)
-                continue
-            closed += self._handle(events, start)
-            start = time.thread_time()
-        self._inputs.drop_pose(topic, faults)
-        if not faults:
-            health.rhythm.beat(time.monotonic())
-        self._judge_held()
-        if self._patience is not None:
-            self._wait(new_scan=bool(closed))
-
-    def _judge_held(self) -> None:
-        """Count what of reports that waited for their poses is not used, or is in doubt."""
-        for index in range(len(self._inputs.radars)):
-            self._inputs.drop_waiting(index, self._pipeline.take_drops(index))
-            self._inputs.doubt(index, self._pipeline.take_doubts(index))
-
-    def _take(self, index: int, reader: Reader, message: Any) -> None:
-        """Decode a message, and process the scans that it closes."""
-        start = time.thread_time()
-        radar, health = self._settings.config.inputs[index], self._inputs.radars[index]
-        try:
-            report = reader.from_msg(message, radar)
-        except RejectedMessageError as error:
-            self._inputs.drop(health, error.reason, f"scan rejected: {error}")
-            return
-        for reason, count in report.dropped.items():
-            self._inputs.drop(health, reason, f"{count} points dropped: {reason}", count)
-        if report.detections.amplitude is None:
-            self._inputs.without_amplitudes(index)
-        waiting = self._pipeline.waiting
-        events = self._pipeline.add(index, report.stamp_ns, report.detections, report.sector)
-        self._inputs.doubt(index, report.doubts + self._pipeline.take_doubts(index))
-        self._inputs.turning(index, self._pipeline.turn_found_s(index))
-        if isinstance(events, Rejection):
-            self._inputs.drop(health, events.value, f"scan rejected: {events.value} stamp")
-            return
-        health.rhythm.beat(time.monotonic())
-        closed = self._handle(events, start)
-        if self._inputs.platforms:
-            self._judge_held()
-        if self._patience is not None:
-            self._wait(new_scan=bool(closed) or not waiting)
 
     def _wait(self, new_scan: bool) -> None:
         """Start the timer if a new scan waits for reports; cancel it if no scan waits."""
+        if self._patience is None:
+            return
         if not self._pipeline.waiting:
             self._patience.cancel()
         elif new_scan:
@@ -277,13 +231,13 @@ class LiveTracker:
 
     def _on_overdue(self) -> None:
         begin_s = time.monotonic()
-        self._patience.cancel()
-        events = self._pipeline.close_scans()
-        self._pace.closed_by_wait += self._handle(events, time.thread_time())
-        self._judge_held()
+        if self._patience is not None:
+            self._patience.cancel()
+        closed = self._handle(self._feed.close_scans(), time.thread_time())
+        self._pace.closed_by_wait += closed
         self._load.add(begin_s, time.monotonic())
 
-    def _handle(self, events: Iterable[Event], start: float) -> int:
+    def _handle(self, events: Iterator[Event], start: float) -> int:
         """Publish the pipeline's events; return the number of scans that were stepped.
 
         `start` is the CPU time at the receipt of the last report.
@@ -303,25 +257,22 @@ class LiveTracker:
             return start
         step = event.step
         for filtered in step.filtered:
-            self._outputs.publish_filtered(filtered)
+            self._outputs.publish(FILTERED, filtered.stamp_ns, filtered)
         for smoothed in step.smoothed:
-            self._outputs.publish_estimates(SMOOTHED, smoothed)
-        self._outputs.publish_detections(event.scan)
-        self._innovations.stepped(event.scan, step.filtered)
-        if self._monitor is not None:
-            self._monitor.stepped(event.scan, step.filtered)
+            self._outputs.publish(SMOOTHED, smoothed.stamp_ns, smoothed)
+        stamp_ns = event.scan.stamp_ns
+        self._outputs.publish(SCAN, stamp_ns, event.scan)
         now = time.thread_time()
         step_ms = 1e3 * (self._cpu_s + now - start)
         self._cpu_s = 0.0
         now_s = time.monotonic()
-        self._pace.stepped(event.scan.stamp_ns, now_s, step_ms, step.targets, step.figures)
+        self._pace.stepped(stamp_ns, now_s, step_ms, step.targets, step.figures)
         if event.overdue:
             self._pace.overdue = event.overdue
-            self._node.get_logger().warning(doubts.nothing_reported(event.overdue))
+            self._node.get_logger().warning(doubts.no_targets(event.overdue))
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
-        self._outputs.publish_cardinality(event.scan.stamp_ns, step, step_ms)
-        self._outputs.publish_clutter(event.scan.stamp_ns, self._pipeline.engine)
+        self._outputs.publish(STEP, stamp_ns, Done(stamp_ns, step, step_ms, self._pipeline.engine))
         return now
 
     def _end_run(self, event: RunEnded) -> None:
@@ -331,7 +282,7 @@ class LiveTracker:
             self._node.get_logger().warning(f"{event.reset}{limit}: starting again")
             self._pace.epoch += 1
         for smoothed in event.smoothed:
-            self._outputs.publish_estimates(SMOOTHED, smoothed)
+            self._outputs.publish(SMOOTHED, smoothed.stamp_ns, smoothed)
         self._forget_run()
 
     def look(self) -> frozenset[str]:
@@ -345,12 +296,11 @@ class LiveTracker:
     def statuses(self) -> list[DiagnosticStatus]:
         """Return a status for each input, step time, outputs and, if watched, registration."""
         now, name = time.monotonic(), self._node.get_fully_qualified_name()
-        limit = self._settings.node["step_time_limit"]
         for health, fit in zip(self._inputs.radars, self._innovations.fits(), strict=True):
             health.fit = fit
         return [
             *self._inputs.statuses(now),
-            self._pace.status(name, limit, self._inputs.lost(now), self._load.share(now)),
+            self._pace.status(name, STEP_TIME_LIMIT, self._inputs.lost(now), self._load.share(now)),
             self._served.status(name, now),
             *(registration_health.status(drift, name) for drift in self._drifts()),
         ]

@@ -28,7 +28,6 @@ class ManagerBond:
 
     Parameters
     ----------
-    node : LifecycleNode
     kind : type
         ``bondpy.bondpy.Bond``.
     """

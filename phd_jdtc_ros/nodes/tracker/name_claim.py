@@ -13,7 +13,8 @@ import time
 import uuid
 from collections.abc import Callable
 
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
@@ -37,7 +38,6 @@ class NameClaim:
 
     Parameters
     ----------
-    node : Node
     on_taken : callable
         Called if another node has the name.
     """

@@ -10,11 +10,12 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, names
@@ -24,6 +25,7 @@ from phd_jdtc_ros.exit_status import USAGE, faults_of
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import arguments, parameters, runtime, transitions
+from ..common.runtime import RunnableNode
 from ..common.status_log import StatusLog
 from . import endpoints, manager_bond
 from .live import LiveTracker
@@ -40,7 +42,7 @@ WATCH_PERIOD_S = 0.1
 _DONE = SetParametersResult(successful=True)
 
 
-class Tracker(LifecycleNode):
+class Tracker(LifecycleNode, RunnableNode):
     """The tracker as a lifecycle node.
 
     Unconfigured it has only parameters and services, configured it has all topics, and active it
@@ -49,7 +51,6 @@ class Tracker(LifecycleNode):
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("tracker")
-        self.exit_status: int | None = None
         # First, so that others are discovered in the background while the rest is made.
         self._claim = NameClaim(self, self._give_way)
         given = parameters.given(self, files)
@@ -129,7 +130,7 @@ class Tracker(LifecycleNode):
         """Track from now on."""
         done = super().on_activate(state)
         self._log.forget()
-        self._live.start()
+        self._configured.start()
         self.get_logger().info(self._what_is_tracked())
         # One that starts by itself has no manager that would wait for a bond.
         if not self._settings.node["autostart"]:
@@ -150,9 +151,9 @@ class Tracker(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish the scans held back, then stop receiving and publishing."""
         self._release()
-        published = self._live.stop()
+        published = self._configured.stop()
         self.get_logger().info(
-            f"deactivated, {published} smoothed estimates published; {self._live.summary()}"
+            f"deactivated, {published} smoothed estimates published; {self._configured.summary()}"
         )
         return super().on_deactivate(state)
 
@@ -165,7 +166,7 @@ class Tracker(LifecycleNode):
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish the scans held back if active, and remove all topics."""
         if state.label == "active":
-            self._live.stop()
+            self._configured.stop()
         self._tear_down()
         self.get_logger().info(f"shut down from {state.label}; {self._summary}")
         return super().on_shutdown(state)
@@ -188,9 +189,7 @@ class Tracker(LifecycleNode):
             self._live.destroy()
             self._live = None
 
-    def set_parameters_atomically(
-        self, parameter_list: list[rclpy.Parameter]
-    ) -> SetParametersResult:
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Check a change as a whole, and apply it from the next scan on.
 
         While the tracker is not configured, every parameter may change, and the change is applied
@@ -215,7 +214,7 @@ class Tracker(LifecycleNode):
         except ConfigError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.faults))
         # The checked values: whole numbers given for real parameters have become real numbers.
-        checked = [rclpy.Parameter(name, value=changed.values[name]) for name in changes]
+        checked = [Parameter(name, value=changed.values[name]) for name in changes]
         result = super().set_parameters_atomically([*others, *checked])
         if result.successful:
             self._settings, self._values = changed, changed.values
@@ -224,7 +223,7 @@ class Tracker(LifecycleNode):
             self.get_logger().info(f"changed: {summary}")
         return result
 
-    def _edit(self, others: list[rclpy.Parameter], changes: dict[str, Any]) -> SetParametersResult:
+    def _edit(self, others: list[Parameter], changes: dict[str, Any]) -> SetParametersResult:
         """Change parameters for the next configure; the answer says what does not fit yet."""
         try:
             table, values = tracker_node.edited(self._values, changes)
@@ -246,6 +245,13 @@ class Tracker(LifecycleNode):
         return SetParametersResult(successful=True)
 
     @property
+    def _configured(self) -> LiveTracker:
+        """What the phases from configured on have."""
+        if self._live is None:
+            raise RuntimeError(f"the tracker is {self._phase}, must be configured")
+        return self._live
+
+    @property
     def _phase(self) -> str:
         return str(self._state_machine.current_state[1])
 
@@ -253,28 +259,27 @@ class Tracker(LifecycleNode):
         response.success = self._phase == "active"
         response.message = f"the tracker is {self._phase}"
         if response.success:
-            response.message = f"{self._live.flush()} smoothed estimates published"
+            response.message = f"{self._configured.flush()} smoothed estimates published"
         return response
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._phase == "active"
         response.message = f"the tracker is {self._phase}"
         if response.success:
-            self._live.reset()
+            self._configured.reset()
             response.message = "reset"
         return response
 
     def _on_checkpoint(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        fault = f"the tracker is {self._phase}"
-        if self._phase == "active":
-            fault = self._live.save()
+        active = self._phase == "active"
+        fault = self._configured.save() if active else f"the tracker is {self._phase}"
         response.success, response.message = fault is None, fault or "written"
         return response
 
     def _watch(self) -> None:
         """Publish the health every second, and at once when a radar becomes silent or returns."""
         now = time.monotonic()
-        state = self._phase, self._live.look() if self._phase == "active" else None
+        state = self._phase, self._configured.look() if self._phase == "active" else None
         before, published = self._shown
         if state == before and now - published < HEALTH_PERIOD_S:
             return
@@ -289,7 +294,7 @@ class Tracker(LifecycleNode):
 
     def _statuses(self) -> list[DiagnosticStatus]:
         if self._phase == "active":
-            return self._live.statuses()
+            return self._configured.statuses()
         name, text = self.get_fully_qualified_name(), f"the tracker is {self._phase}"
         lines = {r.name: names.hardware(r.name, name) for r in self._settings.config.inputs}
         return [

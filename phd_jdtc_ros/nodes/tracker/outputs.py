@@ -1,88 +1,28 @@
-"""The publishers of the tracker: detections, estimates, poses, markers, tracks, figures, plots."""
+"""The publishers of the tracker, as the table in `msg_adapters.outputs` has them."""
 
 from __future__ import annotations
 
-import uuid
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseArray
-from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rclpy.lifecycle import LifecycleNode
-from sensor_msgs.msg import NavSatFix, PointCloud2
-from std_msgs.msg import Float64
-from visualization_msgs.msg import Marker, MarkerArray
 
-from msg_adapters import (
-    clutter_maps,
-    detections_in_map,
-    diagnostics,
-    estimates,
-    geo_json,
-    geodetic,
-    markers,
-    navsat,
-    plots,
-    poses,
-    quantities,
-    radar_tracks,
-    stamps,
-    tracks,
-    vision,
-)
-from msg_adapters.tracks import Waypoint
+from msg_adapters import interfaces
+from msg_adapters.outputs import Output, View, table
+from msg_adapters.trails import Trails
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tracker_node import Settings
-from phd_jdtc_ros.core.engine import Engine, Step
-from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Scan
 
 from . import endpoints
 from .health import OutputHealth
 
-# A path is continued if its track is estimated again after at most this many scans.
-UNSEEN_SCANS = 10
-# The picture of clutter is published so often, seconds by the scans' stamps.
-CLUTTER_PERIOD_S = 10.0
+# Positions of a track in ~/tracks/path and ~/tracks/geojson: some ten minutes of a turning radar.
+PATH_LENGTH = 100
 
 
-class Trails:
-    """The latest positions of every track with an estimate in the last `UNSEEN_SCANS` scans.
-
-    Parameters
-    ----------
-    length : int
-        Number of positions kept per track.
-    """
-
-    def __init__(self, length: int) -> None:
-        self._length = length
-        self._trails: dict[int, deque[Waypoint]] = {}
-        self._unseen: dict[int, int] = {}
-
-    def add(self, found: Estimates) -> list[deque[Waypoint]]:
-        """Add a scan's estimates; return the trails of their tracks, by ascending number."""
-        self._unseen = {track: scans + 1 for track, scans in self._unseen.items()}
-        labelled, heights = tracks.labelled(found), geodetic.heights(found).tolist()
-        for track, row in labelled:
-            trail = self._trails.setdefault(track, deque(maxlen=self._length))
-            trail.append(Waypoint(found.stamp_ns, found.state[row], heights[row]))
-            self._unseen[track] = 0
-        for track in [track for track, scans in self._unseen.items() if scans > UNSEEN_SCANS]:
-            del self._trails[track], self._unseen[track]
-        return [self._trails[track] for track, _ in labelled]
-
-    def clear(self) -> None:
-        """Remove all trails; a new run uses the same numbers for other tracks."""
-        self._trails, self._unseen = {}, {}
-
-
-def _geojson_types() -> tuple[Any] | None:
-    """Return the class of GeoJSON messages; None if it is not installed."""
-    kind = geo_json.installed()
-    return None if kind is None else (kind,)
+def _is_wanted(row: Output, values: Mapping[str, Any]) -> bool:
+    """Return whether an output is wanted by the node's parameters."""
+    return not row.switch or row.switch in values["outputs"]
 
 
 class Outputs:
@@ -90,195 +30,83 @@ class Outputs:
 
     Parameters
     ----------
-    node : LifecycleNode
-    settings : Settings
     health : OutputHealth
         Counts subscriptions with an incompatible QoS.
 
     Raises
     ------
     ConfigError
-        If an output's QoS override is not valid.
+        If an output's QoS override is not valid, or its message package is not installed.
     """
 
     def __init__(self, node: LifecycleNode, settings: Settings, health: OutputHealth) -> None:
-        self._node = node
-        self._frame = settings.config.world_frame
-        self._plane = settings.config.plane
-        self._datum = 0.0 if self._plane is None else self._plane.origin[2]
-        self._radars = settings.config.model.radars
-        self._class_names = tuple(c.name for c in settings.config.model.modes.classes)
-        self._trails = Trails(settings.node["path_length"])
-        self._made: list[Any] = []
-        self._with_markers = settings.node["publish_markers"]
-
-        def make(kind: type, topic: str, qos: Callable[[], Any] = endpoints.output_qos) -> Any:
-            self._made.append(endpoints.publisher(node, kind, topic, qos(), health))
-            return self._made[-1]
-
+        self._node, self._health = node, health
+        self._values = settings.node
+        config = settings.config
+        names = tuple(c.name for c in config.model.modes.classes)
+        trails = Trails(PATH_LENGTH)
+        self._view = View(config.world_frame, names, config.model.radars, config.plane, trails)
+        self._publishers: dict[Output, Any] = {}
+        # Stamps of the last messages of what is published now and then.
+        self._last_ns: dict[Output, int] = {}
         try:
-            self._clouds = {s: make(PointCloud2, f"~/{s}/estimates") for s in SOURCES}
-            self._poses = {
-                source: [
-                    make(PoseArray, f"~/{source}/class_{k}/poses")
-                    for k in range(len(self._class_names))
-                ]
-                for source in SOURCES
-            }
-            self._detections = (
-                make(PointCloud2, "~/detections") if settings.node["publish_detections"] else None
-            )
-            self._markers = make(MarkerArray, "~/markers", endpoints.latched_qos)
-            mapped = any(radar.clutter_map is not None for radar in self._radars)
-            self._clutter = (
-                make(OccupancyGrid, "~/clutter_map", endpoints.latched_qos) if mapped else None
-            )
-            self._cardinality = make(DiagnosticArray, "~/cardinality")
-            self._plots = {
-                quantity: make(Float64, f"~/plot/{quantity}")
-                for quantity in quantities.of_tracker(
-                    len(self._class_names), settings.config.engine
-                )
-                if settings.node["publish_plots"]
-            }
-            self._path = make(Path, "~/tracks/path") if settings.node["publish_path"] else None
-            self._odometry = (
-                make(Odometry, "~/odometry") if settings.node["publish_odometry"] else None
-            )
-            self._navsat = make(NavSatFix, "~/navsat") if settings.node["publish_navsat"] else None
-            self._geojson = self._make_optional(
-                make, _geojson_types, "~/tracks/geojson", "publish_geojson", settings
-            )
-            self._radar_tracks = self._make_optional(
-                make, radar_tracks.installed, "~/radar_tracks", "publish_radar_tracks", settings
-            )
-            self._detections_3d = self._make_optional(
-                make, vision.installed, "~/detections_3d", "publish_detections_3d", settings
-            )
+            for row in table(len(names), config.engine):
+                # One that may be switched on later has its publisher from the start.
+                if row.needs(self._view) and (row.clear or _is_wanted(row, self._values)):
+                    self._publishers[row] = self._publisher(row)
         except Exception:
             self.destroy()
             raise
-        self._run = uuid.uuid4()
-        self._clutter_ns: int | None = None
 
-    @staticmethod
-    def _make_optional(
-        make: Callable[..., Any],
-        installed: Callable[[], Any],
-        topic: str,
-        switch: str,
-        settings: Settings,
-    ) -> tuple[Any, Any] | None:
-        """Return a publisher of messages of an optional package, and their classes."""
-        if not settings.node[switch]:
-            return None
-        types = installed()
-        if types is None:
-            raise ConfigError([f"{switch}: true given, but its message package is not installed"])
-        return make(types[0], topic), types
+    def _publisher(self, row: Output) -> Any:
+        try:
+            kind = interfaces.message_class(row.type_name)
+        except ImportError as error:
+            text = f"outputs: {row.switch} given, but its message package is not installed"
+            raise ConfigError([text]) from error
+        qos = endpoints.latched_qos() if row.latched else endpoints.output_qos()
+        return endpoints.publisher(self._node, kind, row.topic, qos, self._health)
 
     def destroy(self) -> None:
         """Destroy all publishers."""
-        while self._made:
-            self._node.destroy_lifecycle_publisher(self._made.pop())
+        while self._publishers:
+            self._node.destroy_lifecycle_publisher(self._publishers.popitem()[1])
 
-    def forget(self) -> None:
+    def begin_run(self) -> None:
         """Begin a new run."""
-        self._trails.clear()
-        self._clutter_ns = None
-        self._run = uuid.uuid4()
+        self._view.begin_run()
+        self._last_ns.clear()
 
-    def show_markers(self, shown: bool) -> None:
-        """Publish markers from now on, or delete those that were published."""
-        if not shown:
-            self.clear_markers()
-        self._with_markers = shown
+    def retune(self, settings: Settings) -> None:
+        """Publish what changed parameters ask for, and remove what is no longer shown."""
+        gone = [row for row in self._publishers if not _is_wanted(row, settings.node)]
+        self._clear(gone)
+        self._values = settings.node
 
-    def clear_markers(self) -> None:
-        """Delete the published markers; the topic is latched, so late joiners would get them."""
-        if self._with_markers:
-            clear = Marker(header=stamps.header(0, self._frame), action=Marker.DELETEALL)
-            self._markers.publish(MarkerArray(markers=[clear]))
+    def clear(self) -> None:
+        """Remove what is shown; such a topic is latched, so late joiners would get it."""
+        self._clear(list(self._publishers))
 
-    def publish_detections(self, scan: Scan) -> None:
-        """Publish a scan's detections, those of all radars together."""
-        if self._detections is not None:
-            self._detections.publish(detections_in_map.to_msg(scan, self._radars, self._frame))
+    def _clear(self, rows: list[Output]) -> None:
+        for row in rows:
+            if row.clear and _is_wanted(row, self._values):
+                self._publishers[row].publish(row.clear(self._view))
 
-    def publish_estimates(self, source: str, found: Estimates) -> None:
-        """Publish the ``filtered`` or ``smoothed`` estimates of a stamp."""
-        self._clouds[source].publish(estimates.to_msg(found, self._frame))
-        for class_id, publisher in enumerate(self._poses[source]):
-            publisher.publish(poses.to_cdr(found, class_id, self._frame))
+    def publish(self, when: str, stamp_ns: int, what: Any) -> None:
+        """Publish what has happened on all topics that show it.
 
-    def publish_filtered(self, found: Estimates) -> None:
-        """Publish a scan's filtered estimates on all topics that show them."""
-        self.publish_estimates(FILTERED, found)
-        if self._with_markers:
-            self._markers.publish(
-                markers.to_cdr(found, self._frame, self._class_names, self._datum)
-            )
-        if self._radar_tracks is not None:
-            publisher, types = self._radar_tracks
-            publisher.publish(radar_tracks.to_msg(found, self._frame, self._run, types))
-        if self._detections_3d is not None:
-            publisher, types = self._detections_3d
-            publisher.publish(vision.to_msg(found, self._frame, self._class_names, types))
-        self._publish_trails(found)
-        if self._odometry is not None:
-            for message in tracks.to_odometry(found, self._frame):
-                self._odometry.publish(message)
-
-    def _publish_trails(self, found: Estimates) -> None:
-        """Publish what shows where tracks were, and where on the earth they are."""
-        if self._path is not None or self._geojson is not None:
-            trails = self._trails.add(found)
-            if self._path is not None:
-                for trail in trails:
-                    self._path.publish(tracks.to_path(trail, self._frame))
-            if self._geojson is not None:
-                publisher, (kind,) = self._geojson
-                ways = {
-                    track: np.column_stack(
-                        [
-                            np.array([point.state for point in trail])[
-                                :, list(found.space.position)
-                            ],
-                            tracks.known_heights(trail),
-                        ]
-                    )
-                    for (track, _), trail in zip(tracks.labelled(found), trails, strict=True)
-                }
-                publisher.publish(
-                    geo_json.to_msg(found, self._plane, self._class_names, ways, kind)
-                )
-        if self._navsat is not None:
-            for message in navsat.to_msgs(found, self._plane):
-                self._navsat.publish(message)
-
-    def publish_clutter(self, stamp_ns: int, engine: Engine) -> None:
-        """Publish where clutter comes from, if that is learned and was not published lately."""
-        last = self._clutter_ns
-        if self._clutter is None or (last is not None and stamp_ns - last < CLUTTER_PERIOD_S * 1e9):
-            return
-        shown = engine.clutter_raster()
-        if shown is not None:
-            self._clutter_ns = stamp_ns
-            self._clutter.publish(clutter_maps.to_msg(shown, stamp_ns, self._frame))
-
-    def publish_cardinality(self, stamp_ns: int, step: Step, step_ms: float) -> None:
-        """Publish the figures of a step."""
-        mass = {name: float(m) for name, m in zip(self._class_names, step.class_mass, strict=True)}
-        values = {
-            "total": float(np.sum(step.class_mass)),
-            **mass,
-            **step.figures,
-            "unresolved": sum(estimates.unresolved for estimates in step.filtered),
-            "step_ms": step_ms,
-        }
-        self._cardinality.publish(
-            diagnostics.array(stamp_ns, [diagnostics.status("tracker/cardinality", values)])
-        )
-        if self._plots:
-            for quantity, message in plots.step_to_msgs(step, step_ms).items():
-                self._plots[quantity].publish(message)
+        Parameters
+        ----------
+        when : str
+            See `Output`.
+        """
+        for row, publisher in self._publishers.items():
+            if row.when != when or not _is_wanted(row, self._values):
+                continue
+            last_ns = self._last_ns.get(row)
+            if last_ns is not None and stamp_ns - last_ns < row.period_s * 1e9:
+                continue
+            for message in row.encode(what, self._view):
+                publisher.publish(message)
+                if row.period_s:
+                    self._last_ns[row] = stamp_ns

@@ -14,21 +14,15 @@ from . import endpoints
 
 
 class StaticFrames:
-    """Publishes the radars' poses once; whoever joins later gets them too.
-
-    Parameters
-    ----------
-    node : LifecycleNode
-    settings : Settings
-    """
+    """Publishes the radars' poses once; whoever joins later gets them too."""
 
     def __init__(self, node: LifecycleNode, settings: Settings) -> None:
         self._node = node
-        self._publisher = self._publish(settings) if settings.node["publish_frames"] else None
+        self._publisher = self._publish(settings) if "frames" in settings.node["outputs"] else None
 
     def _publish(self, settings: Settings) -> Any:
         """Return the publisher; None if the type of the transforms is not installed."""
-        kind = frames.installed()
+        kind = frames.message_class()
         if kind is None:
             self._node.get_logger().info(
                 "tf2_msgs is not installed: the radars' frames are not published on "

@@ -18,16 +18,16 @@ def of_record(record: Record, evaluation: Evaluation) -> list[Chart]:
         charts.append(time_charts.ospa(record, evaluation))
     if record.filtered or record.smoothed or record.truth:
         charts.append(time_charts.numbers(record))
-    # With one class every probability is 1.
+    # A single class has probability 1 throughout.
     if estimated and not record.sets.one_class:
         charts.append(class_chart.class_probabilities(record, evaluation))
     return charts
 
 
 def missing(record: Record, evaluation: Evaluation) -> list[str]:
-    """Return a sentence for everything that the bag does not contain, with the consequence."""
+    """Return a sentence for each kind of data missing from the bag, with the consequence."""
     absent = [source for source in SOURCES if not record.of_source(source)]
-    notes = [] if record.damage is None else [f"Only what is intact is shown. {record.damage}."]
+    notes = [] if record.damage is None else [f"Only the intact part is shown. {record.damage}."]
     if len(absent) == len(SOURCES):
         notes.append(
             "There are no estimates in this bag, so only detections are shown. Run track_bag on "

@@ -17,8 +17,7 @@ from ..clock import Clock
 from ..record import Record
 from ..sets import Sets
 from ..style import class_colour
-from .chart import NEUTRAL, SOURCE_ORDER, Chart, class_symbol
-from .time_axes import rows_over_time, times
+from .chart import NEUTRAL, SOURCE_ORDER, Chart, class_symbol, rows_over_time, times
 
 CAPTION = (
     "The probability of each class for every estimate, one row per class. {colours} Near 0 or 1 "
@@ -32,16 +31,16 @@ BY_ESTIMATE = "The colour is the estimated class."
 
 
 class Key(NamedTuple):
-    """Identifies the estimates that are drawn as one curve.
+    """Identifies the estimates of one curve.
 
     Parameters
     ----------
     name, label : str
         Text in the legend, and text of a single curve.
     class_id : int or None
-        Determines the colour; None is no class.
+        Determines the colour; None for no class.
     number : int
-        Number of the target or the track; 0 is none, and the points are then not joined.
+        Number of the target or the track; 0 for none, whose points are not joined.
     """
 
     name: str
@@ -51,7 +50,7 @@ class Key(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """Class probabilities of one curve: stamps, and arrays of shape (C,)."""
+    """Class probabilities of one curve: stamps and arrays of shape (C,)."""
 
     stamp_ns: list[int]
     probability: list[FloatArray]
@@ -85,7 +84,7 @@ def class_probabilities(record: Record, evaluation: Evaluation) -> Chart:
 
 
 def _look(key: Key) -> dict[str, Any]:
-    """Return the style of a curve: in its class's colour, or grey behind the others."""
+    """Return the style of a curve: its class's colour, or grey behind the others."""
     shared = {"name": key.name, "legendgroup": key.name}
     if key.class_id is None:
         symbol, size = ("circle-open", 5) if key.name == FILTERED else ("x-thin-open", 7)
@@ -120,7 +119,7 @@ def _curves(record: Record, source: str, cutoff: float) -> dict[Key, Curve]:
 def _by_target(
     source: str, found: Estimates, targets: Truth | None, cutoff: float, sets: Sets
 ) -> Iterator[Key]:
-    """Yield the key of each estimate: that of the target it is paired with."""
+    """Yield the key of each estimate, by the target that it is paired with."""
     paired: dict[int, int] = {}
     if targets is not None:
         index, estimate = assign(targets.position, found.position, cutoff)
@@ -136,7 +135,7 @@ def _by_target(
 
 
 def _by_estimate(source: str, found: Estimates, sets: Sets) -> Iterator[Key]:
-    """Yield the key of each estimate: that of its class and its track."""
+    """Yield the key of each estimate, by its class and its track."""
     for class_id, number in zip(found.class_id.tolist(), found.track_id.tolist(), strict=True):
         name = sets.class_title(class_id)
         label = f"track {number}, {name}" if number else f"estimated {name}"

@@ -1,4 +1,4 @@
-"""The estimates of a source as columns of whole numbers, one track after the other."""
+"""The estimates of a source as columns of integers, track by track."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from .frames import Frames
 from .packing import Columns
 
 NO_LEVEL = -9999
-# Ellipses' semi-axes are stored as logarithms: so many steps to a factor of 2, from 1 cm on.
+# Ellipses' semi-axes are stored as logarithms: steps per factor of 2, and the least axis, metres.
 AXIS_STEPS, LEAST_AXIS = 16, 0.01
 
 
 @dataclass(frozen=True)
 class Grid:
-    """The whole numbers that places are stored as.
+    """The integer grid of positions.
 
     Parameters
     ----------
     corner : array of shape (2,)
-        Metres.
+        Origin of the grid, metres.
     quantum : float
-        Metres.
+        Spacing of the grid, metres.
     columns : Columns
     """
 
@@ -38,13 +38,13 @@ class Grid:
     columns: Columns
 
     def add(self, name: str, places: FloatArray) -> None:
-        """Add the columns of places of shape (N, 2), metres."""
+        """Add the columns of positions of shape (N, 2), metres."""
         whole = np.rint((places - self.corner) / self.quantum)
         for axis, values in zip("xy", whole.T, strict=True):
             self.columns.add(f"{name}.{axis}", values)
 
     def begin(self, name: str, number: IntArray, frame: IntArray) -> IntArray:
-        """Add who and when of rows; return the rows' order, one target after the other."""
+        """Add the columns of number and frame; return the rows' order, by target."""
         order: IntArray = np.lexsort((frame, number))
         numbers, starts = np.unique(number[order], return_index=True)
         self.columns.add(f"{name}.number", numbers)
@@ -54,7 +54,7 @@ class Grid:
 
 
 class EstimateRows:
-    """The estimates of a source that the page shows, as columns."""
+    """The shown estimates of a source, as columns."""
 
     def __init__(self, record: Record, frames: Frames, source: str) -> None:
         found = record.of_source(source)
@@ -68,11 +68,11 @@ class EstimateRows:
         self._frame = np.repeat([frame for frame, _ in shown], [len(e) for e in self._sets])
         self._plane = record.plane
         apart = np.diff([frame for frame, _ in shown])
-        # For so many frames a set of estimates is the newest.
+        # Number of frames for which a set of estimates remains the newest.
         self.hold = int(np.median(apart)) if len(apart) else 1
 
     def add(self, grid: Grid, source: str, known: list[list[str]], flying: bool) -> None:
-        """Add the columns; identities that are not `known` yet are added to these."""
+        """Add the columns, and new identities to `known`."""
         order = grid.begin(source, self._of("track_id").astype(np.int64), self._frame)
         datum = self._plane.origin[2] if self._plane is not None else 0.0
         unit = vertical.FLIGHT_LEVEL if flying else 1.0
@@ -104,14 +104,14 @@ class EstimateRows:
         return np.concatenate([np.zeros((0, *shape)), *(getattr(e, name) for e in self._sets)])
 
     def _course(self, entry: Estimates) -> FloatArray:
-        """Return degrees clockwise from y, or on the earth from true north; 0 at rest."""
+        """Return courses, degrees clockwise from y, or from true north on the earth; 0 at rest."""
         if self._plane is not None:
             return np.nan_to_num(geodetic.of(entry, self._plane).course)
         course: FloatArray = np.degrees(np.arctan2(*entry.velocity.T)) % 360.0
         return course
 
     def _identity(self, known: list[list[str]]) -> IntArray:
-        """Return the place of each estimate's code and address among those that are known."""
+        """Return the index of each estimate's code and address in `known`."""
         places = {tuple(entry): k for k, entry in enumerate(known)}
         found = [places.setdefault(pair, len(places)) for e in self._sets for pair in _names(e)]
         known[:] = map(list, places)
@@ -132,7 +132,7 @@ def _names(entry: Estimates) -> Iterator[tuple[str, str]]:
 
 
 def _upward(entry: Estimates) -> FloatArray:
-    """Return heights and climb rates, shape (T, 2), NaN where they are not known."""
+    """Return heights and climb rates, shape (T, 2), NaN where unknown."""
     none = np.full((len(entry), 2), np.nan)
     return none if entry.attributes is None else entry.attributes.height
 
@@ -147,4 +147,5 @@ def known_heights(record: Record) -> FloatArray:
     """Return all known heights of estimates, metres above the world's zero."""
     every = [_upward(e)[:, 0] for source in SOURCES for e in record.of_source(source)]
     found = np.concatenate([np.zeros(0), *every])
-    return found[np.isfinite(found)]
+    known: FloatArray = found[np.isfinite(found)]
+    return known

@@ -12,13 +12,13 @@ from phd_jdtc_ros.core.types import SOURCES
 
 from ..record import Record
 
-# A page has no more of them: of longer runs it shows every second or third set of estimates.
+# Largest number of frames of a page, which shows every second or third set of a longer run.
 MOST = 3600
 
 
 @dataclass(frozen=True)
 class Frames:
-    """The stamps that the page can show, in order.
+    """The stamps that the page can show, ascending.
 
     Parameters
     ----------
@@ -39,14 +39,15 @@ class Frames:
         return len(self.stamp_ns)
 
     def at(self, stamp_ns: Sequence[int]) -> IntArray:
-        """Return the frame of each stamp: the first that is not before it, or else the last."""
+        """Return the frame of each stamp: the first frame not before it, or else the last."""
         found = np.searchsorted(self.stamp_ns, np.array(stamp_ns, dtype=np.int64))
         within: IntArray = np.minimum(found, max(len(self) - 1, 0)).astype(np.int64)
         return within
 
     def first_shown(self, record: Record) -> int:
         """Return the last of the frames with the most targets, counting true ones if known."""
-        counted = record.truth or max((record.of_source(s) for s in SOURCES), key=len)
+        estimates = max((record.of_source(source) for source in SOURCES), key=len)
+        counted = record.truth or estimates
         most = np.zeros(len(self), dtype=np.int64)
         np.maximum.at(
             most, self.at([e.stamp_ns for e in counted]), [len(e.class_id) for e in counted]

@@ -1,7 +1,7 @@
 """A run's report as one self-contained HTML page.
 
-The charts, their library, the numbers and the style sheet are part of the page, so the file can be
-mailed, stored with the data and opened from disk years later. It supports light and dark mode.
+The charts, their library, the numbers and the style sheet are part of the page, so that the file
+can be mailed, archived and opened from disk. It supports light and dark mode.
 """
 
 from __future__ import annotations
@@ -21,15 +21,14 @@ from phd_jdtc_ros import output_files
 from ..clock import Clock
 from ..record import Record
 from . import picture_words, score_words
-from .amplitude_scale import AMPLITUDE_SCALES
-from .chart import Chart
-from .packing import packed
+from .chart import Chart, times
+from .layers import AMPLITUDE_SCALES
+from .packing import pack
 from .picture import Picture, picture_of
-from .time_axes import times
 
-# In the order in which they build on each other; the first line makes all strict.
+# Scripts of the page in the order of their dependencies; the first line makes all strict.
 SCRIPTS = ("drawing.js", "picture.js", "page.js")
-# The page may not load anything, even if a library tries to.
+# Content security policy: the page loads nothing, even if a library tries to.
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
@@ -48,15 +47,15 @@ def write_report(
     Parameters
     ----------
     path : pathlib.Path
-        Of the page; its directory is created if it does not exist.
+        Path of the page; its directory is created if necessary.
     title : str
     summary : mapping
-        As `Evaluation.summary` returns it, with an optional ``step_ms`` of ``median`` and
-        ``p99``. A value that is missing or None is shown as a dash.
+        Result of `Evaluation.summary`, with an optional ``step_ms`` of ``median`` and ``p99``. A
+        value that is missing or None is shown as a dash.
     record : Record
-        What the picture shows.
+        Data of the picture.
     charts : sequence of Chart
-        In order.
+        Interactive charts, in the order of the page.
     notes : sequence of str
         Sentences shown first.
 
@@ -78,7 +77,7 @@ def write_report(
         charts="\n".join(_chart(chart) for chart in charts),
         terms=score_words.definitions(summary),
         run=_run_json(record, charts, picture),
-        packed=_packed(charts, picture),
+        packed=_compressed_parts(charts, picture),
         script="".join(map(_part, SCRIPTS)),
     )
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -87,14 +86,14 @@ def write_report(
 
 
 def _part(name: str) -> str:
-    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+    return (files(__package__) / "assets" / name).read_text(encoding="utf-8")
 
 
 def _run_json(record: Record, charts: Sequence[Chart], picture: Picture | None) -> str:
     """Return the script's data, without ``<``.
 
-    A name with ``</script>`` would end the element, and one with ``<!--<script>`` would make it
-    swallow the rest of the page.
+    In a name, ``</script>`` would end the element, and ``<!--<script>`` would extend it over the
+    rest of the page.
     """
     clock = Clock.of(record)
     document = {
@@ -107,11 +106,11 @@ def _run_json(record: Record, charts: Sequence[Chart], picture: Picture | None) 
     return json.dumps(document, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _packed(charts: Sequence[Chart], picture: Picture | None) -> str:
-    """Return the compressed parts of the page as elements: columns, and what draws the charts."""
+def _compressed_parts(charts: Sequence[Chart], picture: Picture | None) -> str:
+    """Return the compressed parts of the page as elements: columns and the charts' library."""
     parts = {} if picture is None else {"columns": picture.columns.text()}
     if charts:
-        parts["plotly"] = packed(get_plotlyjs().encode("utf-8"))
+        parts["plotly"] = pack(get_plotlyjs().encode("utf-8"))
     return "\n".join(
         f'<script type="application/octet-stream" id="{name}">{text}</script>'
         for name, text in parts.items()

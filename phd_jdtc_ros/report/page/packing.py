@@ -1,4 +1,4 @@
-"""Whole numbers of a page as few bytes: columns of differences, compressed, as base64."""
+"""A compact code of a page's integers: compressed columns of differences, as base64."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 
 class Columns:
-    """Columns of whole numbers of 32 bits; the page's script reads them back by name.
+    """Columns of 32-bit integers; the page's script reads them by name.
 
     Attributes
     ----------
     index : list of (name, number of entries)
-        In the order of `text`.
+        The columns in the order of `text`.
     """
 
     def __init__(self) -> None:
@@ -25,9 +25,8 @@ class Columns:
     def add(self, name: str, values: npt.ArrayLike) -> None:
         """Add a column.
 
-        What is stored of it are the differences from one entry to the next, from 0 on, with the
-        sign as the lowest bit; first the lowest bytes of all, and last the highest, which are
-        mostly 0.
+        A column stores the differences of successive entries, starting from 0, with the sign as the
+        lowest bit: first the lowest bytes of all entries, and last the highest, which are mostly 0.
         """
         numbers = np.asarray(values, dtype=np.int64)
         steps = np.diff(numbers, prepend=0)
@@ -37,9 +36,9 @@ class Columns:
 
     def text(self) -> str:
         """Return all columns, compressed, as base64."""
-        return packed(b"".join(self._parts))
+        return pack(b"".join(self._parts))
 
 
-def packed(data: bytes) -> str:
-    """Return bytes, compressed by gzip, as base64; equal bytes give equal texts."""
+def pack(data: bytes) -> str:
+    """Return bytes, compressed by gzip, as base64; the text is reproducible."""
     return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")

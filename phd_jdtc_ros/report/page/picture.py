@@ -1,7 +1,7 @@
 """The page's picture of the traffic: tracks with labels, trails, detections and truth by time.
 
-The page's script draws it. What changes with time are columns of whole numbers, tracks one after
-the other; see `Columns`. Places are multiples of a quantum, relative to a corner of the picture.
+The page's script draws it. Data that vary with time are columns of integers, track by track; see
+`Columns`. Positions are multiples of a quantum, relative to a corner of the picture.
 """
 
 from __future__ import annotations
@@ -17,36 +17,34 @@ from msg_adapters.palette import class_colour
 from msg_adapters.vertical import FLIGHT_LEVEL
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import SOURCES
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
 from ..lengths import places_of
 from ..record import Plot, Record
-from .amplitude_scale import is_known, shades_of
-from .clutter_layer import clutter_levels
-from .earth_layer import earth_grid, graticule, rings
 from .estimate_rows import AXIS_STEPS, LEAST_AXIS, NO_LEVEL, EstimateRows, Grid, known_heights
 from .frames import Frames
+from .layers import clutter_levels, earth_grid, graticule, is_known, rings, shades_of
 from .packing import Columns
 
-# Places have about so many steps across the picture, and the picture at least this extent, metres.
+# Number of position steps across the picture, and least extent of the picture, metres.
 STEPS, LEAST_EXTENT = 1e5, 100.0
-# Heights are flight levels, and speeds in knots, where anything is above the first, metres, or most
-# of the fastest tracks are faster than the second, metres per second.
+# The targets count as aircraft, with flight levels and knots, if any height exceeds `FLYING`,
+# metres, or most of the fastest tracks exceed `FLIGHT`, metres per second.
 FLYING, FLIGHT = 300.0, 80.0
-# Aircraft that are slower, metres per second, and no higher above the lowest, metres, are on the
-# ground.
+# Aircraft are on the ground if slower than `TAXI`, metres per second, and at most `APRON` above the
+# lowest one, metres.
 TAXI, APRON = 25.0, 300.0
 
 
 @dataclass(frozen=True)
 class Picture:
-    """What the page's script draws.
+    """The data that the page's script draws.
 
     Parameters
     ----------
     header : dict
-        What does not change with time, as JSON.
+        Data that do not vary with time, as JSON.
     columns : Columns
     frames : Frames
     """
@@ -57,7 +55,7 @@ class Picture:
 
 
 def picture_of(record: Record) -> Picture | None:
-    """Return the picture of a record; None if there is nothing in it."""
+    """Return the picture of a record; None if it is empty."""
     frames = Frames.of(record)
     if not len(frames):
         return None
@@ -105,8 +103,8 @@ def _radars(record: Record) -> list[str]:
 
 
 def _aircraft(record: Record, height: FloatArray) -> bool:
-    """Return whether aircraft are tracked, by the heights and the speeds of all estimates."""
-    speeds = _joined(
+    """Return whether the targets are aircraft, by the heights and speeds of all estimates."""
+    speeds = _concat(
         np.hypot(*entry.velocity.T)
         for part in ((record.truth,) if not record.filtered else (record.filtered,))
         for entry in part
@@ -116,16 +114,16 @@ def _aircraft(record: Record, height: FloatArray) -> bool:
 
 
 def _ground(record: Record, height: FloatArray) -> dict[str, float]:
-    """Return up to which speed, m/s, and which level aircraft are on the ground."""
+    """Return the speed, m/s, and the level up to which aircraft are on the ground."""
     datum = 0.0 if record.plane is None else record.plane.origin[2]
     top = float(np.percentile(height, 1.0)) + datum + APRON if len(height) else 0.0
     return {"speed": TAXI, "level": round(top / FLIGHT_LEVEL)}
 
 
 def _classes(record: Record, aircraft: bool) -> list[dict[str, Any]]:
-    """Return title and colour of each class, those of the tracker first, then others of the truth.
+    """Return title and colour of each class: the tracker's, then further ones of the truth.
 
-    Of these nothing is known but their numbers; what they are is told by how fast they are.
+    Further classes have only a number; their category is inferred from their speed.
     """
     fastest: dict[int, float] = {}
     for entry in record.truth:
@@ -143,7 +141,7 @@ def _classes(record: Record, aircraft: bool) -> list[dict[str, Any]]:
 
 
 def _view(record: Record) -> tuple[FloatArray, FloatArray]:
-    """Return the corners of a square with the targets, or if there are none the detections."""
+    """Return the corners of a square around the targets, or around the detections without any."""
     places = places_of(record)
     if not len(places):
         places = np.zeros((1, 2))
@@ -154,7 +152,7 @@ def _view(record: Record) -> tuple[FloatArray, FloatArray]:
 
 
 def _add_truth(record: Record, frames: Frames, grid: Grid) -> None:
-    """Add the true targets at the frames, interpolated where the truth has other stamps."""
+    """Add the true targets at the frames, interpolated between stamps of the truth."""
     tracks = TrueTracks()
     for entry in record.truth:
         tracks.add(entry.stamp_ns, PointSet.of(entry))
@@ -162,26 +160,26 @@ def _add_truth(record: Record, frames: Frames, grid: Grid) -> None:
     found = [(k, points) for k, points in known if points is not None]
     frame = np.repeat([k for k, _ in found], [len(points) for _, points in found])
     number = [p.track_id if p.track_id is not None else np.zeros(len(p)) for _, p in found]
-    order = grid.begin("truth", _joined(number).astype(np.int64), frame)
-    grid.add("truth", _joined([p.position for _, p in found], 2)[order])
+    order = grid.begin("truth", _concat(number).astype(np.int64), frame)
+    grid.add("truth", _concat([p.position for _, p in found], 2)[order])
     speed = [
         np.hypot(*p.velocity.T) if p.velocity is not None else [np.nan] * len(p) for _, p in found
     ]
-    grid.columns.add("truth.speed", np.rint(10.0 * np.nan_to_num(_joined(speed), nan=1e3))[order])
-    grid.columns.add("truth.class", _joined([p.class_id for _, p in found])[order])
+    grid.columns.add("truth.speed", np.rint(10.0 * np.nan_to_num(_concat(speed), nan=1e3))[order])
+    grid.columns.add("truth.class", _concat([p.class_id for _, p in found])[order])
 
 
 def _add_plots(record: Record, frames: Frames, grid: Grid) -> list[float]:
-    """Add the detections in order of their frames; return the range of their amplitudes."""
+    """Add the detections ordered by frame; return the range of their amplitudes."""
     at = frames.at([plot.stamp_ns for plot in record.plots])
     counts = [len(plot.position) for plot in record.plots]
     frame = np.repeat(at, counts).astype(np.int64)
     order = np.argsort(frame, kind="stable")
-    amplitude = _joined([plot.amplitude for plot in record.plots])[order]
+    amplitude = _concat([plot.amplitude for plot in record.plots])[order]
     radars = {name: k for k, name in enumerate(_radars(record))}
     radar = np.repeat([radars[plot.radar] for plot in record.plots], counts)
     grid.columns.add("plots.frame", frame[order])
-    grid.add("plots", _joined([plot.position for plot in record.plots], 2)[order])
+    grid.add("plots", _concat([plot.position for plot in record.plots], 2)[order])
     grid.columns.add("plots.radar", radar[order])
     grid.columns.add("plots.shade", shades_of(amplitude))
     known = amplitude[is_known(amplitude)]
@@ -189,13 +187,13 @@ def _add_plots(record: Record, frames: Frames, grid: Grid) -> list[float]:
 
 
 def _add_carriers(record: Record, frames: Frames, grid: Grid) -> None:
-    """Add where radars that move were, by the radar's place in the list of radars."""
+    """Add the positions of moving radars, by the radar's index."""
     names = _radars(record)
     carried: list[Plot] = [plot for plot in record.plots if plot.sensor is not None]
     number = np.array([names.index(plot.radar) for plot in carried], dtype=np.int64)
     order = grid.begin("carriers", number, frames.at([plot.stamp_ns for plot in carried]))
-    grid.add("carriers", _joined([np.array([p.sensor]) for p in carried], 2)[order])
+    grid.add("carriers", _concat([np.array([p.sensor]) for p in carried], 2)[order])
 
 
-def _joined(parts: Iterable[Any], *shape: int) -> FloatArray:
+def _concat(parts: Iterable[Any], *shape: int) -> FloatArray:
     return np.concatenate([np.zeros((0, *shape)), *parts])

@@ -13,10 +13,10 @@ CONTROLS = """<div class="controls">
 <input id="scan" type="range" min="0" value="0" aria-label="scan">
 <output id="shown" for="scan"></output>
 </div>"""
-# What trails and detections can be of, seconds, and how it is said.
+# Selectable lengths of trails and detections: value in seconds and label.
 TRAILS = {"0": "none", "30": "30 s", "120": "2 min", "300": "5 min", "600": "10 min", "all": "all"}
 DETECTIONS = {"none": "none", "0": "this scan", "10": "10 s", "30": "30 s", "120": "2 min"}
-# Of the classes, as the picture draws them.
+# Text symbols of the classes, as drawn in the picture.
 SYMBOLS = ("\u25cf", "\u25b2", "\u25a0", "\u25c6")
 KEYS = (
     "Drag to move, scroll or pinch to zoom, double-click to see all again; with the keyboard, "
@@ -26,7 +26,7 @@ KEYS = (
 
 
 def section(head: Mapping[str, Any]) -> str:
-    """Return the section of a picture with this header."""
+    """Return the page's section for a picture with this header."""
     names = ("track", "level" if head["levels"] or head["ground"] else "", "speed", "course")
     heads = "".join(f'<th scope="col">{name}</th>' for name in names)
     return f"""<figure id="picture">
@@ -53,7 +53,7 @@ def section(head: Mapping[str, Any]) -> str:
 
 
 def _caption(head: Mapping[str, Any]) -> str:
-    """Return what the picture shows, in a sentence."""
+    """Return one sentence that describes the picture."""
     parts = []
     if head["sources"]:
         parts.append(
@@ -78,7 +78,7 @@ def _caption(head: Mapping[str, Any]) -> str:
 
 
 def _options(head: Mapping[str, Any]) -> str:
-    """Return what chooses between the layers, the levels and the classes."""
+    """Return the controls that select layers, levels and classes."""
     layers = {source: source for source in head["sources"]}
     if head["sources"]:
         layers |= {"labels": "labels", "ellipses": "95 % ellipses"}

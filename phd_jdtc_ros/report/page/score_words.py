@@ -7,35 +7,25 @@ from html import escape
 from typing import Any
 
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
-from phd_jdtc_ros.evaluation.metric_table import (
-    CLASS_ACCURACY,
-    GOSPA,
-    IDENTITY_SWITCHES,
-    NEES,
-    OF_ALL,
-    OF_SETS,
-    OSPA,
-    OUTSIDE,
-    TERMS,
-    Metric,
-)
+from phd_jdtc_ros.evaluation.accumulator import CLASSES, GOSPA, NEES, OSPA, OUTSIDE, Metric
+from phd_jdtc_ros.evaluation.metric_table import BY_KEY, GROUPS, OF_ALL, OF_SETS, TERMS
 
 from ..lengths import metres_text
 from ..sets import Sets
-from ..table import engine_rows, unscored
+from ..table import engine_rows, unscored_note
 
-NO_VALUE = "\N{EN DASH}"  # what a table shows for no value
+NO_VALUE = "\N{EN DASH}"  # cell of a missing value
 
-# Only the localisation part of OSPA is shown, not that of GOSPA.
-DISTANCES = (*OSPA, *(metric for metric in GOSPA if metric.key != "gospa_localization"))
-CONSISTENCY = (*NEES, *OUTSIDE)
-_ELSEWHERE = (*OSPA, *GOSPA, *CONSISTENCY)
-OTHERS = (*(metric for metric in OF_SETS if metric not in _ELSEWHERE), *OF_ALL)
+# The table shows the localisation part of OSPA only, not of GOSPA.
+DISTANCES = (*GROUPS[OSPA], *(m for m in GROUPS[GOSPA] if m.key != "gospa_localization"))
+CONSISTENCY = (*GROUPS[NEES], *GROUPS[OUTSIDE])
+_ELSEWHERE = (*DISTANCES, *GROUPS[GOSPA], *CONSISTENCY, *GROUPS[CLASSES])
+OTHERS = tuple(metric for metric in (*OF_SETS, *OF_ALL) if metric not in _ELSEWHERE)
 
 
 def tables(summary: Mapping[str, Any]) -> str:
     """Return the tables of all sets' figures; empty if there are none."""
-    if not _scored(summary):
+    if not _sources(summary):
         return ""
     gap = summary.get("long_gap_s")
     over = "" if gap is None else f"Gaps of more than {gap:g} s are long."
@@ -43,8 +33,8 @@ def tables(summary: Mapping[str, Any]) -> str:
     return "\n".join(
         (
             "<h2>Scores</h2>",
-            _table(summary, DISTANCES, f"Means over all scans. {unscored(summary)}".rstrip()),
-            f"<details>\n<summary>{_folded(sets)}</summary>",
+            _table(summary, DISTANCES, f"Means over all scans. {unscored_note(summary)}".rstrip()),
+            f"<details>\n<summary>{_details_heading(sets)}</summary>",
             _table(summary, OTHERS, over),
             _consistency(summary),
             "" if sets.one_class else _confusion(matrix, sets),
@@ -55,7 +45,7 @@ def tables(summary: Mapping[str, Any]) -> str:
 
 
 def _engines(summary: Mapping[str, Any]) -> str:
-    """Return the table of both engines; empty if only one has tracked."""
+    """Return the table of both engines; empty if only one was run."""
     compared = summary.get("compared")
     if not compared:
         return ""
@@ -75,7 +65,7 @@ def _engines(summary: Mapping[str, Any]) -> str:
     )
 
 
-def _folded(sets: Sets) -> str:
+def _details_heading(sets: Sets) -> str:
     return "Surveillance figures" + ("" if sets.one_class else " and confusion of classes")
 
 
@@ -115,7 +105,7 @@ def _consistency(summary: Mapping[str, Any]) -> str:
 
 
 def _confusion(matrix: Sequence[Sequence[int]] | None, sets: Sets) -> str:
-    """Return the confusion matrix; its last row is false estimates, its last column is missed."""
+    """Return the confusion matrix; its last row has false estimates, its last column misses."""
     if matrix is None:
         return ""
     classes = len(matrix) - 1
@@ -156,21 +146,21 @@ def _score(summary: Mapping[str, Any], source: str, key: str, part: str) -> Any:
     return value
 
 
-def _scored(summary: Mapping[str, Any]) -> list[str]:
+def _sources(summary: Mapping[str, Any]) -> list[str]:
     """Return the sources with scores."""
     return [source for source in SOURCES if _score(summary, source, "all", "ospa") is not None]
 
 
 def lead(summary: Mapping[str, Any]) -> str:
     """Return the result in one sentence; empty if there is none."""
-    means = [f"{metres_text(_score(summary, s, 'all', 'ospa'))} {s}" for s in _scored(summary)]
+    means = [f"{metres_text(_score(summary, s, 'all', 'ospa'))} {s}" for s in _sources(summary)]
     if not means:
         return ""
     reduction = summary.get("reduction")
     change = "" if reduction is None else f", {_change(reduction)}"
     return (
         f'<p class="lead">Mean OSPA distance of all targets: {", ".join(means)}{change}. '
-        f"{unscored(summary)}".rstrip()
+        f"{unscored_note(summary)}".rstrip()
         + "</p>"
     )
 
@@ -187,7 +177,7 @@ def tiles(summary: Mapping[str, Any]) -> str:
     numbers = [
         ("engine", escape(summary.get("engine") or "")),
         ("OSPA reduction", percent(summary.get("reduction"))),
-        ("smoothed OSPA", _text(OSPA[0], _score(summary, SMOOTHED, "all", "ospa"))),
+        ("smoothed OSPA", _text(BY_KEY["ospa"], _score(summary, SMOOTHED, "all", "ospa"))),
         ("class accuracy", "" if one_class else percent(summary.get("class_accuracy"), 1)),
         _switches(summary),
         ("step, median", number(step_ms.get("median"), 1, " ms")),
@@ -202,12 +192,12 @@ def tiles(summary: Mapping[str, Any]) -> str:
 
 
 def _switches(summary: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the name and the numbers of identity switches, of each source that is scored."""
-    key, sources = IDENTITY_SWITCHES.key, _scored(summary)
-    counts = [_text(IDENTITY_SWITCHES, _score(summary, source, "all", key)) for source in sources]
+    """Return the label and the numbers of identity switches, one per scored source."""
+    metric, sources = BY_KEY["identity_switches"], _sources(summary)
+    counts = [_text(metric, _score(summary, source, "all", metric.key)) for source in sources]
     known = any(count != NO_VALUE for count in counts)
     return (
-        f"{IDENTITY_SWITCHES.heading}, {' / '.join(sources)}",
+        f"{metric.heading}, {' / '.join(sources)}",
         " / ".join(counts) if known else "",
     )
 
@@ -219,7 +209,7 @@ def _text(metric: Metric, value: float | None) -> str:
 def _rows(summary: Mapping[str, Any], columns: Sequence[Metric], key: str, name: str) -> str:
     """Return one set's rows, the filter's above the smoother's."""
     rows = []
-    for source in _scored(summary):
+    for source in _sources(summary):
         values = [(_score(summary, source, key, metric.key), metric) for metric in columns]
         cells = "".join(f"<td>{_text(m, v)}</td>" for v, m in values)
         rows.append(
@@ -231,16 +221,16 @@ def _rows(summary: Mapping[str, Any], columns: Sequence[Metric], key: str, name:
 
 def definitions(summary: Mapping[str, Any]) -> str:
     """Return the definitions of the shown metrics and terms; empty if there are no scores."""
-    if not _scored(summary):
+    if not _sources(summary):
         return ""
-    metrics = (*DISTANCES, *OTHERS, NEES[0], OUTSIDE[0], CLASS_ACCURACY)
+    metrics = (*DISTANCES, *OTHERS, GROUPS[NEES][0], GROUPS[OUTSIDE][0], *GROUPS[CLASSES])
     words = [*((m.heading[0].upper() + m.heading[1:], m.definition) for m in metrics), *TERMS]
     terms = "\n".join(f"<dt>{escape(word)}</dt>\n<dd>{escape(text)}</dd>" for word, text in words)
     return f'<h2>Definitions</h2>\n{_parameters(summary)}<dl class="terms">\n{terms}\n</dl>'
 
 
 def _parameters(summary: Mapping[str, Any]) -> str:
-    """Return the order p and the cutoff c of the definitions; empty if they are not known."""
+    """Return the order p and the cutoff c of the definitions; empty if unknown."""
     order, cutoff = summary.get("p"), summary.get("c")
     if order is None or cutoff is None:
         return ""

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import count
 from typing import Any
 
 import numpy as np
 from plotly.graph_objects import Figure, Scatter
 
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES, Truth
+from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import ALL
-from phd_jdtc_ros.evaluation.surveillance import BoolArray
 
 from ..clock import Clock
 from ..lengths import metres_text
 from ..record import Record
 from ..sets import class_of
 from ..style import class_colour
-from .chart import INK, NEUTRAL, Chart
-from .time_axes import rows_over_time, times
+from .chart import INK, NEUTRAL, Chart, rows_over_time, times
 
 BAND = "rgba(133,133,133,0.22)"
 
@@ -65,7 +63,7 @@ def numbers(record: Record) -> Chart:
                 Scatter(
                     x=times(clock, [truth.stamp_ns for truth in record.truth]),
                     y=[
-                        _count(truth.class_id[_reported(record, truth)], key)
+                        _count(truth.class_id[_fast_enough(record, truth)], key)
                         for truth in record.truth
                     ],
                     name="truth",
@@ -97,7 +95,7 @@ def numbers(record: Record) -> Chart:
     return Chart("numbers", "Number of targets over time", caption, figure)
 
 
-# --- what is drawn --------------------------------------------------------------------------------
+# --- data -----------------------------------------------------------------------------------------
 
 
 def _distances(
@@ -111,12 +109,12 @@ def _distances(
 
 def _round_step(least: float) -> int:
     """Return the smallest of 1, 2, 5, 10, 20, 50 ... that is at least `least`."""
-    steps = (digit * 10**power for power in count() for digit in (1, 2, 5))
+    steps: Iterator[int] = (digit * 10**power for power in count() for digit in (1, 2, 5))
     return next(step for step in steps if step >= least)
 
 
-def _reported(record: Record, truth: Truth) -> BoolArray:
-    """Return which targets are fast enough to be tracked."""
+def _fast_enough(record: Record, truth: Truth) -> BoolArray:
+    """Return whether each target is fast enough to be reported."""
     fast: BoolArray = np.hypot(*truth.velocity.T) >= record.least_speed
     return fast
 
@@ -125,7 +123,7 @@ def _count(class_id: Any, key: str) -> int:
     return len(class_id if key == ALL else class_id[class_id == class_of(key)])
 
 
-# --- how it is drawn ------------------------------------------------------------------------------
+# --- style ----------------------------------------------------------------------------------------
 
 
 def _append_title(figure: Figure, row: int, text: str) -> None:

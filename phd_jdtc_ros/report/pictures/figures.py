@@ -1,8 +1,8 @@
 """The pictures of a run: pure functions from a record and its scores to figures.
 
-Maps have equal scales (`maps`); times are counted from the run's first stamp
-(`timelines`). A class has the same colour, line and marker in every picture (`style`). matplotlib's
-global state is not used, so figures can be drawn from any thread.
+Maps have equal scales (`maps`); times count from the run's first stamp (`timelines`). A class has
+the same colour, line and marker in every picture (`style`). Figures do not use matplotlib's global
+state, so that they can be drawn from any thread.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from . import maps, timelines
 
 
 def write_all(record: Record, evaluation: Evaluation, directory: Path) -> list[Path]:
-    """Write every picture that the run has data for as a PNG, 1200 pixels wide.
+    """Write all pictures for which the run has data, as PNG files 1200 pixels wide.
 
     Parameters
     ----------
@@ -32,12 +32,12 @@ def write_all(record: Record, evaluation: Evaluation, directory: Path) -> list[P
     evaluation : Evaluation
         The scores of `record`.
     directory : pathlib.Path
-        Created if it does not exist.
+        Created if necessary.
 
     Returns
     -------
     list of pathlib.Path
-        In the order in which they should be read.
+        The files in reading order.
     """
     directory.mkdir(parents=True, exist_ok=True)
     paths = []

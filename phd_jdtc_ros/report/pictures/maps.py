@@ -37,7 +37,7 @@ from ..tracks import Track, true_tracks
 
 # Approximate number of ellipses and time dots per track.
 MARKS_PER_TRACK = 10
-# False detections per turn and km^2 that have the palest colour.
+# Clutter density of the palest colour, false detections per turn and km^2.
 CLUTTER_LEAST = 0.01
 TIME_STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
 
@@ -62,7 +62,7 @@ def scenario(record: Record) -> Figure:
         _arrow_head(axes, track.position, colour)
         life = clock.interval(time[0], time[-1])
         labels.append(_start_label(axes, track, f"{track.number}", life))
-    _make_room(axes, labels)
+    _make_room(figure, axes, labels)
     handles = [
         Line2D(
             [],
@@ -83,9 +83,9 @@ def scenario(record: Record) -> Figure:
 
 
 def measurements(record: Record) -> Figure:
-    """Draw all detections of all radars, those of high amplitude on top.
+    """Draw all detections of all radars, high amplitudes on top.
 
-    Without amplitudes they have one colour, and there is no scale of amplitudes.
+    Without amplitudes all have one colour, and there is no colour scale.
     """
     scale = MapScale.of(record)
     position = scale.of_metres(np.concatenate([plot.position for plot in record.plots]))
@@ -113,12 +113,12 @@ def measurements(record: Record) -> Figure:
 
 
 def clutter(record: Record) -> Figure:
-    """Draw where false detections come from, as learned in the end, and the true trajectories.
+    """Draw the clutter map learned by the end of the run, and the true trajectories.
 
     Raises
     ------
     ValueError
-        If the record has no such picture.
+        If the record has no clutter map.
     """
     if record.clutter is None:
         raise ValueError("clutter: None given, must be a picture")
@@ -160,7 +160,7 @@ def trajectories(record: Record) -> Figure:
     for index, estimates in enumerate(record.smoothed):
         if index % every == every // 2:
             _ellipses(axes, estimates, scale)
-    class_id = _joined([estimates.class_id for estimates in record.smoothed], np.int64)
+    class_id = _concat([estimates.class_id for estimates in record.smoothed], np.int64)
     for k in range(record.classes):
         axes.plot(
             *position[class_id == k].T,
@@ -182,21 +182,21 @@ def trajectories(record: Record) -> Figure:
     return figure
 
 
-# --- what is drawn --------------------------------------------------------------------------------
+# --- data -----------------------------------------------------------------------------------------
 
 
 def _positions(run: Sequence[Estimates]) -> FloatArray:
     """Return the positions of all estimates in metres, shape (T, 2)."""
     states = [estimates.position for estimates in run]
-    positions: FloatArray = _joined(states, np.float64).reshape(-1, 2)
+    positions: FloatArray = _concat(states, np.float64).reshape(-1, 2)
     return positions
 
 
-def _joined(arrays: Sequence[Any], dtype: type) -> Any:
+def _concat(arrays: Sequence[Any], dtype: type) -> Any:
     return np.concatenate([*arrays, np.zeros((0, *arrays[0].shape[1:]) if arrays else 0, dtype)])
 
 
-# --- how it is drawn ------------------------------------------------------------------------------
+# --- style ----------------------------------------------------------------------------------------
 
 
 def _map(position: FloatArray, scale: MapScale, margin: float) -> tuple[Figure, Axes]:
@@ -226,12 +226,12 @@ def _tick_step(extent: float) -> float:
 
 
 def _pale_to_dark() -> LinearSegmentedColormap:
-    """Return a colour map of rising darkness, without the pale end, which is hard to see."""
+    """Return a colour map of rising darkness, without its pale end, which is hard to see."""
     return LinearSegmentedColormap.from_list("pale_to_dark", purples(0.45, 1.0, 64))
 
 
 def _legend(axes: Axes, handles: Sequence[Any]) -> None:
-    """Put the legend above the axes, where it covers no data."""
+    """Place the legend above the axes, where it covers no data."""
     axes.legend(
         handles=list(handles),
         loc="lower left",
@@ -285,9 +285,8 @@ def _start_label(axes: Axes, track: Track, number: str, life: str) -> Annotation
     )
 
 
-def _make_room(axes: Axes, labels: Sequence[Annotation]) -> None:
+def _make_room(figure: Figure, axes: Axes, labels: Sequence[Annotation]) -> None:
     """Widen a map until its labels are inside, which have the same size in any scale."""
-    figure = axes.figure
     for label in labels:
         label.set_in_layout(False)
     figure.draw_without_rendering()
@@ -310,9 +309,10 @@ def _ellipses(axes: Axes, estimates: Estimates, scale: MapScale) -> None:
     ):
         variance, axis = np.linalg.eigh(covariance / scale.metres**2)
         width, height = 2.0 * RADIUS_95 * np.sqrt(np.maximum(variance[::-1], 0.0))
+        x, y = scale.of_metres(position)
         axes.add_patch(
             Ellipse(
-                scale.of_metres(position),
+                (x, y),
                 width,
                 height,
                 angle=float(np.degrees(np.arctan2(axis[1, 1], axis[0, 1]))),

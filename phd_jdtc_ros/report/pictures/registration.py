@@ -11,18 +11,18 @@ from phd_jdtc_ros.core.arrays import FloatArray
 
 from ..style import DPI, GREY, INK, WIDTH_IN, class_colour, plain_axes
 
-# Rows of axes: what the residual is of, its unit and scale.
+# Rows of axes: name, unit and scale of the residual.
 ROWS = (("range", "m", 1.0), ("azimuth, left", "degrees", float(np.degrees(1.0))))
-# Shown residuals are within this part of them all, the larger of before and after.
+# Quantile of the absolute residuals that sets the limits of the axes.
 SHOWN = 0.99
-# Plots that are drawn of a radar: a regular choice if there are more.
+# Largest number of drawn plots of a radar; a regular subset is drawn if there are more.
 MOST_DRAWN = 3000
-# Parts of the time whose mean is drawn.
+# Number of equal parts of the time, each with its mean drawn.
 PARTS = 20
 
 
 def residuals(found: Registration) -> Figure:
-    """Draw the differences of plots to their targets over time, before and after."""
+    """Draw the residuals of plots to their targets over time, before and after registration."""
     count = len(found.radars)
     width = max(WIDTH_IN, 2.7 * count)
     figure = Figure(figsize=(width, 5.0), dpi=DPI, layout="constrained")
@@ -79,7 +79,7 @@ def _draw(axes: Axes, found: Found, axis: int, scale: float, begin: float, unit_
 
 
 def _means(time: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the middles of equal parts of the time, and the means there."""
+    """Return the middles of equal parts of the time, and the mean of each part."""
     edges = np.linspace(time.min(), time.max() + 1e-9, PARTS + 1)
     count, _ = np.histogram(time, edges)
     total, _ = np.histogram(time, edges, weights=value)

@@ -12,8 +12,9 @@ from matplotlib.ticker import MaxNLocator
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
+from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import ALL, ScanScore
+from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
 from ..clock import Clock
 from ..lengths import metres_text
@@ -21,7 +22,7 @@ from ..record import Record
 from ..sets import class_of
 from ..style import DPI, GREY, INK, WIDTH_IN, class_colour, plain_axes
 
-# With more scans than this, lines over time are drawn thin.
+# Number of scans above which lines are drawn thin.
 CROWDED = 400
 
 
@@ -32,7 +33,7 @@ class Panel(NamedTuple):
     ----------
     title, colour : str
     series : dict
-        By source, the times in the clock's unit and the values; no entry without scores.
+        Times in the clock's unit and values, by source; no entry without scores.
     """
 
     title: str
@@ -43,7 +44,7 @@ class Panel(NamedTuple):
     def of(
         record: Record, evaluation: Evaluation, key: str, value: Callable[[dict[str, Any]], float]
     ) -> Panel:
-        """Return the panel of the set `key`; `value` takes the number from a score."""
+        """Return the panel of the set `key`; `value` extracts the number from a score."""
         clock = Clock.of(record)
         series = {}
         for source in SOURCES:
@@ -82,7 +83,7 @@ def number_error(record: Record, evaluation: Evaluation) -> Figure:
 def ospa(record: Record, evaluation: Evaluation) -> Figure:
     """Draw the OSPA distance over time, one row per class and one for all targets.
 
-    A single class is all targets.
+    A single class has no row of its own.
     """
     panels = [
         Panel.of(record, evaluation, key, lambda values: values["ospa"])
@@ -140,7 +141,7 @@ def _rows(record: Record, rows: int, label: str) -> tuple[Figure, list[Axes]]:
 
 
 def _row_header(axes: Axes, title: str) -> None:
-    """Put the row's title and its legend above it."""
+    """Place the row's title and its legend above it."""
     axes.set_title(title, loc="left", fontsize=10, fontweight="bold")
     if axes.get_legend_handles_labels()[0]:
         axes.legend(

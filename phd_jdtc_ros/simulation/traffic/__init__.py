@@ -1,1 +1,1 @@
-"""Random traffic for scenarios: flights, ships and cars by their kinds."""
+"""Targets of scenarios: flights, random traffic and gaps in sight."""

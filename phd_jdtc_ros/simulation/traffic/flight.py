@@ -1,4 +1,4 @@
-"""Flights: targets whose legs are given in seconds, for radars that have no common scan."""
+"""Flights: targets with legs in seconds, for radars without a common scan."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.state_space import PLANAR
 
-# Ends of legs are sums of durations, so that the last one may miss a scan's time by rounding.
+# Tolerance of a flight's end, which is a sum of durations, at a scan's time.
 ROUNDING_S = 1e-6
 
 
@@ -25,7 +25,7 @@ class Leg:
     turn_rate : float
         Radians per second, counter-clockwise.
     acceleration : float
-        Along the course, m/s^2.
+        Acceleration along the course, m/s^2.
     """
 
     duration_s: float
@@ -51,13 +51,13 @@ class Flight:
     snr : float
         Mean signal-to-noise ratio, linear.
     start_s : float
-        After scan 0.
+        Seconds after scan 0.
     position, velocity : tuples of two floats
-        At the start, world frame, metres and metres per second.
+        State at the start, world frame, metres and metres per second.
     legs : tuple of Leg
-        One after the other.
+        Successive legs.
     height : float
-        Above the world's zero, metres.
+        Height above the world's zero, metres.
     """
 
     class_id: int
@@ -75,12 +75,12 @@ class Flight:
 
     @property
     def end_s(self) -> float:
-        """When its last leg ends, after scan 0."""
+        """End of the last leg, seconds after scan 0."""
         return self.start_s + float(self._starts[-1])
 
     @property
     def end_velocity(self) -> tuple[float, float]:
-        """When its last leg ends, metres per second."""
+        """Velocity at the end of the last leg, metres per second."""
         _, _, speed, course = self._marks[-1].tolist()
         return speed * math.cos(course), speed * math.sin(course)
 
@@ -97,7 +97,7 @@ class Flight:
     def states(self, time_s: FloatArray) -> FloatArray:
         """Return the exact states at times after scan 0; shape (N,) to (N, D).
 
-        Before its start and after its end the target goes on as in its first and last leg.
+        Before its start and after its end the target moves as in its first and last leg.
         """
         (x, y, speed, course), leg = self._at(time_s)
         state = np.zeros((len(leg), len(PLANAR)))
@@ -109,7 +109,7 @@ class Flight:
         return state
 
     def courses(self, time_s: FloatArray) -> FloatArray:
-        """Return where it heads at times after scan 0, radians; shape (N,). It does at rest too."""
+        """Return the headings at times after scan 0, radians, shape (N,); defined at rest too."""
         course: FloatArray = self._at(time_s)[0][3]
         return course
 
@@ -117,11 +117,11 @@ class Flight:
         """Return x, y, speed and course, shape (4, N), and the legs at times after scan 0."""
         elapsed = np.asarray(time_s, dtype=np.float64) - self.start_s
         leg = np.clip(np.searchsorted(self._starts, elapsed, "right") - 1, 0, len(self.legs) - 1)
-        return _moved(self._marks[leg], self._rates[leg], elapsed - self._starts[leg]), leg
+        return _move(self._marks[leg], self._rates[leg], elapsed - self._starts[leg]), leg
 
     @cached_property
     def _starts(self) -> FloatArray:
-        """When each leg begins, and the last one ends, after the start; shape (legs + 1,)."""
+        """Begin of each leg and end of the last one, seconds after the start; (legs + 1,)."""
         return np.concatenate([[0.0], np.cumsum([leg.duration_s for leg in self.legs])])
 
     @cached_property
@@ -131,19 +131,19 @@ class Flight:
 
     @cached_property
     def _marks(self) -> FloatArray:
-        """x, y, speed and course where each leg begins and the last one ends, (legs + 1, 4).
+        """x, y, speed and course at the begin of each leg and the end of the last, (legs + 1, 4).
 
         The course is kept where the speed is 0.
         """
         vx, vy = self.velocity
         marks = np.array([[*self.position, math.hypot(vx, vy), math.atan2(vy, vx)]])
         for leg, rates in zip(self.legs, self._rates, strict=True):
-            after = _moved(marks[-1:], rates[None], np.array([leg.duration_s]))
+            after = _move(marks[-1:], rates[None], np.array([leg.duration_s]))
             marks = np.concatenate([marks, after.T])
         return marks
 
 
-def _moved(mark: FloatArray, rates: FloatArray, elapsed: FloatArray) -> FloatArray:
+def _move(mark: FloatArray, rates: FloatArray, elapsed: FloatArray) -> FloatArray:
     """Return x, y, speed and course some seconds after marks, shape (4, N)."""
     x, y, speed, course = mark.T
     turn_rate, acceleration = rates.T

@@ -1,4 +1,4 @@
-"""The blocks of a scenario document that stand for many targets: ``traffic``, ``manoeuvres``."""
+"""The blocks of a scenario document that generate targets: ``traffic`` and ``manoeuvres``."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ MANOEUVRES = (
     SNR,
 )
 FLIGHT = Parameter("", [0.0] * 4, "Speed, bank, latitude and longitude.", -180.0, 1e3, length=4)
-# A wing cannot be banked by a right angle and turn.
+# The turn rate, proportional to tan(bank), is unbounded at a right angle.
 MOST_BANK_DEG = 85.0
 
 
@@ -76,8 +76,8 @@ def manoeuvres(
 ) -> Sequence[Flight]:
     """Return the flights of a ``manoeuvres`` block; add its faults to `faults`.
 
-    Each flies straight and turns in alternation for the whole run. A row of ``flights`` is a speed
-    (kt), a bank (degrees), a latitude and a longitude (degrees).
+    Each target alternates straight legs and turns for the whole run. A row of ``flights`` is a
+    speed (kt), a bank (degrees), a latitude and a longitude (degrees).
     """
     found: list[str] = []
     values = take(MANOEUVRES, given, "manoeuvres.", found, names_of(MANOEUVRES), ("flights",))

@@ -12,7 +12,7 @@ STANDARD_GRAVITY = 9.80665
 
 
 def east_north(place: tuple[float, float], origin: tuple[float, float]) -> tuple[float, float]:
-    """Return where a place is in the plane about an origin, metres to the east and to the north.
+    """Return a place's coordinates in the plane about an origin, metres east and north.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Random air traffic around an airfield: arrivals, departures, overflights, taxiing aircraft.
 
-The world is a plane: of climbs and descents the change of speed is simulated, not the height.
+The world is a plane: climbs and descents change the speed, not the height.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from .geodesy import STANDARD_GRAVITY
 
 # Shares of arrivals and of departures among the aircraft in the air; the others fly over.
 ARRIVALS, DEPARTURES = 0.4, 0.3
-# Metres per second at take-off and landing, in the terminal area, and en route.
+# Speeds at take-off and landing, in the terminal area, and en route, metres per second.
 RUNWAY_SPEED, TERMINAL_SPEED, CRUISE_SPEED = (65.0, 80.0), (110.0, 150.0), (190.0, 250.0)
-# Seconds at the first two of these speeds, between changes.
+# Times at the first two of these speeds, seconds.
 RUNWAY_S, TERMINAL_S = (20.0, 50.0), (60.0, 180.0)
-# m/s^2 of an aircraft that climbs or descends.
+# Change of speed in a climb or descent, m/s^2.
 ACCELERATION = (0.25, 0.7)
-# Turns: degrees of bank, degrees, seconds straight on between them, and degrees per second of a
-# standard turn, which none exceeds.
+# Turns: bank and angle in degrees, straight flight between turns in seconds, and the rate of a
+# standard turn, the upper bound, in degrees per second.
 BANK_DEG, TURN_DEG, STRAIGHT_S, STANDARD_DEG_S = (15.0, 27.0), (15.0, 110.0), (30.0, 150.0), 3.0
 # Take-offs and landings are within this distance of the field's reference point, metres.
 RUNWAY = 1000.0
-# Taxiing: metres per second, m/s^2, seconds of a turn, straight on and at a holding point; metres
-# from the reference point.
+# Taxiing: speed in m/s, acceleration in m/s^2, times of a turn, of a straight part and at a holding
+# point in seconds, and largest distance from the reference point in metres.
 TAXI_SPEED, TAXI_ACCELERATION, TAXI_TURN_S = (5.0, 10.0), 1.0, 6.0
 TAXI_STRAIGHT_S, HOLD_S, APRON = (15.0, 50.0), (10.0, 45.0), 1500.0
-# What flies in over the edge heads for the field, but for so much, radians.
+# An aircraft that enters over the edge heads for the field within this angle, radians.
 MOST_ASIDE = 0.8
-# A way out of the radius takes less, seconds.
+# Time that suffices to leave the radius, seconds.
 LONGEST_S = 3600.0
 
 Range = tuple[float, float]
@@ -40,16 +40,16 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class Traffic:
-    """What random traffic is drawn from.
+    """The distribution of random traffic.
 
     Parameters
     ----------
     aircraft, taxiing : int
-        Number of aircraft in the air, and of those that taxi.
+        Number of aircraft in the air, and of taxiing aircraft.
     entering : int
-        Number of those that fly in over the edge at some time, and over the field or beside it.
+        Number of aircraft that enter over the edge during the run and pass over or near the field.
     straight_s : tuple of two floats
-        Shortest and longest time straight on between turns in the air, seconds.
+        Shortest and longest straight flight between turns in the air, seconds.
     turn_deg : tuple of two floats
         Least and largest angle of these turns, degrees.
     seed : int
@@ -59,7 +59,7 @@ class Traffic:
         Aircraft begin and end within this distance of the centre, metres.
     duration_s : float
     snr : float
-        Mean signal-to-noise ratio of all, linear.
+        Mean signal-to-noise ratio of all aircraft, linear.
     """
 
     aircraft: int
@@ -75,9 +75,9 @@ class Traffic:
 
 
 def draw(traffic: Traffic) -> tuple[Flight, ...]:
-    """Return the aircraft: in the air, taxiing, entering; equal traffic gives equal flights.
+    """Return the aircraft: in the air, taxiing, entering; the flights depend on `traffic` only.
 
-    Each has a generator of its own, so that more aircraft do not change the others.
+    Each aircraft has its own generator, so that more aircraft do not change the others.
     """
     in_the_air = [
         _in_the_air(traffic, np.random.default_rng([traffic.seed, 0, number]))
@@ -101,15 +101,15 @@ def _in_the_air(traffic: Traffic, rng: np.random.Generator) -> Flight:
     way = _within(traffic, _climb(traffic, rng))
     length_s = way.end_s - way.start_s
     if kind < ARRIVALS:
-        way = _reversed(way)
-    # It begins outside the run or ends after it by chance, but is there for a quarter of it.
+        way = _reverse(way)
+    # The flight may begin before the run or end after it, but covers at least a quarter of it.
     there_s = min(0.25 * traffic.duration_s, length_s)
     start_s = rng.uniform(there_s - length_s, traffic.duration_s - there_s)
     return _cut(replace(way, start_s=start_s), 0.0, traffic.duration_s)
 
 
 def _climb(traffic: Traffic, rng: np.random.Generator) -> Flight:
-    """Return a flight that takes off at 0 s and leaves, faster in two steps."""
+    """Return a flight that takes off at 0 s, accelerates in two steps and leaves the area."""
     speeds = [rng.uniform(*limits) for limits in (RUNWAY_SPEED, TERMINAL_SPEED, CRUISE_SPEED)]
     acceleration = rng.uniform(*ACCELERATION)
     legs = [
@@ -135,7 +135,7 @@ def _entering(traffic: Traffic, rng: np.random.Generator) -> Flight:
     speed, bearing = rng.uniform(*CRUISE_SPEED), rng.uniform(-np.pi, np.pi)
     inward = bearing + np.pi + rng.uniform(-1.0, 1.0) * MOST_ASIDE
     x, y = traffic.centre
-    # Just inside, so that it has not left at once.
+    # A start exactly on the edge would count as having left.
     edge = traffic.radius - 1.0
     position = float(x + edge * np.cos(bearing)), float(y + edge * np.sin(bearing))
     velocity = float(speed * np.cos(inward)), float(speed * np.sin(inward))
@@ -213,8 +213,8 @@ def _cut(flight: Flight, first_s: float, last_s: float) -> Flight:
     return replace(flight, start_s=start_s, position=(x, y), velocity=(vx, vy), legs=legs)
 
 
-def _reversed(flight: Flight) -> Flight:
-    """Return a flight along the same way from its end to its beginning, at the same speeds."""
+def _reverse(flight: Flight) -> Flight:
+    """Return a flight along the same path in the opposite direction, at the same speeds."""
     x, vx, y, vy, _ = flight.states(np.array([flight.end_s]))[0].tolist()
     legs = tuple(
         Leg(leg.duration_s, -leg.turn_rate, -leg.acceleration) for leg in reversed(flight.legs)

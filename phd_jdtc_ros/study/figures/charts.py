@@ -1,4 +1,4 @@
-"""The pictures of a study, and how they are written."""
+"""The list of a study's pictures, and their output as PNG."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ def write_all(results: Sequence[Result], directory: Path) -> list[Path]:
     ----------
     results : sequence of Result
     directory : pathlib.Path
-        Created if it does not exist.
+        Created if necessary.
 
     Returns
     -------
     list of pathlib.Path
-        Case by case.
+        The files, case by case.
     """
     pictures = []
     for case in dict.fromkeys(result.case for result in results):

@@ -48,7 +48,7 @@ def _frame_means(axes: Axes, results: Sequence[Result]) -> None:
 
 
 def _styles(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
-    """Return the style of each variant; those of known association have their own."""
+    """Return the style of each variant; known association has styles of its own."""
     styles: dict[str, dict[str, Any]] = {}
     contenders = [
         result.variant for result in results if result.variant.kind not in KNOWN_ASSOCIATION

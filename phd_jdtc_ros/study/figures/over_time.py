@@ -1,4 +1,4 @@
-"""Figures of the study's first variant of this package's tracker, over time."""
+"""Figures over time of the study's first variant of this package's tracker."""
 
 from __future__ import annotations
 

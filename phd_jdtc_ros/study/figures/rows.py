@@ -14,7 +14,7 @@ from phd_jdtc_ros.report.style import DPI, GREY, INK, WIDTH_IN, class_colour, pl
 
 from ..monte_carlo import ALL, Mean, Result
 
-# The lag that is drawn over time; if the study does not have it, the largest below it.
+# The lag drawn over time, or the largest smaller one of the study.
 SHOWN_LAG = 5
 CONFIDENCE = 0.95
 
@@ -58,11 +58,11 @@ def draw_lags(
     key : str
         The set, which determines the colour.
     name : str
-        Of the metric.
+        Name of the metric.
     number : str
         Format of the mean.
     title : str or None
-        The set's name if None.
+        Title of the row; the set's name if None.
     """
     colour = INK if key == ALL else class_colour(int(key.removeprefix("class_")))
     time_s = result.scores.time_s
@@ -105,7 +105,7 @@ def _shown_lags(result: Result) -> list[tuple[int, str]]:
 def band(runs: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the mean over runs and half the width of its confidence interval, shapes (scans,).
 
-    If fewer than two runs have a value, the width is 0; if none of them has, the mean is NaN.
+    With fewer than two values the width is 0; without any the mean is NaN.
     """
     known = np.isfinite(runs)
     count = known.sum(axis=0)

@@ -8,13 +8,14 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from phd_jdtc_ros.evaluation.metric_table import NEES, OUTSIDE, Metric
+from phd_jdtc_ros.evaluation.accumulator import NEES, OUTSIDE, Metric
+from phd_jdtc_ros.evaluation.metric_table import GROUPS
 
 from ..monte_carlo import ALL
 from ..monte_carlo.definition import METRICS
 from ..monte_carlo.kinds import TURNING_KINDS
 
-# Figures of cases whose antennas turn.
+# Metrics of cases with turning antennas.
 SURVEYED = tuple(
     METRICS[key]
     for key in (
@@ -27,18 +28,18 @@ SURVEYED = tuple(
         "cpu_ms",
     )
 )
-# Figures of the covariances, of trackers that state them. Few very small covariances make a NEES
-# large, so that of it only the one of all ages is shown.
-CONSISTENCY = (NEES[0], *OUTSIDE)
-# Estimates of the filter beyond c of any target, per scan.
+# Metrics of the covariances, for trackers that state them. A few very small covariances make the
+# NEES large, so that it is shown for all ages together only.
+CONSISTENCY = (GROUPS[NEES][0], *GROUPS[OUTSIDE])
+# Heading: number of filtered estimates farther than c from every target, per scan.
 FALSE = "false at 0"
 
 
 def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
     """Yield the tables of each case, and one of the goals.
 
-    The first of a case is of the mean OSPA by variant and lag, or, if antennas turn, of what
-    surveillance asks for. The second is of the consistency of the covariances, where there are any.
+    The first table of a case has the mean OSPA by variant and lag, or the surveillance metrics if
+    antennas turn. The second has the consistency of the covariances, if any.
     """
     for case, variants in summary["cases"].items():
         if _turning(variants):
@@ -66,7 +67,7 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
 
 
 def markdown(summary: Mapping[str, Any]) -> str:
-    """Return the tables of `tables` as Markdown."""
+    """Return the same tables as `tables` in Markdown."""
     lines = []
     for case, variants in summary["cases"].items():
         if _turning(variants):
@@ -92,12 +93,12 @@ def markdown(summary: Mapping[str, Any]) -> str:
 
 
 def _turning(variants: Mapping[str, Any]) -> bool:
-    """Return whether the antennas of a case turn."""
+    """Return whether a case has turning antennas."""
     return any(found["kind"] in TURNING_KINDS for found in variants.values())
 
 
 def _of_all(found: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
-    """Return a variant's lags with the figures of all targets."""
+    """Return a variant's lags, each with the figures of all targets."""
     return [(lag, sets[ALL]) for lag, sets in found["lags"].items()]
 
 
@@ -121,7 +122,7 @@ def _surveillance_markdown(case: str, variants: Mapping[str, Any]) -> list[str]:
 
 
 def _consistency(case: str, variants: Mapping[str, Any]) -> Iterator[Table]:
-    """Yield the table of the covariances, none if no variant states any."""
+    """Yield the table of the covariances; none if no variant states covariances."""
     rows = _consistency_rows(variants)
     if rows:
         table = Table(title=f"{escape(case)}: covariances of positions, by lag in scans")
@@ -151,7 +152,7 @@ def _consistency_rows(variants: Mapping[str, Any]) -> list[list[str]]:
 
 
 def _figure_rows(variants: Mapping[str, Any], columns: Sequence[Metric]) -> Iterator[list[str]]:
-    """Yield each variant's name, number of runs, lag and means of these figures."""
+    """Yield each variant's name, number of runs, lag and mean figures."""
     for name, found in variants.items():
         for lag, figures in _of_all(found):
             means = [figures.get(metric.key) for metric in columns]

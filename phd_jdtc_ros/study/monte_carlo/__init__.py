@@ -1,6 +1,6 @@
 """A Monte Carlo study: many seeded runs of several trackers on several scenarios, and their scores.
 
-The path of a study, with the module of each step::
+The steps of a study, with the module of each::
 
     study file (YAML, read elsewhere)
       |  resolve: all faults at once         document
@@ -19,17 +19,18 @@ The path of a study, with the module of each step::
 
 A task is a case, variants that share a filter, and a seed. The data of a run depend on case and
 seed alone, so that all variants of a case have the same scans and differences between them are
-paired. The name of a file of scores contains a digest of all that the scores depend on, including
-the code of the tracker (`kinds`).
+paired. The name of a score file contains a digest of all inputs of the scores, including the code
+of the tracker (`kinds`).
 """
 
-from phd_jdtc_ros.evaluation.scan_scores import ALL
+from phd_jdtc_ros.evaluation.comparison import ALL
 
 from .definition import Study
 from .document import Scene, resolve
 from .execution import Report, run_on_dask, run_on_processes
 from .kinds import KNOWN_ASSOCIATION, REFERENCE, TRACKERS
-from .results import Mean, Result, collect, summarise, write_csv
+from .result import Result
+from .results import Mean, collect, summarise, write_csv
 from .store import Store, remaining, slug
 from .tasks import Outcome, Plan, Task, plan
 

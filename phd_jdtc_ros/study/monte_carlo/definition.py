@@ -1,4 +1,4 @@
-"""The definition of a study: cases, the variants that are run on each, and goals."""
+"""The definition of a study: cases, variants to run on each, and goals."""
 
 from __future__ import annotations
 
@@ -9,101 +9,22 @@ from typing import Any
 
 from phd_jdtc_ros.configuration.parameters import GROUPS, TOP
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.evaluation.metric_table import (
-    CLASS_ACCURACY,
-    FALSE_PER_SCAN,
-    HEIGHT_RMS,
-    IDENTITY_SWITCHES,
-    OF_SETS,
-    POSITION_NEAR,
-    SEEN_SWITCHES,
-    Metric,
-    mean,
-    share,
-)
 from phd_jdtc_ros.simulation.scenario import Scenario
 
 from ..runs import TAXIING, Ignored
 from ..tracker import Reading
+from .metrics import ACCUMULATORS
 
-# Cut-off c of OSPA and GOSPA (metres) if no other is asked for, and their order p.
+# Default cut-off c of OSPA and GOSPA, metres, and their order p.
 CUTOFF, ORDER = 1000.0, 2.0
-OSPA_AFTER_5 = Metric(
-    "ospa_after_5",
-    "OSPA after 5 scans",
-    "m",
-    ".1f",
-    mean("ospa_after_5"),
-    "Mean OSPA without the targets in their first five scans and without the estimates that are "
-    "paired with them. Scans in which all existing targets are in their first five are left out.",
-)
-MEDIAN_ERROR = Metric(
-    "median_error",
-    "median error",
-    "m",
-    ".1f",
-    mean("median_error"),
-    "Median distance of the pairs of a scan, its mean over the scans.",
-)
-CPU = Metric(
-    "cpu_ms",
-    "CPU per turn",
-    "ms",
-    ".0f",
-    mean("cpu_ms"),
-    "CPU time per turn of the antenna, filter and smoother together.",
-)
-PROMPT = Metric(
-    "reported_within_4",
-    "reported within 4 scans",
-    "",
-    ".1%",
-    share("prompt", "begun"),
-    "Share of the targets that are paired with an estimate in one of their first four scans, by "
-    "position alone, closer than c; of targets that exist so long.",
-)
-ON_REFLECTORS = Metric(
-    "on_reflectors",
-    "on reflectors",
-    "",
-    ".3f",
-    mean("on_reflectors"),
-    "Mean number per turn, after the first twenty, of estimates within 100 m of what answers and "
-    "is no target, such as a quay, and farther than that from every target.",
-)
-LATE = Metric(
-    "late",
-    "found late",
-    "",
-    ".1%",
-    share("late", "five_scans_old"),
-    "Share of the targets that no estimate within 200 m was of in their first five scans or turns.",
-)
-METRICS = {
-    metric.key: metric
-    for metric in (
-        *OF_SETS,
-        POSITION_NEAR,
-        HEIGHT_RMS,
-        IDENTITY_SWITCHES,
-        SEEN_SWITCHES,
-        FALSE_PER_SCAN,
-        CLASS_ACCURACY,
-        OSPA_AFTER_5,
-        MEDIAN_ERROR,
-        PROMPT,
-        CPU,
-        ON_REFLECTORS,
-        LATE,
-    )
-}
-# Reduction of the mean OSPA against lag 0.
+METRICS = {metric.key: metric for each in ACCUMULATORS for metric in each.metrics}
+# Name of the figure: reduction of the mean OSPA against lag 0.
 REDUCTION = "reduction"
 FIGURES = (*METRICS, REDUCTION)
-# Stands for the name of every class in a parameter's name.
+# Wildcard for the name of a class in a parameter's name.
 EVERY_CLASS = "*"
 # Parameters that the study sets itself.
-OWN = ("lag", "lag_s", "seed", "death_term", "extraction")
+OWN = ("lag", "seed")
 
 
 @dataclass(frozen=True)
@@ -118,13 +39,13 @@ class Case:
         Parameters of the tracker by dotted name; they also define the scenario's radars.
     classes : int
     cutoff : float or None
-        c of OSPA and GOSPA, metres, where the study's is too large for the scene; None for that.
+        c of OSPA and GOSPA, metres; None for the study's.
     ignored : Ignored
-        Targets that are not scored, where antennas turn.
+        Unscored targets if antennas turn.
     run_share : float
-        Share of the runs that are asked for, above 0 and at most 1; for cases that cost much.
+        Share of the requested runs, above 0 and at most 1, for expensive cases.
     lags : tuple of int or None
-        Those of a variant that are run on this case; None for all.
+        The only lags of variants that are run on this case; None for all.
     """
 
     name: str
@@ -137,7 +58,7 @@ class Case:
     lags: tuple[int, ...] | None = None
 
     def lags_of(self, variant: Variant) -> tuple[int, ...]:
-        """Return the lags that a variant is run with on this case."""
+        """Return the lags of a variant on this case."""
         return tuple(lag for lag in variant.lags if self.lags is None or lag in self.lags)
 
 
@@ -151,15 +72,15 @@ class Variant:
     kind : str
         One of `KINDS`.
     reading : Reading or None
-        None for all kinds but this package's tracker on scans.
+        Set only for this package's tracker on scans.
     parameters : dict
-        Parameters of the tracker that replace the case's; the simulated data stay the same. With
-        `EVERY_CLASS` instead of a class's name they are those of all classes of the case.
+        Parameters of the tracker that replace the case's; they do not change the simulated data. A
+        name with `EVERY_CLASS` in the place of a class applies to all classes of the case.
     cases : tuple of str
     lags : tuple of int
         Ascending.
     run_share : float
-        As of a case; the lower of both is used.
+        As for a case; the smaller of both applies.
     """
 
     name: str
@@ -185,9 +106,9 @@ class Goal:
     at_most : bool
         Whether it is an upper bound.
     relative_to : str or None
-        If given, `bound` is a multiple of this variant's figure.
+        Variant whose figure `bound` multiplies; None for an absolute bound.
     relative_case : str
-        The case of that figure.
+        Case of that figure.
     """
 
     name: str
@@ -215,7 +136,7 @@ class Study:
     cutoff : float
         c of OSPA and GOSPA, metres, in cases without their own.
     left_out : mapping of str to str
-        Variants that the assigned engine does not have, and why.
+        Variants that the assigned engine does not support, with the reasons.
     """
 
     cases: tuple[Case, ...]
@@ -234,12 +155,12 @@ class Study:
         return merged(case.parameters, variant.parameters, self.assigned)
 
     def runs(self, case: Case, variant: Variant, asked: int) -> int:
-        """Return how many runs a variant has at a case, of those that are asked for."""
+        """Return the number of runs of a variant at a case, of `asked` requested ones."""
         return math.ceil(min(case.run_share, variant.run_share) * asked)
 
     @property
     def in_full(self) -> Study:
-        """The study with as many runs of everything as are asked for."""
+        """The study without reduced shares of runs."""
         return replace(
             self,
             cases=tuple(replace(case, run_share=1.0) for case in self.cases),
@@ -252,7 +173,7 @@ class Study:
         Raises
         ------
         ConfigError
-            With all unknown names.
+            If names are unknown; the message lists all of them.
         """
         faults = _unknown("--case", cases, [case.name for case in self.cases])
         faults += _unknown("--variant", variants, [variant.name for variant in self.variants])
@@ -276,9 +197,9 @@ def _unknown(option: str, names: Sequence[str], known: Sequence[str]) -> list[st
 def merged(*layers: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters of several layers, in which later layers replace earlier ones.
 
-    If a layer lists the radars, classes, motions or births again, the parameters of those that it
-    leaves out are removed. A parameter of `EVERY_CLASS` becomes one of each class; those of single
-    classes in the same layer come before it.
+    If a layer lists the radars, classes, motions or births again, the parameters of the omitted
+    ones are removed. A parameter of `EVERY_CLASS` is copied to each class, unless the same layer
+    sets it for that class.
     """
     result: dict[str, Any] = {}
     for layer in layers:
@@ -295,7 +216,7 @@ def merged(*layers: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _of_every_class(layer: Mapping[str, Any], classes: Sequence[str]) -> dict[str, Any]:
-    """Return a layer's parameters with those of `EVERY_CLASS` under the name of each class."""
+    """Return a layer's parameters with `EVERY_CLASS` replaced by the name of each class."""
     shared = {name: value for name, value in layer.items() if name.startswith(f"{EVERY_CLASS}.")}
     of_classes = {
         f"{kind}{name.removeprefix(EVERY_CLASS)}": value

@@ -1,4 +1,4 @@
-"""The study document: the content of a YAML file is checked as a whole and turned into a study."""
+"""Checks a study document, the content of a YAML file, as a whole and converts it to a study."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 from phd_jdtc_ros.configuration import build as tracker_config
 from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Parameter, flatten
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
@@ -21,8 +21,11 @@ from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merged
 from .kinds import KINDS, OURS, TRACKERS, TUNED, suits
 
 BUILT_IN_SCENARIO = "paper_scenario"
-# How the tracker's sets are read.
+# Parameters of an extraction variant.
 OF_READING = ("death_term", "extraction")
+# What the labelled filter has, and what Gaussians do not have.
+LABELLED_READING = {"engine": "gaussian", "death_term": "bernoulli", "extraction": "components"}
+OTHER_READING = {"death_term": "paper", "extraction": "clusters"}
 LAG = Parameter("lag", 0, "", 0, 100)
 BOUND = Parameter("bound", 0.0, "")
 CUTOFF = Parameter("cutoff", 1000.0, "", SMALL)
@@ -53,7 +56,7 @@ def resolve(
     Raises
     ------
     ConfigError
-        With all faults.
+        If the document is invalid; the message lists all faults.
     """
     if not isinstance(document, Mapping):
         raise ConfigError(["study: must be a mapping"])
@@ -90,7 +93,7 @@ def resolve(
     by_variant = dict(_tracker_faults(study))
     left_out = {}
     if "engine" in assigned:
-        # A variant may be one of another engine only; so the command line leaves it out.
+        # A variant may be valid for another engine only; an engine on the command line omits it.
         others = replace(study, assigned={k: v for k, v in assigned.items() if k != "engine"})
         own = dict(_tracker_faults(others))
         left_out = {name: found[0] for name, found in by_variant.items() if name not in own}
@@ -114,8 +117,10 @@ def _case(
 ) -> Case | None:
     """Return a case, or None after adding its faults to `faults`."""
     prefix = f"cases.{name}."
-    known = ("scenario", "parameters", "cutoff", "only_named", "ignored", "run_share")
-    known = (*known, "transponders", "lags")
+    known = (
+        *("scenario", "parameters", "cutoff", "only_named"),
+        *("ignored", "run_share", "transponders", "lags"),
+    )
     faults += _unknown_keys(given, prefix, known)
     lags = _lags(given["lags"], f"{prefix}lags", faults) if "lags" in given else None
     run_share = _run_share(given, prefix, faults)
@@ -140,7 +145,7 @@ def _case(
         in_file, build = ({}, paper_scenario) if built_in else load_scene(source)
         parameters = merged(in_file, of_case, assigned)
         model = tracker_config.resolve(parameters).model
-        scenario, classes = build(model.radars), len(model.modes.classes)
+        scenario, classes = build(polar_radars(model.radars)), len(model.modes.classes)
         if replies is not None:
             scenario = replace(scenario, transponders=replies)
         highest = max((target.class_id for target in scenario.targets), default=0)
@@ -162,7 +167,7 @@ def _case(
 
 
 def _ignored(given: Mapping[str, Any], prefix: str, faults: list[str]) -> Ignored:
-    """Return which targets of a case are not scored; add faults to `faults`."""
+    """Return the unscored targets of a case; add faults to `faults`."""
     if "ignored" not in given:
         return TAXIING
     block = given["ignored"]
@@ -172,8 +177,10 @@ def _ignored(given: Mapping[str, Any], prefix: str, faults: list[str]) -> Ignore
     faults += _unknown_keys(block, f"{prefix}ignored.", Ignored._fields)
     values = {}
     for parameter in IGNORED:
-        values[parameter.name] = parameter.coerce(block.get(parameter.name, parameter.default))
-        if values[parameter.name] is None:
+        value = parameter.coerce(block.get(parameter.name, parameter.default))
+        if isinstance(value, float):
+            values[parameter.name] = value
+        else:
             faults.append(
                 f"{prefix}ignored.{parameter.name}: {block[parameter.name]!r} given, must be "
                 f"{parameter.allowed}"
@@ -193,7 +200,7 @@ def _variant(
 ) -> Variant:
     """Return a variant; add its faults to `faults`.
 
-    Its cases are by default all of `shared` that its kind suits: those of `turning`, or the others.
+    Its default cases are all of `shared` that suit its kind: cases of `turning`, or the others.
     """
     prefix = f"variants.{name}."
     keys = ("kind", "engine", "cases", "lags", "parameters", "run_share", *OF_READING)
@@ -242,8 +249,10 @@ def _goal(
     if not isinstance(given, Mapping):
         faults.append(f"{prefix[:-1]}: must be a mapping")
         given = {}
-    keys = ("name", "case", "variant", "lag", "figure", "at_most", "at_least")
-    keys += ("relative_to", "relative_case")
+    keys = (
+        *("name", "case", "variant", "lag", "figure"),
+        *("at_most", "at_least", "relative_to", "relative_case"),
+    )
     faults += _unknown_keys(given, prefix, keys)
     names = [variant.name for variant in variants]
     bounds = [key for key in ("at_most", "at_least") if key in given]
@@ -274,27 +283,39 @@ def _goal(
 
 
 def _engine_of(parameters: Mapping[str, Any], default: str) -> str:
-    """Return the engine in force; a wrong name is a fault of the parameters, found later."""
+    """Return the selected engine; a wrong name is found later as a fault of the parameters."""
     engine = parameters["engine"]
     return engine if engine in TRACKERS else default
 
 
 def _tracker_faults(study: Study) -> Iterator[tuple[str, list[str]]]:
-    """Yield the variants that are no possible tracker at one of their cases, and the faults."""
+    """Yield the variants with invalid tracker parameters at any of their cases, and the faults."""
     for variant in study.variants:
         faults: list[str] = []
         for case in study.cases:
             if variant.kind in TUNED and case.name in variant.cases and variant.parameters:
                 given = study.parameters(case, variant)
-                if variant.reading is not None:
-                    _, *of_reading = variant.reading
-                    given |= dict(zip(OF_READING, of_reading, strict=True))
+                if given.get("engine") == "gaussian":
+                    faults += _of_particles(variant)
                 try:
                     tracker_config.resolve(given)
                 except ConfigError as error:
                     faults += error.faults
         if faults:
             yield variant.name, list(dict.fromkeys(faults))
+
+
+def _of_particles(variant: Variant) -> list[str]:
+    """Return a fault for each choice of a variant that Gaussians do not have."""
+    own = {"engine": variant.parameters.get("engine")}
+    if variant.reading is not None:
+        own |= dict(zip(OF_READING, variant.reading[1:], strict=True))
+    others = {"engine": "phd", **OTHER_READING}
+    return [
+        f"{key}: {value} given, must be {LABELLED_READING[key]} with engine gaussian"
+        for key, value in own.items()
+        if str(value).startswith(others[key])
+    ]
 
 
 def _parameters(given: Mapping[str, Any], prefix: str, faults: list[str]) -> dict[str, Any]:
@@ -342,7 +363,7 @@ def _lags(value: Any, name: str, faults: list[str]) -> tuple[int, ...]:
 
 
 def _run_share(given: Mapping[str, Any], prefix: str, faults: list[str]) -> float:
-    """Return the share of the runs."""
+    """Return the checked share of the runs."""
     share = SHARE.coerce(given.get("run_share", 1.0))
     if not isinstance(share, float) or share == 0.0:
         value = given["run_share"]

@@ -1,4 +1,4 @@
-"""Parallel execution of tasks, on processes of this machine or on a Dask cluster."""
+"""Parallel execution of tasks in local processes or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 
 from .tasks import Outcome, Task, perform
 
-# Number of times that a task's worker process may die before the task has failed.
+# A task fails after this many deaths of its worker process.
 TRIES = 3
 DASK_TIMEOUT_S = 10
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -32,7 +32,7 @@ def run_on_processes(
     work: Work = perform,
     busy: Callable[[], int] = lambda: 0,
 ) -> None:
-    """Run tasks on processes of this machine.
+    """Run tasks in local processes.
 
     Parameters
     ----------
@@ -43,20 +43,20 @@ def run_on_processes(
     work : callable
         Called by a worker with a task.
     busy : callable
-        Returns how many of the workers' processors something else takes at the time; all but one
-        worker wait for it.
+        Returns the number of the workers' processors that other processes use; this many workers
+        wait, but never all.
 
     Notes
     -----
-    When a process dies, all tasks that ran at that time are run again, one at a time, to find the
-    task that causes it. A task whose process dies `TRIES` times has failed.
+    When a process dies, all tasks that were running are repeated one at a time, to find the task
+    that causes it. A task whose process dies `TRIES` times has failed.
     """
     waiting = deque((task, 0) for task in tasks)
     suspects: deque[tuple[Task, int]] = deque()
     while waiting or suspects:
         queue, at_once = (suspects, 1) if suspects else (waiting, workers)
         with _pool(at_once) as pool:
-            lost = _feed(pool, queue, lambda most=at_once: max(most - busy(), 1), report, work)
+            lost = _feed(pool, queue, at_once, busy, report, work)
         for task, tries in lost:
             if tries + 1 < TRIES:
                 suspects.append((task, tries + 1))
@@ -66,7 +66,7 @@ def run_on_processes(
 
 @contextlib.contextmanager
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool of single-threaded processes that end with the context, also after an error."""
+    """Yield a pool of single-threaded processes, which end with the context even after an error."""
     before = set(multiprocessing.active_children())
     settings = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
@@ -89,18 +89,19 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 def _feed(
     pool: ProcessPoolExecutor,
     queue: deque[tuple[Task, int]],
-    at_once: Callable[[], int],
+    most: int,
+    busy: Callable[[], int],
     report: Report,
     work: Work,
 ) -> list[tuple[Task, int]]:
-    """Run a queue until it is empty or a process dies; return the tasks that were lost with it.
+    """Run a queue until it is empty or a process dies; return the tasks lost with the process.
 
-    Only as many tasks are submitted as run at once, so that few are lost.
+    The number of submitted tasks equals the number of workers, so that few tasks are lost.
     """
     running: dict[Future[Outcome], tuple[Task, int]] = {}
     while queue or running:
         broken = False
-        while queue and len(running) < at_once() and not broken:
+        while queue and len(running) < max(most - busy(), 1) and not broken:
             try:
                 running[_submit(pool, work, queue[0][0])] = queue[0]
                 queue.popleft()
@@ -109,7 +110,7 @@ def _feed(
         ended, _ = wait(running, return_when=FIRST_COMPLETED)
         lost = [_end(future, running, report) for future in ended]
         if broken or any(lost):
-            # A broken pool ends all its futures.
+            # All futures of a broken pool end.
             wait(running)
             lost += [_end(future, running, report) for future in list(running)]
             return [entry for entry in lost if entry is not None]
@@ -130,7 +131,7 @@ def _end(
 
 
 def _submit(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Outcome]:
-    """Submit a task; processes that are started for it ignore keyboard interrupts."""
+    """Submit a task; processes started for it ignore keyboard interrupts."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         return pool.submit(work, task)
@@ -158,8 +159,8 @@ def run_on_dask(tasks: Sequence[Task], address: str, report: Report, work: Work 
 
     Notes
     -----
-    The scheduler itself runs the tasks of a dead worker again. It gives up on a task after several
-    workers have died.
+    The scheduler repeats the tasks of a dead worker. It gives up on a task after several workers
+    have died.
     """
     try:
         from distributed import Client, as_completed
@@ -177,5 +178,5 @@ def run_on_dask(tasks: Sequence[Task], address: str, report: Report, work: Work 
             except Exception as error:
                 outcome = Outcome(futures[future], error=f"{type(error).__name__}: {error}")
             report(outcome)
-            # Frees the result on the cluster.
+            # Frees the result's memory on the cluster.
             future.release()

@@ -1,7 +1,7 @@
-"""The kinds of tracker that a study compares: module, availability and source files of each.
+"""The kinds of tracker in a study: module, availability and source files of each.
 
-A kind is a tracker with its settings. A peer with other gates and counts is another kind, with the
-name of the function of `peers` that runs it.
+A kind is a tracker with its settings. A peer with other settings is another kind, named after the
+function of `peers` that runs it.
 """
 
 from __future__ import annotations
@@ -18,29 +18,30 @@ from phd_jdtc_ros.configuration.engines import ENGINES
 # This package's tracker on scans, by the name of its engine.
 TRACKERS = tuple(ENGINES)
 REFERENCE, GNN = "reference", "gnn"
-# Trackers that are given the association; with a function of `reference` each.
+# References with known association, each with its function in `reference`.
 KNOWN_ASSOCIATION = {REFERENCE: "known_association", "reference_best": "best_noise"}
-# Kinds for radars whose antennas turn: this package's tracker through its pipeline, and a peer.
+# Kinds for turning radars: this package's tracker through its pipeline, and a peer.
 TURNING, PLOT_KALMAN = TURNING_KINDS = ("turning", "plot_kalman")
-# Kinds that are this package's tracker, with its parameters.
+# Kinds of this package's tracker.
 OURS = (*TRACKERS, TURNING)
-# Peers that also smooth.
+# Peers with a smoother.
 NEAREST_NEIGHBOUR = (GNN, "gnn_loud", "gnn_anywhere")
 STONE_SOUP = ("gm_phd", "gm_phd_loud", *NEAREST_NEIGHBOUR, "jpda", "jpda_loud")
 PEERS = (*STONE_SOUP, PLOT_KALMAN)
 KINDS = (*TRACKERS, TURNING, *KNOWN_ASSOCIATION, *PEERS)
-# Kinds with parameters; peers take births, classes and the noise of constant velocity from them.
+# Kinds with tracker parameters, from which peers take births, classes and the noise of constant
+# velocity.
 TUNED = (*OURS, *STONE_SOUP)
 PEERS_PACKAGE = "stonesoup"
 
 
 def module_of(kind: str) -> Any:
-    """Return the module of a kind; only a peer's kind imports `peers`."""
+    """Return the module of a kind; `peers` is imported for peers only."""
     return import_module(f"..{_module_name(kind)}", __package__)
 
 
 def suits(kind: str, turning: bool) -> bool:
-    """Return whether a kind can be run on a case whose antennas turn, or do not."""
+    """Return whether a kind can be run on a case with, or without, turning antennas."""
     return (kind in TURNING_KINDS) == turning
 
 
@@ -53,7 +54,7 @@ def _module_name(kind: str) -> str:
 
 
 def missing(kind: str) -> str | None:
-    """Return why a kind cannot be run on this machine, or None."""
+    """Return the reason why a kind cannot run on this machine, or None."""
     if kind in STONE_SOUP and importlib.util.find_spec(PEERS_PACKAGE) is None:
         return f"{PEERS_PACKAGE} is not installed"
     return None
@@ -64,7 +65,7 @@ def sources_of(kind: str) -> list[Path]:
     package = Path(__file__).parents[2]
     study = package / "study"
     tracker = study / _module_name(kind)
-    folders = ("calibration", "configuration", "core", "evaluation", "simulation")
+    folders = ("calibration", "configuration", "core", "evaluation", "feed", "simulation")
     return [
         *sorted(path for name in folders for path in (package / name).rglob("*.py")),
         package / "quoting.py",

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.evaluation.scan_scores import ALL
+from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.totals import Totals, ratio
 
 from .definition import METRICS, REDUCTION, Variant
-from .scores import VALUES, Scores
+from .metrics import VALUES
+from .scores import Scores
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Result:
         return self._values(lag, of_set)[..., VALUES.index(name)]
 
     def figures(self, lag: int, of_set: str = ALL) -> dict[str, FloatArray | None]:
-        """Return each of `FIGURES` of every run, shape (runs,); None if it has no meaning."""
+        """Return each of `FIGURES` for every run, shape (runs,); None if undefined."""
         totals = Totals.of(VALUES, self._values(lag, of_set))
         figures = {name: metric.of_run(totals) for name, metric in METRICS.items()}
         return {**figures, REDUCTION: self._reduction(lag, of_set)}

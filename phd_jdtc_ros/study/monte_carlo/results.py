@@ -1,4 +1,4 @@
-"""The results of a study: all runs of each variant, their means over runs, and the goals."""
+"""The results of a study: all runs of each variant, means over runs, and goals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scipy import stats
 
 from phd_jdtc_ros.configuration import build as tracker_config
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.evaluation.scan_scores import ALL
+from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.totals import ratio
 
 from .definition import ORDER, Goal, Study, Variant, merged
@@ -27,7 +27,7 @@ from .tasks import Outcome, Task
 
 
 class Mean(NamedTuple):
-    """A mean over runs and half the width of its 95 % interval; NaN if not known."""
+    """A mean over runs and half the width of its 95 % confidence interval; NaN if unknown."""
 
     mean: float
     half_width: float
@@ -43,7 +43,7 @@ class Mean(NamedTuple):
         return Mean(float(known.mean()), _quantile(count - 1) * float(error))
 
     def as_json(self) -> dict[str, Any] | None:
-        """Return the mean and its interval for JSON; None for values that are not known."""
+        """Return the mean and its interval for JSON; None for unknown values."""
         if math.isnan(self.mean):
             return None
         low, high = self.mean - self.half_width, self.mean + self.half_width
@@ -53,14 +53,14 @@ class Mean(NamedTuple):
 
 @cache
 def _quantile(degrees: int) -> float:
-    """Return the 97.5 % quantile of Student's t, which takes longer than the means it is for."""
+    """Return the 97.5 % quantile of Student's t, cached because it is expensive."""
     return float(stats.t.ppf(0.975, degrees))
 
 
 def collect(tasks: Iterable[Task], store: Store) -> list[Result]:
     """Return all stored results of a plan's tasks, ordered by case and variant."""
     results = []
-    for (case, _), entries in _stored(tasks).items():
+    for (case, _), entries in _tasks_by_variant(tasks).items():
         runs = [(task.seed, store.read(task, variant)) for task, variant in entries]
         known = [(seed, scores) for seed, scores in runs if scores is not None]
         if known:
@@ -78,7 +78,7 @@ def write_csv(path: Path, tasks: Iterable[Task], store: Store) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     with temporary.open("wb") as file:
         file.write((",".join(HEADER) + "\n").encode())
-        for entries in _stored(tasks).values():
+        for entries in _tasks_by_variant(tasks).values():
             for task, variant in entries:
                 with contextlib.suppress(FileNotFoundError):
                     rows = gzip.decompress(store.path(task, variant).read_bytes())
@@ -86,7 +86,7 @@ def write_csv(path: Path, tasks: Iterable[Task], store: Store) -> None:
     os.replace(temporary, path)
 
 
-def _stored(tasks: Iterable[Task]) -> dict[tuple[str, str], list[tuple[Task, Variant]]]:
+def _tasks_by_variant(tasks: Iterable[Task]) -> dict[tuple[str, str], list[tuple[Task, Variant]]]:
     """Return the tasks and variants of a plan, by the names of case and variant."""
     entries: dict[tuple[str, str], list[tuple[Task, Variant]]] = {}
     for task in tasks:
@@ -105,20 +105,19 @@ def summarise(
     study : Study
     results : sequence of Result
     notes : sequence of str
-        Variants that were left out, and why.
+        Omitted variants, with the reasons.
     failures : sequence of Outcome
-        Tasks that failed.
+        Failed tasks.
 
     Returns
     -------
     dict
         ``cases`` by case and variant: its kind, engine (None for other trackers), number of runs,
         seeds and, by lag and set, the mean over runs of each of `FIGURES` with its 95 % interval,
-        None where it has no meaning.
-        ``reduction`` is that of the mean OSPA against lag 0 of the same variant and seed.
-        ``confusion`` of a class is the share of its targets that were estimated as each class or
-        missed; that of all targets is the mean over runs of the confusion matrix, summed over the
-        scans. ``c_of_case`` has the cut-off of each case with one of its own, metres.
+        None if undefined. ``reduction`` is the reduction of the mean OSPA against lag 0 of the same
+        variant and seed. ``confusion`` of a class has the shares of its targets estimated as each
+        class or missed; ``confusion`` of all targets is the mean over runs of the confusion matrix,
+        summed over the scans. ``c_of_case`` has the cut-off, metres, of each case with its own.
     """
     cases: dict[str, Any] = {}
     for result in results:
@@ -146,7 +145,7 @@ def summarise(
         "c": study.cutoff,
         "c_of_case": {c.name: c.cutoff for c in study.cases if c.cutoff is not None},
         "cases": cases,
-        "goals": [_judged(goal, results) for goal in study.goals],
+        "goals": [_goal_with_value(goal, results) for goal in study.goals],
         "notes": list(notes),
         "failed": [
             {
@@ -182,12 +181,12 @@ def _confusion(result: Result, lag: int, of_set: str) -> Any:
     return {name: Mean.of(share).as_json() for name, share in shares.items()}
 
 
-def _judged(goal: Goal, results: Sequence[Result]) -> dict[str, Any]:
-    """Return a goal with the value that was reached; None if the study has no such figure."""
+def _goal_with_value(goal: Goal, results: Sequence[Result]) -> dict[str, Any]:
+    """Return a goal with its value, None if the study has no such figure."""
     own = _runs(goal, goal.case, goal.variant, results)
     bound = goal.bound
     if goal.relative_to is not None:
-        # With bounds on the number of runs, one of them may have more.
+        # The numbers of runs may differ between both variants.
         other = _runs(goal, goal.relative_case, goal.relative_to, results)
         common = own.keys() & other.keys()
         own, other = ({seed: runs[seed] for seed in sorted(common)} for runs in (own, other))
@@ -205,7 +204,7 @@ def _judged(goal: Goal, results: Sequence[Result]) -> dict[str, Any]:
 
 
 def _runs(goal: Goal, case: str, variant: str, results: Sequence[Result]) -> dict[int, float]:
-    """Return the goal's figure of every run, by seed; none where it has no meaning."""
+    """Return the goal's figure of every run, by seed, without runs in which it is undefined."""
     for result in results:
         matches = (result.case, result.variant.name) == (case, variant)
         if matches and goal.lag in result.scores.lags:

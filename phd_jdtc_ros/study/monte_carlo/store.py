@@ -17,7 +17,8 @@ import numpy as np
 from phd_jdtc_ros import output_files
 
 from .definition import Variant
-from .scores import VALUES, Scores
+from .metrics import VALUES
+from .scores import Scores
 from .tasks import Task
 
 # The last column is a class's row of `Scores.taken_for`: numbers separated by blanks.
@@ -31,13 +32,13 @@ class Store:
     Parameters
     ----------
     directory : Path
-        Created if it does not exist.
+        Created if necessary.
     """
 
     directory: Path
 
     def path(self, task: Task, variant: Variant) -> Path:
-        """Return the path of a variant's scores, which has a digest of all that they depend on."""
+        """Return the path of a variant's scores, with a digest of all their inputs."""
         digest = task.digests[variant.name]
         name = f"{slug(task.case)}.{slug(variant.name)}.{task.seed}.{digest}.csv.gz"
         return self.directory / name
@@ -49,7 +50,7 @@ class Store:
         writer.writerow(HEADER)
         writer.writerows(_rows(task, variant, scores))
         self.directory.mkdir(parents=True, exist_ok=True)
-        # Without a time stamp, so that equal scores give equal bytes.
+        # The gzip header has no time stamp, so that equal scores give equal bytes.
         output_files.write(
             self.path(task, variant), gzip.compress(text.getvalue().encode(), 6, mtime=0)
         )
@@ -69,7 +70,7 @@ def _rows(task: Task, variant: Variant, scores: Scores) -> Iterator[list[Any]]:
     for row, lag in enumerate(scores.lags):
         for scan, time in enumerate(scores.time_s):
             taken = [] if scores.taken_for is None else scores.taken_for[row, scan].tolist()
-            # The first set is that of all targets.
+            # The first set, of all targets, has no class.
             texts = ["", *(" ".join(map(str, counts)) for counts in taken)]
             for name, values, text in zip(
                 scores.sets, scores.values[row, scan], texts, strict=True
@@ -79,7 +80,7 @@ def _rows(task: Task, variant: Variant, scores: Scores) -> Iterator[list[Any]]:
 
 
 def _cell(value: float) -> str:
-    """Return a value of three decimals as text from which the same value is read."""
+    """Return a value of three decimals as text that is read back exactly."""
     return "" if math.isnan(value) else f"{value:.15g}"
 
 
@@ -99,7 +100,7 @@ def _scores(rows: Sequence[Sequence[str]]) -> Scores:
 
 
 def remaining(tasks: Iterable[Task], store: Store) -> list[Task]:
-    """Return the tasks that are left, each without the variants whose scores are stored."""
+    """Return the remaining tasks, each without the variants whose scores are stored."""
     rest = []
     for task in tasks:
         unscored = tuple(v for v in task.variants if store.read(task, v) is None)
@@ -109,5 +110,5 @@ def remaining(tasks: Iterable[Task], store: Store) -> list[Task]:
 
 
 def slug(name: str) -> str:
-    """Return a name that is valid on all file systems."""
+    """Return a file name that is valid on all file systems."""
     return re.sub(r"[^\w]+", "_", name)

@@ -1,4 +1,4 @@
-"""The tasks of a study: their plan, their digests, and how one is run."""
+"""The tasks of a study: plan, digests and execution."""
 
 from __future__ import annotations
 
@@ -29,15 +29,16 @@ from .kinds import (
     missing,
     module_of,
 )
-from .scores import OTHER_CUTOFF, OTHER_ORDER, Scores, score
+from .metrics import OTHER_CUTOFF, OTHER_ORDER
+from .scores import Scores, score
 
-# Must be increased when the meaning of a stored row changes.
+# Version of the stored rows; increase it when their meaning changes.
 FORMAT = 5
 
 
 @dataclass(frozen=True)
 class Task:
-    """One seeded run of variants that share their data and, with an engine of ours, one filter.
+    """One seeded run of variants that share their data and, for this package's engines, one filter.
 
     Parameters
     ----------
@@ -52,11 +53,11 @@ class Task:
     code : str
         Digest of the tracker's code, see `code_of`.
     digests : dict
-        By name of the variant, a digest of all that its scores depend on except the seed.
+        Digest of all inputs of a variant's scores except the seed, by name of the variant.
     cutoff : float
         c of OSPA and GOSPA, metres.
     ignored : Ignored
-        Targets that are not scored, where antennas turn.
+        Unscored targets if antennas turn.
     """
 
     case: str
@@ -72,7 +73,7 @@ class Task:
 
     @property
     def kind(self) -> str:
-        """The kind of the variants."""
+        """The common kind of the variants."""
         return self.variants[0].kind
 
     @property
@@ -89,7 +90,7 @@ class Outcome:
     ----------
     task : Task
     scores : dict
-        By name of the variant; empty if the task failed.
+        Scores by name of the variant; empty if the task failed.
     error : str
         Empty if the task succeeded.
     """
@@ -105,10 +106,10 @@ class Plan(NamedTuple):
     Parameters
     ----------
     tasks : list of Task
-        Ordered by seed, so that a study that is stopped early has results of all variants. Where
-        the number of runs is bounded, they are those of the first seeds.
+        Ordered by seed, so that a study stopped early has results of all variants. A reduced
+        number of runs uses the first seeds.
     notes : list of str
-        Variants that are left out, and why.
+        Omitted variants, with the reasons.
     """
 
     tasks: list[Task]
@@ -144,7 +145,7 @@ def plan(study: Study, seeds: Sequence[int]) -> Plan:
 
 
 def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
-    """Return the task of a case and variants that share their data, for seed 0."""
+    """Return the task of a case and of variants that share their data, for seed 0."""
     parameters = study.parameters(case, variants[0])
     code = code_of(variants[0].kind)
     shared = {
@@ -168,7 +169,7 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
 
 
 def _in_force(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return all parameters of a tracker, given and default."""
+    """Return all parameters of a tracker, with defaults."""
     values = tracker_config.resolve(parameters).values
     return {name: value for name, value in values.items() if name not in OWN}
 
@@ -179,15 +180,15 @@ def _digest(definition: Mapping[str, Any]) -> str:
 
 
 def perform(task: Task) -> Outcome:
-    """Run a task; an exception becomes part of the outcome."""
+    """Run a task; the outcome records an exception."""
     try:
         if code_of(task.kind) != task.code:
-            raise RuntimeError("the worker has other code than the study; start the study again")
+            raise RuntimeError("the worker's code differs from the study's; start the study again")
         if task.scenario.turning:
             run = turning_run(task.scenario, task.seed, task.ignored)
         else:
             run = simulated_run(task.scenario, task.seed)
-        tracked = _tracked(task, run)
+        tracked = _track_variants(task, run)
         scores = {
             variant.name: score(run, found.tracks, variant, task.classes, task.cutoff, found.cpu_ms)
             for variant in task.variants
@@ -198,8 +199,8 @@ def perform(task: Task) -> Outcome:
     return Outcome(task, scores)
 
 
-def _tracked(task: Task, run: SimulatedRun) -> dict[str, Tracked]:
-    """Return the estimates by name of the variant."""
+def _track_variants(task: Task, run: SimulatedRun) -> dict[str, Tracked]:
+    """Return the estimates of all variants, by name."""
     lags = sorted({lag for variant in task.variants for lag in variant.lags})
     if task.kind in TRACKERS:
         readings = [variant.reading for variant in task.variants if variant.reading is not None]
@@ -210,7 +211,7 @@ def _tracked(task: Task, run: SimulatedRun) -> dict[str, Tracked]:
 
 
 def _of_one(task: Task, run: SimulatedRun, lags: Sequence[int]) -> Tracked:
-    """Return the estimates of a tracker whose variants share nothing."""
+    """Return the estimates of a tracker whose variants share no filter."""
     module = module_of(task.kind)
     if task.kind == TURNING:
         return Tracked(*module.track(run, task.parameters, lags))

@@ -11,14 +11,14 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.state_space import VX, VY, X, Y
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 
 from .soup import Part, Soup
 
-# Stone Soup's state is [x, vx, y, vy]: their indices in our state, and those of x and y in its own.
+# Indices in our state of Stone Soup's state [x, vx, y, vy], and its own indices of x and y.
 STATE = [X, VX, Y, VY]
 POSITION = [0, 2]
-# Stone Soup requires calendar times; only differences matter.
+# Arbitrary origin of Stone Soup's calendar times; only differences matter.
 EPOCH = datetime(2000, 1, 1)
 
 
@@ -42,7 +42,7 @@ def detection(soup: Soup, measurement: FloatArray, stamp: datetime, sensor: Part
 
 
 def clutter_density(radar: RadarModel) -> float:
-    """Return false detections per radian and metre; slightly above 0 if there are none."""
+    """Return the clutter density per radian and metre, slightly above 0 without clutter."""
     rate = max(radar.clutter_rate, 1e-9)
     return rate / (2.0 * math.pi * radar.clutter_max_range)
 

@@ -33,7 +33,7 @@ def initiator(problem: Problem, settings: TrackSettings) -> Part:
 
 @dataclass(frozen=True)
 class NumberedTracks:
-    """An initiator for Stone Soup: another one's tracks, as the numbered type.
+    """An initiator for Stone Soup that wraps another and makes tracks of the numbered type.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class NumberedTracks:
 
     def initiate(self, detections: set[Part], timestamp: datetime) -> set[Part]:
         """Return new tracks."""
-        # One detection at a time: a set of tracks that have no number has no order.
+        # One detection at a time, because a set of unnumbered tracks has no reproducible order.
         started = (
             track
             for detection in detections
@@ -63,7 +63,7 @@ class BirthPlaces:
     ----------
     problem : Problem
     gate : float
-        In standard deviations of the innovation.
+        Gate in standard deviations of the innovation.
     """
 
     problem: Problem

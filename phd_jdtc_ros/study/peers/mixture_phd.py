@@ -29,7 +29,7 @@ def gm_phd(
     Returns
     -------
     Tracks
-        Components of a weight above ``settings.extract``; all of class 0.
+        Components with a weight above ``settings.extract``; all of class 0.
 
     Raises
     ------
@@ -38,10 +38,9 @@ def gm_phd(
 
     Notes
     -----
-    Stone Soup applies survival in its updater, which would be once per radar; here it is applied
-    with the first radar of a scan only. It also drops components tagged as births if the first
-    radar misses them. Ours have no such tag, and their weight is divided by the survival
-    probability in advance.
+    Stone Soup's updater applies survival once per radar; here only the first radar of a scan
+    applies it. It also drops components tagged as births if the first radar misses them. Births
+    here have no such tag, and their weight is divided by the survival probability in advance.
     """
     problem = Problem.of(run, model)
     soup = problem.soup

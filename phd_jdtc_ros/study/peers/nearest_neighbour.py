@@ -35,7 +35,7 @@ def gnn(
     Returns
     -------
     Tracks
-        See `at_lag` for which tracks are reported; all of class 0.
+        The tracks reported by `at_lag`; all of class 0.
 
     Raises
     ------
@@ -54,18 +54,8 @@ def gnn_loud(
 ) -> Tracks:
     """Return the estimates of `gnn` from detections of high amplitude only.
 
-    The threshold leaves so little clutter that two detections suffice to confirm a track.
-
-    Parameters
-    ----------
-    run : SimulatedRun
-    lags : iterable of int
-    model : TrackerModel or None
-
-    Returns
-    -------
-    Tracks
-        See `gnn`.
+    The threshold leaves so little clutter that two detections suffice to confirm a track. See `gnn`
+    for parameters and result.
 
     Raises
     ------
@@ -82,16 +72,7 @@ def gnn_anywhere(
 ) -> Tracks:
     """Return the estimates of `gnn` with tracks started anywhere, not only at birth places.
 
-    Parameters
-    ----------
-    run : SimulatedRun
-    lags : iterable of int
-    model : TrackerModel or None
-
-    Returns
-    -------
-    Tracks
-        See `gnn`.
+    See `gnn` for parameters and result.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A nearest-neighbour Kalman tracker for turning radars: what a user would write in an afternoon.
+"""A nearest-neighbour Kalman tracker for turning radars, as a simple baseline.
 
 Every plot is compared with the tracks at its own time: nearly constant velocity, converted
 measurements, global nearest neighbour among the plots of a small part of a turn, confirmed tracks
@@ -20,19 +20,20 @@ from scipy.optimize import linear_sum_assignment
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
 
 from ..runs import SimulatedRun, Tracked
-from ..turning import of_scored
+from ..turning import without_ignored
 
 # Order of the state: x, vx, y, vy.
 POSITION, VELOCITY = [0, 2], [1, 3]
-# Plots of this part of a turn are assigned together.
+# Share of a turn whose plots are assigned together.
 BATCH = 1.0 / 32.0
-# A radar passes a target once a turn: a track takes no second plot of one within this part of it.
+# The beam passes a target once a turn: a track takes no second plot of a radar within this share of
+# a turn.
 AGAIN = 0.5
-# One that has had no plot for so many turns coasts.
+# A track without a plot for this many turns is coasting.
 SEEN_TURNS = 1.25
 
 
@@ -43,15 +44,15 @@ class Settings:
     Parameters
     ----------
     noise_density : float
-        Of the white acceleration, m^2/s^3.
+        Spectral density of the white acceleration, m^2/s^3.
     speed_std : float
-        Of a new track's velocity along each axis, metres per second.
+        Standard deviation of a new track's velocity along each axis, metres per second.
     gate : float
         In standard deviations of the innovation.
     hits, turns : int
-        Number of plots that confirm a track, within this many turns.
+        A track is confirmed by `hits` plots within `turns` turns.
     tentative_turns, coasted_turns : float
-        A tentative and a confirmed track without a plot for this many turns end.
+        A tentative and a confirmed track end after this many turns without a plot.
     """
 
     noise_density: float = 40.0
@@ -67,7 +68,7 @@ SETTINGS = Settings()
 
 
 class Plots:
-    """All plots of a run in the order of their times, as positions with covariances.
+    """All plots of a run, ordered by time, as positions with covariances.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ class Plots:
     """
 
     def __init__(self, reports: Sequence[Report], radars: Sequence[RadarModel]) -> None:
-        columns = [_converted(report, radars[report.radar]) for report in reports]
+        columns = [_convert(report, radars[report.radar]) for report in reports]
         time = np.concatenate([column[0] for column in columns])
         order = np.argsort(time, kind="stable")
         self.time: FloatArray = time[order]
@@ -86,7 +87,7 @@ class Plots:
         self.radar: IntArray = np.concatenate(radar)[order]
 
 
-def _converted(report: Report, radar: RadarModel) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _convert(report: Report, radar: RadarModel) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return times (s), positions (M, 2) and their covariances (M, 2, 2) of a report's plots."""
     found = report.detections
     offset = np.zeros(len(found)) if found.time_s is None else found.time_s
@@ -102,7 +103,7 @@ def _converted(report: Report, radar: RadarModel) -> tuple[FloatArray, FloatArra
 
 
 class Tracker:
-    """The tracks at the present, one row each.
+    """The current tracks, one row each.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ class Tracker:
         self.settings, self.rotations = settings, rotations
         self.mean = np.zeros((0, 4))
         self.covariance = np.zeros((0, 4, 4))
-        # Of the last plot of each track, of its first one, and of its last one of each radar.
+        # Times of each track's last and first plot, and of its last plot by radar.
         self.time, self.born = np.zeros(0), np.zeros(0)
         self.seen = np.zeros((0, len(rotations)))
         self.hits = np.zeros(0, dtype=np.int64)
@@ -126,7 +127,7 @@ class Tracker:
         """Return the confirmed tracks at a time."""
         self._end_tracks(time)
         rows = np.flatnonzero(self.hits >= self.settings.hits)
-        mean, _ = self._predicted(rows, np.full(len(rows), time))
+        mean, _ = self._predict(rows, np.full(len(rows), time))
         class_id = np.zeros(len(rows), dtype=np.int64)
         return PointSet(
             *(mean[:, POSITION], class_id, self.number[rows], mean[:, VELOCITY]),
@@ -134,7 +135,7 @@ class Tracker:
         )
 
     def add(self, plots: Plots, batch: IntArray) -> None:
-        """Update with some plots: confirmed tracks choose first; the rest start tracks."""
+        """Assign plots to confirmed tracks, then to tentative ones; the rest start tracks."""
         self._end_tracks(float(plots.time[batch[0]]))
         confirmed = self.hits >= self.settings.hits
         for rows in (np.flatnonzero(confirmed), np.flatnonzero(~confirmed)):
@@ -143,7 +144,7 @@ class Tracker:
         self._start(plots, batch)
 
     def _end_tracks(self, now: float) -> None:
-        """Remove tracks without plots, and tentative ones that are not confirmed in time."""
+        """Remove tracks without plots, and tentative tracks that are not confirmed in time."""
         settings, turn_s = self.settings, float(self.rotations.min())
         tentative = self.hits < settings.hits
         patience = np.where(tentative, settings.tentative_turns, settings.coasted_turns)
@@ -156,19 +157,19 @@ class Tracker:
             setattr(self, name, getattr(self, name)[rows])
 
     def _update(self, plots: Plots, batch: IntArray, rows: IntArray) -> IntArray:
-        """Update tracks with their plots, by global nearest neighbour; return the plots taken."""
+        """Update tracks by global nearest neighbour; return the assigned plots."""
         row, column = (grid.ravel() for grid in np.meshgrid(rows, batch, indexing="ij"))
         radar = plots.radar[column]
         again = plots.time[column] - self.seen[row, radar] < AGAIN * self.rotations[radar]
         row, column = row[~again], column[~again]
-        mean, covariance = self._predicted(row, plots.time[column])
+        mean, covariance = self._predict(row, plots.time[column])
         error = plots.position[column] - mean[:, POSITION]
         inside = covariance[:, POSITION][:, :, POSITION] + plots.covariance[column]
         inverse = np.linalg.inv(inside)
         square = np.einsum("pi,pij,pj->p", error, inverse, error)
         near = np.flatnonzero(square < self.settings.gate**2)
         cost = square[near] + np.log(np.linalg.det(inside[near]))
-        pair = near[_assigned(row[near], column[near], cost)]
+        pair = near[_best_assignment(row[near], column[near], cost)]
         gain = covariance[pair][:, :, POSITION] @ inverse[pair]
         self.mean[row[pair]] = mean[pair] + np.einsum("pij,pj->pi", gain, error[pair])
         moved = gain @ covariance[pair][:, POSITION]
@@ -178,7 +179,7 @@ class Tracker:
         self.hits[row[pair]] += 1
         return column[pair]
 
-    def _predicted(self, rows: IntArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _predict(self, rows: IntArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return means (P, 4) and covariances (P, 4, 4) of tracks at times, shape (P,)."""
         dt = time - self.time[rows]
         step = np.tile(np.eye(4), (len(rows), 1, 1))
@@ -214,15 +215,15 @@ class Tracker:
             setattr(self, name, np.concatenate([getattr(self, name), rows]))
 
 
-def _assigned(row: IntArray, column: IntArray, cost: FloatArray) -> IntArray:
-    """Return the pairs of the best assignment with as many pairs as possible, by index."""
+def _best_assignment(row: IntArray, column: IntArray, cost: FloatArray) -> IntArray:
+    """Return the indices of the cheapest assignment with the largest number of pairs."""
     rows, i = np.unique(row, return_inverse=True)
     columns, j = np.unique(column, return_inverse=True)
-    # Far above any cost, and far below what would cost precision.
+    # Cost of an impossible pair: far above any cost, yet small enough to keep precision.
     table = np.full((len(rows), len(columns)), 1e6)
     pair = np.full(table.shape, -1)
     table[i, j], pair[i, j] = cost, np.arange(len(cost))
-    chosen = pair[linear_sum_assignment(table)]
+    chosen: IntArray = pair[linear_sum_assignment(table)]
     return chosen[chosen >= 0]
 
 
@@ -232,15 +233,15 @@ def follow(
     stamps_ns: Sequence[int],
     settings: Settings = SETTINGS,
 ) -> list[PointSet]:
-    """Return the confirmed tracks at some stamps, predicted to these.
+    """Return the confirmed tracks, predicted to some stamps.
 
     Parameters
     ----------
     reports : sequence of Report
     radars : sequence of RadarModel
-        All of them turn.
+        Turning radars.
     stamps_ns : sequence of int
-        Ascending. Plots up to a stamp are used.
+        Ascending. The tracks at a stamp use the plots up to it.
     settings : Settings
     """
     plots = Plots(reports, radars)
@@ -259,20 +260,20 @@ def follow(
 
 
 def plot_kalman(run: SimulatedRun, inputs: Sequence[RadarInput], lags: Sequence[int]) -> Tracked:
-    """Return the tracker's estimates of a run of turning radars; it does not smooth.
+    """Return the tracker's filtered estimates of a run of turning radars.
 
     Parameters
     ----------
     run : SimulatedRun
-        Of `turning.turning_run`.
+        Result of `turning.turning_run`.
     inputs : sequence of RadarInput
-        Whether plots have times.
+        Message layouts: whether plots have times.
     lags : sequence of int
-        The estimates of all are those of the filter.
+        Lags; all get the filtered estimates, since the tracker has no smoother.
     """
     reports = simulate_reports(run.scenario, inputs, run.seed)
     begin = time.process_time()
     found = follow(reports, run.scenario.radars, [truth.stamp_ns for truth in run.truth])
     spent = time.process_time() - begin
-    scored = of_scored(run, found)
+    scored = without_ignored(run, found)
     return Tracked(dict.fromkeys(lags, scored), 1e3 * spent / max(len(run.truth), 1))

@@ -30,14 +30,14 @@ def jpda(
     run : SimulatedRun
     settings : TrackSettings
     lags : iterable of int
-        As of `gnn`, with the same smoother.
+        See `gnn`, which has the same smoother.
     model : TrackerModel or None
         See `Problem.of`.
 
     Returns
     -------
     Tracks
-        See `at_lag` for which tracks are reported; all of class 0.
+        The tracks reported by `at_lag`; all of class 0.
 
     Raises
     ------
@@ -70,6 +70,6 @@ def jpda(
 def jpda_loud(run: SimulatedRun, model: TrackerModel | None = None) -> Tracks:
     """Return the estimates of `jpda` from detections of high amplitude only, at lag 0.
 
-    With the settings of `gnn_loud`, which see for errors.
+    Settings and errors are the same as of `gnn_loud`.
     """
     return jpda(raised_threshold(run, LOUD_THRESHOLD), settings=LOUD, model=model)

@@ -1,4 +1,4 @@
-"""A run in Stone Soup's types: its scans, and the information that a tracker is given."""
+"""A run in Stone Soup's types: its scans, and the information available to a tracker."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from .soup import Part, Soup, require
 
 @dataclass(frozen=True)
 class Problem:
-    """A run with its model, and the parts of Stone Soup that are built from them.
+    """A run with its model, and the parts of Stone Soup built from them.
 
     Parameters
     ----------
     soup : Soup
     run : SimulatedRun
     model : TrackerModel
-        The radars are the run's own.
+        The model, with the run's radars.
     predictor, updater : Part
-        Of Stone Soup: extended Kalman, constant velocity.
+        Stone Soup's extended Kalman predictor and updater for constant velocity.
     """
 
     soup: Soup
@@ -41,9 +41,9 @@ class Problem:
 
     @staticmethod
     def of(run: SimulatedRun, model: TrackerModel | None = None) -> Problem:
-        """Return the problem for a run; with None the model is the reference configuration's.
+        """Return the problem for a run; `model` is by default the reference configuration's.
 
-        Targets move as in its first motion model of constant velocity.
+        The motion is the model's first one of constant velocity.
         """
         soup = require()
         model = resolve({}).model if model is None else model
@@ -65,7 +65,7 @@ class Problem:
         return float(nominal**self.intervals)
 
     def detection_probability(self, radar: RadarModel) -> float:
-        """Return p_D: the radar's own where it is given, or else the mean over the classes."""
+        """Return p_D: the radar's own if configured, or else the mean over the classes."""
         if radar.visibility.given:
             return float(radar.visibility.probability(np.zeros(1))[0])
         return float(radar.class_detection_probability(self.model.modes.classes).mean())
@@ -90,13 +90,13 @@ class Problem:
 
     @property
     def start_covariance(self) -> FloatArray:
-        """Of the state of a track that starts anywhere; its position becomes the detection's."""
+        """Initial covariance of a track that starts anywhere; its position is the detection's."""
         if self.model.births:
             return np.diag(self.model.births[0].std[STATE] ** 2)
         return np.diag(np.full(len(STATE), self.model.detection_births.velocity_std) ** 2)
 
     def births(self, stamp: datetime) -> list[Part]:
-        """Return the birth terms as mixture components, before survival is applied to them."""
+        """Return the birth terms as mixture components, before the survival probability."""
         per_term = [
             float(term.rate.sum()) * self.intervals / self.survival_probability
             for term in self.model.births

@@ -12,7 +12,7 @@ class PhdSettings:
     Parameters
     ----------
     gate : float
-        In standard deviations of the innovation.
+        Gate in standard deviations of the innovation.
     prune : float
         Least weight of a component.
     merge : float
@@ -20,7 +20,7 @@ class PhdSettings:
     most : int
         Largest number of components.
     extract : float
-        Weight above which a component is a target.
+        Weight above which a component is reported as a target.
     """
 
     gate: float
@@ -32,7 +32,7 @@ class PhdSettings:
 
 @dataclass(frozen=True)
 class TrackSettings:
-    """Settings of the trackers that keep tracks.
+    """Settings of the track-based peers.
 
     A look is one radar's report of one scan.
 
@@ -58,8 +58,9 @@ class TrackSettings:
 
 GM_PHD = PhdSettings(gate=5.0, prune=1e-5, merge=4.0, most=100, extract=0.5)
 AT_BIRTH_PLACES = TrackSettings(gate=3.5, points=4, tentative_looks=2, looks=5, birth_gate=4.0)
-# For unknown birth places: tracks are confirmed later, and a run takes several times as long.
+# Settings for unknown birth places: tracks are confirmed later, and a run takes several times as
+# long.
 ANYWHERE = TrackSettings(gate=3.0, points=6, tentative_looks=2, looks=3, birth_gate=None)
-# For detections above a threshold of the amplitude that leaves hardly any clutter.
+# Settings for detections above an amplitude threshold that leaves hardly any clutter.
 LOUD_THRESHOLD = 5.0
 LOUD = TrackSettings(gate=4.0, points=2, tentative_looks=2, looks=4, birth_gate=4.0)

@@ -43,18 +43,18 @@ Part: TypeAlias = Any
 
 
 def require() -> Soup:
-    """Return the parts of Stone Soup that are used, by their own names.
+    """Return the used parts of Stone Soup by their own names.
 
-    Its detections and tracks are `numbered`, from 0 anew in each call.
+    Detections and tracks are `numbered`, from 0 again in each call.
 
     Raises
     ------
     ImportError
-        If Stone Soup is missing, or its version does not have them.
+        If Stone Soup is missing, or its version lacks a part.
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about a search tree that is not used here
+            warnings.simplefilter("ignore")  # a warning about an unused search tree
             parts = {
                 name: getattr(import_module(f"stonesoup.{module}"), name)
                 for module, names in PARTS.items()
@@ -68,11 +68,11 @@ def require() -> Soup:
 
 
 def numbered(base: Part) -> Part:
-    """Return a type like Stone Soup's whose objects hash by number, in the order of their making.
+    """Return a subtype of a Stone Soup type whose objects hash by number, in order of creation.
 
-    Stone Soup keeps tracks and detections in sets. By default their hashes are addresses, so that
-    a set's order and with it the rounding differ from run to run, which pairs of tracks that come
-    together amplify to metres.
+    Stone Soup stores tracks and detections in sets. Their default hashes are addresses, so that the
+    order of a set, and with it the rounding, differ from run to run; tracks that come close to each
+    other amplify the difference to metres.
     """
     numbers = count()
 

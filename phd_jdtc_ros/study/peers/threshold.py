@@ -5,31 +5,29 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from phd_jdtc_ros.core.types import Detections, Scan
 
 from ..runs import SimulatedRun
 
 
 def raised_threshold(run: SimulatedRun, threshold: float) -> SimulatedRun:
-    """Return the run that radars with a higher detection threshold would have reported.
+    """Return the same run as reported by radars with a higher detection threshold.
 
     Parameters
     ----------
     run : SimulatedRun
     threshold : float
-        Of the amplitude; at least the threshold of every radar.
+        Threshold of the amplitude; at least the threshold of every radar.
 
     Raises
     ------
     ValueError
-        If it is lower.
+        If it is lower, or if a radar reports no amplitudes.
     """
     lowest = max(radar.threshold for radar in run.scenario.radars)
     if threshold < lowest:
         raise ValueError(f"threshold: {threshold} given, must be at least {lowest}")
-    # The squares of clutter envelopes are exponential, which gives the share above a threshold.
+    # Squares of clutter envelopes are exponential, which determines the share above a threshold.
     radars = tuple(
         replace(
             radar,
@@ -40,13 +38,15 @@ def raised_threshold(run: SimulatedRun, threshold: float) -> SimulatedRun:
     )
     scans, sources = [], []
     for scan, source in zip(run.scans, run.sources, strict=True):
-        above = [np.asarray(d.amplitude) > threshold for d in scan.detections]
-        reports = [
-            Detections(d.measurement[mask], d.amplitude[mask])
-            for d, mask in zip(scan.detections, above, strict=True)
-        ]
+        reports, kept = [], []
+        for found, origin in zip(scan.detections, source, strict=True):
+            if found is None or found.amplitude is None:
+                raise ValueError(f"scan of {scan.stamp_ns} ns: a radar reports no amplitudes")
+            above = found.amplitude > threshold
+            reports.append(Detections(found.measurement[above], found.amplitude[above]))
+            kept.append(origin[above])
         scans.append(Scan(scan.stamp_ns, tuple(reports)))
-        sources.append(tuple(s[mask] for s, mask in zip(source, above, strict=True)))
+        sources.append(tuple(kept))
     return replace(
         run,
         scenario=replace(run.scenario, radars=radars),

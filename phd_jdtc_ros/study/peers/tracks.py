@@ -1,4 +1,4 @@
-"""Runs the trackers that keep tracks, and extracts their estimates at a lag."""
+"""Runs the track-based peers, and extracts their estimates at a lag."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 
 from .conversion import point_set
 from .management import LooksMissed, NoInitiator, initiator
@@ -24,7 +24,7 @@ class History:
     ----------
     stamps : list of datetime, one per scan
     confirmed : dict
-        From each track to the scan that confirmed it.
+        The scan that confirmed each track.
     """
 
     stamps: list[datetime]
@@ -80,11 +80,11 @@ def claim(soup: Soup, track: Part) -> Part | None:
 
 
 def at_lag(problem: Problem, history: History, lag: int) -> list[PointSet]:
-    """Return every scan's tracks, as known `lag` scans later.
+    """Return every scan's tracks given the data up to `lag` scans later.
 
-    A confirmed track is reported from its first to its last detection. It is not reported while it
-    coasts towards deletion, but in a gap that a later detection has closed. Tracks confirmed and
-    gaps closed within the lag are taken into account.
+    A confirmed track is reported from its first to its last detection: in a gap closed by a later
+    detection, but not while it coasts towards deletion. Confirmations and closed gaps within the
+    lag are taken into account.
     """
     soup, stamps = problem.soup, history.stamps
     smoother = soup.ExtendedKalmanSmoother(problem.predictor.transition_model)

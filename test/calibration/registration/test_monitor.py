@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from estimate_sets import estimates, states
 
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MEMORY, RegistrationMonitor
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.sensors.bias import RadarBias
-from phd_jdtc_ros.core.types import CONFIRMED, TENTATIVE, Detections, Estimates, Scan
+from phd_jdtc_ros.core.types import CONFIRMED, TENTATIVE, Detections, Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -29,7 +30,7 @@ def monitored(scans, radars=RADARS):
 def off(scan, error):
     """Return a scan whose second radar has an error of (range, azimuth)."""
     first, second = scan.detections
-    _, wrong = RadarBias(error[0], 0.0, error[1]).added(scan.stamp_ns, second)
+    _, wrong = RadarBias(error[0], 0.0, error[1]).apply_to(scan.stamp_ns, second)
     return Scan(scan.stamp_ns, (first, wrong))
 
 
@@ -51,15 +52,11 @@ def test_a_radar_with_an_error_drifts_with_its_sign(error, axis):
     assert drifts[0].mean[axis] < 0.0
 
 
-CALM = Estimates(
-    10**9,
-    0,
-    np.array([[5e3, 10.0, 0.0, 0.0, 0.0]]),
-    np.diag([1e4, 1.0, 1e4, 1.0, 1e-8])[None],
-    np.ones(1),
-    np.ones((1, 1)),
-    np.zeros(1, dtype=int),
-    np.ones(1, dtype=int),
+CALM = estimates(
+    states([[5e3, 0.0]], (10.0, 0.0)),
+    np.diag([1e4, 1.0, 1e4, 1.0, 1e-8]),
+    stamp_ns=10**9,
+    track_id=np.ones(1, dtype=int),
 )
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
+from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
 
 NS = 10**9
 BEGIN_S = 20_779 * 86_400.0

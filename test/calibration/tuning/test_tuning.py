@@ -11,11 +11,11 @@ from phd_jdtc_ros.calibration.tuning import kinematics, noise, proposal, unspeci
 from phd_jdtc_ros.calibration.tuning.field import elsewhere
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.levels import log_ratio
-from phd_jdtc_ros.calibration.tuning.noise import Noise, fitted
-from phd_jdtc_ros.calibration.tuning.plots import Plots, bounded, plots_of
+from phd_jdtc_ros.calibration.tuning.noise import Noise, fit_noise
+from phd_jdtc_ros.calibration.tuning.plots import Plots, limit_plots, plots_of
 from phd_jdtc_ros.calibration.tuning.rates import clutter_rate, detection_probability
 from phd_jdtc_ros.calibration.tuning.rotation import Timing, timing
-from phd_jdtc_ros.calibration.tuning.tracks import Guess, Tracks, linked
+from phd_jdtc_ros.calibration.tuning.tracks import Guess, Tracks, link_plots
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
@@ -33,7 +33,7 @@ STANDING = {
     "radar_2.clutter_rate": 15.0,
 }
 TURNING = {
-    "radars": ["tower"],
+    "sensors": ["tower"],
     "tower.rotation_s": 5.0,
     "tower.range_std": 70.0,
     "tower.azimuth_std_deg": 0.15,
@@ -185,7 +185,7 @@ SECONDS = Timing(2.0, 0.0)
 
 def test_one_target_is_one_track_through_misses():
     plots = one_target(missed={10, 11, 30}, clutter=3)
-    tracks = linked(plots, SECONDS, GUESS, np.zeros(len(plots)))
+    tracks = link_plots(plots, SECONDS, GUESS, np.zeros(len(plots)))
     assert len(tracks.plots) == 1
     own = tracks.plots[0]
     # Three of clutter follow each of the target's.
@@ -200,7 +200,7 @@ def test_one_target_is_one_track_through_misses():
 
 def test_clutter_alone_has_no_tracks():
     plots = one_target(missed=set(range(60)), clutter=5)
-    assert linked(plots, SECONDS, GUESS, np.zeros(len(plots))).plots == ()
+    assert link_plots(plots, SECONDS, GUESS, np.zeros(len(plots))).plots == ()
 
 
 def test_noise_is_found_from_far_away_and_its_deviation_is_honest():
@@ -209,7 +209,7 @@ def test_noise_is_found_from_far_away_and_its_deviation_is_honest():
     for seed in range(8):
         plots = one_target(seed=seed)
         tracks = Tracks((np.arange(len(plots)),), 0.0)
-        found = fitted(plots, tracks, start, 20.0, np.zeros(len(plots)))
+        found = fit_noise(plots, tracks, start, 20.0, np.zeros(len(plots)))
         logs = np.log([found.range_std / 20.0, found.azimuth_std / 0.01])
         off.append(logs / found.log_std)
     # Standard normal, sixteen of them.
@@ -222,7 +222,7 @@ def test_prediction_is_that_of_the_matrices():
     root = rng.standard_normal((5, 4, 4))
     mean, covariance = rng.standard_normal((5, 4)), root @ root.swapaxes(1, 2)
     dt, density = rng.uniform(0.5, 2.0, 5), rng.uniform(0.1, 1.0, 5)
-    moved, grown = kinematics.predicted(mean, covariance, dt, density)
+    moved, grown = kinematics.predict(mean, covariance, dt, density)
     for k in range(5):
         step = np.eye(4) + dt[k] * np.eye(4, k=2)
         q = np.block(
@@ -242,11 +242,11 @@ def test_likelihood_of_one_motion_is_that_of_a_kalman_filter():
     calm = np.array([[np.log(20.0), np.log(0.01), np.log(1e-6), noise.LEAST_RATIO]])
     (found,) = noise._log_likelihood(sequences, calm, 20.0)
     first, second = plots.measurement
-    mean, covariance = kinematics.started(
+    mean, covariance = kinematics.initial_state(
         first, np.zeros(3), np.array(20.0**2), np.array(0.01**2), 20.0
     )
-    mean, covariance = kinematics.predicted(mean, covariance, np.array(2.0), np.array(0.0))
-    expected, jacobian = kinematics.linearised(mean[:2], np.zeros(3))
+    mean, covariance = kinematics.predict(mean, covariance, np.array(2.0), np.array(0.0))
+    expected, jacobian = kinematics.linearise(mean[:2], np.zeros(3))
     spread = jacobian @ covariance[:2, :2] @ jacobian.T + np.diag([20.0**2, 0.01**2])
     error = second - expected
     exact = -0.5 * error @ np.linalg.solve(spread, error)
@@ -294,10 +294,10 @@ def test_recordings_that_say_too_little_say_what_is_missing():
     with pytest.raises(TuningError, match=r"5 clouds in 8.0 s, must be at least 10"):
         findings(one_target(count=5))
     only = one_target(count=40, missed=set(range(40)), clutter=5)
-    with pytest.raises(TuningError, match=r"0 targets with 0 detections can be told from clutter"):
+    with pytest.raises(TuningError, match=r"0 targets with 0 detections are distinct from clutter"):
         findings(only)
     frozen = plots_of([(10**9, report) for report in [Detections(np.ones((5, 2)), None)] * 20])
-    with pytest.raises(TuningError, match="all clouds have one stamp"):
+    with pytest.raises(TuningError, match="all clouds have the same stamp"):
         findings(frozen)
 
 
@@ -340,7 +340,7 @@ def test_a_rate_that_is_learned_stays_so(told):
 
 
 def test_a_table_that_agrees_stays_and_another_is_replaced(told):
-    table = "detection_probability_over_range"
+    table = "detection_probability"
     near = {"detection_probability": 0.0, table: [0.0, 0.9, 8e4, 0.8]}
     assert not rows_of(told, **near)["detection_probability"].proposed
     far = {"detection_probability": 0.0, table: [0.0, 0.5, 8e4, 0.4]}
@@ -352,7 +352,7 @@ def test_unspecified_tracker_is_one_that_the_configuration_takes(told):
     values = unspecified.parameters(
         {"tower": found, "other": found}, {"tower": True, "other": True}
     )
-    config = resolve({"radars": ["tower", "other"], **values})
+    config = resolve({"sensors": ["tower", "other"], **values})
     assert config.engine == "gaussian"
     assert (config.values["interval_s"], config.values["reorder_s"]) == (5.0, 5.0)
     assert config.values["amplitude"] == "none"
@@ -360,8 +360,8 @@ def test_unspecified_tracker_is_one_that_the_configuration_takes(told):
 
 def test_plots_are_as_many_as_can_be_looked_at():
     plots = one_target(count=50, clutter=4)
-    assert bounded(plots) is plots
-    part = bounded(plots, 100)
+    assert limit_plots(plots) is plots
+    part = limit_plots(plots, 100)
     assert (len(part.cloud_s), len(part)) == (21, 105)
 
 

@@ -1,20 +1,18 @@
 """What both engines make of identities: two aircraft that cross at a small angle."""
 
-import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from held import equal, stored_and_read
 from lone import lone, scan_at
+from runs import ENGINES, equal, restored_after, stepped, stored_and_read
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.models.detection_clusters import merged
-from phd_jdtc_ros.core.snapshot import Snapshot
+from phd_jdtc_ros.core.models.detection_clusters import merge_clusters
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
-ENGINES = ("gaussian", "particles")
 SCANS, PERIOD = 24, 4.0
 CODES, ADDRESSES = np.array([0o1234, 0o4567]), np.array([0x3C6444, 0x4CA123])
 GIVEN = {
@@ -24,7 +22,7 @@ GIVEN = {
     "detection_births.velocity_std": 100.0,
     "detection_births.particles": 256,
     "particles_per_target": 400,
-    "least_particles": 100,
+    "budget.least": 100,
     "lag": 3,
     "radar.position": [0.0, 0.0],
     "radar.yaw_deg": 0.0,
@@ -59,15 +57,14 @@ def scans(seed=9000, columns=("code", "address"), codes=CODES, addresses=ADDRESS
     return found
 
 
+def tracker_of(engine, given=None):
+    return new_engine(lone({**GIVEN, "engine": engine, **FIELDS, **(given or {})}))
+
+
 def run(engine, given=None, steps=None):
     """Return the filtered and smoothed estimates of an engine, and the engine."""
-    tracker = new_engine(lone({**GIVEN, "engine": engine, **FIELDS, **(given or {})}))
-    filtered, smoothed = [], []
-    for scan in scans() if steps is None else steps:
-        step = tracker.step(scan)
-        filtered += step.filtered
-        smoothed += step.smoothed
-    return filtered, smoothed, tracker
+    tracker = tracker_of(engine, given)
+    return *stepped(tracker, scans() if steps is None else steps), tracker
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -114,22 +111,21 @@ def test_estimates_without_fields_are_the_same_bit_by_bit(engine):
     ignored, ignored_smoothed, _ = run(engine, none)
     # The fields are configured, but the radar's clouds have none.
     lacking, lacking_smoothed, _ = run(engine, steps=scans(columns=()))
-    assert "attributes" not in tracker.snapshot().facts
-    for a, b, c in zip(plain, ignored, lacking, strict=True):
-        assert equal(a, b)
-        assert equal(a, c)
-        assert a.attributes is None
-        assert b.attributes is None
-        assert (c.attributes.code == UNKNOWN).all()
-    for a, b, c in zip(plain_smoothed, ignored_smoothed, lacking_smoothed, strict=True):
-        assert equal(a, b)
-        assert equal(a, c)
+    assert not tracker.snapshot().names_below("attributes")
+    assert equal(plain, ignored)
+    assert equal(plain, lacking)
+    assert equal(plain_smoothed, ignored_smoothed)
+    assert equal(plain_smoothed, lacking_smoothed)
+    assert {found.attributes for found in (*plain, *ignored)} == {None}
+    assert all((found.attributes.code == UNKNOWN).all() for found in lacking)
 
 
 def same(a, b):
+    names = ("height", "height_covariance", "code", "address")
     return equal(a, b) and all(
-        np.array_equal(getattr(a.attributes, name), getattr(b.attributes, name), equal_nan=True)
-        for name in ("height", "height_covariance", "code", "address")
+        np.array_equal(getattr(x.attributes, name), getattr(y.attributes, name), equal_nan=True)
+        for x, y in zip(a, b, strict=True)
+        for name in names
     )
 
 
@@ -142,16 +138,9 @@ def with_heights(steps):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_restored_engine_goes_on_with_what_it_knew(engine):
-    given = {"radar.fields.height": "height"}
-    steps = with_heights(scans())
-    _, _, first = run(engine, given, steps[:10])
-    second = new_engine(lone({**GIVEN, "engine": engine, **FIELDS, **given}))
-    second.restore(stored_and_read(first.snapshot()))
-    for scan in steps[10:]:
-        one, other = first.step(scan), second.step(scan)
-        assert same(one.filtered[0], other.filtered[0])
-        assert all(same(a, b) for a, b in zip(one.smoothed, other.smoothed, strict=True))
-    assert all(same(a, b) for a, b in zip(first.flush(), second.flush(), strict=True))
+    new = partial(tracker_of, engine, {"radar.fields.height": "height"})
+    first, second = restored_after(10, new, with_heights(scans()), same)
+    assert same(first.flush(), second.flush())
 
 
 @pytest.mark.parametrize(
@@ -173,8 +162,7 @@ def test_restored_engine_goes_on_with_what_it_knew(engine):
 def test_forged_snapshot_is_refused(name, value):
     given = {"radar.fields.height": "height"}
     _, _, tracker = run("gaussian", given, with_heights(scans())[:4])
-    held = tracker.snapshot()
-    forged = Snapshot(held.stamp_ns, dict(held.arrays), json.loads(json.dumps(held.facts)))
+    forged = stored_and_read(tracker.snapshot())
     array = forged.arrays[f"attributes.{name}"].copy()
     array[0] = value
     forged.arrays[f"attributes.{name}"] = array
@@ -200,7 +188,7 @@ def test_merged_detections_have_the_first_known_identity_and_the_mean_height():
         code=np.array([UNKNOWN, 5, UNKNOWN]),
         address=np.array([7, 8, UNKNOWN]),
     )
-    one = merged(detections, radar)
+    one = merge_clusters(detections, radar)
     assert one.code.tolist() == [5, UNKNOWN]
     assert one.address.tolist() == [7, UNKNOWN]
     np.testing.assert_array_equal(one.height, [1005.0, np.nan])
@@ -217,13 +205,9 @@ def test_scans_that_are_worked_in_again_leave_the_same_knowledge(engine):
     steps = with_heights(scans())
     given = {"radar.fields.height": "height"}
     _, _, plain = run(engine, given, steps[:12])
-    reworked = new_engine(lone({**GIVEN, "engine": engine, **FIELDS, **given}))
-    held = []
+    reworked, held = tracker_of(engine, given), []
     for scan in steps[:12]:
-        held.append(reworked.hold())
+        held.append(reworked.save_state())
         reworked.step(scan)
-    reworked.rework(list(zip(held, steps[:12], strict=True))[-2:])
-    for scan in steps[12:16]:
-        one, other = plain.step(scan), reworked.step(scan)
-        assert same(one.filtered[0], other.filtered[0])
-        assert all(same(a, b) for a, b in zip(one.smoothed, other.smoothed, strict=True))
+    reworked.reprocess(list(zip(held, steps[:12], strict=True))[-2:])
+    assert all(map(same, stepped(plain, steps[12:16]), stepped(reworked, steps[12:16])))

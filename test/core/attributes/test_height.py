@@ -51,8 +51,8 @@ def textbook(times, measured, model=MODEL):
 
 
 def updated(heights, value, since=0.0, model=MODEL):
-    told = height.compared(heights, FIRST, np.array([value]), np.array([since]), model)
-    return height.learned(told, FIRST, np.ones(1), np.zeros(1))[0]
+    told = height.compare(heights, FIRST, np.array([value]), np.array([since]), model)
+    return height.update(told, FIRST, np.ones(1), np.zeros(1))[0]
 
 
 @pytest.fixture
@@ -69,13 +69,13 @@ def test_filter_is_the_kalman_filter_and_history_smooths_as_rauch_tung_and_strie
     stamps = (1e9 * times).astype(np.int64) + 10**12
     for k, value in enumerate(measured):
         if k:
-            heights = heights.moved(np.array([times[k] - times[k - 1]]), MODEL)
+            heights = heights.predict(np.array([times[k] - times[k - 1]]), MODEL)
         heights = updated(heights, value)
         np.testing.assert_allclose(heights.mean[0], filtered[k][0], rtol=1e-6)
         np.testing.assert_allclose(heights.covariance[0], filtered[k][1], rtol=1e-4, atol=1e-6)
-        history = history.noted(np.array([7]), int(stamps[k]), heights)
+        history = history.record(np.array([7]), int(stamps[k]), heights)
     for k, stamp in enumerate(stamps.tolist()):
-        found = history.smoothed(np.array([7]), stamp, MODEL)
+        found = history.smooth(np.array([7]), stamp, MODEL)
         np.testing.assert_allclose(found.mean[0], smoothed[k][0], rtol=1e-5)
         np.testing.assert_allclose(found.covariance[0], smoothed[k][1], rtol=1e-3, atol=1e-4)
 
@@ -97,10 +97,10 @@ def test_smoothed_height_between_two_scans_is_that_of_a_step_of_its_own(record):
     history, heights = History.empty(), Heights.fresh(2)
     for k, (mean, covariance) in enumerate(filtered):
         heights = Heights(np.ones(1), mean[None], covariance[None])
-        history = history.noted(np.array([7]), int(times[k] * 1e9), heights)
+        history = history.record(np.array([7]), int(times[k] * 1e9), heights)
         other = Heights(np.ones(1), mean[None] + np.array([500.0, 0.0]), covariance[None])
-        history = history.noted(np.array([3]), int(times[k] * 1e9), other)
-    found = history.smoothed(np.array([7, 3, 5]), int(between * 1e9), MODEL)
+        history = history.record(np.array([3]), int(times[k] * 1e9), other)
+    found = history.smooth(np.array([7, 3, 5]), int(between * 1e9), MODEL)
     np.testing.assert_allclose(found.mean[0], expected, rtol=1e-9)
     np.testing.assert_allclose(found.mean[1], expected + np.array([500.0, 0.0]), rtol=1e-9)
     assert found.known.tolist() == [1.0, 1.0, 0.0]
@@ -109,8 +109,8 @@ def test_smoothed_height_between_two_scans_is_that_of_a_step_of_its_own(record):
 def test_history_keeps_what_a_stamp_needs():
     history, one = History.empty(), Heights(np.ones(1), np.ones((1, 2)), np.eye(2)[None])
     for stamp in (10, 20, 30, 40):
-        history = history.noted(np.array([7]), stamp, one)
-    history = history.noted(np.array([8]), 10, one).noted(np.array([9]), 40, one)
+        history = history.record(np.array([7]), stamp, one)
+    history = history.record(np.array([8]), 10, one).record(np.array([9]), 40, one)
     kept = history.since(25, np.array([7, 8]))
     assert list(zip(kept.origin.tolist(), kept.stamp_ns.tolist(), strict=True)) == [
         *((7, 20), (7, 30), (7, 40)),
@@ -133,8 +133,8 @@ def test_soft_association_matches_the_mixture_of_what_may_be_so():
     heights = Heights(np.ones(1), np.array([[1000.0, 0.0]]), np.diag([100.0, 4.0])[None])
     target, values = np.zeros(2, dtype=np.int64), np.array([1010.0, 980.0])
     own, none = np.array([0.5, 0.2]), np.array([0.3])
-    told = height.compared(heights, target, values, np.zeros(2), MODEL)
-    found, again = height.learned(told, target, own, none)
+    told = height.compare(heights, target, values, np.zeros(2), MODEL)
+    found, again = height.update(told, target, own, none)
     assert not again.any()
     gain = np.array([100.0, 0.0]) / (100.0 + MODEL.std**2)
     each = [heights.mean[0], *(heights.mean[0] + gain * (value - 1000.0) for value in values)]
@@ -150,9 +150,9 @@ def test_soft_association_matches_the_mixture_of_what_may_be_so():
 def test_garbled_height_does_not_move_a_target_and_costs_a_factor_of_its_probability():
     model = HeightModel(garbled=0.01)
     heights = Heights(np.ones(1), np.array([[3000.0, 0.0]]), np.diag([30.0, 1.0])[None])
-    told = height.compared(heights, FIRST, np.array([9000.0]), np.zeros(1), model)
+    told = height.compare(heights, FIRST, np.array([9000.0]), np.zeros(1), model)
     assert np.exp(told.log_factor[0]) == pytest.approx(0.01)
-    found, _ = height.learned(told, FIRST, np.ones(1), np.zeros(1))
+    found, _ = height.update(told, FIRST, np.ones(1), np.zeros(1))
     np.testing.assert_allclose(found.mean, heights.mean)
     np.testing.assert_allclose(found.covariance, heights.covariance)
 
@@ -160,8 +160,8 @@ def test_garbled_height_does_not_move_a_target_and_costs_a_factor_of_its_probabi
 def test_garbled_height_does_not_move_a_height_that_may_be_wrong():
     model = HeightModel()
     heights = Heights(np.full(1, 0.995), np.array([[3000.0, 0.0]]), np.diag([30.0, 1.0])[None])
-    told = height.compared(heights, FIRST, np.array([9000.0]), np.zeros(1), model)
-    found, again = height.learned(told, FIRST, np.ones(1), np.zeros(1))
+    told = height.compare(heights, FIRST, np.array([9000.0]), np.zeros(1), model)
+    found, again = height.update(told, FIRST, np.ones(1), np.zeros(1))
     np.testing.assert_allclose(found.mean, heights.mean)
     assert not again.any()
     assert found.known[0] == pytest.approx(0.67, abs=0.01)
@@ -171,15 +171,15 @@ def test_target_whose_height_began_wrong_finds_the_right_one():
     model = HeightModel()
     heights = updated(Heights.fresh(1), 12e3, model=model)
     for _ in range(6):
-        heights = updated(heights.moved(np.array([4.0]), model), 3048.0, model=model)
+        heights = updated(heights.predict(np.array([4.0]), model), 3048.0, model=model)
     assert heights.known[0] > 0.9
     assert heights.mean[0, 0] == pytest.approx(3048.0, abs=10.0)
 
 
 def test_unknown_height_tells_nothing_and_is_worth_nothing():
     heights = Heights(np.full(1, 0.8), np.array([[3000.0, 2.0]]), np.diag([30.0, 1.0])[None])
-    told = height.compared(heights, FIRST, np.array([np.nan]), np.zeros(1), HeightModel())
-    found, _ = height.learned(told, FIRST, np.ones(1), np.zeros(1))
+    told = height.compare(heights, FIRST, np.array([np.nan]), np.zeros(1), HeightModel())
+    found, _ = height.update(told, FIRST, np.ones(1), np.zeros(1))
     assert told.log_factor[0] == 0.0
     for one, other in zip(found, heights, strict=True):
         np.testing.assert_allclose(one, other)

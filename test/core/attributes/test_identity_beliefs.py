@@ -37,7 +37,7 @@ def shows(shown, own):
 
 
 def test_what_unknown_targets_show_sums_to_one():
-    everything = MODEL.nobodys(np.array([*range(SIZE), UNKNOWN]))
+    everything = MODEL.clutter_likelihood(np.array([*range(SIZE), UNKNOWN]))
     assert everything.sum() == pytest.approx(1.0)
     assert everything[:-1].sum() == pytest.approx(MODEL.answered)
 
@@ -69,9 +69,9 @@ def test_fresh_belief_says_what_nobody_in_particular_does():
     shown = np.array([0, 3, 5, UNKNOWN])
     fresh = Belief.fresh(4, MODEL)
     np.testing.assert_allclose(
-        identity.compared(fresh, np.arange(4), shown, MODEL).log_factor, 0.0, atol=1e-12
+        identity.compare(fresh, np.arange(4), shown, MODEL).log_factor, 0.0, atol=1e-12
     )
-    total = MODEL.nobodys(np.array(STATES)).sum()
+    total = MODEL.clutter_likelihood(np.array(STATES)).sum()
     assert total == pytest.approx(1.0)
 
 
@@ -79,20 +79,20 @@ def test_fresh_belief_says_what_nobody_in_particular_does():
 def test_certain_detection_gives_the_posterior_of_bayes_rule(shown):
     belief = belief_of(({2: 0.5, 0: 0.1}, 0.3, 0.1))
     target = np.zeros(1, dtype=np.int64)
-    seen = identity.compared(belief, target, np.array([shown]), MODEL)
-    found = identity.learned(seen, target, np.ones(1), np.zeros(1))
+    seen = identity.compare(belief, target, np.array([shown]), MODEL)
+    found = identity.update(seen, target, np.ones(1), np.zeros(1))
     expected = full(belief)[0] * [shows(shown, own) for own in STATES]
     evidence = expected.sum()
     np.testing.assert_allclose(full(found)[0], expected / evidence, rtol=1e-12)
-    nobodys = MODEL.nobodys(np.array([shown]))[0]
+    nobodys = MODEL.clutter_likelihood(np.array([shown]))[0]
     assert np.exp(seen.log_factor[0]) == pytest.approx(evidence / nobodys)
 
 
 def test_detection_that_says_nothing_tells_nothing():
     belief, target = belief_of(({2: 0.5}, 0.3, 0.2)), np.zeros(1, dtype=np.int64)
-    seen = identity.compared(belief, target, np.array([identity.NOTHING]), MODEL)
+    seen = identity.compare(belief, target, np.array([identity.NOTHING]), MODEL)
     assert seen.log_factor[0] == 0.0
-    after = identity.learned(seen, target, np.ones(1), np.zeros(1))
+    after = identity.update(seen, target, np.ones(1), np.zeros(1))
     np.testing.assert_allclose(after.weight, belief.weight)
 
 
@@ -100,8 +100,8 @@ def test_improbable_candidates_go_back_to_the_rest():
     model = replace(MODEL, size=4096)
     belief, target = Belief.fresh(1, model), np.zeros(1, dtype=np.int64)
     for shown in range(1, 12):
-        seen = identity.compared(belief, target, np.array([shown]), model)
-        belief = identity.learned(seen, target, np.ones(1), np.zeros(1))
+        seen = identity.compare(belief, target, np.array([shown]), model)
+        belief = identity.update(seen, target, np.ones(1), np.zeros(1))
     assert belief.candidate.shape == (1, identity.CANDIDATES)
     assert belief.weight.sum() == pytest.approx(1.0)
     assert (belief.weight >= 0.0).all()
@@ -112,11 +112,11 @@ def test_new_code_replaces_the_old_one_after_a_few_answers():
     belief, target = Belief.fresh(1, model), np.zeros(1, dtype=np.int64)
     reported = []
     for shown in [1234] * 20 + [2345] * 4:
-        seen = identity.compared(
-            belief.moved(np.array([4.0]), model), target, np.array([shown]), model
+        seen = identity.compare(
+            belief.predict(np.array([4.0]), model), target, np.array([shown]), model
         )
-        belief = identity.learned(seen, target, np.ones(1), np.zeros(1))
-        reported.append(belief.reported()[0])
+        belief = identity.update(seen, target, np.ones(1), np.zeros(1))
+        reported.append(belief.most_probable()[0])
     assert reported[1:20] == [1234] * 19
     assert reported[-1] == 2345
 
@@ -197,7 +197,7 @@ def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
     seconds = 6.0
     engine.step(scan_at(seconds, measurement, code=np.array(shown)))
 
-    moved = belief.moved(np.full(2, seconds), MODEL)
+    moved = belief.predict(np.full(2, seconds), MODEL)
     kinematic = np.zeros((2, 2))
     for t, mean in enumerate(means):
         motion = model.modes.motions[0]
@@ -207,9 +207,9 @@ def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
         for j in range(2):
             kinematic[t, j] = detection * np.exp(textbook.update(prior, radar, measurement[j])[1])
     # Clutter answers less often than unknown targets, with the same codes.
-    reply = MODEL.nobodys(np.arange(SIZE)).sum()
+    reply = MODEL.clutter_likelihood(np.arange(SIZE)).sum()
     odds = [0.9 / (1.0 - reply) if c == UNKNOWN else 0.1 / reply for c in shown]
-    clutter = rate / (2.0 * np.pi * 2e4) * MODEL.nobodys(np.array(shown)) * odds
+    clutter = rate / (2.0 * np.pi * 2e4) * MODEL.clutter_likelihood(np.array(shown)) * odds
     weight, nothing = enumerated(full(moved), existence, kinematic, shown, 1 - detection, clutter)
 
     stored = engine.forward.current[-1].entry.stored

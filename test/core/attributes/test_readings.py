@@ -8,7 +8,7 @@ from lone import lone, scan_at
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.attributes import readings
 from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
-from phd_jdtc_ros.core.sensors.polar_radar import GATE_SIGMA
+from phd_jdtc_ros.core.sensors.polar_gate import GATE_SIGMA
 from phd_jdtc_ros.core.types import Detections
 
 RADAR = lone({"radar.fields.height": "height", "radar.range_std": 40.0}).model.radars[0]
@@ -67,7 +67,7 @@ def by_hand(expected, target, detections):
 
 def test_a_plot_of_a_false_height_is_read_at_the_height_of_each_target():
     expected, target, detections = crowd(np.random.default_rng(1))
-    pairs = readings.paired(
+    pairs = readings.pair(
         lambda seen: RADAR.gated_pairs(expected, seen),
         *(target, HEIGHTS, detections, RADAR.deviations(detections), RADAR.height_reading),
         HeightModel(),

@@ -76,9 +76,9 @@ def test_sources_of_a_detection_weigh_what_all_events_say():
     shown = np.array([SHOWN])
     missed = EXISTENCE * (1.0 - DETECTED)
     left = undetected(EXISTENCE, missed)
-    taken = uniqueness.taken(belief, target, column, shown, left, MODEL)
-    told = identity.compared(belief, target, shown[column], MODEL, taken.by_another)
-    nobodys = MODEL.nobodys(shown)[0]
+    taken = uniqueness.find_taken(belief, target, column, shown, left, MODEL)
+    told = identity.compare(belief, target, shown[column], MODEL, taken.by_another)
+    nobodys = MODEL.clutter_likelihood(shown)[0]
     alone = 1.0 - EXISTENCE + missed
     found = {
         i: EXISTENCE[i]
@@ -100,8 +100,8 @@ def test_taken_leaves_unknown_targets_what_is_garbled():
     model = IdentityModel(1 << 24, garbled=0.01, unique=True)
     belief = Belief(np.full((1, 4), SHOWN), np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]))
     one = np.zeros(1, dtype=np.int64)
-    found = uniqueness.taken(belief, one, one, np.array([SHOWN]), np.ones(1), model)
-    garbled = 1.0 - model.own(np.array([SHOWN]))[0]
+    found = uniqueness.find_taken(belief, one, one, np.array([SHOWN]), np.ones(1), model)
+    garbled = 1.0 - model.genuine(np.array([SHOWN]))[0]
     assert 0.01 < garbled < 0.012
     assert np.exp(found.log_unknown[0]) == pytest.approx(garbled, rel=1e-9)
 
@@ -109,7 +109,9 @@ def test_taken_leaves_unknown_targets_what_is_garbled():
 def test_taken_is_of_unique_identities_alone():
     model = IdentityModel(SIZE, unique=False)
     one = np.zeros(2, dtype=np.int64)
-    found = uniqueness.taken(beliefs(), np.arange(2), one, np.array([SHOWN]), np.ones(2), model)
+    found = uniqueness.find_taken(
+        beliefs(), np.arange(2), one, np.array([SHOWN]), np.ones(2), model
+    )
     assert found.by_another.tolist() == [0.0, 0.0]
     assert found.log_unknown.tolist() == [0.0]
 

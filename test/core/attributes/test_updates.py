@@ -51,7 +51,7 @@ def test_without_a_kind_a_plot_is_of_what_its_identity_needs():
 
 def test_only_a_plot_that_is_probably_the_targets_updates_it():
     given = detections(kind=np.array([3, 1]), time_s=np.array([-1.5, -0.5]))
-    after = updates.updated(
+    after = updates.update(
         updates.never(2),
         np.array([0, 0, 1]),
         np.array([0, 1, 1]),
@@ -62,7 +62,7 @@ def test_only_a_plot_that_is_probably_the_targets_updates_it():
     assert after.tolist() == [[8.5 * NS, 8.5 * NS, UNKNOWN], [UNKNOWN] * 3]
     # A second radar's older plot does not make it older.
     older = detections(kind=np.array([1]), time_s=np.array([-3.0]))
-    again = updates.updated(after, np.zeros(1, int), np.zeros(1, int), np.ones(1), older, 10 * NS)
+    again = updates.update(after, np.zeros(1, int), np.zeros(1, int), np.ones(1), older, 10 * NS)
     assert again.tolist() == after.tolist()
 
 

@@ -1,11 +1,10 @@
 """A clutter rate that is learned from what no target claims, with both engines."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from held import equal, stored_and_read
+from runs import ENGINES, restored_after, stored_and_read
 from scenes import small
 from sweep import configuration
 
@@ -14,13 +13,12 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.clutter.rate import MEMORY_TURNS, START_RATE, ClutterCount
 from phd_jdtc_ros.core.models.clutter_learning import ClutterMemory
-from phd_jdtc_ros.core.snapshot import Snapshot
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-ENGINES = ("particles", "gaussian")
 # Five times less and five times more than what the tracker begins with.
 RATES = (START_RATE / 5.0, 5.0 * START_RATE)
 
@@ -81,7 +79,7 @@ def test_a_given_rate_is_not_learned():
     for _, scan in run_of(4.0, 3):
         tracker.step(scan)
     assert learned(tracker) == {}
-    assert not [name for name in tracker.snapshot().facts if name.startswith("clutter")]
+    assert not [name for name in tracker.snapshot().arrays if name.startswith("clutter")]
 
 
 def test_count_forgets_what_was_before():
@@ -121,11 +119,11 @@ def test_with_a_map_the_rate_is_that_of_what_comes_from_no_place_in_particular()
     std = [model.radars[0].range_std, model.radars[0].azimuth_std]
     quay = np.stack([np.linspace(2e4, 2.2e4, 30), np.linspace(0.5, 0.6, 30)], axis=1)
     for _ in range(150):
-        radar = memory.informed(model.radars[0])
         answers = quay + rng.standard_normal(quay.shape) * std
         others = rng.uniform([1e3, -np.pi], [95e3, np.pi], (rng.poisson(6.0), 2))
         found = Detections(np.concatenate([answers, others]), None)
-        memory.learn(radar, found, np.zeros(len(found)), np.zeros(len(found)))
+        report = memory.with_learned_clutter(Report(model.radars[0], found))
+        memory.learn(report, np.zeros(len(found)), np.zeros(len(found)))
     assert memory.counts["radar"].rate == pytest.approx(6.0, rel=0.25)
 
 
@@ -133,13 +131,7 @@ def test_with_a_map_the_rate_is_that_of_what_comes_from_no_place_in_particular()
 @pytest.mark.parametrize("stop", [0, 1, 8])
 def test_restored_engine_goes_on_with_its_rate_bit_by_bit(engine, stop):
     run = [scan for _, scan in run_of(4.0, 12)]
-    first, second = engine_of(engine), engine_of(engine)
-    for scan in run[:stop]:
-        first.step(scan)
-    second.restore(stored_and_read(first.snapshot()))
-    for scan in run[stop:]:
-        one, other = first.step(scan), second.step(scan)
-        assert equal(one.filtered[0], other.filtered[0])
+    first, second = restored_after(stop, lambda: engine_of(engine), run)
     assert learned(first) == learned(second)
 
 
@@ -154,15 +146,17 @@ def test_a_run_that_is_reset_learns_its_rate_again(engine):
 
 
 FORGERIES = {
-    "no mapping": (3, "must be a mapping by radar"),
-    "another radar": ({"mast": [3.0, 1.0]}, "that of mast given, must be of one of radar_1, rad"),
-    "no list": ({"radar_1": {}}, "must be a count and turns"),
-    "length": ({"radar_1": [3.0]}, "must be a count and turns"),
-    "text": ({"radar_1": ["3", 1.0]}, "clutter_rate.radar_1.count: a number is not finite"),
-    "nan": ({"radar_1": [float("nan"), 1.0]}, "clutter_rate.radar_1.count: a number"),
-    "negative": ({"radar_1": [-1.0, 1.0]}, "clutter_rate.radar_1.count: a number"),
-    "no turns": ({"radar_1": [3.0, 0.0]}, "clutter_rate.radar_1.turns: a number"),
-    "turns": ({"radar_1": [3.0, 1e6]}, "clutter_rate.radar_1.turns: a number"),
+    "another radar": (
+        "mast.count",
+        1.0,
+        "clutter of mast given, must be of a radar of this tracker",
+    ),
+    "whole": ("radar_1.count", 3, "clutter_rate.radar_1.count: int64 given, expected floats"),
+    "shape": ("radar_1.count", [3.0], "clutter_rate.radar_1.count: shape"),
+    "nan": ("radar_1.count", np.nan, "clutter_rate.radar_1.count: nan given"),
+    "negative": ("radar_1.count", -1.0, "clutter_rate.radar_1.count: -1.0 given"),
+    "no turns": ("radar_1.turns", 0.0, "clutter_rate.radar_1.turns: 0.0 given"),
+    "turns": ("radar_1.turns", 1e6, "clutter_rate.radar_1.turns: 1000000.0 given"),
 }
 
 
@@ -176,11 +170,11 @@ def held():
 
 @pytest.mark.parametrize("name", FORGERIES)
 def test_a_forged_rate_is_refused_with_the_reason(name, held):
-    forged, reason = FORGERIES[name]
-    facts = {**json.loads(json.dumps(held.facts)), "clutter_rate": forged}
-    tracker = engine_of("gaussian")
+    part, value, reason = FORGERIES[name]
+    forged, tracker = stored_and_read(held), engine_of("gaussian")
+    forged.arrays[f"clutter_rate.{part}"] = np.array(value)
     with pytest.raises(ValueError, match=reason):
-        tracker.restore(Snapshot(held.stamp_ns, dict(held.arrays), facts))
+        tracker.restore(forged)
     assert learned(tracker) == {}
 
 

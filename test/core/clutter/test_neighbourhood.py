@@ -4,7 +4,12 @@ import pytest
 from phd_jdtc_ros.core.clutter import neighbourhood
 from phd_jdtc_ros.core.clutter.grid import HALF, GroundGrid, PolarGrid
 from phd_jdtc_ros.core.clutter.map import ClutterMap
-from phd_jdtc_ros.core.clutter.neighbourhood import OWN, REACH, crowding, detections_about
+from phd_jdtc_ros.core.clutter.neighbourhood import (
+    OWN,
+    REACH,
+    detections_about,
+    probability_among_reflectors,
+)
 
 
 def stored(grid, rows, columns, count):
@@ -54,4 +59,6 @@ def test_an_empty_map_has_nothing_about():
 
 
 def test_a_neighbourhood_is_the_more_one_of_reflectors_the_more_it_answers():
-    np.testing.assert_allclose(crowding(np.array([0.0, neighbourhood.FEW, 1e9])), [0.0, 0.5, 1.0])
+    np.testing.assert_allclose(
+        probability_among_reflectors(np.array([0.0, neighbourhood.FEW, 1e9])), [0.0, 0.5, 1.0]
+    )

@@ -31,7 +31,7 @@ def classes(given=None, names=("weak", "strong")):
 
 @pytest.fixture
 def all_iterations(monkeypatch):
-    monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
+    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
 
 
 def amplitudes(decibels, rng, count, threshold):
@@ -102,7 +102,7 @@ def fine_grid(config, told, jitter, size=1500):
 @pytest.mark.parametrize("decibels", [17.0, 20.0, 22.0])
 @pytest.mark.parametrize("jitter", [0.1, 0.5])
 def test_memory_is_as_accurate_as_a_fine_grid(decibels, jitter):
-    config = classes({"amplitude": "memory", "amplitude_jitter": jitter})
+    config = classes({"amplitude": "memory", "memory.jitter": jitter})
     (radar,) = config.model.radars
     told = amplitudes(decibels, np.random.default_rng(1), len(SECONDS), radar.threshold)
     found = class_probabilities(started(config), told, radar)
@@ -197,6 +197,7 @@ def test_splitting_a_class_into_two_identical_ones_changes_nothing(amplitude):
         "engine": "gaussian",
         "lag": 3,
         "amplitude": amplitude,
+        "spawn.rate": 0.0,
         "confirm_probability": 0.1,
         "delete_probability": 0.1,
     }
@@ -206,7 +207,6 @@ def test_splitting_a_class_into_two_identical_ones_changes_nothing(amplitude):
         f"{n}.mode_transition": one.values["class_0.mode_transition"] for n in ("class_0", *TWINS)
     }
     halves = {f"start_{k}.rates": [0.005, 0.0025, 0.0025] for k in (1, 2, 3, 4)}
-    half = 0.5 * np.array([[1.0], [1.0], [1.0]])
     two = small(
         {
             **given,
@@ -215,7 +215,6 @@ def test_splitting_a_class_into_two_identical_ones_changes_nothing(amplitude):
             **halves,
             "classes": ["class_0", *TWINS],
             "class_0.snr_band_db": one.values["class_0.snr_band_db"],
-            "spawn.class_transition": np.hstack([half, half / 2.0, half / 2.0]).ravel().tolist(),
         }
     )
     (filtered, smoothed), (others, split) = run(new_engine(one), scans), run(new_engine(two), scans)
@@ -242,7 +241,7 @@ def test_classes_that_move_alike_share_their_gaussians_and_it_makes_no_differenc
         "delete_probability": 0.1,
         **UNREDUCED,
     }
-    given["hypotheses_per_target"] = 60
+    given["bounds.hypotheses"] = 60
     shared = small({**given, "class_1.survival_probability": 0.99})
     # A difference that nobody can see keeps the engine from sharing.
     apart = small({**given, "class_1.survival_probability": 0.99 * (1.0 - 1e-13)})

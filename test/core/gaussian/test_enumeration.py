@@ -25,7 +25,9 @@ from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement import pairs
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
-from phd_jdtc_ros.core.gaussian.update import update
+from phd_jdtc_ros.core.gaussian.update import GaussianSteps
+from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.window.update import update
 
 DETECTION = 0.8
 SURVIVAL = 0.9
@@ -48,7 +50,7 @@ def clutter_density(radar):
 def _nothing_left_out(monkeypatch):
     """Let every update take all its iterations, and look at all pairs within the gates."""
     monkeypatch.setattr(pairs, "LEAST_SHARE", 1e-12)
-    monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
+    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
 
 
 def near(radar, mean, rng, count=1, spread=1.0):
@@ -124,11 +126,12 @@ def test_weights_of_all_hypotheses_are_those_of_all_association_events(count, se
     measurement = near(radar, MEAN, rng, count)
     expected = enumerated(mixture, radar, measurement)
     scan, bounds = scan_at(6.0, measurement), new_engine(config).forward.bounds
-    branched, newborn, approximate = update(
-        Branched(mixture, np.arange(len(mixture))), scan.detections[0], radar, dynamics, bounds, 6.0
-    )
-    assert newborn is None
-    assert approximate == 0
+    predicted = Branched(mixture, np.arange(len(mixture)))
+    report, steps = Report(radar, scan.detections[0]), GaussianSteps(dynamics, bounds)
+    updated = update(predicted, report, steps, 6.0)
+    assert updated.newborns == ()
+    assert updated.approximate == 0
+    branched = updated.rows
     found = np.zeros_like(expected)
     for row in range(len(branched.mixture)):
         parent = branched.parent[row]
@@ -244,14 +247,19 @@ def test_one_target_is_the_sum_over_all_its_histories(empty, existence, survival
 @pytest.mark.parametrize("empty", [(), (1,)])
 def test_target_whose_motions_go_on_apart_is_the_sum_over_all_their_changes(empty):
     rng = np.random.default_rng(7)
-    given = {"lag": 3, "least_mode": 0.0, "confirm_probability": 1e-9, "delete_probability": 1e-9}
+    given = {
+        "lag": 3,
+        "bounds.least_mode": 0.0,
+        "confirm_probability": 1e-9,
+        "delete_probability": 1e-9,
+    }
     config = configuration({**TWO_MOTIONS, **given})
     (radar,) = config.model.radars
     seconds = [6.0, 12.0, 21.0]
     scans = measured_scans(radar, seconds, rng, empty)
     engine = new_engine(config)
     both = mixture_of(engine.forward.dynamics, [(0.8, MEAN, STD)]).take(np.array([0, 0]))
-    apart = both.told(both.weight * np.eye(2)[:, :, None], both.mean, both.covariance)
+    apart = both.with_gaussians(both.weight * np.eye(2)[:, :, None], both.mean, both.covariance)
     engine.forward.start_from(START_NS, apart)
     filtered = [
         engine.step(scan_at(*told)).filtered[0] for told in zip(seconds, scans, strict=True)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from lone import MEAN, START_NS, STD, TWO_MOTIONS, lone, path, scan_at, started
+from runs import stepped
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
@@ -68,7 +69,7 @@ def test_least_noise_that_the_configuration_allows(range_std, azimuth_std, least
     config = lone(
         {
             **CLUTTER,
-            "least_mode": least_mode,
+            "bounds.least_mode": least_mode,
             "radar.range_std": range_std,
             "radar.azimuth_std_deg": azimuth_std,
             "cv.noise_density": 1e-9,
@@ -80,26 +81,28 @@ def test_least_noise_that_the_configuration_allows(range_std, azimuth_std, least
     track(started(config), scans_along(config.model.radars[0], 6.0 * np.arange(1, 12), rng))
 
 
-@pytest.mark.parametrize("noise", [1e-9, 1.0])
-def test_intervals_of_a_millisecond(noise):
-    config = lone({**CLUTTER, "cv.noise_density": noise, "ct.noise_density": noise})
-    rng = np.random.default_rng(1)
-    scans = scans_along(config.model.radars[0], 1e-3 * np.arange(1, 30), rng)
+@pytest.mark.parametrize(
+    ("seconds", "given"),
+    [
+        (1e-3 * np.arange(1, 30), {"cv.noise_density": 1e-9, "ct.noise_density": 1e-9}),
+        (1e-3 * np.arange(1, 30), {"cv.noise_density": 1.0, "ct.noise_density": 1.0}),
+        (
+            np.cumsum([1e-9, 1e-9, 6.0, 3600.0, 1e-9, 6.0, 7200.0, 3600.0, 6.0, 6.0]),
+            {"max_gap_scans": 1e6},
+        ),
+    ],
+)
+def test_intervals_of_a_nanosecond_a_millisecond_and_of_hours(seconds, given):
+    config = lone({**CLUTTER, **given})
+    scans = scans_along(config.model.radars[0], seconds, np.random.default_rng(1))
     track(started(config), scans)
-
-
-def test_intervals_of_a_nanosecond_and_of_hours():
-    config = lone({**CLUTTER, "max_gap_scans": 1e6})
-    rng = np.random.default_rng(2)
-    seconds = np.cumsum([1e-9, 1e-9, 6.0, 3600.0, 1e-9, 6.0, 7200.0, 3600.0, 6.0, 6.0])
-    track(started(config), scans_along(config.model.radars[0], seconds, rng))
 
 
 def test_gap_of_an_hour_leaves_a_target_that_can_be_found_again():
     config = lone({**CLUTTER, "target.survival_probability": 1.0})
     (radar,) = config.model.radars
     engine, rng = started(config), np.random.default_rng(3)
-    before = track_without_flush(engine, scans_along(radar, 6.0 * np.arange(1, 8), rng))
+    before, _ = stepped(engine, scans_along(radar, 6.0 * np.arange(1, 8), rng))
     state = before[-1].state[:1]
     again = radar.measure(state)
     (found,) = engine.step(scan_at(42.0 + 3600.0, again)).filtered
@@ -107,10 +110,6 @@ def test_gap_of_an_hour_leaves_a_target_that_can_be_found_again():
     assert len(found) > 0
     for found in engine.flush():
         sound(found)
-
-
-def track_without_flush(engine, scans):
-    return [found for scan in scans for found in engine.step(scan).filtered]
 
 
 @pytest.mark.parametrize(

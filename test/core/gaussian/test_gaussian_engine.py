@@ -15,7 +15,7 @@ def gaussian(given=None):
     return new_engine(small({"engine": "gaussian", "lag": 3, **(given or {})}))
 
 
-@pytest.mark.parametrize("given", [{}, {"hypotheses_per_target": 1}, BIRTHS, {"spawn.rate": 0.1}])
+@pytest.mark.parametrize("given", [{}, {"bounds.hypotheses": 1}, BIRTHS, {"spawn.rate": 0.1}])
 def test_children_are_of_the_origin_of_their_parents_though_rows_go_between_radars(given):
     engine = gaussian(given)
     linked = dropped = 0
@@ -42,7 +42,7 @@ def test_children_are_of_the_origin_of_their_parents_though_rows_go_between_rada
 
 @pytest.mark.parametrize("bound", [1, 3, 8])
 def test_bounds_hold_after_every_scan(bound):
-    engine = gaussian({"hypotheses_per_target": bound, "max_hypotheses": 100, **BIRTHS})
+    engine = gaussian({"bounds.hypotheses": bound, "bounds.most": 100, **BIRTHS})
     modes = len(engine.forward.dynamics.motions)
     for scan in SCANS:
         figures = engine.step(scan).figures

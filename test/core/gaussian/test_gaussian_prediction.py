@@ -7,8 +7,8 @@ from lone import MEAN, STD, TWO_MOTIONS, lone, mixture_of
 from scenes import small
 
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.gaussian.extraction import extracted
-from phd_jdtc_ros.core.gaussian.prediction import Aged, born, spawned, survivors
+from phd_jdtc_ros.core.gaussian.extraction import extract
+from phd_jdtc_ros.core.gaussian.prediction import Aged, births, spawn, survivors
 from phd_jdtc_ros.core.tracks import labels
 
 
@@ -23,7 +23,7 @@ def test_dynamics_share_the_motions_of_classes_that_move_alike():
     for dynamics in (shared, apart):
         np.testing.assert_allclose(dynamics.transition(17.0).sum(axis=1), 1.0)
         np.testing.assert_allclose(dynamics.spread.sum(axis=(1, 2)), 1.0)
-        np.testing.assert_allclose(dynamics.born.sum(axis=(1, 2)), 1.0)
+        np.testing.assert_allclose(dynamics.birth_weight.sum(axis=(1, 2)), 1.0)
         for mode, motion in enumerate(dynamics.motions):
             assert np.flatnonzero(dynamics.supported[mode]).tolist() == list(motion.support)
 
@@ -32,7 +32,7 @@ def test_dynamics_share_the_motions_of_classes_that_move_alike():
 def test_births_are_the_terms_in_every_mode_with_their_rates(amplitude):
     dynamics = dynamics_of({"amplitude": amplitude})
     model = dynamics.model
-    found = born([(0, 6.0), (2, 12.0)], dynamics, 5)
+    found = births([(0, 6.0), (2, 12.0)], dynamics, 5)
     first = labels.first_predicted(5)
     assert found.origin.tolist() == [first, first + 2]
     np.testing.assert_allclose(found.existence, [0.01, 0.02])
@@ -87,7 +87,7 @@ def test_pair_of_modes_goes_back_by_the_step_of_rauch_tung_and_striebel(motions)
 def test_spawned_targets_are_about_their_predicted_parents():
     dynamics = dynamics_of({"spawn.rate": 0.02})
     parents = mixture_of(dynamics, [(0.9, MEAN, STD), (1e-6, MEAN, STD)])
-    found = spawned([Aged(parents, 6.0)], dynamics, 3, 1e-4)
+    found = spawn([Aged(parents, 6.0)], dynamics, 3, 1e-4)
     assert len(found) == 1  # of the second one, next to nothing could be spawned
     assert found.existence[0] == pytest.approx(0.9 * 0.02)
     assert found.origin[0] == labels.first_predicted(3) + len(dynamics.model.births)
@@ -105,7 +105,7 @@ def test_extraction_reports_the_majority_class_of_targets_above_the_threshold():
     mean = np.array(mixture.mean)
     mean[0, :2, 0] += 1e3
     changed = type(mixture)(mixture.origin, weight, mean, mixture.covariance)
-    found = extracted(changed, dynamics, 7, 2, 0.5)
+    found = extract(changed, dynamics, 7, 2, 0.5)
     assert found.track_id.tolist() == [1, 3]
     assert (found.stamp_ns, found.lag) == (7, 2)
     np.testing.assert_allclose(found.weight, [0.9, 0.7])
@@ -117,6 +117,6 @@ def test_extraction_reports_the_majority_class_of_targets_above_the_threshold():
 
 def test_extraction_of_nothing_is_nothing():
     dynamics = dynamics_of()
-    found = extracted(born([], dynamics, 0), dynamics, 7, 0, 0.5)
+    found = extract(births([], dynamics, 0), dynamics, 7, 0, 0.5)
     assert len(found) == 0
     assert found.class_probability.shape == (0, 2)

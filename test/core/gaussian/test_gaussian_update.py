@@ -10,16 +10,18 @@ from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.association.marginals import LEAST_CLUTTER
-from phd_jdtc_ros.core.gaussian import update as update_module
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement import pairs
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
+from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.models import detection_limit
-from phd_jdtc_ros.core.models.competing_sources import OtherSources
+from phd_jdtc_ros.core.models.competing_sources import CompetingSources
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
+from phd_jdtc_ros.core.window.update import update, update_scan
 
 NOTHING = Detections(np.zeros((0, 2)), None)
 BIRTHS = {
@@ -35,20 +37,18 @@ def updated(config, mixture, detections, clutter=None, **bounds):
     (radar,) = config.model.radars
     limits = replace(new_engine(config).forward.bounds, **bounds)
     predicted = Branched(mixture, np.arange(len(mixture)))
-    branched, newborn, _ = update_module.update(
-        predicted, detections, radar, Dynamics(config.model), limits, 6.0, clutter
-    )
-    return branched, newborn
+    steps = GaussianSteps(Dynamics(config.model), limits)
+    found = update(predicted, Report(radar, detections), steps, 6.0, clutter)
+    return found.rows, next(iter(found.newborns), None)
 
 
 def scan_update(config, *reports, scan_index=4):
     """Return what the radars' reports make of nothing."""
     dynamics = Dynamics(config.model)
     nothing = mixture_of(dynamics, [(0.5, MEAN, STD)]).take(np.zeros(0, dtype=int))
-    bounds = new_engine(config).forward.bounds
-    return update_module.update_scan(
-        nothing, 0, Scan(1, reports), dynamics, bounds, 6.0, scan_index
-    )[0]
+    steps = GaussianSteps(dynamics, new_engine(config).forward.bounds)
+    predicted = Branched(nothing, np.zeros(0, dtype=int))
+    return update_scan(predicted, Scan(1, reports), steps, 6.0, scan_index).rows
 
 
 @pytest.mark.parametrize("times", [None, [0.4, -1.5]], ids=["at the stamp", "with times"])
@@ -91,7 +91,7 @@ def test_newborn_is_at_its_detection_with_the_radars_noise_and_a_broad_velocity(
 
 def test_newborns_of_a_radar_have_origins_after_those_of_the_radars_before():
     radars = {
-        "radars": ["radar", "other"],
+        "sensors": ["radar", "other"],
         "radar.detection_probability": 0.5,
         "other.position": [1e4, 0.0],
         "other.detection_probability": 0.5,
@@ -149,8 +149,7 @@ def test_gaussian_is_detected_with_the_probability_at_its_range():
     config = lone(
         {
             **UNREDUCED,
-            "radar.detection_probability": 0.0,
-            "radar.detection_probability_over_range": [0.0, 0.9, 2e4, 0.1],
+            "radar.detection_probability": [0.0, 0.9, 2e4, 0.1],
         }
     )
     dynamics, (radar,) = Dynamics(config.model), config.model.radars
@@ -216,7 +215,9 @@ def test_hypotheses_without_weight_change_nothing():
     dynamics, (radar,) = Dynamics(config.model), config.model.radars
     one = mixture_of(dynamics, [(0.6, MEAN, STD)])
     nil = one.take(np.array([0, 0, 0]))
-    nil = nil.told(nil.weight * np.array([0.0, 1.0, 0.0])[:, None, None], nil.mean, nil.covariance)
+    nil = nil.with_gaussians(
+        nil.weight * np.array([0.0, 1.0, 0.0])[:, None, None], nil.mean, nil.covariance
+    )
     report = Detections(radar.measure(MEAN[None]), None)
     expected, _ = updated(config, one, report)
     found, _ = updated(config, nil, report)
@@ -274,14 +275,15 @@ class Notebook:
     def __init__(self, rate):
         self.rate, self.told = rate, []
 
-    def informed(self, radar):
-        return replace(radar, clutter_rate=self.rate, clutter_map_speed=20.0)
+    def with_learned_clutter(self, report):
+        radar = replace(report.sensor, clutter_rate=self.rate, clutter_map_speed=20.0)
+        return replace(report, sensor=radar)
 
-    def learns(self, radar):
-        return radar.clutter_rate == self.rate
+    def learns(self, report):
+        return report.sensor.clutter_rate == self.rate
 
-    def learn(self, radar, detections, claimed, still):
-        self.told.append((radar.clutter_rate, detections, claimed, still))
+    def learn(self, report, claimed, stationary):
+        self.told.append((report.sensor.clutter_rate, report.detections, claimed, stationary))
 
 
 def test_clutter_is_as_is_known_of_it_and_is_told_what_is_claimed_and_by_what_is_at_rest():
@@ -331,7 +333,7 @@ def test_detections_that_were_left_out_are_noted_with_the_newborn(monkeypatch):
     mixture = mixture_of(Dynamics(config.model), [(0.5, MEAN, STD)])
     report = Detections(np.array([[5e3, 0.1 * k] for k in range(8)]), None)
     _, newborn = updated(config, mixture, report)
-    assert newborn.share == 0.25
+    assert newborn.report.share == 0.25
 
 
 @pytest.mark.parametrize(
@@ -351,7 +353,7 @@ def test_likely_pairs_are_those_of_a_share_of_all_that_may_be(
     monkeypatch.setattr(pairs, "LEAST_SHARE", 0.3)
     mixture = mixture_of(Dynamics(lone({}).model), [(existence, MEAN, STD)])
     row, column = np.zeros(2, dtype=int), np.arange(2)
-    others = OtherSources(np.zeros(2), np.ones((1, 2)))
+    others = CompetingSources(np.zeros(2), np.ones((1, 2)))
     weight = np.array(odds)[:, None, None]
     found = pairs.likely(mixture, row, column, weight, np.full((1, 1, 1), missed), others)
     np.testing.assert_array_equal(found, kept)
@@ -375,7 +377,7 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
     weight = rng.exponential(1.0, len(row)) * 10.0 ** rng.uniform(-3, 0.5, len(row))
     missed = mixture.weight * rng.uniform(0.1, 0.9, (4, 1, 1))
     total = np.array([0.3, 1e-12, 2.0])[:count]
-    others = OtherSources(np.zeros(count), total[None])
+    others = CompetingSources(np.zeros(count), total[None])
     found = pairs.likely(mixture, row, column, weight[:, None, None], missed, others)
 
     odds = weight / np.maximum(total, LEAST_CLUTTER)[column]
@@ -393,7 +395,7 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
 
 
 def test_every_mode_is_updated_with_the_detection_of_its_hypothesis(monkeypatch):
-    monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
+    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
     config = lone(
         {
             **TWO_MOTIONS,
@@ -407,7 +409,7 @@ def test_every_mode_is_updated_with_the_detection_of_its_hypothesis(monkeypatch)
     mean, covariance = alike.mean.copy(), alike.covariance.copy()
     mean[0, 1, [0, 2]] += [150.0, -90.0]
     covariance[0, 1] *= 0.5
-    mixture = alike.told(alike.weight, mean, covariance)
+    mixture = alike.with_gaussians(alike.weight, mean, covariance)
     place = radar.measure(MEAN[None]) + np.array([[100.0, 0.01], [-150.0, 0.0]])
     both, _ = updated(config, mixture, Detections(place, None))
     assert len(both.mixture) == 3

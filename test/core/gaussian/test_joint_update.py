@@ -8,13 +8,15 @@ from lone import MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of
 from matchings import posterior
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.gaussian import update as update_module
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement import pairs
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
+from phd_jdtc_ros.core.gaussian.update import GaussianSteps
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.core.window.update import update
 
 # The amplitude tells classes, and cells of their bands, which have detection probabilities of their
 # own; and the radar's range ends among the hypotheses.
@@ -45,7 +47,7 @@ SIZES = (1, 2, 3)
 def _nothing_left_out(monkeypatch):
     """Let every update take all its iterations, and look at all pairs within the gates."""
     monkeypatch.setattr(pairs, "LEAST_SHARE", 0.0)
-    monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
+    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
 
 
 def hypotheses(dynamics, targets, rng):
@@ -70,12 +72,10 @@ def updated(config, dynamics, mixture, detections):
     """Return the mixture with each row's parent."""
     (radar,), bounds = config.model.radars, new_engine(config).forward.bounds
     predicted = Branched(mixture, np.arange(len(mixture)))
-    branched, newborn, approximate = update_module.update(
-        predicted, detections, radar, dynamics, bounds, 6.0
-    )
-    assert newborn is None
-    assert approximate == 0
-    return branched
+    found = update(predicted, Report(radar, detections), GaussianSteps(dynamics, bounds), 6.0)
+    assert found.newborns == ()
+    assert found.approximate == 0
+    return found.rows
 
 
 def alone(config, dynamics, mixture, detections):

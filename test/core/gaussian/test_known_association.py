@@ -30,7 +30,7 @@ OTHER = {
 @pytest.fixture
 def all_iterations(monkeypatch):
     """Let every update take all its iterations, so that it can be compared to the last digit."""
-    monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
+    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
 
 
 def plots(config, seconds, time_s, turn_rate=0.0, seed=0):
@@ -145,7 +145,7 @@ def test_updates_that_stop_early_are_as_near_to_the_most_probable_state_as_they_
 @pytest.mark.usefixtures("all_iterations")
 def test_several_plots_of_radars_are_updates_one_after_the_other():
     given = {f"other.{name[6:]}": value for name, value in OTHER.items()}
-    config = lone({"lag": LAG, "radars": ["radar", "other"], **given})
+    config = lone({"lag": LAG, "sensors": ["radar", "other"], **given})
     first, second = config.model.radars
     engine = started(config)
     truth = path(EVEN)

@@ -56,7 +56,7 @@ def test_overall_and_extents_are_the_moments_of_each_target():
 
 def test_joined_and_taken_rows_are_the_same_hypotheses():
     one, other = mixture([1, 2]), mixture([5])
-    whole = Mixture.joined([one, other, Mixture.empty(2, 3, 5)])
+    whole = Mixture.concatenate([one, other, Mixture.empty(2, 3, 5)])
     assert whole.origin.tolist() == [1, 2, 5]
     np.testing.assert_array_equal(whole.take(np.array([2])).mean, other.mean)
 

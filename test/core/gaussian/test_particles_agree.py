@@ -1,10 +1,10 @@
 """The two engines on the same scenes: they differ by the particles' random error."""
 
+import inner
 import numpy as np
 import pytest
 from lone import scan_at
 
-from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.smc import extraction
 
@@ -13,7 +13,7 @@ REPEATS = 5
 PARTICLES = 2_000
 SCANS = 9
 GIVEN = {
-    "radars": ["radar"],
+    "sensors": ["radar"],
     "classes": ["slow", "fast"],
     "motions": ["calm", "wild"],
     "births": ["south", "north"],
@@ -22,11 +22,9 @@ GIVEN = {
     "confirm_probability": 0.2,
     "delete_probability": 0.2,
     "particles_per_target": PARTICLES,
-    "least_particles": 1000,
+    "budget.least": 1000,
     "particles_per_birth": 16_384,
     "spawn.rate": 0.0,
-    "spawn.class_transition": [],
-    "spawn.mode_transition": [],
     "slow.snr_band_db": [15.0, 30.0],
     "fast.snr_band_db": [10.0, 25.0],
     "calm.noise_density": 1.0,
@@ -35,9 +33,9 @@ GIVEN = {
     "radar.range_std": 60.0,
     "radar.azimuth_std_deg": 0.4,
     "radar.clutter_rate": 30.0,
-    "hypotheses_per_target": 100,
-    "least_hypothesis": 1e-6,
-    "merge_distance": 0.01,
+    "bounds.hypotheses": 100,
+    "bounds.least_share": 1e-6,
+    "bounds.merge_distance": 0.01,
     **{
         f"{name}.{key}": value
         for name in ("slow", "fast")
@@ -62,7 +60,7 @@ GIVEN = {
 
 
 def configuration(engine, seed=0):
-    return build.resolve({**GIVEN, "engine": engine, "seed": seed})
+    return inner.resolve({**GIVEN, "engine": engine, "seed": seed})
 
 
 def crossing(radar, seed):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
-from phd_jdtc_ros.core.gaussian.reduction import Bounds, Branched, probable, reduced
+from phd_jdtc_ros.core.gaussian.reduction import Bounds, Branched, probable, reduce_hypotheses
 
 BOUNDS = Bounds(
     hypotheses=5,
@@ -57,7 +57,7 @@ def moments_of(mixture, mode):
 def test_merging_conserves_weight_mean_and_covariance_of_each_mode(seed, distance):
     rng = np.random.default_rng(seed)
     before = branched(rng, [1, 4, 7, 2])
-    after, ancestry, floored = reduced(before, bounds(merge_distance=distance))
+    after, ancestry, floored = reduce_hypotheses(before, bounds(merge_distance=distance))
     assert floored == 0
     np.testing.assert_allclose(after.existence, before.mixture.existence)
     for mode in range(2):
@@ -85,8 +85,8 @@ def test_merging_conserves_weight_mean_and_covariance_of_each_mode(seed, distanc
 @pytest.mark.parametrize("least", [0.0, 0.3])
 def test_probable_modes_go_on_as_hypotheses_of_their_own(seed, least):
     before = branched(np.random.default_rng(seed), [1, 4, 7])
-    whole, _, _ = reduced(before, bounds(merge_distance=3.0))
-    after, ancestry, _ = reduced(before, bounds(merge_distance=3.0, least_mode=least))
+    whole, _, _ = reduce_hypotheses(before, bounds(merge_distance=3.0))
+    after, ancestry, _ = reduce_hypotheses(before, bounds(merge_distance=3.0, least_mode=least))
     share = whole.mode_weight / whole.mass[:, None]
     assert len(after) == np.maximum((share >= least).sum(axis=1), 1).sum() > len(whole)
     for mode in range(2):
@@ -110,7 +110,9 @@ def test_hypotheses_within_the_distance_are_merged_and_no_others():
     mean = np.zeros((3, 2, 5))
     mean[1, :, 0], mean[2, :, 0] = 0.6, 0.9
     whole = Mixture(part.origin, part.weight, mean, np.broadcast_to(np.eye(5), (3, 2, 5, 5)))
-    after, ancestry, _ = reduced(Branched(whole, np.arange(3)), bounds(merge_distance=0.5))
+    after, ancestry, _ = reduce_hypotheses(
+        Branched(whole, np.arange(3)), bounds(merge_distance=0.5)
+    )
     # Square distances from the first: 0.36 and 0.81.
     assert len(after) == 2
     children = dict(zip(ancestry.parent.tolist(), ancestry.child.tolist(), strict=True))
@@ -121,7 +123,7 @@ def test_targets_are_never_merged_with_each_other():
     rng = np.random.default_rng(0)
     part = branched(rng, [1, 1]).mixture
     same = Mixture(part.origin, part.weight, part.mean[[0, 0]], part.covariance[[0, 0]])
-    after, _, _ = reduced(Branched(same, np.arange(2)), bounds(merge_distance=100.0))
+    after, _, _ = reduce_hypotheses(Branched(same, np.arange(2)), bounds(merge_distance=100.0))
     assert after.origin.tolist() == [0, 10]
 
 
@@ -149,13 +151,13 @@ def test_targets_that_hardly_exist_are_dropped():
     part = branched(np.random.default_rng(0), [2, 2]).mixture
     weight = part.weight * np.array([1e-6, 1e-6, 1.0, 1.0])[:, None, None]
     faint = Mixture(part.origin, weight, part.mean, part.covariance)
-    after, _, _ = reduced(Branched(faint, np.arange(4)), BOUNDS)
+    after, _, _ = reduce_hypotheses(Branched(faint, np.arange(4)), BOUNDS)
     assert after.label.tolist() == [10]
 
 
 def test_least_probable_targets_are_dropped_beyond_the_most_hypotheses():
     before = branched(np.random.default_rng(1), [5] * 30, spread=1e4)
-    after, _, _ = reduced(before, bounds(most=40))
+    after, _, _ = reduce_hypotheses(before, bounds(most=40))
     assert 30 <= len(after) <= 40
     existence = before.mixture.existence
     dropped = np.setdiff1d(before.mixture.label, after.label) // 10
@@ -166,13 +168,13 @@ def test_least_probable_targets_are_dropped_beyond_the_most_hypotheses():
 def test_modes_that_go_on_apart_cost_no_target(most, apart):
     # Once for each of two modes, thirty targets of two hypotheses are 120.
     before = branched(np.random.default_rng(1), [2] * 30, spread=1e4)
-    whole, _, _ = reduced(before, bounds(most=most))
-    after, _, _ = reduced(before, bounds(most=most, least_mode=0.0))
+    whole, _, _ = reduce_hypotheses(before, bounds(most=most))
+    after, _, _ = reduce_hypotheses(before, bounds(most=most, least_mode=0.0))
     assert len(np.unique(after.label)) == 30
     assert len(after) == (2 * len(whole) if apart else len(whole))
 
 
 def test_nothing_is_reduced_to_nothing():
     none = Mixture.empty(2, 2, 5)
-    after, ancestry, floored = reduced(Branched(none, np.zeros(0, dtype=int)), BOUNDS)
+    after, ancestry, floored = reduce_hypotheses(Branched(none, np.zeros(0, dtype=int)), BOUNDS)
     assert (len(after), len(ancestry.child), floored) == (0, 0, 0)

@@ -17,7 +17,7 @@ EVEN = 6.0 * np.arange(1, 8)
 @pytest.fixture(autouse=True)
 def _all_iterations(monkeypatch):
     """Let every update take all its iterations, so that it can be compared to the last digit."""
-    monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
+    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
 
 
 def smoothed(engine):
@@ -105,7 +105,7 @@ def test_smoothed_cells_are_those_of_a_hidden_markov_chain():
     given = {
         "classes": list(names),
         "amplitude": "memory",
-        "amplitude_jitter": 0.5,
+        "memory.jitter": 0.5,
         "radar.detection_probability": 0.0,
         "lag": len(EVEN),
     }
@@ -212,7 +212,7 @@ def test_merged_hypotheses_hand_all_their_weight_back(motions):
             "radar.clutter_rate": 30.0,
             "radar.detection_probability": 0.8,
             "radar.clutter_max_range": 2e4,
-            "merge_distance": 4.0,
+            "bounds.merge_distance": 4.0,
             **motions,
         }
     )

@@ -20,7 +20,7 @@ def predicted():
     one = mixture_of(dynamics, [(0.2, MEAN, STD)])
     more = mixture_of(dynamics, [(0.5, MEAN + 10.0, STD)])
     other = mixture_of(dynamics, [(0.9, MEAN - 500.0, STD)])
-    whole = Mixture.joined([one, more, other])
+    whole = Mixture.concatenate([one, more, other])
     mixture = Mixture(np.array([4, 4, 6]), whole.weight, whole.mean, whole.covariance)
     return model, Branched(mixture, np.array([2, 1, 0]))
 

@@ -15,9 +15,11 @@ from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
-from phd_jdtc_ros.core.gaussian.update import update, update_scan
+from phd_jdtc_ros.core.gaussian.update import GaussianSteps
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Detections, Scan
+from phd_jdtc_ros.core.window.update import update, update_scan
 
 DETECTION = 0.8
 GIVEN = {
@@ -56,8 +58,8 @@ class Register:
         self.stamps.append(stamp_ns)
         return self
 
-    def paired(self, gate, origin, target, detections, std, reading):
-        return plain(gate, detections)
+    def pair(self, gate, origin, target, report):
+        return plain(gate, report.detections)
 
     def lost(self, origin, target, column, detections):
         return None
@@ -71,17 +73,18 @@ class Register:
     def learn(self, evidence, mass, existence):
         self.learned.append((evidence.column, mass, existence))
 
-    def born(self, origin, detections):
+    def initiate(self, origin, detections):
         self.newborn.append((origin, detections))
 
 
 class Clutter:
     """Stands for what is known of clutter: there is a hundred times as much."""
 
-    def informed(self, radar):
-        return replace(radar, clutter_rate=100.0 * radar.clutter_rate)
+    def with_learned_clutter(self, report):
+        radar = report.sensor
+        return replace(report, sensor=radar.limited(radar.threshold, 100.0 * radar.clutter_rate))
 
-    def learns(self, radar):
+    def learns(self, report):
         return False
 
 
@@ -102,11 +105,8 @@ def report(radar, rng, **more):
 def updated(config, mixture, detections, attributes=None):
     (radar,), bounds = config.model.radars, new_engine(config).forward.bounds
     predicted = Branched(mixture, np.arange(len(mixture)))
-    branched, _, _ = update(
-        *(predicted, detections, radar, Dynamics(config.model), bounds, 6.0),
-        attributes=attributes,
-    )
-    return branched
+    steps = GaussianSteps(Dynamics(config.model), bounds)
+    return update(predicted, Report(radar, detections), steps, 6.0, attributes=attributes).rows
 
 
 def evidence_of(config, mixture, detections):
@@ -117,11 +117,14 @@ def evidence_of(config, mixture, detections):
     for row, z in np.ndindex(found.shape):
         one = mixture.mean[row], mixture.covariance[row]
         own = np.array([z])
-        told = kalman.located(*one, radar, detections.measurement[own], radar.noise_std[None])
+        told = kalman.iterated_update(
+            *one, radar, detections.measurement[own], radar.noise_std[None]
+        )
         found[row, z] = told.log_likelihood[0]
         if rates is not None:
             later = kalman.updated(*one, radar, told)
-            found[row, z] += range_rate.rated(*later, radar, rates.take(own)).log_likelihood[0]
+            rated = range_rate.update_rates(*later, radar, rates.take(own))
+            found[row, z] += rated.log_likelihood[0]
     return found - radar.log_clutter_intensity(detections)
 
 
@@ -129,7 +132,7 @@ def evidence_of(config, mixture, detections):
 @pytest.mark.parametrize("rated", [False, True], ids=["no rates", "rates"])
 @pytest.mark.parametrize("seed", range(3))
 def test_weights_are_those_of_all_events_with_rates_and_replies(rated, replies, seed, monkeypatch):
-    monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
+    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
     rng = np.random.default_rng(seed)
     config = lone({**GIVEN, **(RATED if rated else {})})
     (radar,) = config.model.radars
@@ -177,12 +180,12 @@ def test_hypothesis_with_a_detection_is_where_that_puts_its_gaussian(rated):
     )
     place = radar.measure(mixture.mean[1]) + np.array([100.0, 0.02])
     seen = Detections(place, None, range_rate=radar.range_rate_of(mixture.mean[1]) + 10.0)
-    told = kalman.located(
+    told = kalman.iterated_update(
         mixture.mean[1], mixture.covariance[1], radar, place, radar.noise_std[None]
     )
     mean, covariance = kalman.updated(mixture.mean[1], mixture.covariance[1], radar, told)
     if rated:
-        later = range_rate.rated(mean, covariance, radar, radar.rates_of(seen))
+        later = range_rate.update_rates(mean, covariance, radar, radar.rates_of(seen))
         mean, covariance = later.mean, later.covariance
     found = updated(config, mixture, seen)
     np.testing.assert_array_equal(np.sort(found.parent), [0, 1, 1])
@@ -240,7 +243,7 @@ def test_pairs_with_improbable_amplitudes_are_left_out():
 
 TWO_RADARS = {
     **GIVEN,
-    "radars": ["radar", "other"],
+    "sensors": ["radar", "other"],
     "other.position": [1e4, 0.0],
     "other.detection_probability": DETECTION,
     "other.clutter_rate": 5.0,
@@ -249,17 +252,11 @@ TWO_RADARS = {
 
 
 def scan_update(config, predicted, survivors, reports, **known):
-    bounds = new_engine(config).forward.bounds
-    return update_scan(
-        predicted,
-        survivors,
-        Scan(STAMP_NS, reports),
-        Dynamics(config.model),
-        bounds,
-        6.0,
-        4,
-        **known,
-    )
+    row = np.arange(len(predicted))
+    branched = Branched(predicted, np.where(row < survivors, row, -1))
+    steps = GaussianSteps(Dynamics(config.model), new_engine(config).forward.bounds)
+    found = update_scan(branched, Scan(STAMP_NS, reports), steps, 6.0, 4, **known)
+    return found.rows, found.approximate
 
 
 def test_hypotheses_of_births_have_no_parents():

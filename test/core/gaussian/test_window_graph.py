@@ -34,22 +34,22 @@ def window(turns, least_existence=None, wide_turns=0):
 def scan_by_scan(entries):
     """Return the smoothed mixtures, oldest first, each scan's targets on their own."""
 
-    def hear(filtered, told):
+    def receive(filtered, told):
         columns = [column.copy() for column in (filtered.weight, filtered.mean)]
         columns.append(filtered.covariance.copy())
         for part in told:
             rows = np.arange(len(filtered)) if part.rows is None else part.rows
-            taken = np.arange(len(part.message.weight))[part.part]
+            taken = np.arange(len(part.content.weight))[part.part]
             message = smoother.Later(
-                part.message.moves.take(taken),
-                *(getattr(part.message, name)[taken] for name in ("weight", "mean", "covariance")),
+                part.content.moves.take(taken),
+                *(getattr(part.content, name)[taken] for name in ("weight", "mean", "covariance")),
             )
             own = smoother._with_hindsight(filtered.take(rows), message)
             for column, name in zip(columns, ("weight", "mean", "covariance"), strict=True):
                 column[rows] = getattr(own, name)
-        return filtered.told(*columns)
+        return filtered.with_gaussians(*columns)
 
-    return list(backward_pass.smoothed_sets(entries, smoother._before_update, hear))[::-1]
+    return list(backward_pass.smoothed_sets(entries, smoother._before_update, receive))[::-1]
 
 
 def check_as_scan_by_scan(entries):

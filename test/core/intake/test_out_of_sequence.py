@@ -192,7 +192,7 @@ def test_a_budget_is_earned_scan_by_scan():
 
 
 def test_every_late_report_in_a_row_costs_no_more_than_is_earned(monkeypatch):
-    # Radar 2 is two scans behind all the time, which reorder_scans is for.
+    # Radar 2 is two scans behind all the time.
     run = Run(config("gaussian"))
     steps = []
     step = run.pipeline.engine.step
@@ -219,11 +219,11 @@ def test_track_numbers_stay_when_targets_turn_out_to_be_born_earlier(engine):
     run = Run(config(engine, APPEARING)).feed(order[:6])
     assert run.reworked == 0
     before = run.filtered[-1]
-    labels = run.pipeline.engine.snapshot().facts["smoother"]["tracks"]["number"]
+    labels = run.pipeline.engine.snapshot().arrays["numbers.label"]
     run.feed(order[6:10])
     assert run.reworked == 2
     after = run.filtered[-1]
-    kept = run.pipeline.engine.snapshot().facts["smoother"]["tracks"]["number"]
+    kept = run.pipeline.engine.snapshot().arrays["numbers.label"]
     assert sorted(labels) != sorted(kept)
     dt = (after.stamp_ns - before.stamp_ns) * 1e-9
     expected = before.position + dt * before.velocity
@@ -314,7 +314,11 @@ def test_rework_needs_a_lag():
 
 
 TURNS = 6
-TURNING = {"late_reports": "rework", "lag_s": 2 * sweep.ROTATION_S, "radar.clutter_rate": 48.0}
+TURNING = {
+    "late_reports": "rework",
+    "lag": f"{2 * sweep.ROTATION_S:g} s",
+    "radar.clutter_rate": 48.0,
+}
 
 
 @pytest.mark.parametrize(

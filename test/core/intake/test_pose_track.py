@@ -126,7 +126,7 @@ def test_detections_with_times_become_what_is_seen_from_the_stamps_pose():
     for since in time_s:
         line = target - [10.0 * (1.0 + since), 0.0]
         seen.append((np.hypot(*line), np.arctan2(line[1], line[0]) - 0.1 - 0.2 * (1.0 + since)))
-    posed, extrapolated = platform.posed(S, Detections(np.array(seen), None, time_s))
+    posed, extrapolated = platform.with_pose(S, Detections(np.array(seen), None, time_s))
     line = target - [10.0, 0.0]
     expected = np.hypot(*line), np.arctan2(line[1], line[0]) - 0.3
     np.testing.assert_allclose(posed.measurement, [expected] * 3)
@@ -144,7 +144,7 @@ def test_detections_with_range_rates_get_the_velocity_of_the_radar():
     # 10 m/s ahead and a turn of 0.2 rad/s about the platform; the radar is 3 m to its left.
     mount = Mount((0.0, 3.0), 0.3)
     poses = track(*((0.05 * k, 0.5 * k, 0.0, 0.01 * k) for k in range(9)))
-    found, _ = Platform(poses, mount).posed(round(0.2 * S), rated([1.0]))
+    found, _ = Platform(poses, mount).with_pose(round(0.2 * S), rated([1.0]))
     # Of the turn, the velocity to the right of what is to the left is backwards.
     assert found.pose.velocity == pytest.approx((10.0 - 0.2 * 3.0, -0.2 * 3.0 * 0.03), abs=0.02)
     assert found.range_rate.tolist() == [1.0]
@@ -161,7 +161,7 @@ def test_the_velocity_does_not_depend_on_poses_that_come_later():
 
 def test_detections_without_range_rates_need_no_velocity():
     poses = track(*((0.05 * k, 0.5 * k, 0.0, 0.0) for k in range(9)))
-    found, _ = Platform(poses, Mount((0.0, 0.0), 0.0)).posed(
+    found, _ = Platform(poses, Mount((0.0, 0.0), 0.0)).with_pose(
         round(0.2 * S), Detections(np.array([[50.0, 0.5]]), None)
     )
     assert found.pose.velocity == (0.0, 0.0)
@@ -169,7 +169,7 @@ def test_detections_without_range_rates_need_no_velocity():
 
 def test_range_rates_are_left_out_where_the_velocity_is_not_known():
     alone = Platform(track((0, 0, 0, 0)), Mount((0.0, 0.0), 0.0))
-    found, _ = alone.posed(0, rated([1.0]))
+    found, _ = alone.with_pose(0, rated([1.0]))
     assert found.range_rate is None
     assert len(found) == 1
 
@@ -178,7 +178,7 @@ def test_range_rates_at_times_of_their_own_become_those_from_the_velocity_at_the
     # It brakes: 10 m/s before 1 s, 4 m/s after.
     poses = track(*((0.1 * k, min(k, 10) * 1.0 + max(k - 10, 0) * 0.4, 0, 0) for k in range(21)))
     platform = Platform(poses, Mount((0.0, 0.0), 0.0))
-    found, _ = platform.posed(2 * S, rated([3.0, 3.0], np.array([0.0, -1.2])))
+    found, _ = platform.with_pose(2 * S, rated([3.0, 3.0], np.array([0.0, -1.2])))
     assert found.pose.velocity == pytest.approx((4.0, 0.0))
     expected = [3.0, 3.0 + (10.0 - 4.0) * math.cos(0.5)]
     np.testing.assert_allclose(found.range_rate, expected, atol=1e-9)
@@ -187,6 +187,6 @@ def test_range_rates_at_times_of_their_own_become_those_from_the_velocity_at_the
 def test_a_radar_that_moves_measures_what_stands_as_it_passes_it():
     poses = track(*((0.1 * k, 1.5 * k, 0.0, 0.0) for k in range(11)))
     (radar,) = lone({"radar.fields.range_rate": "rr", "radar.position": [0.0, 0.0]}).model.radars
-    found, _ = Platform(poses, Mount((0.0, 0.0), 0.0)).posed(S, rated([0.0]))
+    found, _ = Platform(poses, Mount((0.0, 0.0), 0.0)).with_pose(S, rated([0.0]))
     standing = np.array([[15.0 + 40.0, 0.0, 30.0, 0.0, 0.0]])
     assert radar.at(found.pose).range_rate_of(standing) == pytest.approx(-15.0 * 40.0 / 50.0)

@@ -3,6 +3,7 @@ import itertools
 import moving
 import numpy as np
 import pytest
+from runs import ENGINES
 
 from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.core.intake.poses import PoseFault
@@ -10,8 +11,6 @@ from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import RunEnded
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import Pose
-
-ENGINES = ("gaussian", "particles")
 
 
 def reports(count=moving.SCANS):

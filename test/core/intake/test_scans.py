@@ -1,4 +1,5 @@
 import itertools
+import re
 
 import numpy as np
 import pytest
@@ -43,9 +44,121 @@ def grouper(radars=2, **options):
     return ScanGrouper(radars, reset_threshold_s=10.0, **options)
 
 
-def ordered(radars=2):
-    """Return a grouper that holds one scan back."""
-    return grouper(radars, reorder_scans=1)
+def played(group, text):
+    """Feed the reports of a text, each radar@second, and return it with what follows from each.
+
+    Behind a colon there are the scans as second/radars, resets and rejections.
+    """
+    steps = []
+    for step in text.split(";"):
+        report = step.partition(":")[0].strip()
+        radar, second = report.split("@")
+        steps.append(" ".join([f"{report}:", *map(word, feed(group, (int(radar), float(second))))]))
+    return "; ".join(step.rstrip(":") for step in steps)
+
+
+def word(event):
+    if isinstance(event, Scan):
+        ((second, radars),) = shape([event])
+        return f"{second:g}/{''.join(map(str, radars))}"
+    return "reset" if isinstance(event, Reset) else event.name.lower()
+
+
+# Groupers' options; and, by what they show, reports before and those with what follows from them.
+STREAMS = [
+    (
+        {},
+        """
+        a later stamp closes a scan:
+            | 0@0; 0@6: 0/0; 1@6: 6/01
+        a radar that missed two scans is not waited for:
+            0@0 1@0 | 0@6; 0@12: 6/0; 0@18: 12/0 18/0; 0@24: 24/0
+        a radar that returns is waited for again:
+            0@0 1@0 0@6 0@12 0@18 | 1@24; 0@24: 24/01; 0@30; 1@30: 30/01
+        a radar whose first report back is late is waited for again:
+            0@0 1@0 0@6 0@12 0@18 | 1@18: late; 0@24; 1@24: 24/01
+        a duplicate is rejected before its scan closed and after:
+            | 0@0; 0@0: duplicate; 1@0: 0/01; 1@0: duplicate; 0@0: duplicate
+        a late report is rejected:
+            | 0@0; 0@6: 0/0; 1@0: late; 1@6: 6/01
+        stamps that jump back are one reset:
+            0@100 1@100 | 0@0: reset; 1@0: 0/01; 0@6; 1@6: 6/01
+        a jump back closes what waits:
+            0@100 1@100 0@106 | 0@0: 106/0 reset; 1@0: 0/01; 0@6; 1@6: 6/01
+        every radar is live after a reset:
+            0@100 1@100 0@106 0@112 0@118 | 0@0: reset; 1@0: 0/01
+        """,
+    ),
+    (
+        {"max_gap_s": 60.0},
+        """
+        a jump back is one reset with a limit of gaps too:
+            0@100 1@100 0@106 1@106 | 0@0: reset; 1@0: 0/01; 0@6; 1@6: 6/01
+        what a jump back overtook is late and no jump ahead:
+            0@100 1@100 0@106 | 0@0: 106/0 reset; 1@106: late; 1@0: 0/01; 0@6; 1@6: 6/01
+        a radar whose stamps go on behind the jump:
+            0@90 1@90 0@96 | 0@0: 96/0 reset; 1@96: late; 1@98: 0/0; 0@99: reset 98/1; 1@99: 99/01
+        """,
+    ),
+    (
+        {"max_gap_s": 30.0},
+        """
+        both radars are taken in after a gap:
+            0@0 1@0 | 0@100; 1@100: reset 100/01; 0@106; 1@106: 106/01
+        both are taken in after a gap if the other is first:
+            0@0 1@0 | 1@100; 0@100: reset 100/01; 0@106; 1@106: 106/01
+        """,
+    ),
+    (
+        {"radars": 1},
+        """
+        one radar is not waited for:
+            | 0@0: 0/0; 0@6: 6/0
+        """,
+    ),
+    (
+        {"radars": 1, "reorder_s": 6.0},
+        """
+        one radar is not waited for by time:
+            | 0@0: 0/0; 0@6: 6/0
+        """,
+    ),
+    (
+        {"reorder_s": 6.0},
+        """
+        by time every radar must have reported as late a stamp:
+            | 0@1; 0@2; 0@3; 1@1.5: 1/0 1.5/1; 1@2.5: 2/0 2.5/1; 1@3.5: 3/0; 0@5: 3.5/1
+        by time a stamp is one scan:
+            | 0@0; 1@0: 0/01
+        """,
+    ),
+    (
+        {"reorder_s": 5.0},
+        """
+        by time what is older than the wait is closed:
+            | 0@0; 0@5; 0@5.1: 0/0; 1@4: 4/1
+        by time a radar that was silent for two waits is not waited for:
+            0@0 1@0 0@4 0@8 | 0@9; 0@10: 4/0 8/0 9/0 10/0; 0@11: 11/0
+        by time a radar that returns is waited for again:
+            0@0 1@0 0@5 0@10 0@15 0@19 | 1@20; 0@21: 20/1; 1@22: 21/0
+        """,
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        pytest.param(options, text, id=name)
+        for options, texts in STREAMS
+        for name, text in re.findall(r"^ +(.*):\n +(.*\|.*)$", texts, re.MULTILINE)
+    ],
+)
+def test_add_closes_resets_and_rejects_where_it_should(options, text):
+    group, (before, steps) = grouper(**options), text.split("|")
+    for report in before.split():
+        played(group, report)
+    assert played(group, steps) == steps.strip()
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
@@ -65,100 +178,12 @@ def test_add_keeps_the_reports_with_their_radar():
     assert [d.measurement[0, 0] for d in scan.detections] == [10.0, 11.0]
 
 
-def test_add_closes_a_scan_when_a_later_stamp_comes():
-    group = grouper()
-    assert feed(group, (0, 0)) == []
-    assert shape(feed(group, (0, 6))) == [(0, (0,))]
-    assert shape(feed(group, (1, 6))) == [(6, (0, 1))]
-
-
-def test_add_stops_waiting_for_a_radar_that_missed_two_scans():
-    group = grouper()
-    feed(group, (0, 0), (1, 0))
-    assert feed(group, (0, 6)) == []
-    assert shape(feed(group, (0, 12))) == [(6, (0,))]
-    # Two misses once 12 is closed, which the report of 18 does; then 18 needs no waiting.
-    assert shape(feed(group, (0, 18))) == [(12, (0,)), (18, (0,))]
-    assert shape(feed(group, (0, 24))) == [(24, (0,))]
-
-
-def test_add_waits_again_for_a_radar_that_returns():
-    group = grouper()
-    feed(group, (0, 0), (1, 0), (0, 6), (0, 12), (0, 18))
-    assert feed(group, (1, 24)) == []  # radar 0 is live
-    assert shape(feed(group, (0, 24))) == [(24, (0, 1))]
-    assert feed(group, (0, 30)) == []  # waits for radar 1 again
-    assert shape(feed(group, (1, 30))) == [(30, (0, 1))]
-
-
-def test_add_waits_again_for_a_radar_whose_first_report_back_is_late():
-    group = grouper()
-    feed(group, (0, 0), (1, 0), (0, 6), (0, 12), (0, 18))
-    assert shape(feed(group, (1, 18))) == [Rejection.LATE]
-    assert feed(group, (0, 24)) == []
-    assert shape(feed(group, (1, 24))) == [(24, (0, 1))]
-
-
-def test_add_rejects_a_duplicate_before_and_after_its_scan_closed():
-    group = grouper()
-    assert shape(feed(group, (0, 0), (0, 0))) == [Rejection.DUPLICATE]
-    assert shape(feed(group, (1, 0), (1, 0), (0, 0))) == [
-        (0, (0, 1)),
-        Rejection.DUPLICATE,
-        Rejection.DUPLICATE,
-    ]
-
-
 def test_add_keeps_the_first_of_duplicates():
     group = grouper()
     group.add(0, START, report(1.0))
     group.add(0, START, report(2.0))
     (scan,) = group.add(1, START, report(3.0))
     assert scan.detections[0].measurement[0, 0] == 1.0
-
-
-def test_add_rejects_a_late_report():
-    group = grouper()
-    events = feed(group, (0, 0), (0, 6), (1, 0), (1, 6))
-    assert shape(events) == [(0, (0,)), Rejection.LATE, (6, (0, 1))]
-
-
-@pytest.mark.parametrize("pending", [False, True])
-def test_add_resets_once_when_the_stamps_jump_back(pending):
-    group = grouper()
-    feed(group, (0, 100), (1, 100))
-    old = [(106, (0,))] if pending else []
-    if pending:
-        feed(group, (0, 106))
-    events = feed(group, (0, 0), (1, 0), (0, 6), (1, 6))
-    assert shape(events) == [*old, Reset, (0, (0, 1)), (6, (0, 1))]
-
-
-@pytest.mark.parametrize("complete", [False, True])
-def test_add_takes_what_the_jump_overtook_for_late_and_not_for_a_jump_ahead(complete):
-    # Topics are not ordered among each other: radar 1 ends its pass after radar 0 began the next.
-    group = grouper(max_gap_s=60.0)
-    feed(group, (0, 100), (1, 100), (0, 106), *([(1, 106)] if complete else []))
-    rest = [] if complete else [(1, 106)]
-    events = feed(group, (0, 0), *rest, (1, 0), (0, 6), (1, 6))
-    old = [] if complete else [(106, (0,))]
-    late = [] if complete else [Rejection.LATE]
-    assert shape(events) == [*old, Reset, *late, (0, (0, 1)), (6, (0, 1))]
-
-
-def test_add_goes_with_a_radar_whose_stamps_go_on_behind_the_jump():
-    group = grouper(max_gap_s=60.0)
-    feed(group, (0, 100), (1, 100), (0, 106))
-    events = feed(group, (0, 0), (1, 106), (1, 112), (0, 118), (1, 118))
-    assert shape(events) == [
-        (106, (0,)),
-        Reset,
-        Rejection.LATE,
-        (0, (0,)),
-        Reset,
-        (112, (1,)),
-        (118, (0, 1)),
-    ]
 
 
 def test_add_says_how_far_the_stamps_jumped_back():
@@ -186,14 +211,6 @@ def test_add_says_how_far_the_stamps_jumped_ahead():
     assert found.ahead
     assert str(found) == "stamps jumped ahead by 3600.0 s"
     assert scan.stamp_ns == START + 3600 * S
-
-
-@pytest.mark.parametrize("first", [0, 1])
-def test_add_takes_both_radars_in_after_a_gap_whichever_is_first(first):
-    group = grouper(max_gap_s=30.0)
-    feed(group, (0, 0), (1, 0))
-    events = feed(group, (first, 100), (1 - first, 100), (0, 106), (1, 106))
-    assert shape(events) == [Reset, (100, (0, 1)), (106, (0, 1))]
 
 
 def test_add_takes_a_gap_for_none_while_one_radar_goes_on():
@@ -224,22 +241,11 @@ def test_add_resets_only_beyond_the_threshold(back_s, reset):
     assert events == ([Reset] if reset else [Rejection.LATE])
 
 
-def test_add_counts_every_radar_as_live_after_a_reset():
-    group = grouper()
-    feed(group, (0, 100), (1, 100), (0, 106), (0, 112), (0, 118))
-    assert shape(feed(group, (0, 0))) == [Reset]
-    assert shape(feed(group, (1, 0))) == [(0, (0, 1))]
-
-
 def test_add_makes_a_scan_of_every_stamp_of_unsynchronised_radars():
     group = grouper()
     stamps = [(0, 0.0), (1, 2.5), (0, 6.0), (1, 8.5), (0, 12.0), (1, 14.5)]
     events = feed(group, *stamps) + group.close_all()
     assert shape(events) == [(second, (radar,)) for radar, second in stamps]
-
-
-def test_add_closes_at_once_with_one_radar():
-    assert shape(feed(grouper(1), (0, 0), (0, 6))) == [(0, (0,)), (6, (0,))]
 
 
 def test_close_all_closes_what_waits():
@@ -331,113 +337,18 @@ def test_add_makes_whole_scans_of_radars_that_all_report(radars, scans, seed):
     assert not group.waiting
 
 
-def test_add_drops_swapped_scans_unless_it_holds_one_back():
+def test_add_drops_swapped_scans():
     swapped = [(0, 0), (0, 12), (0, 6), (0, 24), (0, 18), (0, 30)]
     assert shape(feed(grouper(1), *swapped)).count(Rejection.LATE) == 2
-    group = ordered(1)
-    events = feed(group, *swapped) + group.close_all()
-    assert shape(events) == [(6 * k, (0,)) for k in range(6)]
 
 
-def test_add_holds_one_whole_scan_back():
-    group = ordered()
-    assert feed(group, (0, 0), (1, 0)) == []
-    assert group.waiting
-    assert shape(feed(group, (0, 6))) == [(0, (0, 1))]
-    assert shape(feed(group, (1, 6))) == []
-    assert shape(group.close_all()) == [(6, (0, 1))]
-
-
-def test_add_holds_back_as_many_scans_as_it_is_told_to():
-    group = grouper(1, reorder_scans=2)
-    events = feed(group, (0, 8), (0, 4), (0, 0), (0, 12))
-    assert shape(events) == [(0, (0,)), (4, (0,))]
-
-
-def test_add_takes_in_a_radar_that_is_a_scan_behind():
-    group = ordered()
-    stream = [(0, 0)]
-    for k in range(1, 8):
-        stream += [(0, 6 * k), (1, 6 * (k - 1))]
-    events = feed(group, *stream) + group.close_all()
-    assert shape(events) == [*((6 * k, (0, 1)) for k in range(7)), (42, (0,))]
-
-
-def test_add_holding_back_closes_an_incomplete_scan_with_the_second_later_stamp():
-    group = ordered()
-    assert feed(group, (0, 0), (0, 6)) == []
-    assert shape(feed(group, (0, 12))) == [(0, (0,))]
-
-
-@pytest.mark.parametrize("hold", [0, 1])
-def test_add_loses_the_first_report_back_of_a_silent_radar_unless_it_holds_one_back(hold):
-    group = grouper(reorder_scans=hold)
+def test_add_loses_the_first_report_back_of_a_silent_radar():
+    group = grouper()
     feed(group, (0, 0), (1, 0), *((0, 6 * k) for k in range(1, 9)))
-    # Where nothing is held back, the scan was closed at once by the radar that is there.
+    # The scan was closed at once by the radar that is there.
     found = shape(feed(group, (1, 48), (0, 54), (1, 54), (0, 60), (1, 60)))
-    lost = Rejection.LATE in found
-    assert lost == (hold == 0)
-    assert ((48, (0, 1)) in found) == (hold == 1)
+    assert Rejection.LATE in found
     assert (54, (0, 1)) in found
-
-
-def test_add_holding_back_gives_out_all_before_a_reset():
-    group = ordered()
-    feed(group, (0, 100), (1, 100))
-    events = feed(group, (0, 106), (0, 0), (1, 0), (0, 6))
-    assert shape(events) == [(100, (0, 1)), (106, (0,)), Reset, (0, (0, 1))]
-
-
-def test_add_holding_back_resets_behind_a_gap_in_the_order_of_stamps():
-    group = grouper(1, max_gap_s=5.0, reorder_scans=1)
-    # From 0 to 9 is too far, but 3 lies between.
-    events = feed(group, (0, 0), (0, 9), (0, 3), (0, 12)) + group.close_all()
-    assert shape(events) == [(0, (0,)), (3, (0,)), Reset, (9, (0,)), (12, (0,))]
-
-
-@st.composite
-def shuffled_streams(draw):
-    """Return reports of some radars in order, and so that none comes after the scan after next."""
-    radars = draw(st.integers(1, 3))
-    steps = draw(st.lists(st.integers(1, 3 * S), min_size=1, max_size=15))
-    stamps = [START + sum(steps[:k]) for k in range(len(steps))]
-    in_order = [(radar, stamp) for stamp in stamps for radar in range(radars)]
-    left, shuffled = list(in_order), []
-    while left:
-        oldest = stamps.index(left[0][1])
-        within = [entry for entry in left if stamps.index(entry[1]) <= oldest + 1]
-        chosen = draw(st.sampled_from(within))
-        left.remove(chosen)
-        shuffled.append(chosen)
-    return radars, in_order, shuffled
-
-
-@settings(deadline=None, max_examples=150)
-@given(case=shuffled_streams())
-def test_add_holding_one_back_makes_the_same_scans_in_any_order_within_it(case):
-    radars, in_order, shuffled = case
-
-    def scans(stream):
-        group = ordered(radars)
-        events = []
-        for radar, stamp_ns in stream:
-            found = group.add(radar, stamp_ns, report(stamp_ns + radar))
-            assert not isinstance(found, Rejection)
-            events += found
-        return [
-            (scan.stamp_ns, *(None if d is None else d.measurement[0, 0] for d in scan.detections))
-            for scan in events + group.close_all()
-        ]
-
-    assert scans(shuffled) == scans(in_order) == scans_of(in_order, radars)
-
-
-def scans_of(stream, radars):
-    """Return what the scans of a stream must hold, whole and in order."""
-    return [
-        (stamp_ns, *(float(stamp_ns + radar) for radar in range(radars)))
-        for stamp_ns in sorted({stamp_ns for _, stamp_ns in stream})
-    ]
 
 
 def waiting(radars=2, seconds=6.0):
@@ -445,54 +356,10 @@ def waiting(radars=2, seconds=6.0):
     return grouper(radars, reorder_s=seconds)
 
 
-def test_add_by_time_waits_until_every_radar_has_reported_as_late_a_stamp():
-    group = waiting()
-    # Two radars that report turns of four slices, one turn after the other.
-    assert feed(group, (0, 1), (0, 2), (0, 3), (0, 4)) == []
-    assert shape(feed(group, (1, 1.5))) == [(1, (0,)), (1.5, (1,))]
-    found = shape(feed(group, (1, 2.5), (1, 3.5), (1, 4.5)))
-    assert found == [(2, (0,)), (2.5, (1,)), (3, (0,)), (3.5, (1,)), (4, (0,))]
-    assert group.waiting
-    assert shape(feed(group, (0, 5))) == [(4.5, (1,))]
-
-
-def test_add_by_time_makes_one_scan_of_a_stamp():
-    group = waiting()
-    assert feed(group, (0, 0)) == []
-    assert shape(feed(group, (1, 0))) == [(0, (0, 1))]
-
-
-def test_add_by_time_closes_at_once_with_one_radar():
-    assert shape(feed(waiting(1), (0, 0), (0, 6))) == [(0, (0,)), (6, (0,))]
-
-
-def test_add_by_time_closes_what_is_older_than_the_wait():
-    group = waiting(seconds=5.0)
-    assert feed(group, (0, 0), (0, 5)) == []
-    assert shape(feed(group, (0, 5.1))) == [(0, (0,))]
-    assert shape(feed(group, (1, 4))) == [(4, (1,))]
-
-
-def test_add_by_time_stops_waiting_for_a_radar_that_was_silent_for_two_waits():
-    group = waiting(seconds=5.0)
-    feed(group, (0, 0), (1, 0), *((0, second) for second in range(1, 10)))
-    assert group.waiting
-    assert shape(feed(group, (0, 10)))[-1] == (10, (0,))
-    assert not group.waiting
-    assert shape(feed(group, (0, 11))) == [(11, (0,))]
-
-
 def test_add_by_time_does_not_wait_for_a_radar_that_never_came():
     group = waiting(seconds=5.0)
     found = feed(group, *((0, second) for second in range(12)))
     assert shape(found) == [(second, (0,)) for second in range(12)]
-
-
-def test_add_by_time_waits_again_for_a_radar_that_returns():
-    group = waiting(seconds=5.0)
-    feed(group, (0, 0), (1, 0), *((0, second) for second in range(1, 20)))
-    assert shape(feed(group, (1, 20), (0, 21))) == [(20, (1,))]
-    assert shape(feed(group, (1, 22))) == [(21, (0,))]
 
 
 @settings(deadline=None, max_examples=100)

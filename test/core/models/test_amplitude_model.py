@@ -4,6 +4,7 @@ from scenes import intensity, small
 from scipy.integrate import quad
 
 from phd_jdtc_ros.core.models.amplitude_model import CELLS, Band, Ignored, Memory
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections
 
 MODEL = small().model
@@ -28,20 +29,20 @@ def test_band_remembers_and_draws_nothing():
     before = rng.bit_generator.state
     mode = np.array([0, 3])
 
-    assert Band().born(mode, MODES, rng).tolist() == [0.0, 0.0]
+    assert Band().draw(mode, MODES, rng).tolist() == [0.0, 0.0]
     assert rng.bit_generator.state == before
 
 
 def test_ignored_takes_the_amplitudes_away():
     report = Detections(np.ones((2, 2)), np.array([5.0, 9.0]))
 
-    assert Ignored().used(report).amplitude is None
-    assert Band().used(report) is report
+    assert Ignored().select(report).amplitude is None
+    assert Band().select(report) is report
 
 
 def test_memory_is_born_uniform_in_the_band_of_its_class():
     mode = np.repeat([0, 2], 4000)
-    born = Memory(0.1).born(mode, MODES, np.random.default_rng(0))
+    born = Memory(0.1).draw(mode, MODES, np.random.default_rng(0))
 
     for class_id, part in enumerate((born[:4000], born[4000:])):
         low, high = BANDS[class_id]
@@ -54,7 +55,7 @@ def test_memory_is_born_uniform_in_the_band_of_its_class():
 def test_memory_moves_by_its_jitter_and_stays_in_the_band():
     memory = np.linspace(*BANDS[0], 5000)
     mode, rng = np.zeros(5000, dtype=int), np.random.default_rng(0)
-    moved = Memory(0.1).moved(memory, mode, MODES, MODES.interval_s, rng)
+    moved = Memory(0.1).diffuse(memory, mode, MODES, MODES.interval_s, rng)
 
     assert moved.min() >= BANDS[0, 0]
     assert moved.max() <= BANDS[0, 1]
@@ -65,7 +66,7 @@ def test_memory_moves_twice_as_far_in_an_interval_four_times_as_long():
     memory = np.full(5000, BANDS[0].mean())
     mode = np.zeros(5000, dtype=int)
     short, long = (
-        Memory(0.1).moved(memory, mode, MODES, dt, np.random.default_rng(0)) - memory
+        Memory(0.1).diffuse(memory, mode, MODES, dt, np.random.default_rng(0)) - memory
         for dt in (MODES.interval_s, 4.0 * MODES.interval_s)
     )
 
@@ -76,7 +77,7 @@ def test_memory_moves_twice_as_far_in_an_interval_four_times_as_long():
 @pytest.mark.parametrize("mode", [0, 2])
 def test_memory_born_of_a_detection_follows_its_amplitude(mode, amplitude):
     count = 20_000
-    born = Memory(0.1).born(
+    born = Memory(0.1).draw(
         np.full(count, mode), MODES, np.random.default_rng(0), np.full(count, amplitude)
     )
 
@@ -99,15 +100,15 @@ def test_memory_likelihood_integrates_to_its_detection_probability():
     model = Memory(0.1)
 
     def density(a):
-        report = Detections(np.ones((1, 2)), np.array([a]))
+        report = Report(RADAR, Detections(np.ones((1, 2)), np.array([a])))
         pairs = every_pair(phd, report)
-        return float(
-            np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES))[0]
-        )
+        return float(np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))[0])
 
     mass, _ = quad(density, RADAR.threshold, 200.0)
     assert mass == pytest.approx(
-        model.detection_probability(phd.mode, phd.log_snr, np.full(len(phd), 5e3), RADAR, MODES)[0],
+        model.detection_probability(
+            phd.mode, phd.log_snr, np.full((len(phd), 2), 5e3), RADAR, MODES
+        )[0],
         rel=1e-6,
     )
 
@@ -115,13 +116,11 @@ def test_memory_likelihood_integrates_to_its_detection_probability():
 def test_memory_averaged_over_the_band_is_the_band_likelihood():
     # The band's closed form is the Rayleigh law averaged over ln(1 + d).
     phd = particles(np.linspace(*BANDS[1], 20001), mode=np.full(20001, 2))
-    report = Detections(np.ones((3, 2)), np.array([4.0, 20.0, 60.0]))
+    report = Report(RADAR, Detections(np.ones((3, 2)), np.array([4.0, 20.0, 60.0])))
     pairs = every_pair(phd, report)
-    remembered = np.exp(
-        Memory(0.1).log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES)
-    )
+    remembered = np.exp(Memory(0.1).log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))
     averaged = remembered.reshape(len(phd), 3).mean(axis=0)
-    band = np.exp(Band().log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES))[:3]
+    band = np.exp(Band().log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))[:3]
 
     np.testing.assert_allclose(averaged, band, rtol=1e-3)
 
@@ -129,10 +128,10 @@ def test_memory_averaged_over_the_band_is_the_band_likelihood():
 @pytest.mark.parametrize("model", [Band(), Memory(0.1)])
 def test_likelihood_without_amplitudes_is_the_detection_probability(model):
     phd = particles([BANDS[0, 0], BANDS[0, 1]])
-    report = Detections(np.ones((2, 2)), None)
+    report = Report(RADAR, Detections(np.ones((2, 2)), None))
     pairs = every_pair(phd, report)
-    likelihood = np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES))
-    near = np.full(len(phd), 5e3)
+    likelihood = np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))
+    near = np.full((len(phd), 2), 5e3)
     expected = model.detection_probability(phd.mode, phd.log_snr, near, RADAR, MODES)
 
     np.testing.assert_allclose(likelihood, np.repeat(expected, 2))

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from runs import ENGINES
 from scenes import small
 from scipy.stats import norm
 
@@ -9,10 +10,12 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.models import detection_birth
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel, Newborn
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.smc.correction import BERNOULLI, CORRECTORS
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
-from phd_jdtc_ros.core.smc.update import update, update_scan
+from phd_jdtc_ros.core.smc.update import ParticleSteps
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
+from phd_jdtc_ros.core.window.update import update, update_scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -22,13 +25,18 @@ BIRTHS = DetectionBirthModel(np.array([0.05, 0.05]), 40.0, 1e-3, 4096)
 EMPTY = ParticleSet.empty(5)
 
 
+def steps_of(model, corrector=BERNOULLI):
+    """Return the steps of an update of particles."""
+    return ParticleSteps(model, corrector, np.random.default_rng(0))
+
+
 def unknown():
     """Return a model whose targets appear anywhere and nowhere else."""
     return small({"births": [], "detection_births.rates": [0.05, 0.05]}).model
 
 
 def one_detection(mass=(0.3, 0.6), place=(6000.0, 0.5)):
-    return Newborn(RADAR, Detections(np.array([place]), None), np.array([mass]))
+    return Newborn(Report(RADAR, Detections(np.array([place]), None)), np.array([mass]))
 
 
 def test_sample_carries_the_newborn_mass():
@@ -43,7 +51,7 @@ def test_sample_carries_the_newborn_mass():
 def test_affordable_gives_fewer_particles_first_and_then_leaves_out_the_least_mass():
     model = replace(BIRTHS, particles=64, most=640)
     mass = np.stack([np.linspace(0.01, 0.5, 100), np.zeros(100)], axis=1)
-    every = Newborn(RADAR, Detections(np.ones((100, 2)), np.arange(100.0)), mass)
+    every = Newborn(Report(RADAR, Detections(np.ones((100, 2)), np.arange(100.0))), mass)
 
     few, count = detection_birth.affordable(every.take(np.arange(10)), model)
     assert (len(few), count) == (10, 64)
@@ -52,12 +60,12 @@ def test_affordable_gives_fewer_particles_first_and_then_leaves_out_the_least_ma
     kept, count = detection_birth.affordable(every, model)
     assert (len(kept), count) == (40, 16)
     np.testing.assert_array_equal(kept.mass, mass[60:])
-    np.testing.assert_array_equal(kept.detections.amplitude, np.arange(60.0, 100.0))
+    np.testing.assert_array_equal(kept.report.detections.amplitude, np.arange(60.0, 100.0))
 
 
 def test_intensity_is_the_same_in_chunks(monkeypatch):
     report = Detections(np.array([[6e3, 0.5], [6.2e3, 0.52]]), None)
-    found = Newborn(RADAR, report, np.array([[0.3, 0.6], [0.1, 0.2]]))
+    found = Newborn(Report(RADAR, report), np.array([[0.3, 0.6], [0.1, 0.2]]))
     rng = np.random.default_rng(0)
     state, mode, _, _ = detection_birth.sample(found, BIRTHS, MODES, 64, rng)
     whole = detection_birth.intensity(found, BIRTHS, MODES, state, mode)
@@ -84,7 +92,7 @@ def test_sample_is_about_the_detection():
 
 def test_intensity_equals_the_density_written_out():
     report = Detections(np.array([[6000.0, 0.5], [9000.0, np.pi]]), None)
-    found = Newborn(RADAR, report, np.array([[0.3, 0.6], [0.2, 0.1]]))
+    found = Newborn(Report(RADAR, report), np.array([[0.3, 0.6], [0.2, 0.1]]))
     state, mode, _, _ = detection_birth.sample(
         found, BIRTHS, MODES, BIRTHS.particles, np.random.default_rng(1)
     )
@@ -107,7 +115,7 @@ def test_intensity_equals_the_density_written_out():
 def test_update_leaves_strong_detections_that_nobody_explains_as_newborn():
     # 45 dB: no clutter is that strong; 4: any clutter is.
     report = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 4.0]))
-    _, found = update(EMPTY, report, RADAR, unknown(), BERNOULLI, 6.0, np.random.default_rng(0))
+    (found,) = update(EMPTY, Report(RADAR, report), steps_of(unknown()), 6.0).newborns
 
     assert found.mass[0].sum() == pytest.approx(1.0, abs=1e-6)
     assert found.mass[0, 0] > 0.99  # of the stronger class
@@ -125,9 +133,8 @@ def reports_of_one_target(amplitude=200.0):
 @pytest.mark.parametrize("corrector", ["bernoulli", "poisson"])
 def test_update_scan_finds_a_target_of_two_radars_once(corrector):
     model, scan = reports_of_one_target()
-    phd, found = update_scan(
-        EMPTY, scan, model, CORRECTORS[corrector], 6.0, 0, np.random.default_rng(0)
-    )
+    updated = update_scan(EMPTY, scan, steps_of(model, CORRECTORS[corrector]), 6.0, 0)
+    phd, found = updated.rows, updated.newborns
 
     assert [one.mass.sum() for one in found] == pytest.approx([1.0, 0.0], abs=0.05)
     assert phd.weight.sum() == pytest.approx(1.0, abs=0.05)
@@ -136,9 +143,7 @@ def test_update_scan_finds_a_target_of_two_radars_once(corrector):
 def test_newborn_mass_follows_the_interval():
     report = Detections(np.array([[6000.0, 0.5]]), np.array([4.5]))
     masses = [
-        update(EMPTY, report, RADAR, unknown(), BERNOULLI, dt, np.random.default_rng(0))[
-            1
-        ].mass.sum()
+        update(EMPTY, Report(RADAR, report), steps_of(unknown()), dt).newborns[0].mass.sum()
         for dt in (3.0, 6.0)
     ]
 
@@ -148,17 +153,14 @@ def test_newborn_mass_follows_the_interval():
 def test_update_without_such_births_leaves_nothing():
     report = Detections(np.array([[6000.0, 0.5]]), np.array([200.0]))
 
-    assert update(EMPTY, report, RADAR, MODEL, BERNOULLI, 6.0, np.random.default_rng(0))[1] is None
+    assert update(EMPTY, Report(RADAR, report), steps_of(MODEL), 6.0).newborns == ()
 
 
 def test_update_scan_gives_every_detection_an_origin_of_its_own():
     model, scan = reports_of_one_target()
     far = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 200.0]))
     scan = replace(scan, detections=(far, scan.detections[1]))
-    scans = [
-        update_scan(EMPTY, scan, model, BERNOULLI, 6.0, k, np.random.default_rng(0))[0]
-        for k in (2, 3)
-    ]
+    scans = [update_scan(EMPTY, scan, steps_of(model), 6.0, k).rows for k in (2, 3)]
 
     assert [len(set(phd.origin)) for phd in scans] == [3, 3]
     assert not set(scans[0].origin) & set(scans[1].origin)
@@ -188,7 +190,6 @@ def test_tracker_finds_targets_without_known_birth_places():
     assert distance.min(axis=0).max() < 600.0
 
 
-ENGINES = ["particles", "gaussian"]
 HIDDEN = {"min_range": 3e4, "max_range": 5e4}
 
 
@@ -241,8 +242,8 @@ def test_missed_by_is_the_product_of_the_radars_that_looked_of_what_they_took_in
     place = np.array([[6e3, 0.0], [0.0, 5e3]])
     nothing, none = Detections(np.zeros((0, 2)), None), np.zeros((0, 2))
     ahead = replace(nothing, coverage=Coverage(-1.0, 2.0))
-    first = Newborn(model.radars[0], nothing, none, share=0.5)
-    second = Newborn(model.radars[1], ahead, none)
+    first = Newborn(Report(model.radars[0], nothing, share=0.5), none)
+    second = Newborn(Report(model.radars[1], ahead), none)
     p_d = model.radars[1].class_detection_probability(MODES.classes)
     missed = detection_birth.missed_by((first, second), place, MODES)
     np.testing.assert_allclose(missed[:, 0], 0.65 * (1.0 - p_d), rtol=1e-12)

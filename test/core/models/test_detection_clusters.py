@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from lone import lone, scan_at
 
-from phd_jdtc_ros.core.models.detection_clusters import merged
+from phd_jdtc_ros.core.models.detection_clusters import merge_clusters
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
@@ -31,7 +31,7 @@ def places(found):
 
 def test_detections_of_one_vehicle_become_one_at_their_centre():
     report = Detections(at((-50, 0.5), (20, 5), (-51, -0.5)), np.array([4.0, 6.0, 9.0]))
-    found = merged(report, RADAR)
+    found = merge_clusters(report, RADAR)
     np.testing.assert_allclose(places(found), [[-50.5, 0.0], [20.0, 5.0]], atol=1e-9)
     np.testing.assert_array_equal(found.amplitude, [9.0, 6.0])
 
@@ -39,14 +39,14 @@ def test_detections_of_one_vehicle_become_one_at_their_centre():
 def test_detections_with_other_range_rates_stay_apart():
     rate = np.array([5.0, 5.2, -8.0, np.nan])
     report = Detections(at((50, 0), (51, 0), (50.5, 1), (90, 0)), None, range_rate=rate)
-    found = merged(report, RADAR)
+    found = merge_clusters(report, RADAR)
     np.testing.assert_allclose(found.range_rate, [5.1, -8.0, np.nan])
 
 
 def test_range_rates_of_different_folds_agree():
     radar = replace(RADAR, range_rate=RangeRateModel(0.1, 20.0))
     report = Detections(at((50, 0), (51, 0)), None, range_rate=np.array([9.9, -9.9]))
-    found = merged(report, radar)
+    found = merge_clusters(report, radar)
     assert len(found) == 1
     assert abs(found.range_rate[0]) == pytest.approx(10.0)
 
@@ -54,20 +54,20 @@ def test_range_rates_of_different_folds_agree():
 def test_a_row_of_vehicles_is_not_one():
     # Each is near the next one; none is as long as the row.
     report = Detections(at(*((40 + 2.5 * k, 0) for k in range(9))), None)
-    assert len(merged(report, RADAR)) >= 3
+    assert len(merge_clusters(report, RADAR)) >= 3
 
 
 def test_noise_may_be_what_sets_detections_of_one_vehicle_apart():
     radar = replace(RADAR, azimuth_std=np.radians(1.0))
     # A degree is 2.6 m at 150 m, and their difference has that times the root of two.
     across, along = at((150, -2.5), (150, 2.5)), at((147.5, 0), (152.5, 0))
-    assert len(merged(Detections(across, None), radar)) == 1
-    assert len(merged(Detections(along, None), radar)) == 2
+    assert len(merge_clusters(Detections(across, None), radar)) == 1
+    assert len(merge_clusters(Detections(along, None), radar)) == 2
 
 
 def test_without_a_distance_detections_stay_as_they_are():
     report = Detections(at((50, 0), (50, 0.1)), None)
-    assert merged(report, replace(RADAR, cluster_distance=0.0)) is report
+    assert merge_clusters(report, replace(RADAR, cluster_distance=0.0)) is report
 
 
 def test_deviations_and_times_of_a_group_are_their_means():
@@ -79,7 +79,7 @@ def test_deviations_and_times_of_a_group_are_their_means():
         range_rate=np.array([1.0, 1.0]),
         range_rate_std=np.array([0.2, np.nan]),
     )
-    found = merged(report, RADAR)
+    found = merge_clusters(report, RADAR)
     np.testing.assert_allclose(found.time_s, [0.1])
     np.testing.assert_array_equal(found.noise_std, [[2.0, np.nan]])
     np.testing.assert_array_equal(found.range_rate_std, [0.2])
@@ -92,12 +92,12 @@ def test_a_group_has_the_identity_that_is_known_and_the_kind_of_the_most_sensors
         code=np.array([UNKNOWN, 0o1234, UNKNOWN]),
         kind=np.array([1, 3, 1]),
     )
-    found = merged(report, RADAR)
+    found = merge_clusters(report, RADAR)
     assert found.code.tolist() == [0o1234, UNKNOWN]
     assert found.kind.tolist() == [3, 1]
 
 
 def test_an_engine_gets_the_merged_detections():
     scan = scan_at(0.0, at((50, 0), (51, 0), (90, 9)))
-    ((_, found),) = MODEL.reports(scan)
+    (found,) = MODEL.reports(scan)
     assert len(found) == 2

@@ -3,6 +3,7 @@ import pytest
 from scenes import small
 
 from phd_jdtc_ros.core.models import detection_limit
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Coverage, Detections
 
 RADAR = small().model.radars[1]
@@ -23,6 +24,13 @@ AMPLITUDES = {
 }
 
 
+def limited(predicted, targets, detections, radar):
+    """Return the detections, the sensor and the share of an incomplete report."""
+    report = detection_limit.limited(Report(radar, detections), predicted, targets)
+    assert not report.complete
+    return report.detections, report.sensor, report.share
+
+
 @pytest.fixture(autouse=True)
 def few_candidates(monkeypatch):
     monkeypatch.setattr(detection_limit, "MOST_CANDIDATES", 5000)
@@ -33,13 +41,14 @@ PREDICTED = crowd(1000, None).measurement
 
 def test_what_can_be_afforded_is_left_as_it_is():
     few = crowd(100, np.full(100, 5.0))
-    assert detection_limit.thinned(PREDICTED, 4.0, few, RADAR) == (few, RADAR, 1.0)
+    report = Report(RADAR, few)
+    assert detection_limit.limited(report, PREDICTED, 4.0) is report
 
 
 def test_with_amplitudes_the_threshold_is_raised():
     amplitude = AMPLITUDES["noise"]
     many = crowd(20_000, amplitude)
-    kept, raised, share = detection_limit.thinned(PREDICTED, 1e6, many, RADAR)
+    kept, raised, share = limited(PREDICTED, 1e6, many, RADAR)
     assert share == 1.0
     assert RADAR.candidates(PREDICTED, kept) < 1.2 * detection_limit.MOST_CANDIDATES
     assert sorted(kept.amplitude) == sorted(amplitude)[-len(kept) :]
@@ -56,7 +65,7 @@ def test_with_amplitudes_the_threshold_is_raised():
 @pytest.mark.parametrize("amplitudes", AMPLITUDES)
 def test_a_crowd_that_no_target_explains_is_clutter(amplitudes):
     many = crowd(20_000, AMPLITUDES[amplitudes])
-    kept, crowded, _ = detection_limit.thinned(PREDICTED, 4.0, many, RADAR)
+    kept, crowded, _ = limited(PREDICTED, 4.0, many, RADAR)
     assert crowded.clutter_rate == len(kept) - 4.0
     density = np.exp(crowded.log_clutter_intensity(crowd(20_000, None)))
     area = 2.0 * np.pi * RADAR.clutter_max_range
@@ -69,7 +78,7 @@ def test_a_crowd_of_a_sector_is_clutter_of_that_sector():
     many = Detections(
         crowd(20_000, None).measurement * azimuths + [0.0, 0.05], None, coverage=sector
     )
-    kept, crowded, _ = detection_limit.thinned(PREDICTED, 4.0, many, RADAR)
+    kept, crowded, _ = limited(PREDICTED, 4.0, many, RADAR)
     density = np.exp(crowded.log_clutter_intensity(kept))
     area = sector.width * RADAR.clutter_max_range
     np.testing.assert_allclose(density * area, len(kept) - 4.0)
@@ -77,21 +86,21 @@ def test_a_crowd_of_a_sector_is_clutter_of_that_sector():
 
 def test_a_crowd_with_unknown_amplitudes_has_a_threshold():
     amplitude = np.where(np.arange(20_000) < 10, 30.0, np.nan)
-    kept, raised, _ = detection_limit.thinned(PREDICTED, 4.0, crowd(20_000, amplitude), RADAR)
+    kept, raised, _ = limited(PREDICTED, 4.0, crowd(20_000, amplitude), RADAR)
     assert np.isnan(kept.amplitude).sum() == len(kept) - 10
     assert (raised.threshold, np.isfinite(raised.clutter_rate)) == (30.0, True)
 
 
 def test_a_crowd_without_particles_is_bounded_too():
     many = crowd(20_000, AMPLITUDES["equal"])
-    kept, crowded, _ = detection_limit.thinned(PREDICTED[:0], 0.0, many, RADAR)
+    kept, crowded, _ = limited(PREDICTED[:0], 0.0, many, RADAR)
     assert len(kept) == crowded.clutter_rate == detection_limit.MOST_DETECTIONS
 
 
 @pytest.mark.parametrize("amplitudes", ["none", "equal"])
 def test_without_an_order_of_amplitudes_an_even_draw_is_kept(amplitudes):
     many = crowd(20_000, AMPLITUDES[amplitudes])
-    kept, raised, share = detection_limit.thinned(PREDICTED, 1e6, many, RADAR)
+    kept, raised, share = limited(PREDICTED, 1e6, many, RADAR)
     assert RADAR.candidates(PREDICTED, kept) < 1.2 * detection_limit.MOST_CANDIDATES
     if amplitudes == "none":
         assert share == len(kept) / 20_000

@@ -73,7 +73,7 @@ def test_a_target_at_rest_is_clutter_only_if_it_is_to_every_radar():
         plain, clutter_map=ClutterMap(PolarGrid.of_noise(10.0, 0.01)), clutter_map_speed=3.0
     )
     slower = replace(mapped, clutter_map_speed=2.0)
-    assert stationary.bound_of_rest([mapped]) == 3.0
-    assert stationary.bound_of_rest([mapped, slower]) == 2.0
-    assert stationary.bound_of_rest([mapped, plain]) == 0.0
-    assert stationary.bound_of_rest([]) == 0.0
+    assert stationary.stationary_speed([mapped]) == 3.0
+    assert stationary.stationary_speed([mapped, slower]) == 2.0
+    assert stationary.stationary_speed([mapped, plain]) == 0.0
+    assert stationary.stationary_speed([]) == 0.0

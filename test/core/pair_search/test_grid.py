@@ -64,12 +64,6 @@ def test_within_groups_of_far_queries_are_none(far):
     assert check(point + far, group, point, group, 7.0) == 0
 
 
-def test_within_groups_of_a_group_without_points_are_none():
-    rng = np.random.default_rng(0)
-    point = rng.normal(0.0, 5.0, (50, 3))
-    assert check(point, np.full(50, 2), point, np.zeros(50, dtype=np.int64), 7.0) == 0
-
-
 @pytest.mark.parametrize("axis", [0, 2])
 def test_a_cloud_like_a_line_needs_no_more_cells_than_its_points_can_fill(axis, monkeypatch):
     point = np.zeros((2, 3))

@@ -69,17 +69,6 @@ def test_pairs_within_equal_brute_force(seed, kind, sizes, dimension, blocks, ra
         check(query, query_block, point, point_block, radius)
 
 
-@pytest.mark.parametrize("chunk", [1, 3, 50, 1000])
-def test_pairs_within_do_not_depend_on_the_chunk(chunk, monkeypatch):
-    rng = np.random.default_rng(4)
-    query, point = rng.normal(0.0, 3.0, (60, 4)), rng.normal(0.0, 3.0, (80, 4))
-    arguments = (query, rng.integers(0, 2, 60), point, rng.integers(0, 2, 80), 4.0)
-    whole = check(*arguments)
-    assert len(whole) > 100
-    monkeypatch.setattr(candidates, "CHUNK_PAIRS", chunk)
-    assert sorted(check(*arguments)) == sorted(whole)
-
-
 @settings(deadline=None, max_examples=100)
 @given(
     seed=st.integers(0, 10**6),
@@ -102,43 +91,6 @@ def test_pairs_within_include_those_exactly_as_far_as_the_radius(radius, origin)
     lattice = np.stack(np.meshgrid(side, side, [0.0, 3.0]), axis=-1).reshape(-1, 3) + origin
     none = np.zeros(len(lattice), int)
     check(lattice[::-1], none, lattice, none, radius)
-
-
-def test_pairs_within_keep_blocks_apart():
-    query = point = np.zeros((2, 3))
-    found = check(query, np.array([0, 1]), point, np.array([1, 2]), 1.0)
-    assert found == [(1, 0)]
-
-
-def test_pairs_within_find_all_pairs_of_equal_points():
-    assert (
-        len(check(np.ones((6, 3)), np.zeros(6, int), np.ones((9, 3)), np.zeros(9, int), 0.5)) == 54
-    )
-
-
-@pytest.mark.parametrize(
-    "query",
-    [
-        pytest.param([[0.0, 5.5, 0.0]], id="between-the-points"),
-        pytest.param([[1e3, 1e3, 1e3], [-1e3, -1e3, 0.0]], id="outside-the-search"),
-    ],
-)
-def test_pairs_within_of_far_queries_are_none(query):
-    query = np.array(query)
-    point = np.array([[0.0, 0.0, 0.0], [0.0, 9.0, 0.0]])
-    assert check(query, np.zeros(len(query), int), point, np.zeros(2, int), 1.0) == []
-
-
-@pytest.mark.parametrize(("queries", "points"), [(0, 3), (3, 0), (0, 0)])
-def test_pairs_within_of_nothing_are_none(queries, points):
-    row, column, square = pairs_within(
-        np.zeros((queries, 3)),
-        np.zeros(queries, int),
-        np.zeros((points, 3)),
-        np.zeros(points, int),
-        1.0,
-    )
-    assert len(row) == len(column) == len(square) == 0
 
 
 # --- The compiled inner loop ---------------------------------------------------------------------

@@ -7,12 +7,15 @@ from hypothesis import strategies as st
 from scenes import intensity, small
 
 from phd_jdtc_ros.core import backend
-from phd_jdtc_ros.core.sensors.polar_radar import GATE_SIGMA, RadarModel, wrap_angle
+from phd_jdtc_ros.core.arrays import wrap_angle
+from phd_jdtc_ros.core.sensors.polar_radar import GATE_SIGMA, RadarModel
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.sensors.visibility import Visibility
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
-from phd_jdtc_ros.core.smc.update import update
+from phd_jdtc_ros.core.smc.update import ParticleSteps
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.types import Coverage, Detections
+from phd_jdtc_ros.core.window.update import update
 
 RADAR = RadarModel(
     name="radar",
@@ -114,13 +117,6 @@ def test_gated_pairs_are_the_same_bits_with_either_backend(monkeypatch):
         np.testing.assert_array_equal(plain, compiled)
 
 
-def test_gated_pairs_reach_across_the_cut():
-    detections = Detections(np.array([[1000.0, np.pi - 0.001], [1000.0, -np.pi + 0.001]]), None)
-    predicted = np.array([[1000.0, np.pi - 0.001], [1000.0, -np.pi + 0.001]])
-    particle, detection, _ = RADAR.gated_pairs(predicted, detections)
-    assert sorted(zip(particle, detection, strict=True)) == [(0, 0), (0, 1), (1, 0), (1, 1)]
-
-
 @pytest.mark.parametrize("turns", [-2, -1, 1, 3])
 def test_gated_pairs_ignore_whole_turns_of_a_detection(turns):
     model = small().model
@@ -132,11 +128,12 @@ def test_gated_pairs_ignore_whole_turns_of_a_detection(turns):
     turned = measurement + np.array([0.0, turns * 2.0 * np.pi])
     phd = intensity(state, np.full(200, 0.004), mode=rng.integers(0, 4, 200))
     amplitudes = np.full(5, 20.0)
-    missed, _ = update(
-        phd, Detections(np.zeros((0, 2)), np.zeros(0)), radar, model, BERNOULLI, 6.0, rng
+    none = Detections(np.zeros((0, 2)), np.zeros(0))
+    steps = ParticleSteps(model, BERNOULLI, rng)
+    missed, plain, shifted = (
+        update(phd, Report(radar, found), steps, 6.0).rows
+        for found in (none, *(Detections(place, amplitudes) for place in (measurement, turned)))
     )
-    plain, _ = update(phd, Detections(measurement, amplitudes), radar, model, BERNOULLI, 6.0, rng)
-    shifted, _ = update(phd, Detections(turned, amplitudes), radar, model, BERNOULLI, 6.0, rng)
     assert plain.weight.sum() > missed.weight.sum() + 0.1
     np.testing.assert_allclose(shifted.weight, plain.weight, rtol=1e-9)
 
@@ -268,7 +265,7 @@ def test_missable_is_what_the_antenna_passed_of_the_field_of_view():
 def test_linearised_is_the_measurement_and_its_derivative():
     rng = np.random.default_rng(0)
     position = rng.uniform(-12e3, 12e3, (40, 2))
-    measured, jacobian = RADAR.linearised(position)
+    measured, jacobian = RADAR.linearise(position)
 
     def measure(places):
         state = np.zeros((len(places), 5))
@@ -286,13 +283,13 @@ def test_linearised_is_the_measurement_and_its_derivative():
 
 def test_linearised_keeps_leading_axes():
     position = np.random.default_rng(1).uniform(-9e3, 9e3, (3, 4, 2))
-    measured, jacobian = RADAR.linearised(position)
-    flat, matrix = RADAR.linearised(position.reshape(-1, 2))
+    measured, jacobian = RADAR.linearise(position)
+    flat, matrix = RADAR.linearise(position.reshape(-1, 2))
     np.testing.assert_array_equal(measured, flat.reshape(3, 4, 2))
     np.testing.assert_array_equal(jacobian, matrix.reshape(3, 4, 2, 2))
 
 
 def test_linearised_at_the_radar_is_finite():
-    measured, jacobian = RADAR.linearised(np.array([RADAR.position]))
+    measured, jacobian = RADAR.linearise(np.array([RADAR.position]))
     assert np.isfinite(measured).all()
     assert np.isfinite(jacobian).all()

@@ -8,6 +8,7 @@ from scipy.stats import norm
 from phd_jdtc_ros.core.models import detection_birth
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel, Newborn
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections
 
 RATED = {
@@ -25,15 +26,15 @@ AMBIGUOUS = replace(RADAR, range_rate=RangeRateModel(0.2, 30.0), velocity=(4.0, 
 
 def test_wrapped_is_the_fold_nearest_to_zero():
     model = RangeRateModel(0.1, 20.0)
-    np.testing.assert_allclose(model.wrapped(np.array([-33.0, -9.0, 9.0, 29.0])), [7, -9, 9, 9])
-    np.testing.assert_array_equal(RangeRateModel(0.1).wrapped(np.array([-3e3])), [-3e3])
+    np.testing.assert_allclose(model.wrap(np.array([-33.0, -9.0, 9.0, 29.0])), [7, -9, 9, 9])
+    np.testing.assert_array_equal(RangeRateModel(0.1).wrap(np.array([-3e3])), [-3e3])
 
 
 @pytest.mark.parametrize("std", [0.3, 6.0, 25.0])
 def test_folded_has_the_moments_of_all_folds(std):
     model = RangeRateModel(0.1, 20.0)
     error = np.array([0.0, 3.0, 9.5, -51.0])
-    innovation, spread, log_density = model.folded(error, np.full(4, std**2))
+    innovation, spread, log_density = model.fold(error, np.full(4, std**2))
     each = error + 20.0 * np.arange(-40, 41)[:, None]
     density = norm.pdf(each, 0.0, std)
     share = density / density.sum(axis=0)
@@ -81,7 +82,7 @@ def test_intensities_of_clutter_and_births_sum_to_those_without_range_rates(mode
     area = np.radians(120.0) * radar.clutter_max_range
     assert clutter == pytest.approx(7.0 / area, rel=1e-9)
     births = [
-        np.exp(BIRTHS.log_intensity(found, radar, CONFIG.model.modes, 6.0)).sum()
+        np.exp(BIRTHS.log_intensity(Report(radar, found), CONFIG.model.modes, 6.0)).sum()
         for found in (rated, plain)
     ]
     assert births[0] * step == pytest.approx(births[1], rel=2e-3)
@@ -93,14 +94,14 @@ def test_intensities_of_detections_without_a_known_range_rate_are_those_without_
     plain = Detections(place, None)
     assert RADAR.log_clutter_intensity(unknown) == RADAR.log_clutter_intensity(plain)
     modes = CONFIG.model.modes
-    found = [BIRTHS.log_intensity(one, RADAR, modes, 6.0) for one in (unknown, plain)]
+    found = [BIRTHS.log_intensity(Report(RADAR, one), modes, 6.0) for one in (unknown, plain)]
     np.testing.assert_array_equal(*found)
 
 
 def newborns(radar, *rates):
     place = np.tile([60.0, 0.3], (len(rates), 1))
     report = Detections(place, None, range_rate=np.array(rates))
-    return Newborn(radar, report, np.ones((len(rates), 1)))
+    return Newborn(Report(radar, report), np.ones((len(rates), 1)))
 
 
 def drawn(found):
@@ -141,20 +142,21 @@ def test_newborn_particles_take_folds_by_the_prior_of_the_velocity():
 @pytest.mark.parametrize("time_s", [None, np.array([0.4])])
 def test_intensity_of_newborns_is_the_density_of_their_sample(time_s):
     found = newborns(AMBIGUOUS, 10.0)
-    found = replace(found, detections=replace(found.detections, time_s=time_s))
+    detections = replace(found.report.detections, time_s=time_s)
+    found = replace(found, report=replace(found.report, detections=detections))
     state, mode, _, _ = drawn(found)
     intensity = detection_birth.intensity(found, BIRTHS, CONFIG.model.modes, state, mode)
     # By Bayes' rule, prior times likelihood over posterior is the density of the range rate.
-    report = replace(found.detections, range_rate=None)
-    plain = Newborn(found.radar, report, found.mass)
+    report = replace(found.report, detections=replace(detections, range_rate=None))
+    plain = Newborn(report, found.mass)
     prior = detection_birth.intensity(plain, BIRTHS, CONFIG.model.modes, state, mode)
     row = np.arange(len(state)), np.zeros(len(state), dtype=int)
-    likelihood = np.exp(AMBIGUOUS.log_range_rate(state, found.detections, row))
+    likelihood = np.exp(AMBIGUOUS.log_range_rate(state, detections, row))
     near = np.flatnonzero(prior > 0.0)
     evidence = prior[near] * likelihood[near] / intensity[near]
     assert len(near) > 0.999 * len(state)
     line = np.array([[np.cos(0.3 + AMBIGUOUS.yaw), np.sin(0.3 + AMBIGUOUS.yaw)]])
-    expected = np.exp(BIRTHS.log_range_rate(line, AMBIGUOUS.rates_of(found.detections), AMBIGUOUS))
+    expected = np.exp(BIRTHS.log_range_rate(line, found.report.range_rates, AMBIGUOUS))
     np.testing.assert_allclose(evidence, expected[0], rtol=0.05)
 
 

@@ -9,7 +9,7 @@ from phd_jdtc_ros.configuration.engines import particle_filter
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.tracks.labels import ORIGINS_PER_SCAN
 
-CONFIG = small({"corrector": "poisson"})
+CONFIG = small({"engine": "phd"})
 FILTER = particle_filter(CONFIG)
 METHOD = (FILTER.corrector, FILTER.budget)
 MODEL = CONFIG.model

@@ -7,6 +7,7 @@ from scenes import gaussian_cloud, intensity, no_detections, plain, predict
 from scipy import sparse
 
 from phd_jdtc_ros.configuration.engines import particle_filter
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.smc.kernel import backward_kernel
 from phd_jdtc_ros.core.smc.kernel.backward_kernel import Transition
 from phd_jdtc_ros.core.smc.resampling import resample
@@ -17,9 +18,10 @@ from phd_jdtc_ros.core.smc.smoother import (
     bernoulli_death_term,
     paper_death_term,
 )
-from phd_jdtc_ros.core.smc.update import update
+from phd_jdtc_ros.core.smc.update import ParticleSteps
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.core.window.entries import Entry, Source
+from phd_jdtc_ros.core.window.update import update
 
 DT = 6.0
 
@@ -38,9 +40,11 @@ def forward(start, model, method, scans, rng):
         predicted = start
         if index:
             predicted = predict(stored[-1], model, method.corrector, method.budget, DT, index, rng)
-        updated, _ = update(
-            predicted, detections, model.radars[0], model, method.corrector, DT, rng
+        report, steps = (
+            Report(model.radars[0], detections),
+            ParticleSteps(model, method.corrector, rng),
         )
+        updated = update(predicted, report, steps, DT).rows
         stored.append(resample(updated, model.modes, method.budget, rng))
     return stored
 
@@ -185,15 +189,15 @@ def test_bernoulli_term_is_finite_for_a_component_rounded_above_one(excess):
 # --- Small examples: a target that ends, one that exists -----------------------------------------
 
 
-def toy_masses(snr_db, seen, death_term, corrector="poisson"):
+def toy_masses(snr_db, seen, death_term, engine="phd"):
     """Return filtered and smoothed masses of one target, detected or not scan by scan."""
     band = [snr_db - 0.01, snr_db + 0.01]
     model, method = single_target_model(
         {
             "target.snr_band_db": band,
             "particles_per_target": 400,
-            "least_particles": 100,
-            "corrector": corrector,
+            "budget.least": 100,
+            "engine": engine,
         }
     )
     rng = np.random.default_rng(1)
@@ -235,7 +239,7 @@ def test_bernoulli_term_keeps_the_existence_before_a_death(p_d, bias):
 
 @pytest.mark.parametrize("p_d", [0.98, 0.88])
 def test_bernoulli_corrector_and_term_have_no_bias_before_a_death(p_d):
-    filtered, smoothed = toy_masses(SNR_OF_P_D[p_d], [1, 1, 1, 0, 0, 0], "bernoulli", "bernoulli")
+    filtered, smoothed = toy_masses(SNR_OF_P_D[p_d], [1, 1, 1, 0, 0, 0], "bernoulli", "particles")
     np.testing.assert_allclose(filtered[:3], 1.0, atol=1e-6)
     # Bayes' rule for the existence of a target that was certain and is missed.
     alive = [1.0]

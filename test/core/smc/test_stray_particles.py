@@ -8,6 +8,7 @@ from scipy.stats import multivariate_normal
 
 from phd_jdtc_ros.core.attributes.uniqueness import Lost
 from phd_jdtc_ros.core.models.manoeuvre import PROBABILITY, manoeuvre
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.proposals.detections_in_plane import places_of
 from phd_jdtc_ros.core.smc.strays import with_strays
@@ -33,11 +34,11 @@ def strayed(seed=3):
         log_snr=np.zeros(count),
     )
     place = radar.measure(MEAN[None] + [150.0, 0.0, -120.0, 0.0, 0.0])
-    detections = Detections(place, None, time_s=np.array([TIME_S]))
+    report = Report(radar, Detections(place, None, time_s=np.array([TIME_S])))
     lost = Lost(np.array([0]), np.array([0]), np.array([SINCE_S]))
     rng = np.random.default_rng(seed)
-    after = with_strays(before, lost, detections, radar, config.model, rng)
-    return before, after, places_of(detections, radar), config.model
+    after = with_strays(before, lost, report, config.model, rng)
+    return before, after, places_of(report), config.model
 
 
 def test_strays_have_the_evidence_of_the_manoeuvre_that_leads_to_the_detection():

@@ -6,17 +6,19 @@ from scenes import TARGETS, intensity, no_detections, scattered, small
 from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.engines import particle_filter
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.sensors.visibility import Visibility
-from phd_jdtc_ros.core.smc import update as update_step
 from phd_jdtc_ros.core.smc.correction import POISSON
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.resampling import ParticleBudget, resample
-from phd_jdtc_ros.core.smc.update import update_scan
+from phd_jdtc_ros.core.smc.update import ParticleSteps
 from phd_jdtc_ros.core.targets.modes import ClassModel
 from phd_jdtc_ros.core.types import Detections, Scan
+from phd_jdtc_ros.core.window import update as window_update
+from phd_jdtc_ros.core.window.update import update_scan
 
 # The PHD filter's corrector; the other one is tested in test_correction.
-CONFIG = small({"corrector": "poisson"})
+CONFIG = small({"engine": "phd"})
 FILTER = particle_filter(CONFIG)
 MODEL = CONFIG.model
 MODES = MODEL.modes
@@ -26,10 +28,8 @@ RADAR = RADARS[1]  # at the world's origin
 
 
 def update(phd, detections, radar, modes):
-    updated, _ = update_step.update(
-        phd, detections, radar, replace(MODEL, modes=modes), POISSON, 6.0, np.random.default_rng(0)
-    )
-    return updated
+    steps = ParticleSteps(replace(MODEL, modes=modes), POISSON, np.random.default_rng(0))
+    return window_update.update(phd, Report(radar, detections), steps, 6.0).rows
 
 
 def reports(amplitudes=(20.0, 5.0, 4.0, 4.0), radar=RADAR):
@@ -183,8 +183,9 @@ def test_update_scan_applies_the_radars_in_order_and_skips_the_silent():
     model = replace(MODEL, radars=RADARS)
     first, second = (reports(radar=radar) for radar in RADARS)
     rng = np.random.default_rng(0)
-    both, _ = update_scan(phd, Scan(1, (first, second)), model, POISSON, 6.0, 1, rng)
-    one, _ = update_scan(phd, Scan(1, (None, second)), model, POISSON, 6.0, 1, rng)
+    steps = ParticleSteps(model, POISSON, rng)
+    both = update_scan(phd, Scan(1, (first, second)), steps, 6.0, 1).rows
+    one = update_scan(phd, Scan(1, (None, second)), steps, 6.0, 1).rows
     chained = update(update(phd, first, RADARS[0], MODES), second, RADARS[1], MODES)
     np.testing.assert_array_equal(both.weight, chained.weight)
     np.testing.assert_array_equal(one.weight, update(phd, second, RADARS[1], MODES).weight)

@@ -71,7 +71,6 @@ def test_transition_of_rows_given_to_seven_digits_sums_to_one():
     given_rows = {
         "classes": ["class_0", "class_1"],
         "motions": ["cv", "ct", "cv_2"],
-        "spawn.mode_transition": [],
     }
     for name in ("class_0", "class_1"):
         given_rows[f"{name}.motions"] = ["cv", "ct", "cv_2"]

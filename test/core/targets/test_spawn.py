@@ -8,7 +8,7 @@ from phd_jdtc_ros.configuration.engines import particle_filter
 from phd_jdtc_ros.core.smc.correction import POISSON
 from phd_jdtc_ros.core.state_space import OMEGA
 
-CONFIG = small({"spawn.particles_per_target": 20_000})
+CONFIG = small({"spawning.particles_per_target": 20_000})
 FILTER = particle_filter(CONFIG)
 MODEL = replace(CONFIG.model, births=())
 
@@ -69,8 +69,3 @@ def test_spawn_founds_an_origin_a_parent_where_origins_are_targets():
     named = {(phd.origin[p], o) for p, o in zip(predicted.parent[spawned], own, strict=True)}
     assert len(named) == 2
     assert not set(own) & set(predicted.origin[~spawned])
-
-
-def test_spawn_arrays_are_read_only():
-    with pytest.raises(ValueError, match="read-only"):
-        MODEL.spawn.transition[0, 0] = 1.0

@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import estimate_sets
 import numpy as np
 import pytest
 from scenes import small
@@ -8,10 +9,8 @@ from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
 from phd_jdtc_ros.core.tracks.common_stamp import (
     Schedule,
     at_stamp,
-    interpolated,
-    joined,
-    none,
-    predicted,
+    interpolate,
+    predict,
 )
 from phd_jdtc_ros.core.types import Estimates
 
@@ -24,14 +23,12 @@ def estimates(stamp_s, tracks, state=None, weight=0.9):
     count = len(tracks)
     if state is None:
         state = np.tile([1000.0, 100.0, 2000.0, -50.0, 0.0], (count, 1))
-    return Estimates(
+    return estimate_sets.estimates(
+        state,
+        np.diag([100.0, 4.0, 100.0, 4.0, 1e-6]),
+        weight,
         stamp_ns=round(stamp_s * SECOND),
-        lag=0,
-        state=state,
-        covariance=np.tile(np.diag([100.0, 4.0, 100.0, 4.0, 1e-6]), (count, 1, 1)),
-        weight=np.full(count, weight),
         class_probability=np.tile([0.7, 0.3], (count, 1)),
-        class_id=np.zeros(count, dtype=np.int64),
         track_id=np.array(tracks, dtype=np.int64),
     )
 
@@ -44,12 +41,12 @@ def moved(found, dt):
 
 
 def predicted_from(found, stamp_ns):
-    return predicted(found, np.full(len(found), found.stamp_ns), stamp_ns, MODES)
+    return predict(found, np.full(len(found), found.stamp_ns), stamp_ns, MODES)
 
 
 def between(before, after, stamp_ns):
     times = tuple(np.full(len(part), part.stamp_ns) for part in (before, after))
-    return interpolated(before, after, times, stamp_ns)
+    return interpolate(before, after, times, stamp_ns)
 
 
 def test_schedule_without_a_period_has_no_stamps_of_its_own():
@@ -112,7 +109,7 @@ def test_interpolated_at_either_end_is_that_end():
 
 def test_at_stamp_takes_the_update_before_and_the_one_after_it():
     first, second = estimates(10.0, [3, 5]), moved(estimates(10.0, [5]), 4.0)
-    found = at_stamp(*joined([first, second], 2), 12 * SECOND, 0.5, MODES)
+    found = at_stamp(*Estimates.concatenate([first, second], 2), 12 * SECOND, 0.5, MODES)
     assert found.track_id.tolist() == [3, 5]
     np.testing.assert_allclose(found.position, moved(first, 2.0).position, atol=1e-6)
     assert (found.stamp_ns, found.lag) == (12 * SECOND, 2)
@@ -122,33 +119,37 @@ def test_at_stamp_takes_the_update_before_and_the_one_after_it():
 
 def test_at_stamp_leaves_out_who_came_later_or_is_unlikely():
     parts = [estimates(10.0, [1]), estimates(10.0, [2], weight=0.3), estimates(14.0, [7])]
-    assert at_stamp(*joined(parts, 0), 12 * SECOND, 0.5, MODES).track_id.tolist() == [1]
+    assert at_stamp(
+        *Estimates.concatenate(parts, 0), 12 * SECOND, 0.5, MODES
+    ).track_id.tolist() == [1]
 
 
 def test_at_stamp_takes_unlabelled_targets_from_the_last_scan():
     parts = [estimates(9.0, [0, 0, 0]), estimates(10.0, [0, 0]), estimates(14.0, [0])]
-    assert at_stamp(*joined(parts, 0), 12 * SECOND, 0.5, MODES).track_id.tolist() == [0, 0]
+    assert at_stamp(
+        *Estimates.concatenate(parts, 0), 12 * SECOND, 0.5, MODES
+    ).track_id.tolist() == [0, 0]
 
 
 @pytest.mark.parametrize("parts", [[], [estimates(10.0, [])]])
 def test_at_stamp_without_targets_has_all_columns(parts):
     found = (
-        at_stamp(*joined(parts, 1), 12 * SECOND, 0.5, MODES)
+        at_stamp(*Estimates.concatenate(parts, 1), 12 * SECOND, 0.5, MODES)
         if parts
-        else none(MODES, 12 * SECOND, 1)
+        else Estimates.empty(12 * SECOND, 1, len(MODES.classes))
     )
     assert (len(found), found.state.shape, found.class_probability.shape) == (0, (0, 5), (0, 2))
 
 
-def test_joined_is_in_the_order_of_the_tracks():
-    found, time_ns = joined([estimates(1.0, [4, 9]), estimates(2.0, [2])], 0)
+def test_concatenated_estimates_are_in_the_order_of_the_tracks():
+    found, time_ns = Estimates.concatenate([estimates(1.0, [4, 9]), estimates(2.0, [2])], 0)
     assert found.track_id.tolist() == [2, 4, 9]
     assert time_ns.tolist() == [2 * SECOND, SECOND, SECOND]
 
 
 def test_predicted_moves_every_target_from_its_own_time():
     parts = [estimates(1.0, [1, 4]), estimates(2.0, [2]), estimates(5.0, [3])]
-    found = predicted(*joined(parts, 0), 5 * SECOND, MODES)
+    found = predict(*Estimates.concatenate(parts, 0), 5 * SECOND, MODES)
     for part in parts:
         own = np.isin(found.track_id, part.track_id)
         alone = predicted_from(part, 5 * SECOND)

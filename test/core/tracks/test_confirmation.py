@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 
+import estimate_sets
 import numpy as np
 import pytest
+from inner import resolve
 from scenes import seen_with
-from sweep import configuration
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.snapshot import Snapshot
@@ -19,7 +19,6 @@ from phd_jdtc_ros.core.types import (
     TENTATIVE,
     Coverage,
     Detections,
-    Estimates,
     Pose,
     Scan,
 )
@@ -42,13 +41,12 @@ def scan_of(stamp_ns, model=MODEL):
 def estimates(stamp_ns, found, class_id=1, lag=0, model=MODEL):
     """Return estimates at 5 km of {track: existence probability}."""
     count, space = len(found), model.modes.space
-    state = np.tile(space.state((5e3, 0.0), (0.0, 0.0), 0.0), (count, 1))
-    return Estimates(
+    return estimate_sets.estimates(
+        np.tile(space.state((5e3, 0.0), (0.0, 0.0), 0.0), (count, 1)),
+        np.zeros((len(space), len(space))),
+        np.array([*found.values()], dtype=float),
         stamp_ns=stamp_ns,
         lag=lag,
-        state=state,
-        covariance=np.zeros((count, len(space), len(space))),
-        weight=np.array([*found.values()], dtype=float),
         class_probability=np.eye(len(model.modes.classes))[np.full(count, class_id)],
         class_id=np.full(count, class_id),
         track_id=np.array([*found], dtype=np.int64),
@@ -80,7 +78,7 @@ class Tracks:
         )
         touched = np.array([*given], dtype=np.int64) - 1
         held = [(self.index - back) * INTERVAL for back in range(2)]
-        reported = self.states.filtered(
+        reported = self.states.report_filtered(
             every, touched, held, scan_of(stamp_ns, self.model), self.model
         )
         self.states.note(reported)
@@ -185,7 +183,7 @@ def test_a_target_that_comes_out_of_a_blind_sector_has_its_number(engine, hidden
         {
             "engine": engine,
             "particles_per_target": 1500,
-            "radars": ["radar_1"],
+            "sensors": ["radar_1"],
             "births": [],
             "detection_births.rates": [0.05, 0.05],
             "lag": 1,
@@ -251,16 +249,16 @@ def test_given_deletion_is_of_the_existence_probability_alone():
 
 
 def test_unlabelled_estimates_are_reported_above_one_threshold():
-    config = resolve({"corrector": "poisson"})
+    config = resolve({"engine": "phd"})
     assert not config.rule.labelled
     assert config.rule.least == config.rule.least_smoothed == 0.5
-    given = resolve({"corrector": "poisson", "confirm_probability": 0.7, "delete_probability": 0.9})
+    given = resolve({"engine": "phd", "confirm_probability": 0.7, "delete_probability": 0.9})
     assert given.rule.least == given.rule.least_smoothed == 0.7
     assert (given.rule.delete == 0.7).all()
     states = TrackStates(config.rule)
     found = estimates(SECOND, {0: 0.6})
-    assert states.filtered(found, np.zeros(0), (), scan_of(SECOND), MODEL) is found
-    assert states.smoothed(found) is found
+    assert states.report_filtered(found, np.zeros(0), (), scan_of(SECOND), MODEL) is found
+    assert states.report_smoothed(found) is found
     assert found.track_state.tolist() == [CONFIRMED]
 
 
@@ -270,7 +268,9 @@ def test_smoothed_targets_are_reported_back_to_where_they_begin_to_exist():
         tracks.add(t1=weight, t2=0.5)
     states = []
     for index, weight in enumerate((0.25, 0.99, 0.99, 0.99, 0.99), start=1):
-        found = tracks.states.smoothed(estimates(index * INTERVAL, {1: weight, 2: 0.99}, lag=4))
+        found = tracks.states.report_smoothed(
+            estimates(index * INTERVAL, {1: weight, 2: 0.99}, lag=4)
+        )
         states.append(dict(zip(found.track_id.tolist(), found.track_state.tolist(), strict=True)))
     # The second track was never confirmed; the first was deleted with the last scan.
     assert states == [{}, {1: TENTATIVE}, {1: CONFIRMED}, {1: COASTING}, {}]
@@ -302,27 +302,27 @@ def test_states_forget_tracks_and_stamps_that_are_gone():
         tracks.add(**{f"t{number}": 0.9})
         tracks.states.forget_before((tracks.index - 5) * INTERVAL)
     assert len(tracks.states._records.label) <= 2
-    assert len(tracks.states._noted) == 6
+    assert len(np.unique(tracks.states._noted.stamp_ns)) == 6
 
 
-def held_by(tracks):
-    held = Snapshot(tracks.index * INTERVAL)
-    tracks.states.put(held)
-    return held
+def snapshot_of(tracks):
+    snapshot = Snapshot(tracks.index * INTERVAL)
+    tracks.states.to_snapshot(snapshot)
+    return snapshot
 
 
 def test_restored_states_go_on():
     first, second = Tracks(), Tracks()
     for weights in ((0.9, 0.2), (0.9999, 0.45), (KEPT, 0.45)):
         first.add(t1=weights[0], t2=weights[1])
-    second.states.take(held_by(first))
+    second.states.from_snapshot(snapshot_of(first))
     second.index = first.index
     for one, other in zip(first.states._records, second.states._records, strict=True):
         np.testing.assert_array_equal(one, other)
     assert first.add(t1=0.4, t2=0.45) == second.add(t1=0.4, t2=0.45)
     stamp_ns = 2 * INTERVAL
     ours, theirs = (
-        t.states.smoothed(estimates(stamp_ns, {1: 0.9, 2: 0.9})) for t in (first, second)
+        t.states.report_smoothed(estimates(stamp_ns, {1: 0.9, 2: 0.9})) for t in (first, second)
     )
     np.testing.assert_array_equal(ours.track_state, theirs.track_state)
 
@@ -330,28 +330,30 @@ def test_restored_states_go_on():
 @pytest.mark.parametrize(
     ("name", "value", "said"),
     [
-        ("label", np.array([2, 1]), "must increase"),
-        ("label", np.array([1]), "different lengths"),
-        ("state", np.array([1, 3]), "outside"),
-        ("existence", np.array([np.nan, 1.0]), "not finite"),
-        ("factor", np.array([-1.0, 1.0]), "outside"),
-        ("detected_ns", np.array([-1, 1]), "outside"),
+        ("tracks.label", np.array([2, 1]), "tracks.label: must increase"),
+        ("tracks.label", np.array([1]), r"tracks.stamp_ns: shape \(2,\), expected \(1\)"),
+        ("tracks.state", np.array([1, 3]), "tracks.state: .* outside"),
+        ("tracks.existence", np.array([np.nan, 1.0]), "tracks.existence: .* not finite"),
+        ("tracks.factor", np.array([-1.0, 1.0]), "tracks.factor: .* outside"),
+        ("tracks.detected_ns", np.array([-1, 1]), "tracks.detected_ns: .* outside"),
+        ("noted.stamp_ns", np.array([-1, 1]), "noted.stamp_ns: .* outside"),
+        ("noted.state", np.array([1]), r"noted.state: shape \(1,\), expected \(2\)"),
     ],
 )
 def test_forged_states_are_refused(name, value, said):
     tracks = Tracks()
     tracks.add(t1=0.9, t2=0.9)
-    held = held_by(tracks)
-    held.arrays[f"tracks.{name}"] = value
+    snapshot = snapshot_of(tracks)
+    snapshot.arrays[name] = value
     with pytest.raises(ValueError, match=said):
-        Tracks().states.take(held)
+        Tracks().states.from_snapshot(snapshot)
 
 
 def test_records_are_of_the_tracks_in_the_order_of_their_labels():
     first = Records.new(np.array([2, 9]), SECOND, np.array([0.1, 0.2]))
     second = Records.new(np.array([5]), SECOND, np.array([0.3]))
-    assert first.joined(second).label.tolist() == [2, 5, 9]
-    assert first.joined(second).existence.tolist() == [0.1, 0.3, 0.2]
+    assert first.merge(second).label.tolist() == [2, 5, 9]
+    assert first.merge(second).existence.tolist() == [0.1, 0.3, 0.2]
 
 
 def test_missed_by_all_counts_the_radars_that_reported_and_the_azimuths_they_passed():
@@ -384,7 +386,7 @@ def test_parameter_of_earlier_versions_is_refused_with_those_that_replaced_it():
 
 @pytest.mark.parametrize("engine", ["particles", "gaussian"])
 def test_engines_report_a_missed_target_as_coasting(engine):
-    config = resolve({"engine": engine, "particles_per_target": 1500, "least_particles": 100})
+    config = resolve({"engine": engine, "particles_per_target": 1500, "budget.least": 100})
     scans = [scan for _, scan in simulate(paper_scenario(config.model.radars), 3)[:12]]
     scans[9] = scan_of(scans[9].stamp_ns)  # nothing is detected
     of = new_engine(config)
@@ -401,13 +403,9 @@ def test_engines_report_a_missed_target_as_coasting(engine):
     assert states[10][track] == CONFIRMED
 
 
-def test_configuration_of_turning_radars_has_a_rule():
-    assert configuration().rule.labelled
-
-
 # One radar with a map of clutter; targets are born at detections, at up to 10 m/s.
 COAST = {
-    "radars": ["mast"],
+    "sensors": ["mast"],
     "births": [],
     "interval_s": 2.5,
     "detection_births.rates": [0.02, 0.02],
@@ -426,7 +424,7 @@ def moving(states, model, stamp_ns, speed, std):
     state[:, axes] = [speed, 0.0]
     covariance[:, axes, axes] = std**2
     found = replace(found, state=state, covariance=covariance)
-    reported = states.filtered(found, np.array([0]), [], scan_of(stamp_ns, model), model)
+    reported = states.report_filtered(found, np.array([0]), [], scan_of(stamp_ns, model), model)
     return reported.track_state.tolist()
 
 
@@ -481,6 +479,6 @@ def test_among_reflectors_only_tracks_are_reported_that_tell_that_they_move(give
 def test_a_radar_that_does_not_see_a_place_says_nothing_of_its_neighbourhood():
     near = with_answers(resolve(COAST).model, 5)
     far = {"far.clutter_map": True, "far.position": [6e4, 0.0], "far.max_range": 2e4}
-    both = resolve({**COAST, **far, "radars": ["mast", "far"]}).model
+    both = resolve({**COAST, **far, "sensors": ["mast", "far"]}).model
     both = replace(both, radars=(near.radars[0], both.radars[1]))
     assert states_by_scan(both) == states_by_scan(near)

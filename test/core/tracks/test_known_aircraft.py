@@ -1,18 +1,17 @@
 """Aircraft that come back have their numbers again, where they may have flown."""
 
-import json
-
+import estimate_sets
 import numpy as np
 import pytest
 from hard_turns import PERIOD_S, seen, tracker
-from held import stored_and_read
+from runs import ENGINES, stepped, stored_and_read
 
+from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.tracks import known_aircraft
 from phd_jdtc_ros.core.tracks.known_aircraft import MARGIN, KnownAircraft, LastSeen, Reach
 from phd_jdtc_ros.core.tracks.track_numbers import TrackNumbers
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes, Estimates
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 
-ENGINES = ("gaussian", "particles")
 REACH = Reach(kept_s=600.0, speed=300.0)
 SECOND = 10**9
 EXACT = np.array([5.0, np.radians(0.01)])
@@ -22,29 +21,20 @@ def estimates(seconds, *targets):
     """Return estimates of targets (label, address, x, state)."""
     label, address, x, state = (np.array(column) for column in zip(*targets, strict=True))
     count = len(label)
-    states = np.zeros((count, 5))
-    states[:, 0] = x
-    return Estimates(
+    unknown = np.full(count, UNKNOWN)
+    height = np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan)
+    return estimate_sets.estimates(
+        estimate_sets.states(np.column_stack([x, 0.0 * x])),
+        weight=0.9,
         stamp_ns=seconds * SECOND,
-        lag=0,
-        state=states,
-        covariance=np.tile(np.eye(5), (count, 1, 1)),
-        weight=np.full(count, 0.9),
-        class_probability=np.ones((count, 1)),
-        class_id=np.zeros(count, dtype=np.int64),
         track_id=label,
         track_state=state,
-        attributes=Attributes(
-            height=np.full((count, 2), np.nan),
-            height_covariance=np.full((count, 2, 2), np.nan),
-            code=np.full(count, UNKNOWN),
-            address=address,
-        ),
+        attributes=Attributes(*height, unknown, address),
     )
 
 
 def numbers(tracks, seconds, *targets):
-    return tracks.numbered(estimates(seconds, *targets), REACH).track_id.tolist()
+    return tracks.assign(estimates(seconds, *targets), REACH).track_id.tolist()
 
 
 def test_address_that_comes_back_within_reach_has_its_number_again():
@@ -79,7 +69,7 @@ def test_place_of_a_coasting_track_is_not_noted():
 def test_two_tracks_that_come_to_one_address_are_the_older_one():
     tracks = TrackNumbers()
     numbers(tracks, 0, (5, 77, 0.0, CONFIRMED), (6, UNKNOWN, 20.0, CONFIRMED))
-    found = tracks.numbered(estimates(4, (5, 77, 0.0, COASTING), (6, 77, 20.0, CONFIRMED)), REACH)
+    found = tracks.assign(estimates(4, (5, 77, 0.0, COASTING), (6, 77, 20.0, CONFIRMED)), REACH)
     assert found.track_id.tolist() == [1]
     assert found.position[0, 0] == 20.0
     assert numbers(tracks, 8, (6, 77, 40.0, CONFIRMED)) == [1]
@@ -89,7 +79,7 @@ def test_track_that_coasts_elsewhere_is_not_reported_beside_its_aircraft():
     tracks = TrackNumbers()
     numbers(tracks, 0, (5, 77, 0.0, CONFIRMED))
     numbers(tracks, 20, (5, 77, 4e3, COASTING))
-    found = tracks.numbered(estimates(24, (5, 77, 5e3, COASTING), (40, 77, -3e3, CONFIRMED)), REACH)
+    found = tracks.assign(estimates(24, (5, 77, 5e3, COASTING), (40, 77, -3e3, CONFIRMED)), REACH)
     assert (found.track_id.tolist(), found.position[0, 0]) == ([1], -3e3)
 
 
@@ -120,26 +110,30 @@ def test_aircraft_are_forgotten_after_their_time_and_beyond_the_most(monkeypatch
 def test_stored_aircraft_are_the_same():
     tracks = TrackNumbers()
     numbers(tracks, 0, (5, 77, 12.5, CONFIRMED), (6, 78, 5e4, CONFIRMED))
-    facts = json.loads(json.dumps(tracks.facts))
-    again = KnownAircraft.of_facts(facts["aircraft"], facts["count"])
+    snapshot = Snapshot(0)
+    tracks.to_snapshot(snapshot)
+    again = TrackNumbers.from_snapshot(stored_and_read(snapshot)).aircraft
     assert again == tracks.aircraft
     assert again.number_of(78, (5e4, 0.0), 0, REACH) == 2
 
 
 @pytest.mark.parametrize(
-    ("fact", "text"),
+    ("part", "value", "text"),
     [
-        ([9, 77, 0, 0.0, 0.0, 0.0], "tracks.aircraft: 9 given"),
-        ([1, 1 << 24, 0, 0.0, 0.0, 0.0], "tracks.aircraft.address"),
-        ([1, 77, -1, 0.0, 0.0, 0.0], "tracks.aircraft.stamp_ns"),
-        ([1, 77, 0, float("nan"), 0.0, 0.0], "tracks.aircraft: a number is not finite"),
-        ([1, 77, 0, 0.0, 0.0], "expected 3"),
-        ([1, 77, 0, "a", 0.0, 0.0], "expected floats"),
+        ("number", [9], r"1 up to 9 given, must be at most 10000 up to 2"),
+        ("address", [1 << 24], "aircraft.address: "),
+        ("stamp_ns", [-1], "aircraft.stamp_ns: "),
+        ("position", [[np.nan, 0.0]], "aircraft.position: a number is not finite"),
+        ("position", [[0.0]], r"aircraft.position: shape \(1, 1\), expected \(1, 2\)"),
+        ("speed", [7], "aircraft.speed: int64 given, expected floats"),
     ],
 )
-def test_forged_aircraft_are_refused(fact, text):
+def test_forged_aircraft_are_refused(part, value, text):
+    snapshot = Snapshot(0)
+    KnownAircraft({1: LastSeen(77, 0, (0.0, 0.0), 0.0)}).to_snapshot(snapshot)
+    snapshot.arrays[f"aircraft.{part}"] = np.array(value)
     with pytest.raises(ValueError, match=text):
-        KnownAircraft.of_facts([fact], 2)
+        KnownAircraft.from_snapshot(snapshot, 2)
 
 
 def crossing(hidden, address=77, seed=21, scans=40):
@@ -171,19 +165,15 @@ def test_aircraft_out_of_sight_for_a_minute_has_its_number_again(engine):
 def test_restored_engine_knows_aircraft_that_are_out_of_sight(engine):
     scans = crossing(range(12, 27))
     one, other = tracker(engine), tracker(engine)
-    for scan in scans[:24]:
-        one.step(scan)
+    stepped(one, scans[:24])
     other.restore(stored_and_read(one.snapshot()))
-    found = [other.step(scan).filtered[0].track_id.tolist() for scan in scans[24:]]
-    assert found[-1] == [1]
+    assert stepped(other, scans[24:])[0][-1].track_id.tolist() == [1]
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_gap_of_the_input_leaves_aircraft_their_numbers(engine):
     scans = crossing(range(12, 27))
     one = tracker(engine)
-    for scan in scans[:12]:
-        one.step(scan)
+    stepped(one, scans[:12])
     one.interrupt()
-    found = [one.step(scan).filtered[0].track_id.tolist() for scan in scans[27:]]
-    assert found[-1] == [1]
+    assert stepped(one, scans[27:])[0][-1].track_id.tolist() == [1]

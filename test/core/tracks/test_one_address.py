@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from hard_turns import PERIOD_S, scenes, seen, tracker
+from runs import ENGINES
 
 from phd_jdtc_ros.core.types import UNKNOWN
-from phd_jdtc_ros.evaluation.identity import IdentitySwitches
-from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
+from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.comparison import LabelledPoints
 
-ENGINES = ("gaussian", "particles")
 CUTOFF = 1000.0
 
 

@@ -26,9 +26,9 @@ def test_detections_beyond_the_margin_are_not_seen():
     azimuth = np.arctan2(line[:, 1], line[:, 0]) - radar.yaw
     amplitude = np.arange(4.0)
     seen = Detections(np.stack([np.hypot(*line.T), azimuth], axis=1), amplitude)
-    kept = SQUARE.seen(seen, radar)
+    kept = SQUARE.select_detections(seen, radar)
     assert kept.amplitude.tolist() == [0.0, 1.0]
-    assert Region(-1e3, -1e3, 1e3, 1e3).seen(seen, radar) is seen
+    assert Region(-1e3, -1e3, 1e3, 1e3).select_detections(seen, radar) is seen
 
 
 @pytest.mark.parametrize(
@@ -48,8 +48,8 @@ def test_a_rate_that_is_learned_is_that_of_a_whole_field():
 @pytest.mark.parametrize("late_reports", ["drop", "rework"])
 def test_a_tracker_of_a_region_has_the_targets_in_it_and_no_others(late_reports):
     # Two of the four targets are east of the seam, all the time.
-    given = {"engine": "gaussian", "estimates_period_s": 1.7, "lag_s": 4.0}
-    region = {"region": [0.0, -90e3, 90e3, 90e3], "region_margin": 2e3}
+    given = {"engine": "gaussian", "estimates_period_s": 1.7, "lag": "4 s"}
+    region = {"region": [0.0, -90e3, 90e3, 90e3, 2e3]}
     found = {}
     for name, more in (("whole", {}), ("east", region)):
         config = sweep.configuration({**given, **more, "late_reports": late_reports})
@@ -63,7 +63,7 @@ def test_a_tracker_of_a_region_has_the_targets_in_it_and_no_others(late_reports)
                 steps += [event for event in events if isinstance(event, Stepped)]
         for step in steps:
             assert name == "whole" or all(
-                (config.region.seen(report, config.model.radars[0]) is report)
+                (config.region.select_detections(report, config.model.radars[0]) is report)
                 for report in step.scan.detections
             )
         found[name] = [one for step in steps for one in step.step.filtered]

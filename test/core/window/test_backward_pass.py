@@ -1,20 +1,22 @@
-"""The way back over a window, with text for rows: who is told what by whom, in which order."""
+"""The way back over a window, with text for rows: who is received what by whom, in which order."""
 
 from phd_jdtc_ros.core.window.backward_pass import smoothed_sets
 from phd_jdtc_ros.core.window.entries import Entry, Source
 
 
 def smoothed(*entries):
-    """Return the smoothed sets, newest first; each has what it was told in brackets."""
+    """Return the smoothed sets, newest first; each has what it was received in brackets."""
 
-    def tell(later, link):
+    def send(later, link):
         return f"{later} by {link}"
 
-    def hear(own, told):
-        parts = [f"{part.rows}:{part.part.start}-{part.part.stop} {part.message}" for part in told]
+    def receive(own, received):
+        parts = [
+            f"{part.rows}:{part.part.start}-{part.part.stop} {part.content}" for part in received
+        ]
         return f"{own}({'; '.join(parts)})"
 
-    return list(smoothed_sets(entries, tell, hear))
+    return list(smoothed_sets(entries, send, receive))
 
 
 def test_each_set_hears_of_the_smoothed_next_one_through_its_link():

@@ -17,10 +17,10 @@ def entry():
 
 
 def test_parted_rows_are_those_of_the_entry_and_hold_all_of_them():
-    inside, outside = Current(entry()).parted(np.isin(ORIGIN, [3, 9]))
+    inside, outside = Current(entry()).split(np.isin(ORIGIN, [3, 9]))
     assert inside.rows.tolist() == [0, 1, 3, 4, 5]
     assert outside.rows.tolist() == [2]
-    again, rest = inside.parted(ORIGIN == 9)
+    again, rest = inside.split(ORIGIN == 9)
     assert (again.rows.tolist(), rest.rows.tolist()) == ([3, 4, 5], [0, 1])
     assert again.source.size == len(again) == 3
 
@@ -28,8 +28,8 @@ def test_parted_rows_are_those_of_the_entry_and_hold_all_of_them():
 @pytest.mark.parametrize("rows", [None, np.array([0, 2])])
 def test_parted_keeps_rows_that_are_all_of_one_kind(rows):
     current = Current(entry(), rows)
-    assert current.parted(np.ones(6, dtype=bool)) == (current, None)
-    assert current.parted(np.zeros(6, dtype=bool)) == (None, current)
+    assert current.split(np.ones(6, dtype=bool)) == (current, None)
+    assert current.split(np.zeros(6, dtype=bool)) == (None, current)
 
 
 def test_current_rows_are_a_set_with_their_origins_and_their_mass():

@@ -5,7 +5,7 @@ from sweep import configuration
 
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN_COVERAGE, Coverage, Detections, Scan
 from phd_jdtc_ros.core.window.entries import Current, Entry
-from phd_jdtc_ros.core.window.swept import births_passed, parted
+from phd_jdtc_ros.core.window.swept import partition_swept, swept_births
 
 MODEL = configuration().model
 SECOND = 1_000_000_000
@@ -44,7 +44,7 @@ def origins_of(rows):
     ],
 )
 def test_parted_takes_the_targets_near_the_sector(start, width, expected):
-    touched, others = parted([current()], scan(1.0, start, width), MODEL, True)
+    touched, others = partition_swept([current()], scan(1.0, start, width), MODEL, True)
     assert origins_of(touched) == expected
     assert origins_of(others) == [origin for origin in range(3) if origin not in expected]
 
@@ -52,7 +52,9 @@ def test_parted_takes_the_targets_near_the_sector(start, width, expected):
 def test_parted_takes_both_sides_of_an_edge():
     edge = Coverage(0.0, 0.3), Coverage(-0.3, 0.3)
     for sector in edge:
-        touched, _ = parted([current()], scan(1.0, sector.start, sector.width), MODEL, True)
+        touched, _ = partition_swept(
+            [current()], scan(1.0, sector.start, sector.width), MODEL, True
+        )
         assert origins_of(touched) == [0]
 
 
@@ -60,35 +62,35 @@ def test_parted_takes_both_sides_of_an_edge():
 def test_parted_takes_who_is_near_a_detection_outside_of_what_was_covered(coverage):
     late = np.array([[50e3, 3.14], [20e3, -2.0]])
     report = Detections(late, None, time_s=np.array([-0.4, -0.4]), coverage=coverage)
-    touched, others = parted([current()], Scan(SECOND, (report,)), MODEL, True)
+    touched, others = partition_swept([current()], Scan(SECOND, (report,)), MODEL, True)
     assert 2 in origins_of(touched)
     assert 1 in origins_of(others)
 
 
 def test_parted_takes_everything_without_a_coverage():
     rows = [current()]
-    assert parted(rows, scan(1.0, None, None), MODEL, True) == (rows, [])
+    assert partition_swept(rows, scan(1.0, None, None), MODEL, True) == (rows, [])
 
 
 def test_parted_takes_everything_without_labels():
     rows = [current()]
-    assert parted(rows, scan(1.0, 0.3, 0.1), MODEL, False) == (rows, [])
+    assert partition_swept(rows, scan(1.0, 0.3, 0.1), MODEL, False) == (rows, [])
 
 
 def test_parted_takes_who_has_long_been_left_alone():
-    touched, others = parted([current()], scan(6.5, 0.3, 0.1), MODEL, True)
+    touched, others = partition_swept([current()], scan(6.5, 0.3, 0.1), MODEL, True)
     assert origins_of(touched) == [0, 1, 2]
     assert others == []
 
 
 def test_parted_takes_a_spread_out_target_from_farther_away():
-    touched, _ = parted([current(spread=20e3)], scan(1.0, 0.5, 0.2), MODEL, True)
+    touched, _ = partition_swept([current(spread=20e3)], scan(1.0, 0.5, 0.2), MODEL, True)
     assert 0 in origins_of(touched)
 
 
 def test_parted_rows_can_be_parted_again():
-    touched, others = parted([current()], scan(1.0, -0.2, 0.4), MODEL, True)
-    again, rest = parted(others, scan(1.5, 1.3, 0.6), MODEL, True)
+    touched, others = partition_swept([current()], scan(1.0, -0.2, 0.4), MODEL, True)
+    again, rest = partition_swept(others, scan(1.5, 1.3, 0.6), MODEL, True)
     assert (origins_of(touched), origins_of(again), origins_of(rest)) == ([0], [1], [2])
     assert again[0].source.rows.tolist() == list(range(20, 40))
 
@@ -97,6 +99,6 @@ def test_births_passed_are_those_in_the_sector():
     given = {"births": ["east", "north"], "north.rates": [0.1], "east.rates": [0.1]}
     given |= {"east.position": [50e3, 0.0], "north.position": [0.0, 50e3]}
     model = configuration(given).model
-    assert births_passed(scan(1.0, -0.2, 0.4), model) == [0]
-    assert births_passed(scan(1.0, 1.4, 0.4), model) == [1]
-    assert births_passed(scan(1.0, None, None), model) == [0, 1]
+    assert swept_births(scan(1.0, -0.2, 0.4), model) == [0]
+    assert swept_births(scan(1.0, 1.4, 0.4), model) == [1]
+    assert swept_births(scan(1.0, None, None), model) == [0, 1]

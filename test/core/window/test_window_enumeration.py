@@ -1,14 +1,13 @@
 """All estimates of a window, against what follows from each target's own scans, one by one."""
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from marks import MODEL, PLACES, MarkEngine, MarkFilter, rule
+from runs import stored_and_read
 
 from phd_jdtc_ros.core.engine import Lag
-from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.tracks.common_stamp import Schedule
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 
@@ -109,11 +108,10 @@ def weights_of(estimates):
     return dict(zip(number.tolist(), estimates.weight.tolist(), strict=True))
 
 
-def copied(engine, make):
+def restored(engine, make):
     """Return another engine that goes on from this one's stored state."""
-    held, other = engine.snapshot(), make()
-    facts = json.loads(json.dumps(held.facts))
-    other.restore(Snapshot(held.stamp_ns, dict(held.arrays), facts))
+    other = make()
+    other.restore(stored_and_read(engine.snapshot()))
     return other
 
 
@@ -139,7 +137,7 @@ def test_estimates_are_those_of_each_target_on_its_own(scan_of, period_ns, lag, 
     targets, engine, waiting = lives(scan_of, begins, ends), make(), []
     for index in range(SCANS):
         if begins and index % 7 == 3:  # of one scene, as often as a snapshot may be taken
-            engine = copied(engine, make)
+            engine = restored(engine, make)
         scan = scan_of(index)
         due, latest = [scan.stamp_ns], index
         if period_ns:

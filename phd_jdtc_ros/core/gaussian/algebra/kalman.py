@@ -9,16 +9,18 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray
 from ...compilation import Float1, Float2, Float3, Int1, compiled, contiguous
-from ...sensors.polar_radar import LEAST_RANGE, RadarModel
+from ...sensors.polar_geometry import LEAST_RANGE
+from ...sensors.sensor import Sensor
 from .blocks import SIZE, wrapped
 
-# Gauss-Newton steps of an update; two or three suffice unless a target is next to the radar.
+# Largest number of Gauss-Newton steps of an update; two or three suffice unless a target is next
+# to the sensor.
 ITERATIONS = 5
-# Largest last step of a Gaussian, as a share of its range's standard deviation.
+# An update has converged at a step below this share of the range's standard deviation.
 CONVERGED = 1e-2
-# Least eigenvalue of a correlation matrix; smaller ones, and negative ones, are rounding.
+# Smallest eigenvalue of a correlation matrix; smaller and negative ones are rounding errors.
 LEAST_EIGENVALUE = 1e-10
-# Of an updated variance, as a share of what it was before: doubles resolve no smaller one.
+# Smallest ratio of updated to prior variance that doubles resolve.
 LEAST_VARIANCE = 1e-15
 TINY = float(np.finfo(np.float64).tiny)
 
@@ -33,15 +35,15 @@ def predicted_covariance(
     return symmetric(later), cross
 
 
-class Located(NamedTuple):
-    """Where a detection puts a target: the linearised measurement at the posterior position.
+class Innovation(NamedTuple):
+    """The innovation of a measurement, linearised at the posterior position.
 
     Parameters
     ----------
     jacobian : array of shape (N, 2, 2)
-        Of (range, azimuth) by the position at the detection's time.
+        Jacobian of the measurement with respect to the position at the detection's time.
     weighted : array of shape (N, 2)
-        Innovation, times the inverse of its covariance.
+        Inverse of the innovation's covariance times the innovation.
     inverse : array of shape (N, 2, 2)
         Inverse of the innovation's covariance.
     log_likelihood : array of shape (N,)
@@ -55,7 +57,7 @@ class Located(NamedTuple):
 
 
 @compiled
-def _located(
+def _innovations(
     iterations: int,
     converged: float,
     mean: Float2,
@@ -68,10 +70,10 @@ def _located(
     noise_std: Float2,
     time_s: Float1,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `Located`.
+    """Return the columns of `Innovation`.
 
-    `axes` are those of the position and the velocity; `pose` is the radar's position and the cosine
-    and the sine of its yaw.
+    `axes` are those of the position and the velocity; `pose` is the radar's position, and the
+    cosine and the sine of its yaw. Pairs without a Gaussian, -1, have a likelihood of zero.
     """
     count = len(gaussian)
     jacobian, inverse = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
@@ -126,41 +128,40 @@ def _located(
     return jacobian, weighted, inverse, log_likelihood
 
 
-def located(
+def iterated_update(
     mean: FloatArray,
     covariance: FloatArray,
-    radar: RadarModel,
+    sensor: Sensor,
     measurement: FloatArray,
     noise_std: FloatArray,
     time_s: FloatArray | None = None,
     iterations: int = ITERATIONS,
     converged: float = CONVERGED,
     pairs: tuple[IntArray, IntArray] | None = None,
-) -> Located:
-    """Return where polar measurements put Gaussian targets.
+) -> Innovation:
+    """Return the innovations of measurements of Gaussians, by iterated linearisation.
 
     Parameters
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp.
-    radar : RadarModel
     measurement, noise_std : arrays of shape (M, 2)
         Range in metres and azimuth in radians in the radar's frame; innovations are wrapped.
     time_s : array of shape (M,) or None
-        Time of each measurement relative to the stamp, seconds; the target moves straight on until
-        then.
+        Time of each measurement relative to the stamp, seconds; the target moves on a straight
+        line from the stamp to that time.
     iterations : int
         Largest number of linearisations; 1 is the plain extended Kalman filter.
     converged : float
-        Largest last step, as a share of the range's standard deviation.
+        Step, as a share of the range's standard deviation, below which iteration ends.
     pairs : tuple of two int arrays of shape (P,), or None
         Gaussian and measurement of each pair; None if each Gaussian has the measurement of its row.
-        Pairs without a Gaussian, -1, have a likelihood of zero and are left as they are.
+        A pair with the Gaussian -1 has a likelihood of zero.
 
     Notes
     -----
-    A measurement depends on the position at its time alone. The posterior of that position is
-    found by Gauss-Newton steps, and the likelihood is that of the measurement linearised there.
+    A measurement depends only on the position at its time. Gauss-Newton steps find the posterior
+    position, and the likelihood is computed from the measurement linearised there.
 
     References
     ----------
@@ -170,12 +171,11 @@ def located(
     count = len(measurement)
     gaussian, column = (np.arange(count), np.arange(count)) if pairs is None else pairs
     noise = np.broadcast_to(noise_std, measurement.shape)
-    pose = *radar.position, np.cos(radar.yaw), np.sin(radar.yaw)
-    return Located(
-        *_located(
+    return Innovation(
+        *_innovations(
             iterations,
             converged,
-            *contiguous(mean, covariance, _place_and_speed(radar), np.array(pose)),
+            *contiguous(mean, covariance, _place_and_speed(sensor), _pose(sensor)),
             *contiguous(gaussian, column, measurement, noise, _times(time_s, count)),
         )
     )
@@ -193,7 +193,7 @@ def _updated(
     inverse: Float3,
     time_s: Float1,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the results of `updated`; `axes` as in `_located`."""
+    """Return the results of `updated`; `axes` as in `_innovations`."""
     count = len(gaussian)
     later_mean, later = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
     x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
@@ -217,7 +217,7 @@ def _updated(
             for k in range(i + 1):
                 taken = gain[0, i] * cross[0, k] + gain[1, i] * cross[1, k]
                 later[row, i, k] = later[row, k, i] = spread[i, k] - taken
-            # Of a variance that a precise measurement takes away, rounding may leave nothing.
+            # Rounding may cancel a variance that a precise measurement reduces.
             later[row, i, i] = max(later[row, i, i], LEAST_VARIANCE * spread[i, i])
     return later_mean, later
 
@@ -225,35 +225,35 @@ def _updated(
 def updated(
     mean: FloatArray,
     covariance: FloatArray,
-    radar: RadarModel,
-    found: Located,
+    sensor: Sensor,
+    innovation: Innovation,
     time_s: FloatArray | None = None,
     pairs: tuple[IntArray, IntArray] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the means and covariances of Gaussians after what `located` found of them.
+    """Return the means and covariances of Gaussians after their innovations.
 
     Parameters
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
-    radar : RadarModel
-    found : Located
-        P of them.
+    innovation : Innovation
+        P innovations.
     time_s : array of shape (P,) or None
-        See `located`.
+        See `iterated_update`.
     pairs : tuple of two int arrays of shape (K,), or None
-        Gaussian, and what was found of it; -1 leaves it as it is. None if they pair row by row.
+        Gaussian and innovation of each result; an innovation of -1 leaves the Gaussian as it is.
+        None if they pair row by row.
     """
     every = np.arange(len(mean))
     gaussian, pair = (every, every) if pairs is None else pairs
     return _updated(
-        *contiguous(mean, covariance, _place_and_speed(radar), gaussian, pair),
-        *contiguous(found.jacobian, found.weighted, found.inverse),
-        *contiguous(_times(time_s, len(found.weighted))),
+        *contiguous(mean, covariance, _place_and_speed(sensor), gaussian, pair),
+        *contiguous(innovation.jacobian, innovation.weighted, innovation.inverse),
+        *contiguous(_times(time_s, len(innovation.weighted))),
     )
 
 
-def floored(covariance: FloatArray) -> tuple[FloatArray, int]:
-    """Return covariances without negative eigenvalues, and how many had some.
+def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
+    """Return covariances without negative eigenvalues, and the number of those changed.
 
     Parameters
     ----------
@@ -267,11 +267,11 @@ def floored(covariance: FloatArray) -> tuple[FloatArray, int]:
     try:
         np.linalg.cholesky(checked)
     except np.linalg.LinAlgError:
-        return _floored(covariance)
+        return _floor_eigenvalues(covariance)
     return covariance, 0
 
 
-def _floored(covariance: FloatArray) -> tuple[FloatArray, int]:
+def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
     axes = np.arange(covariance.shape[-1])
     variance = covariance[..., axes, axes]
     used = variance != 0.0
@@ -298,8 +298,21 @@ def _turned(matrix: FloatArray) -> FloatArray:
     return turned
 
 
-def _place_and_speed(radar: RadarModel) -> IntArray:
-    return np.array([*radar.space.position, *radar.space.velocity])
+def _place_and_speed(sensor: Sensor) -> IntArray:
+    return np.array([*sensor.space.position, *sensor.space.velocity])
+
+
+def _pose(sensor: Sensor) -> FloatArray:
+    """Return the position of a radar, and the cosine and the sine of its yaw.
+
+    Raises
+    ------
+    TypeError
+        If the sensor does not measure range and azimuth.
+    """
+    if not sensor.polar:
+        raise TypeError(f"{sensor.name}: {type(sensor).__name__} given, must be a polar radar")
+    return np.array([*sensor.position, np.cos(sensor.yaw), np.sin(sensor.yaw)])
 
 
 def _times(time_s: FloatArray | None, count: int) -> FloatArray:

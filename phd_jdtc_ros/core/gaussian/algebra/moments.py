@@ -9,7 +9,7 @@ from ...compilation import Float1, Float2, Float3, Int1, compiled, contiguous
 from .blocks import SIZE, add_mean, add_spread
 
 
-def merged(
+def merge_moments(
     share: FloatArray, mean: FloatArray, covariance: FloatArray, mixture: IntArray, count: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return the means and covariances of mixtures.
@@ -30,11 +30,11 @@ def merged(
     mean : array of shape (J, D)
     covariance : array of shape (J, D, D)
     """
-    return _merged(count, *contiguous(share, mean, covariance, mixture))
+    return _merge_moments(count, *contiguous(share, mean, covariance, mixture))
 
 
 @compiled
-def _merged(
+def _merge_moments(
     count: int, share: Float1, mean: Float2, covariance: Float3, mixture: Int1
 ) -> tuple[FloatArray, FloatArray]:
     centre, spread = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))

@@ -1,8 +1,9 @@
-"""The range rate in the update: what it tells of Gaussians that range and azimuth have updated.
+"""The update of Gaussians with a range rate, after the update with range and azimuth.
 
-The noise of a range rate is independent of those of range and azimuth, so that it may come after
-them. It is then linearised where they put the target. What is left of its curvature is the product
-of the errors in angle and in the velocity across the line of sight, which its variance takes in.
+The noise of a range rate is independent of the noise of range and azimuth, so that the two updates
+may be done in turn. The range rate is linearised at the position after the first. The remaining
+curvature is the product of the errors in angle and in the velocity across the line of sight; its
+variance is added to the noise.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray, IntArray
-from ...sensors.polar_radar import LEAST_RANGE, RadarModel, Rates
-from ...sensors.range_rate import RangeRateModel
+from ...sensors.polar_geometry import LEAST_RANGE
+from ...sensors.range_rate import RangeRateModel, Rates
+from ...sensors.sensor import Sensor
 from . import kalman
 
 
@@ -25,7 +27,7 @@ class Rated(NamedTuple):
     mean : array of shape (N, D)
     covariance : array of shape (N, D, D)
     log_likelihood : array of shape (N,)
-        Of the range rate alone, over all folds; 0 where there is none.
+        Log likelihood of the range rate alone, summed over all folds; 0 where there is none.
     """
 
     mean: FloatArray
@@ -33,21 +35,21 @@ class Rated(NamedTuple):
     log_likelihood: FloatArray
 
     def take(self, rows: IntArray) -> Rated:
-        """Return those of these rows."""
+        """Return the Gaussians of these rows."""
         return Rated(*(part[rows] for part in self))
 
 
 class Expected(NamedTuple):
-    """What a radar would measure of Gaussians' range rates.
+    """Expected range rates of Gaussians.
 
     Parameters
     ----------
     rate : array of shape (N,)
-        Expected, metres per second.
+        Expected range rate, metres per second.
     cross : array of shape (N, D)
-        Covariance with the state.
+        Covariance of the range rate with the state.
     variance : array of shape (N,)
-        Without the radar's noise.
+        Variance without the radar's noise.
     """
 
     rate: FloatArray
@@ -55,36 +57,35 @@ class Expected(NamedTuple):
     variance: FloatArray
 
 
-def expected(
-    mean: FloatArray, covariance: FloatArray, radar: RadarModel, time_s: FloatArray | None = None
+def expected_rates(
+    mean: FloatArray, covariance: FloatArray, sensor: Sensor, time_s: FloatArray | None = None
 ) -> Expected:
-    """Return what a radar would measure of the range rates of Gaussians.
+    """Return the expected range rates of Gaussians at a radar.
 
     Parameters
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp.
-    radar : RadarModel
     time_s : array of shape (N,) or None
         Time of each measurement relative to the stamp, seconds.
 
     Notes
     -----
     With the line of sight u, the direction n across it, the distance r and the velocity v relative
-    to the radar, the range rate is u'v, and changes by (n'v) a + u'dv + a (n'dv) - (u'v) a^2 / 2
-    with the angle a = n'dp / r and the change dv of the velocity. With the variances A and B of a
-    and n'dv and their covariance C, the last two terms have the mean C - (u'v) A / 2, and about the
-    variance A B + C^2 + (u'v)^2 A^2 / 2.
+    to the radar, the range rate is u'v. Errors dp and dv of position and velocity change it by
+    (n'v) a + u'dv + a (n'dv) - (u'v) a^2 / 2, where a = n'dp / r is the error in angle. With the
+    variances A and B of a and n'dv and their covariance C, the last two terms have the mean
+    C - (u'v) A / 2 and approximately the variance A B + C^2 + (u'v)^2 A^2 / 2.
     """
-    place, speed = list(radar.space.position), list(radar.space.velocity)
+    place, speed = list(sensor.space.position), list(sensor.space.velocity)
     velocity = mean[:, speed]
-    line = mean[:, place] - np.asarray(radar.position)
+    line = mean[:, place] - np.asarray(sensor.position)
     if time_s is not None:
         line = line + time_s[:, None] * velocity
     distance = np.maximum(np.sqrt((line**2).sum(axis=1)), LEAST_RANGE)
     along = line / distance[:, None]
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    relative = velocity - np.asarray(radar.velocity)
+    relative = velocity - np.asarray(sensor.velocity)
     rate, side = (relative * along).sum(axis=1), (relative * across).sum(axis=1)
 
     angle, sideways, first = np.zeros_like(mean), np.zeros_like(mean), np.zeros_like(mean)
@@ -102,49 +103,48 @@ def expected(
     return Expected(rate + c - 0.5 * rate * a, cross, (cross * first).sum(axis=1) + second)
 
 
-def rated(
+def update_rates(
     mean: FloatArray,
     covariance: FloatArray,
-    radar: RadarModel,
+    sensor: Sensor,
     measured: Rates,
     time_s: FloatArray | None = None,
 ) -> Rated:
-    """Return Gaussians updated with one range rate each; those without one stay.
+    """Return Gaussians updated with one range rate each; without one they are unchanged.
 
     Parameters
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp, updated with range and azimuth.
-    radar : RadarModel
     measured : Rates
         N of them.
     time_s : array of shape (N,) or None
         Time of each measurement relative to the stamp, seconds.
     """
-    return told(mean, covariance, expected(mean, covariance, radar, time_s), measured)
+    return updated(mean, covariance, expected_rates(mean, covariance, sensor, time_s), measured)
 
 
-def told(mean: FloatArray, covariance: FloatArray, found: Expected, measured: Rates) -> Rated:
-    """Return Gaussians updated with one range rate each, of which it is known what is expected.
+def updated(mean: FloatArray, covariance: FloatArray, found: Expected, measured: Rates) -> Rated:
+    """Return Gaussians updated with one range rate each, given the expected ones.
 
     Parameters
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp, updated with range and azimuth.
     found : Expected
-        Of these Gaussians.
+        Expected range rates of these Gaussians.
     measured : Rates
-        N of them; Gaussians without one stay.
+        N of them; Gaussians without one are unchanged.
 
     Notes
     -----
-    Where several folds are probable, the result is matched to the mixture of all of them; see
-    `RangeRateModel.folded`.
+    Where several folds are probable, their mixture is moment-matched by one Gaussian; see
+    `RangeRateModel.fold`.
     """
     known = np.isfinite(measured.rate)
     error = np.where(known, measured.rate - found.rate, 0.0)
     total = found.variance + measured.std**2
-    innovation, spread, log_density = measured.model.folded(error, total)
+    innovation, spread, log_density = measured.model.fold(error, total)
     gain = found.cross / total[:, None]
     left = np.where(known, total - spread, 0.0)
     later = mean + np.where(known, innovation, 0.0)[:, None] * gain
@@ -158,13 +158,13 @@ def told(mean: FloatArray, covariance: FloatArray, found: Expected, measured: Ra
 
 def folds_of(measured: Rates, rate: FloatArray, reach: float) -> FloatArray:
     """Return the range rates within `reach` of `rate`, a row per fold, shape (K, M)."""
-    value = rate + measured.model.wrapped(measured.rate - rate)
+    value = rate + measured.model.wrap(measured.rate - rate)
     each: FloatArray = value + measured.model.folds(reach)[:, None]
     return each
 
 
-def unfolded(measured: Rates, rate: FloatArray) -> Rates:
-    """Return range rates that are known wholly."""
+def unambiguous(measured: Rates, rate: FloatArray) -> Rates:
+    """Return unambiguous range rates of these values."""
     return Rates(RangeRateModel(measured.model.std), rate, measured.std)
 
 

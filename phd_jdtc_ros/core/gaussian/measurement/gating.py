@@ -1,4 +1,4 @@
-"""Gating: which detections may be those of a hypothesis, and about how likely each is."""
+"""Gating: the detections in the gate of each hypothesis, and their approximate likelihoods."""
 
 from __future__ import annotations
 
@@ -9,35 +9,37 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray
 from ...compilation import Float1, Float2, Float3, Float4, Int1, compiled, contiguous, inner
-from ...sensors.polar_radar import LEAST_RANGE, RadarModel
-from ...types import FULL_TURN, Detections
+from ...sensors.polar_geometry import LEAST_RANGE
+from ...sensors.report import Report
+from ...sensors.sensor import Sensor
+from ...types import FULL_TURN
 from ..algebra.blocks import wrapped
 from ..algebra.kalman import TINY
 from ..mixture import Mixture
 
-# Radius of the gate in standard deviations of the innovation; 4e-6 of the detections are outside.
+# Radius of the gate in standard deviations of the innovation; a target's detection falls outside
+# with a probability of 4e-6.
 GATE_SIGMA = 5.0
 
 
 class Expected(NamedTuple):
-    """What a radar would measure of each Gaussian.
+    """Expected measurement of each Gaussian.
 
     Parameters
     ----------
-    measured : array of shape (H, R, 2)
-        Range in metres and azimuth in radians.
-    covariance : array of shape (H, R, 2, 2)
-        Without the radar's noise.
+    measured : array of shape (H, R, Z)
+    covariance : array of shape (H, R, Z, Z)
+        Covariance of the expected measurement, without the sensor's noise.
     """
 
     measured: FloatArray
     covariance: FloatArray
 
     @staticmethod
-    def of(mixture: Mixture, radar: RadarModel) -> Expected:
-        """Return what a radar would measure of a mixture's Gaussians."""
-        place = list(radar.space.position)
-        measured, jacobian = radar.linearised(mixture.mean[..., place])
+    def of(mixture: Mixture, sensor: Sensor) -> Expected:
+        """Return the measurements that a sensor is expected to make of a mixture's Gaussians."""
+        place = list(sensor.space.position)
+        measured, jacobian = sensor.linearise(mixture.mean[..., place])
         position = mixture.covariance[..., place, :][..., place]
         return Expected(measured, jacobian @ position @ jacobian.swapaxes(-1, -2))
 
@@ -58,9 +60,9 @@ def _box(
     max_range: float,
     box: FloatArray,
 ) -> bool:
-    """Write least and largest range, centre and half width in azimuth around a row's gates.
+    """Write the box around a row's gates: both ranges, and the centre and half width in azimuth.
 
-    Return whether there are any: of Gaussians that have weight and reach into the radar's range.
+    Return whether any Gaussian has weight and reaches into the radar's range.
     """
     found = False
     for mode in range(len(weight)):
@@ -77,7 +79,7 @@ def _box(
 
 
 @compiled
-def _gated(
+def _gate_pairs(
     max_range: float,
     measured: Float3,
     covariance: Float4,
@@ -91,10 +93,10 @@ def _gated(
     time_s: Float1,
     widest: Float1,
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the results of `gated`.
+    """Return the results of `gate_pairs`.
 
-    `azimuth` is that of the detections in ascending `order`, within a full turn from 0; `widest`
-    is the largest noise of any, and `moved` how far the measurement moves by their times.
+    `azimuth` has the azimuths of the detections in ascending `order`, within a full turn from 0;
+    `widest` is the largest noise, and `moved` the largest motion of a measurement until its time.
     """
     count, modes = weight.shape
     room, found = 4 * count + 64, 0
@@ -148,8 +150,8 @@ def _gated(
     return pairs[:found, 0].copy(), pairs[:found, 1].copy(), log_likelihood[:found]
 
 
-def gated(
-    mixture: Mixture, expected: Expected, detections: Detections, radar: RadarModel
+def gate_pairs(
+    mixture: Mixture, expected: Expected, report: Report
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the pairs of a hypothesis and a detection in the gate of one of its Gaussians.
 
@@ -157,24 +159,22 @@ def gated(
     -------
     row, column : int arrays of shape (P,)
     log_likelihood : array of shape (P, R)
-        Of the measurement linearised at the mean; -inf outside the gate of a Gaussian.
+        Log likelihood with the measurement linearised at the mean; -inf outside a Gaussian's gate.
     """
-    size, shape = len(detections), expected.measured.shape
-    own, times = radar.detection_noise(detections), detections.time_s
+    sensor, detections, shape = report.sensor, report.detections, expected.measured.shape
+    times, std = detections.time_s, report.noise_std
     rate, moved = np.zeros(shape), np.zeros(shape)
-    if times is not None and size:
-        rate = radar.measurement_rate(mixture.mean.reshape(-1, mixture.mean.shape[2]))
+    if times is not None and len(report):
+        rate = sensor.measurement_rate(mixture.mean.reshape(-1, mixture.mean.shape[2]))
         rate = rate.reshape(shape)
-        speed = np.abs(mixture.mean[..., list(radar.space.velocity)]).sum(axis=-1)
+        speed = np.abs(mixture.mean[..., list(sensor.space.velocity)]).sum(axis=-1)
         moved[..., 0] = speed * np.abs(times).max()
         moved[..., 1] = moved[..., 0] / np.maximum(expected.measured[..., 0], LEAST_RANGE)
-    std = np.broadcast_to(radar.noise_std, (size, 2)) if own is None else own
-    widest = radar.noise_std if own is None else own.max(axis=0, initial=0.0)
     azimuth = np.mod(detections.measurement[:, 1], FULL_TURN)
     order = np.argsort(azimuth, kind="stable")
-    return _gated(
-        radar.max_range,
+    return _gate_pairs(
+        sensor.max_range,
         *contiguous(expected.measured, expected.covariance, rate, moved, mixture.mode_weight),
-        *contiguous(detections.measurement, order, azimuth[order], std),
-        *contiguous(np.zeros(size) if times is None else times, widest),
+        *contiguous(detections.measurement, order, azimuth[order], std, report.time_s),
+        *contiguous(std.max(axis=0, initial=0.0)),
     )

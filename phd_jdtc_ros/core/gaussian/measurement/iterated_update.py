@@ -1,4 +1,4 @@
-"""Where detections put the Gaussians of their pairs: by range and azimuth, then by range rate."""
+"""The update of pairs of Gaussians and detections: first positions, then range rates."""
 
 from __future__ import annotations
 
@@ -7,58 +7,61 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray, IntArray
-from ...sensors.polar_radar import RadarModel, Rates
-from ...types import Detections
+from ...sensors.range_rate import Rates
+from ...sensors.report import Report
+from ...sensors.sensor import Sensor
 from ..algebra import kalman, range_rate
 from ..mixture import Mixture
 
 
-class Located(NamedTuple):
-    """What the detections of pairs make of their Gaussians, leading shape (P R,).
+class PairUpdate(NamedTuple):
+    """Innovations of pairs of Gaussians and detections, leading shape (P R,).
 
     Parameters
     ----------
-    found : kalman.Located
-        By range and azimuth.
+    innovation : kalman.Innovation
+        Innovation of the measurement without range rate.
     rated : range_rate.Rated or None
-        With range rates too; None without them.
+        The Gaussians updated with range rates; None if the report has none.
     column : int array of shape (P,)
         The detection of each pair.
-    detections : Detections
-    radar : RadarModel
     """
 
-    found: kalman.Located
+    innovation: kalman.Innovation
     rated: range_rate.Rated | None
     column: IntArray
-    detections: Detections
-    radar: RadarModel
+    report: Report
 
     @property
     def log_likelihood(self) -> FloatArray:
-        """Of range and azimuth, and of the range rate if there is one, shape (P R,)."""
+        """Log likelihood of the measurement, including any range rate, shape (P R,)."""
         if self.rated is None:
-            return self.found.log_likelihood
-        return self.found.log_likelihood + self.rated.log_likelihood
+            return self.innovation.log_likelihood
+        return self.innovation.log_likelihood + self.rated.log_likelihood
 
     def updated(
         self, mixture: Mixture, row: IntArray, pair: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the Gaussians of hypotheses, (K, R, D) and (K, R, D, D), after their detections.
+        """Return the updated Gaussians of hypotheses, (K, R, D) and (K, R, D, D).
 
-        `row` is the hypothesis before, and `pair` its pair with a detection; -1 for none.
+        Parameters
+        ----------
+        row : int array of shape (K,)
+            The hypothesis before the update.
+        pair : int array of shape (K,)
+            Its pair with a detection in this update; -1 for none, which keeps its Gaussians.
         """
         modes, size = mixture.mean.shape[1:]
-        mean, covariance = (
-            mixture.mean.reshape(-1, size),
-            mixture.covariance.reshape(-1, size, size),
-        )
+        mean = mixture.mean.reshape(-1, size)
+        covariance = mixture.covariance.reshape(-1, size, size)
         gaussian = (row[:, None] * modes + np.arange(modes)).ravel()
         at = np.where(pair[:, None] < 0, -1, pair[:, None] * modes + np.arange(modes)).ravel()
-        times = self.detections.time_s
-        time_s = None if times is None else times[self.column].repeat(modes)
         if self.rated is None:
-            later = kalman.updated(mean, covariance, self.radar, self.found, time_s, (gaussian, at))
+            times = self.report.detections.time_s
+            time_s = None if times is None else times[self.column].repeat(modes)
+            later = kalman.updated(
+                mean, covariance, self.report.sensor, self.innovation, time_s, (gaussian, at)
+            )
         else:
             later = mean[gaussian], covariance[gaussian]
             later[0][at >= 0] = self.rated.mean[at[at >= 0]]
@@ -66,58 +69,44 @@ class Located(NamedTuple):
         return later[0].reshape(-1, modes, size), later[1].reshape(-1, modes, size, size)
 
 
-def located(
-    mixture: Mixture,
-    row: IntArray,
-    column: IntArray,
-    detections: Detections,
-    radar: RadarModel,
-    rates: Rates | None,
-) -> Located:
-    """Return where the detections put the Gaussians of pairs.
+def iterated_update(
+    mixture: Mixture, row: IntArray, column: IntArray, report: Report
+) -> PairUpdate:
+    """Return the innovations of pairs, linearised at the posterior positions.
 
     Parameters
     ----------
-    mixture : Mixture
     row, column : int arrays of shape (P,)
         Hypothesis and detection of each pair.
-    detections : Detections
-    radar : RadarModel
-    rates : Rates or None
-        The detections' range rates; None without them.
     """
+    detections, sensor, rates = report.detections, report.sensor, report.range_rates
     modes, size = mixture.mean.shape[1:]
-    each, own = column.repeat(modes), radar.detection_noise(detections)
+    each = column.repeat(modes)
     gaussian = (row[:, None] * modes + np.arange(modes)).ravel()
     mean, covariance = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
-    found = kalman.located(
-        *(mean, covariance, radar, detections.measurement),
-        *(radar.noise_std if own is None else own, detections.time_s),
-        # Modes without weight are left out, which are half of them.
+    innovation = kalman.iterated_update(
+        *(mean, covariance, sensor, detections.measurement, report.noise_std, detections.time_s),
+        # Modes without weight, half of all, are left out.
         pairs=(np.where(mixture.mode_weight[row].ravel() > 0.0, gaussian, -1), each),
     )
     rated = None
     if rates is not None:
         time_s = None if detections.time_s is None else detections.time_s[each]
-        later = kalman.updated(mean[gaussian], covariance[gaussian], radar, found, time_s)
-        rated = range_rate.rated(*later, radar, rates.take(each), time_s)
-    return Located(found, rated, column, detections, radar)
+        later = kalman.updated(mean[gaussian], covariance[gaussian], sensor, innovation, time_s)
+        rated = range_rate.update_rates(*later, sensor, rates.take(each), time_s)
+    return PairUpdate(innovation, rated, column, report)
 
 
-def rough_rates(
-    mixture: Mixture,
-    row: IntArray,
-    column: IntArray,
-    rates: Rates,
-    radar: RadarModel,
+def coarse_rates(
+    mixture: Mixture, row: IntArray, column: IntArray, rates: Rates, sensor: Sensor
 ) -> FloatArray:
-    """Return about the log likelihood of the range rates of pairs, (P, R): at the predicted means.
+    """Return the log likelihood of the range rates of pairs at the predicted means, (P, R).
 
-    The times of detections are left aside.
+    The times of detections are ignored.
     """
     modes, size = mixture.mean.shape[1:]
-    before = range_rate.expected(
-        mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size), radar
+    before = range_rate.expected_rates(
+        mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size), sensor
     )
     rate, variance = (part.reshape(-1, modes) for part in (before.rate, before.variance))
     error = rates.rate[column][:, None] - rate[row]

@@ -1,4 +1,4 @@
-"""Weights of pairs of a hypothesis and a detection, and which of them count."""
+"""Weights of the pairs of hypothesis and detection, and the selection of probable pairs."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...association.marginals import LEAST_CLUTTER
 from ...compilation import Float1, Float3, Int1, compiled, contiguous
-from ...models.competing_sources import OtherSources
+from ...models.competing_sources import CompetingSources
 from ..mixture import Mixture
 
-# Of the sources of a detection, and of the hypotheses of a target; pairs below it are left out
-# before they are located.
+# A pair with less than this share of its detection's sources, or of its target's hypotheses, is
+# left out before the iterated update.
 LEAST_SHARE = 1e-4
 
 
 @compiled
-def _weighed(
+def _pair_weights(
     prior: Float3, row: Int1, column: Int1, log_mass: Float3, log_scale: Float1
 ) -> FloatArray:
-    """Return the results of `weighed`."""
+    """Return the results of `pair_weights`."""
     modes, cells = prior.shape[1:]
     weight = np.zeros((len(row), modes, cells))
     for pair in range(len(row)):
@@ -68,7 +68,7 @@ def _likely(
         for pair in pairs:
             own[column[pair]] += odds[pair]
         for pair in pairs:
-            # Each detection once: what others would leave of it if all that want it did get it.
+            # Each detection counts once, by what remains of it if all other targets claim it.
             z = column[pair]
             alone[one] += own[z] / (1.0 + max(wanted[z] - own[z], 0.0))
             own[z] = 0.0
@@ -77,29 +77,27 @@ def _likely(
     return np.flatnonzero(counted)
 
 
-def weighed(
+def pair_weights(
     mixture: Mixture,
     row: IntArray,
     column: IntArray,
     log_mass: FloatArray,
-    others: OtherSources,
+    others: CompetingSources,
 ) -> FloatArray:
-    """Return p_D L_z w of pairs, divided by the scale of their detections, shape (P, R, S).
+    """Return p_D L_z w of pairs, relative to the scale of their detections, shape (P, R, S).
 
     Parameters
     ----------
-    mixture : Mixture
     row, column : int arrays of shape (P,)
         Hypothesis and detection of each pair.
     log_mass : array of shape (P, R, S)
         log p_D L_z.
-    others : OtherSources
     """
-    return _weighed(*contiguous(mixture.weight, row, column, log_mass, others.log_scale))
+    return _pair_weights(*contiguous(mixture.weight, row, column, log_mass, others.log_scale))
 
 
-def summed(weight: FloatArray) -> FloatArray:
-    """Return the sums over modes and cells, (N,); three times as fast as those of short axes."""
+def sum_modes(weight: FloatArray) -> FloatArray:
+    """Return the sums over modes and cells, (N,), three times as fast as sums of short axes."""
     total: FloatArray = np.einsum("hrs->h", weight)
     return total
 
@@ -110,15 +108,15 @@ def likely(
     column: IntArray,
     weight: FloatArray,
     missed: FloatArray,
-    others: OtherSources,
+    others: CompetingSources,
 ) -> IntArray:
-    """Return the pairs that may be more than `LEAST_SHARE` of their target and their detection.
+    """Return the pairs that may exceed `LEAST_SHARE` of both their target and their detection.
 
-    Another target may claim a detection, however sure this target is of it. Of every detection only
-    that part counts which others would leave even if all that want it did get it.
+    Another target may claim a detection, however probable it is for this one. So a target's share
+    is computed from the part of each detection that remains if all other targets claim it.
     """
     return _likely(
         LEAST_SHARE,
         *contiguous(mixture.target, mixture.existence, row, column),
-        *contiguous(summed(weight), summed(missed), others.total),
+        *contiguous(sum_modes(weight), sum_modes(missed), others.total),
     )

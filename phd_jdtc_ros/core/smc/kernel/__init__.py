@@ -1,1 +1,1 @@
-"""The transition density from particles to later particles, and the backward kernel made of it."""
+"""The transition density between two particle sets, and the backward kernel built from it."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ from ...models.detection_birth import Newborn
 from ...models.tracker_model import TrackerModel
 from ...pair_search import kernels
 from ...pair_search.rows import Points, Queries
+from ...snapshot import floats, integers, sparse_columns
 from ...targets import birth
 from ...targets.modes import ModeSpace
 from ...window.entries import Current, Entry
@@ -29,7 +30,7 @@ from ..correction import Corrector
 from ..particle_set import Aged, ParticleSet
 from . import kernel_thinning, strata
 from .spawn_intensity import spawn_intensity
-from .transition_density import TransitionDensity, gated_density, transition_density, whitened
+from .transition_density import TransitionDensity, gated_density, transition_density, whiten
 
 GATE_SIGMA = 7.5
 
@@ -49,9 +50,9 @@ class Transition:
         Each is paired with its parent.
     """
 
-    ratio: SparseArray
-    survival: FloatArray
-    orphans: int
+    ratio: Annotated[SparseArray, sparse_columns("EN")]
+    survival: Annotated[FloatArray, floats("E", 0.0, 1.0)]
+    orphans: Annotated[int, integers("", 0)]
 
 
 ParticleEntry = Entry[ParticleSet, Transition]
@@ -92,9 +93,8 @@ def build(
     ----------
     earlier, later : ParticleSet
         Stored sets at t and t + 1, of N_t and N_{t+1} rows.
-    model : TrackerModel
     corrector : Corrector
-        With a labelled one, only rows of one origin are paired.
+        With a labelled corrector, only rows of one label are paired.
     dt : float
         True interval between them, seconds.
     found : tuple of Newborn
@@ -110,8 +110,8 @@ def build(
     mu_q = gamma(x_q, o_q) + sum_s w_{t|t}(s) K[q, s] + sum_s w_{t|t}(s) beta(q | s), the last sum
     over all classes. As in the paper, the spawn intensity is part of mu and not of the numerator.
 
-    Deviation: with a labelled corrector, sums are over rows of the same origin. Births and spawned
-    targets begin origins of their own and are part of no other origin's mu.
+    Deviation: with a labelled corrector, sums are over rows of the same label. Births and spawned
+    targets have new labels and do not contribute to the mu of any other label.
     """
     modes = model.modes
     survival = modes.survival(dt)[earlier.mode]
@@ -123,14 +123,14 @@ def build(
     else:
         every = np.arange(len(later))
         pairs = gated_density(kernel, modes, earlier, later, every, GATE_SIGMA)
-        ratio, column, start, mu = _summed(pairs, earlier, later)
+        ratio, column, start, mu = _sum_pairs(pairs, earlier, later)
         mu += _birth_intensity(later, model, dt, found)
         if model.spawn.rate > 0.0 and len(earlier):
             mu += spawn_intensity(mu, earlier, later, model, dt, successor, GATE_SIGMA)
     ratio /= np.where(mu > 0.0, mu, 1.0).repeat(np.diff(start))
-    # An orphan is paired with its parent alone. This is the limit of K / mu as the gate widens.
+    # An orphan is paired with its parent alone, which is the limit of K / mu for a wide gate.
     orphan = np.flatnonzero((mu <= 0.0) & (later.parent >= 0))
-    if corrector.labelled:  # a spawned target has no past in its parent's origin
+    if corrector.labelled:  # a spawned target has no past under its parent's label
         orphan = orphan[later.origin[orphan] == earlier.origin[later.parent[orphan]]]
     if len(orphan):
         parent = later.parent[orphan]
@@ -156,35 +156,34 @@ def build_joint(
     Parameters
     ----------
     earlier : sequence of Aged
-        Stored sets, and their times before the later one; several only with a labelled corrector.
+        Stored sets and their ages; more than one only with a labelled corrector.
     later : ParticleSet
-        Its parents are rows of the earlier sets, one set after the other.
-    model : TrackerModel
+        Its parents are rows of the concatenated earlier sets.
     corrector : Corrector
-        With a labelled one, only rows of one origin are paired.
+        With a labelled corrector, only rows of one label are paired.
     found : tuple of Newborn
         Targets born at the detections of the later scan, by radar.
 
     Returns
     -------
     Transition
-        Its earlier rows are those of all sets, one set after the other.
+        Its earlier rows are the rows of the concatenated earlier sets.
     """
     if len(earlier) == 1:
         return build(earlier[0].particles, later, model, corrector, earlier[0].dt, found)
     parts, first = [], 0
     for particles, dt in earlier:
-        # Each origin comes from one set, so a set explains all of its own origins' later rows.
+        # Each label is in one earlier set, which therefore explains all later rows of the label.
         columns = np.flatnonzero(np.isin(later.origin, factorize(particles.origin)[0]))
         continued = later.take(columns)
         own = replace(continued, parent=np.maximum(continued.parent - first, -1))
         parts.append((columns, build(particles, own, model, corrector, dt)))
         first += len(particles)
-    return _joined(parts, len(later))
+    return _concatenate(parts, len(later))
 
 
-def _joined(parts: Sequence[tuple[IntArray, Transition]], size: int) -> Transition:
-    """Return the transitions to parts of a later set of `size` rows as one."""
+def _concatenate(parts: Sequence[tuple[IntArray, Transition]], size: int) -> Transition:
+    """Return one transition, given those to the parts of a later set of `size` rows."""
     if not parts:
         return Transition(sparse.csc_array((0, size)), np.zeros(0), 0)
     placed, first = [], 0
@@ -215,25 +214,27 @@ def _birth_intensity(
 def _within_origins(
     kernel: TransitionDensity, modes: ModeSpace, earlier: ParticleSet, later: ParticleSet
 ) -> _Sums:
-    """Return the kernel between rows of one origin, and its sums."""
-    # A target's class never changes, so groups by class too are smaller and faster to search.
+    """Return the kernel between rows of one label, and its sums."""
+    # A target's class never changes, so groups by (label, class) are smaller and faster to search.
     key = [
         modes.class_of[side.mode] + len(modes.classes) * side.origin for side in (later, earlier)
     ]
     group = factorize(np.concatenate(key))[1]
     groups = group[: len(later)], group[len(later) :]
-    later_group, earlier_group = strata.parted(kernel, modes, earlier, later, groups, GATE_SIGMA)
+    later_group, earlier_group = strata.split_into_strata(
+        kernel, modes, earlier, later, groups, GATE_SIGMA
+    )
     every = np.arange(len(later))
-    compiled = kernels.chosen().kernel_within_groups
+    compiled = kernels.current().kernel_within_groups
     if compiled is None or len(group) == 0:
         groups = later_group, earlier_group
         pairs = gated_density(kernel, modes, earlier, later, every, GATE_SIGMA, groups)
-        return _summed(pairs, earlier, later)
+        return _sum_pairs(pairs, earlier, later)
     motions = list(kernel.successor)
     survival = np.zeros(len(modes))
     survival[earlier.mode] = kernel.scale  # the scale is P_s, which depends on the mode alone
     value, near, start, mu = compiled(
-        Queries(whitened(later.state, later.mode, modes, kernel), later_group, later.mode),
+        Queries(whiten(later.state, later.mode, modes, kernel), later_group, later.mode),
         Points(
             np.stack([kernel.successor[motion] @ kernel.whitening[motion] for motion in motions]),
             earlier_group,
@@ -249,7 +250,7 @@ def _within_origins(
     return _Sums(value, near, start, mu)
 
 
-def _summed(
+def _sum_pairs(
     pairs: Iterable[tuple[IntArray, IntArray, FloatArray]], earlier: ParticleSet, later: ParticleSet
 ) -> _Sums:
     """Return the pairs of all chunks, thinned, and the sums of kernel times weight by later row."""

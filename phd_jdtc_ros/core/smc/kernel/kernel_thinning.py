@@ -1,17 +1,17 @@
 """Thinning of the backward kernel's rows to a systematic selection of their entries.
 
 After a long interval nearly every particle of a set may descend from nearly every particle of the
-previous one, and the number of pairs grows with the square of the particles. A row with more than
-`MOST` pairs is therefore replaced by those that the teeth of a comb hit, in proportion to kernel
-times weight, and the memory is linear in the particles.
+previous one, and the number of pairs grows with the square of the particles. A row of more than
+`MOST` pairs is therefore reduced to the pairs that the teeth of a comb hit, in proportion to kernel
+times weight. The memory is then linear in the number of particles.
 
-Nothing is random here. The offset of a row's comb follows from the row's number, and the offsets of
-many rows are spread evenly over one tooth. A row's selection by itself is no unbiased draw: it is
-fair over rows, among which a pair of the same share is hit in that share of the rows. The sum of
-kernel times weight is kept in every row.
+The selection is deterministic: the offset of a row's comb follows from the row's number, and the
+offsets of many rows are spread evenly over one tooth. The selection of a single row is not an
+unbiased draw, but over many rows a pair is hit in proportion to its share. Every row keeps its sum
+of kernel times weight.
 
-Deviation from Sec. IV-C, Step 4, which sums all pairs. Few pairs are enough: with two random draws
-per row, as in the reference, the variance of the estimates is already bounded over time.
+Deviation from Sec. IV-C, Step 4, which sums all pairs. Few pairs suffice: the two random draws per
+row of the reference already bound the variance of the estimates over time.
 
 References
 ----------
@@ -29,8 +29,8 @@ from ...arrays import FloatArray, IntArray, run_starts
 from ..resampling import comb
 
 MOST = 128
-# Multiples of the golden section modulo 1 are spread evenly, whatever their number. The combs of
-# consecutive rows thus begin at different offsets.
+# Multiples of this ratio modulo 1 are spread evenly, whatever their number, so that the combs of
+# consecutive rows begin at different offsets.
 GOLDEN_SECTION = 0.5 * (5.0**0.5 - 1.0)
 Triples = tuple[IntArray, IntArray, FloatArray]
 
@@ -75,13 +75,13 @@ def thin(
     row, column, value : arrays of shape (kept,)
         At most `MOST` pairs per row. The sum of value times weight of each row is unchanged.
     """
-    if not (row[MOST:] == row[:-MOST]).any():  # no row is long, as is usual
+    if not (row[MOST:] == row[:-MOST]).any():  # the usual case: no row is long
         return row, column, value
     first = run_starts(row)
     count = np.diff(np.append(first, len(row)))
     in_long_row = (count > MOST).repeat(count)
     pair = np.flatnonzero(in_long_row)
-    # Sorted by column, so that the selection does not depend on the order of the search.
+    # The sort by column makes the selection independent of the order of the search.
     pair = pair[np.lexsort((column[pair], row[pair]))]
     long_row = row[first[count > MOST]]
     group = np.arange(len(long_row)).repeat(count[count > MOST])

@@ -10,10 +10,10 @@ from ...targets.motion import MotionModel
 from ..particle_set import ParticleSet
 from .transition_density import TransitionDensity, gated_density, transition_density
 
-# Spawned mass farther out changes mu by less than this share, a tenth of the gate's own error, and
-# is left out. For most rows the limit is at 5 or 6 sigma, which saves a quarter of the tests.
+# Bound on the share of mu that spawned mass beyond the search radius adds; it is a tenth of the
+# gate's own error. For most rows the radius is 5 or 6 sigma, which saves a quarter of the tests.
 SPAWN_TOLERANCE = 1e-5
-# Bins of the histogram that bounds the spawned mass; fewer would give a looser bound.
+# Largest number of bins of the histogram that bounds the spawned mass; fewer loosen the bound.
 MOST_BINS = 4096
 
 
@@ -32,8 +32,6 @@ def spawn_intensity(
     ----------
     mu : array of shape (N_{t+1},)
         Intensity of survivors and births.
-    earlier, later : ParticleSet
-    model : TrackerModel
     dt : float
         True interval between the sets, seconds.
     successor : dict of motion model to array of shape (N_t, D)
@@ -44,7 +42,7 @@ def spawn_intensity(
     Notes
     -----
     The search radius r of a row is chosen so that the spawned intensity beyond it is a small share
-    of `mu`. It is at most the intensity of all mass within the gate, placed at the distance r.
+    of `mu`. That intensity is bounded as if all mass within the gate were at the distance r.
     """
     spawn, modes = model.spawn, model.modes
     noise = {motion: np.diag(spawn.std[list(motion.support)] ** 2) for motion in successor}
@@ -70,7 +68,7 @@ def _mass_bound(
 ) -> FloatArray:
     """Return an upper bound of the scaled mass with a successor within `reach` of each state, (N,).
 
-    Bins along one axis are at least as wide as the reach, so that three of them contain all such
+    Bins along one axis are at least as wide as the reach, so that three of them contain all of this
     mass. The bound is the smallest over the axes.
     """
     bound = np.full(len(state), np.inf)

@@ -1,11 +1,10 @@
-"""Dense groups of rows are parted before their pairs are searched.
+"""Dense groups of rows are split into strata before their pairs are searched.
 
-Where nearly every particle of an origin can come from nearly every other, a kernel's cost grows
-with the square of the particles, and all but a selection of the pairs are thinned out afterwards.
-Such a group is parted into strata that each hold every B-th row, earlier and later ones alike, and
-only rows of one stratum are paired. Rows are dealt out in turns and not drawn, so that each stratum
-is an even part of the group. Mu is summed over a stratum's own rows, so the backward sums stay
-about the same over all strata.
+Where nearly every particle of a label can descend from nearly every other, a kernel's cost grows
+with the square of the particles, and most pairs are thinned out afterwards. Such a group is split
+into B strata of every B-th earlier and later row, and only rows of one stratum are paired. Rows are
+dealt out in turns, not at random, so that each stratum is an even sample of the group. Mu is summed
+within a stratum, so that the backward sums over all strata stay about the same.
 """
 
 from __future__ import annotations
@@ -16,18 +15,18 @@ from ...arrays import FloatArray, IntArray
 from ...targets.modes import ModeSpace
 from ..particle_set import ParticleSet
 from .kernel_thinning import MOST
-from .transition_density import TransitionDensity, whitened
+from .transition_density import TransitionDensity, whiten
 
-# Rows of each side of a group whose distances tell how dense it is.
+# Number of earlier and of later rows of a group that are sampled to estimate its density.
 PROBES = 16
-# A group is parted once its rows have this many pairs, as far as the probes tell, ...
+# A group is split if its rows have more than this estimated number of pairs each.
 DENSE = 2 * MOST
-# ... into strata in which they have so many. With fewer, the moments of a smoothed set of 600
+# Number of pairs of each row in a stratum. With fewer, the moments of a smoothed set of 600
 # particles are off by more than a fiftieth of its standard deviation.
 LEFT = 3 * MOST // 2
 
 
-def parted(
+def split_into_strata(
     kernel: TransitionDensity,
     modes: ModeSpace,
     earlier: ParticleSet,
@@ -35,15 +34,12 @@ def parted(
     groups: tuple[IntArray, IntArray],
     radius: float,
 ) -> tuple[IntArray, IntArray]:
-    """Return the groups of the later and the earlier rows, with dense ones parted into strata.
+    """Return the groups of the later and the earlier rows, with dense groups split into strata.
 
     Parameters
     ----------
-    kernel : TransitionDensity
-    modes : ModeSpace
-    earlier, later : ParticleSet
     groups : tuple of two int arrays
-        Of the later and of the earlier rows, from 0.
+        Groups of the later and of the earlier rows, from 0.
     radius : float
         In standard deviations of the process noise.
     """
@@ -72,8 +68,8 @@ def parted(
 def _dealt(group: IntArray, weight: FloatArray, strata: IntArray) -> IntArray:
     """Return the stratum of each row within its group.
 
-    The rows of a group are dealt out in turns, a row to each of its B strata. The heaviest row of a
-    turn goes to another stratum each time, so that all have about the same mass.
+    The rows of a group are dealt out in turns, one row to each of its B strata. The heaviest row of
+    each turn goes to a different stratum, so that all strata have about the same mass.
     """
     size = np.bincount(group, minlength=len(strata))
     begin = np.cumsum(size) - size
@@ -96,9 +92,9 @@ def _near_share(
     source: IntArray,
     radius: float,
 ) -> FloatArray:
-    """Return the share of the probes' pairs that are within the radius, by group, (G,)."""
+    """Return the share of the sampled pairs within the radius, by group, (G,)."""
     state, mode = later.state[row.ravel()], later.mode[row.ravel()]
-    query = whitened(state, mode, modes, kernel).reshape(*row.shape, -1)
+    query = whiten(state, mode, modes, kernel).reshape(*row.shape, -1)
     near = np.zeros(row.shape[0])
     for motion, matrix in kernel.whitening.items():
         with_motion = np.array([other == motion for other in modes.motions])[later.mode[row]]

@@ -17,15 +17,15 @@ from ..particle_set import ParticleSet
 
 
 class TransitionDensity(NamedTuple):
-    """A transition density: a Gaussian about the noise-free successor, times a mode matrix.
+    """A transition density: a Gaussian about the noise-free successor times a mode matrix.
 
     Parameters
     ----------
     transition : array of shape (O, O)
     whitening : dict of motion model to array of shape (D, D)
-        Multiplies states from the right; zero outside the motion's support.
+        Whitens states by multiplication from the right; zero outside the motion's support.
     peak : array of shape (O,)
-        Density of the Gaussian at its centre, by mode of the later row.
+        Density at the centre of the Gaussian, by mode of the later row.
     successor : dict of motion model to array of shape (N_t, D)
         Noise-free successors of the earlier rows.
     scale : array of shape (N_t,)
@@ -46,14 +46,13 @@ def transition_density(
     successor: dict[MotionModel, FloatArray],
     scale: FloatArray,
 ) -> TransitionDensity:
-    """Return the density with the given noise covariance on each motion's support.
+    """Return the density with a given noise covariance on each motion's support.
 
     Parameters
     ----------
-    modes : ModeSpace
     transition : array of shape (O, O)
     covariance : dict of motion model to array of shape (K, K)
-        On the motion's support.
+        Noise covariance on the motion's support.
     successor : dict of motion model to array of shape (N_t, D)
         Noise-free successors of the earlier rows.
     scale : array of shape (N_t,)
@@ -71,7 +70,7 @@ def transition_density(
     return TransitionDensity(transition, whitening, by_mode, successor, scale)
 
 
-def whitened(
+def whiten(
     state: FloatArray, mode: IntArray, modes: ModeSpace, kernel: TransitionDensity
 ) -> FloatArray:
     """Return later rows in the coordinates of their own mode's noise, shape (N, D)."""
@@ -95,11 +94,11 @@ def gated_density(
     """Yield (index into `rows`, earlier row, density) of all pairs within the radius, in chunks.
 
     Destination modes with the same motion and the same possible source modes form one block of a
-    common search. Coordinates outside a motion's support are zero. If groups of the later and the
-    earlier rows are given, only rows of one group are paired, and the radius must be one number.
+    common search. Coordinates outside a motion's support are zero. If groups of later and earlier
+    rows are given, only rows of one group are paired, and the radius must be a single number.
     """
     state, mode = later.state.take(rows, axis=0), later.mode.take(rows)
-    query = whitened(state, mode, modes, kernel)
+    query = whiten(state, mode, modes, kernel)
     density = np.empty((len(modes), len(earlier)))
     block_of = np.empty(len(modes), dtype=np.int64)
     blocks: dict[tuple[MotionModel, bytes], int] = {}

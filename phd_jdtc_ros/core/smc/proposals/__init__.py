@@ -1,1 +1,1 @@
-"""Where particles are drawn: by the motion, by range rates, at detections and at birth."""
+"""Proposal densities: process noise and velocities drawn with the detections in sight."""

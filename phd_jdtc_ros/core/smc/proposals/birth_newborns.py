@@ -1,10 +1,10 @@
-"""Velocities of their own for the copies of a newborn target's particles.
+"""Distinct velocities for the copies of a particle born at a known place.
 
-The scan of a birth at a known place tells where the target is and nothing of its velocity.
-Resampling then copies the particles that are at the right place, each with the one velocity that it
-was born with, and few of those turn out right. Given its place, the velocity of a newborn target
-still has its prior, so that every copy may draw another: the density is the same, and several times
-as many velocities are tried with the scans that follow.
+The first scan of such a target locates it but contains no information on its velocity. Resampling
+then copies the particles at the right place, each with the velocity that it was born with, and few
+of these velocities are about right. Given the position, the velocity still has its prior. So every
+copy may draw a new one: the density is unchanged, and the next scans test several times as many
+velocities.
 """
 
 from __future__ import annotations
@@ -19,26 +19,23 @@ from ..correction import scale_rows
 from ..particle_set import ParticleSet
 
 
-def spread(
+def redraw_velocities(
     stored: ParticleSet, scan: Scan, model: TrackerModel, scan_index: int, rng: np.random.Generator
 ) -> ParticleSet:
-    """Return a resampled set in which all copies of newborn particles have their own velocities.
+    """Return a resampled set in which all copies of newborn particles have distinct velocities.
 
     Parameters
     ----------
-    stored : ParticleSet
     scan : Scan
-        From which it was updated. If it tells of velocities the set stays as it is.
-    model : TrackerModel
+        The scan of the last update. If it is informative on velocities the set is unchanged.
     scan_index : int
-        Of the scan.
-    rng : numpy.random.Generator
+        Index of the scan.
 
     Returns
     -------
     ParticleSet
-        With a row for each copy of a particle of a birth term. The first copy keeps its velocity
-        and turn rate, the others draw theirs from the term.
+        It has a row for each copy of a particle of a birth term. The first copy keeps its velocity
+        and turn rate, the others draw them from the term.
     """
     newborn = (stored.parent < 0) & ~labels.is_detected(stored.origin)
     newborn &= stored.multiplicity > 1
@@ -67,7 +64,7 @@ def spread(
 def _tells_velocities(scan: Scan) -> bool:
     """Return whether a scan has range rates, or plots at other times than its stamp.
 
-    At another time, where a target is seen depends on its velocity too.
+    The position at another time depends on the velocity too.
     """
     return any(
         found is not None

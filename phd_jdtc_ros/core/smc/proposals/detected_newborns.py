@@ -1,12 +1,11 @@
-"""The velocities of targets born at a detection, drawn again once their next detection is known.
+"""Redraws the velocities of targets born at a detection when the next detections arrive.
 
-A newborn target's velocity is known only by its prior. Where that is broad, next to none of its
-particles come near the next detection. Its velocities are therefore drawn by importance sampling,
-partly from the prior and partly from those that lead to one of the next detections. The weights
-make up for the difference, so the newborn's density stays the same.
+A newborn target's velocity has only its prior. Where the prior is broad, hardly any particle comes
+near the next detection. The velocities are therefore drawn by importance sampling, partly from the
+prior and partly near the velocities that lead to one of the next detections. Importance weights
+keep the newborn's density unchanged.
 
-Of a target born with a range rate only the velocity across the line of sight is known by its prior,
-and drawn again.
+Where a radar measures range rates, a newborn target's velocity is known better and is not redrawn.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...models.detection_birth import DetectionBirthModel
 from ...models.tracker_model import TrackerModel
-from ...sensors.polar_radar import LEAST_RANGE, RadarModel
 from ...tracks.labels import is_detected
 from ...window.entries import Current, Entry
 from ..correction import scale_rows
@@ -27,55 +25,48 @@ from ..kernel.backward_kernel import CurrentParticles
 from ..particle_set import ParticleSet
 from .detections_in_plane import Places
 
-# Velocities are drawn again where they spread a target over this many deviations of a detection.
+# Velocities are redrawn if they spread the target's position over more than this many standard
+# deviations of a detection.
 BROAD = 2.0
-# The same where only the velocity across is drawn: more of them come near a detection by chance.
-BROAD_ACROSS = 8.0
-# Of the prior; farther out, no detection is taken for the target's next.
+# Gate, in standard deviations of the prior velocity, on a newborn target's next detection.
 REACH_SIGMA = 3.0
 # Share of the particles whose velocities come from the prior.
 PRIOR_SHARE = 0.25
-# A newborn's velocities spread less than this share of the prior where a range rate told them.
-NARROW = 0.5
-# What the velocities that lead to a detection are spread by, beyond its deviation.
+# Factor on a detection's standard deviation in the spread of the velocities drawn towards it.
 INFLATION = 1.5
 
 
-def informed(
+def redraw_velocities(
     touched: Sequence[CurrentParticles],
     stamp_ns: int,
     seen: Places,
-    radars: Sequence[RadarModel],
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> list[CurrentParticles]:
-    """Return the rows that a scan touches, with velocities of newborn targets drawn again.
+    """Return the rows that a scan sweeps, with the velocities of newborn targets redrawn.
 
     Parameters
     ----------
     touched : sequence of Current
+        The swept rows.
     stamp_ns : int
-        Of the scan.
+        Stamp of the scan.
     seen : Places
-        Its detections.
-    radars : sequence of RadarModel
-        Those that reported in it.
-    model : TrackerModel
-    rng : numpy.random.Generator
+        Detections of the scan.
     """
-    if not model.detection_births.enabled:
+    rated = any(radar.range_rate is not None for radar in model.radars)
+    if rated or not model.detection_births.enabled:
         return list(touched)
     return [
-        _informed(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, radars, model, rng)
+        _redraw_velocities(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, model, rng)
         for rows in touched
     ]
 
 
-def _informed(
+def _redraw_velocities(
     rows: CurrentParticles,
     dt: float,
     seen: Places,
-    radars: Sequence[RadarModel],
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> CurrentParticles:
@@ -91,7 +82,7 @@ def _informed(
     chosen = np.flatnonzero(newborn)
     if not len(chosen) or not len(seen.position):
         return rows
-    state, factor = _redrawn(stored, chosen, dt, seen, radars, model, rng)
+    state, factor = _redraw(stored, chosen, dt, seen, model, rng)
     entry = Entry(
         rows.entry.stamp_ns,
         replace(
@@ -106,16 +97,15 @@ def _informed(
     return Current(entry, rows.rows)
 
 
-def _redrawn(
+def _redraw(
     stored: ParticleSet,
     chosen: IntArray,
     dt: float,
     seen: Places,
-    radars: Sequence[RadarModel],
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return all states with the velocities of some rows drawn again, and the weights' factors."""
+    """Return all states with the velocities of some rows redrawn, and the weights' factors."""
     space, births = model.modes.space, model.detection_births
     place, speed = list(space.position), list(space.velocity)
     state, factor = stored.state.copy(), np.ones(len(stored))
@@ -125,103 +115,29 @@ def _redrawn(
         centre = state[row][:, place].mean(axis=0)
         reach = REACH_SIGMA * births.velocity_std * dt
         near = np.flatnonzero(np.hypot(*(seen.position - centre).T) <= reach)
-        along = _measured_along(state[row], radars, births)
-        if along is not None:
-            std = np.sqrt(np.linalg.eigvalsh(seen.covariance[near])[:, -1])
-            near = near[births.velocity_std * dt > BROAD_ACROSS * std]
         if len(near):
             leads = (seen.position[near][:, None] - state[row][:, place]) / dt
-            if along is None:
-                velocity, ratio = _drawn(leads, [shape[index] for index in near], births, rng)
-            else:
-                spread = (INFLATION / dt) ** 2 * seen.covariance[near]
-                velocity, ratio = _drawn_across(
-                    leads, spread, state[np.ix_(row, speed)], along, births, rng
-                )
+            velocity, ratio = _draw(leads, [shape[index] for index in near], births, rng)
             state[np.ix_(row, speed)] = velocity
             weight = stored.weight[row]
             factor[row] = ratio * weight.sum() / (ratio * weight).sum()
     return state, factor
 
 
-def _measured_along(
-    state: FloatArray, radars: Sequence[RadarModel], births: DetectionBirthModel
-) -> FloatArray | None:
-    """Return the directions in which the velocities of a newborn are known, (n, 2).
-
-    They are those from the radar whose range rate told them, up to its ambiguity. None if none did.
-    """
-    best, least = None, NARROW * births.velocity_std
-    for radar in radars:
-        if radar.range_rate is None:
-            continue
-        rate = radar.range_rate_of(state)
-        std = float(radar.range_rate.wrapped(rate - rate[0]).std())
-        if std < least:
-            line = state[:, list(radar.space.position)] - np.asarray(radar.position)
-            distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), LEAST_RANGE)
-            best, least = line / distance[:, None], std
-    return best
-
-
-def _drawn_across(
-    leads: FloatArray,
-    spread: FloatArray,
-    velocity: FloatArray,
-    along: FloatArray,
-    births: DetectionBirthModel,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, FloatArray]:
-    """Draw velocities across some directions, and return all with the prior's share of the density.
-
-    Parameters
-    ----------
-    leads : array of shape (J, n, 2)
-        Velocities that lead each particle to each detection.
-    spread : array of shape (J, 2, 2)
-        Covariances about them.
-    velocity, along : arrays of shape (n, 2)
-        Present velocities, and unit vectors along which they stay.
-    births : DetectionBirthModel
-    rng : numpy.random.Generator
-    """
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    kept = (velocity * along).sum(axis=1)
-    beside = (leads * along).sum(axis=2) - kept
-    square = beside**2 / np.einsum("na,jab,nb->jn", along, spread, along)
-    # A detection that the velocity along leads far away from is none of the target's.
-    share = np.exp(-0.5 * (square - square.min(axis=0)))
-    share *= (1.0 - PRIOR_SHARE) / share.sum(axis=0)
-    mean = (leads * across).sum(axis=2)
-    std = np.sqrt(np.einsum("na,jab,nb->jn", across, spread, across))
-    count = len(kept)
-    uniform = (np.arange(count) + rng.random()) / count
-    part = (rng.permutation(uniform) >= np.cumsum(share, axis=0)).sum(axis=0)
-    normal = rng.standard_normal(count)
-    own = np.minimum(part, len(leads) - 1), np.arange(count)
-    drawn = np.where(part < len(leads), mean[own] + std[own] * normal, births.velocity_std * normal)
-    prior = np.exp(-0.5 * (drawn / births.velocity_std) ** 2) / births.velocity_std
-    mixture = PRIOR_SHARE * prior
-    mixture += (share * np.exp(-0.5 * ((drawn - mean) / std) ** 2) / std).sum(axis=0)
-    return kept[:, None] * along + drawn[:, None] * across, prior / mixture
-
-
-def _drawn(
+def _draw(
     leads: FloatArray,
     shapes: Sequence[FloatArray],
     births: DetectionBirthModel,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray]:
-    """Draw velocities from a mixture, and return them with the prior's share of its density.
+    """Draw velocities from a mixture; return also the ratio of prior to mixture density.
 
     Parameters
     ----------
     leads : array of shape (J, n, 2)
         Velocities that lead each particle to each detection.
     shapes : sequence of J arrays of shape (2, 2)
-        Cholesky factors of the covariances about them.
-    births : DetectionBirthModel
-    rng : numpy.random.Generator
+        Cholesky factors of the covariances of the velocities about `leads`.
     """
     count, size = leads.shape[:2]
     share = (1.0 - PRIOR_SHARE) / count

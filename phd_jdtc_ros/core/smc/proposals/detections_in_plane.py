@@ -1,120 +1,60 @@
-"""Where a scan's detections are in the world, and what they tell of velocities there.
+"""Positions of a scan's detections in the world frame.
 
-The proposals of `proposal`, `range_rate_proposal` and `detected_newborns` draw near them.
+`proposal` and `detected_newborns` draw particles near them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...arrays import FloatArray, IntArray
 from ...models.tracker_model import TrackerModel
-from ...sensors.polar_radar import LEAST_RANGE, RadarModel
-from ...types import Detections, Scan
-
-
-@dataclass(frozen=True)
-class PlaceRates:
-    """The range rates of detections, each with the radar that measured it.
-
-    Parameters
-    ----------
-    rate : array of shape (M,)
-        Metres per second relative to the radar; NaN where it is unknown.
-    std : array of shape (M,)
-        Metres per second.
-    ambiguity : array of shape (M,)
-        The interval modulo which it is known, metres per second; infinite if it is known wholly.
-    radar_position, radar_velocity : arrays of shape (M, 2)
-        In the world frame, metres and metres per second.
-    """
-
-    rate: FloatArray
-    std: FloatArray
-    ambiguity: FloatArray
-    radar_position: FloatArray
-    radar_velocity: FloatArray
-
-    def take(self, rows: IntArray) -> PlaceRates:
-        """Return those of these rows."""
-        return PlaceRates(*(getattr(self, part.name)[rows] for part in fields(self)))
+from ...sensors.report import Report
+from ...types import Scan
 
 
 @dataclass(frozen=True)
 class Places:
-    """The detections of a scan in the world.
+    """The detections of a scan in the world frame.
 
     Parameters
     ----------
     position : array of shape (M, 2)
-        At the time of the detection, metres.
+        Position at the time of the detection, metres.
     covariance : array of shape (M, 2, 2)
         Square metres.
     time_s : array of shape (M,)
-        Relative to the scan's stamp, seconds.
-    rates : PlaceRates or None
-        None if none of them has a range rate that is to be used.
+        Time relative to the scan's stamp, seconds.
     """
 
     position: FloatArray
     covariance: FloatArray
     time_s: FloatArray
-    rates: PlaceRates | None = None
 
     def __len__(self) -> int:
         return len(self.position)
 
     def take(self, rows: IntArray) -> Places:
-        """Return those of these rows."""
-        rates = None if self.rates is None else self.rates.take(rows)
-        return Places(self.position[rows], self.covariance[rows], self.time_s[rows], rates)
+        """Return the detections of these rows."""
+        return Places(self.position[rows], self.covariance[rows], self.time_s[rows])
 
     def sharper_than(self, std: float) -> Places:
-        """Return the detections whose larger deviation is below `std`, metres."""
+        """Return the detections whose larger standard deviation is below `std`, metres."""
         return self.take(np.flatnonzero(np.linalg.eigvalsh(self.covariance)[:, 1] < std**2))
 
 
 def places(scan: Scan, model: TrackerModel) -> Places:
-    """Return where a scan's detections are, of all radars."""
-    reports = model.reports(scan)
-    found = [places_of(detections, radar) for radar, detections in reports]
+    """Return the places of the detections of all radars in a scan."""
+    found = [places_of(report) for report in model.reports(scan)]
     return Places(
         np.concatenate([np.zeros((0, 2)), *(part.position for part in found)]),
         np.concatenate([np.zeros((0, 2, 2)), *(part.covariance for part in found)]),
         np.concatenate([np.zeros(0), *(part.time_s for part in found)]),
-        _rates(reports),
     )
 
 
-def _rates(reports: Sequence[tuple[RadarModel, Detections]]) -> PlaceRates | None:
-    """Return the range rates of all detections; None if there are none to be used."""
-    measured = [radar.rates_of(detections) for radar, detections in reports]
-    if all(found is None or np.isnan(found.rate).all() for found in measured):
-        return None
-    columns: list[tuple[FloatArray, ...]] = []
-    for (radar, detections), found in zip(reports, measured, strict=True):
-        every = np.ones(len(detections))
-        told = (np.nan * every, every, np.inf * every)
-        if found is not None:
-            told = (found.rate, found.std, (found.model.ambiguity or np.inf) * every)
-        columns.append((*told, np.outer(every, radar.position), np.outer(every, radar.velocity)))
-    return PlaceRates(*(np.concatenate(column) for column in zip(*columns, strict=True)))
-
-
-def places_of(detections: Detections, radar: RadarModel) -> Places:
-    """Return where one radar's detections are, without their range rates."""
-    own = radar.detection_noise(detections)
-    std = np.tile(radar.noise_std, (len(detections), 1)) if own is None else own
-    distance, azimuth = detections.measurement.T
-    bearing = azimuth + radar.yaw
-    along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    sides = (std[:, 0], std[:, 1] * np.maximum(distance, LEAST_RANGE))
-    covariance = np.zeros((len(detections), 2, 2))
-    for side, axis in zip(sides, (along, across), strict=True):
-        covariance += (side**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
-    time_s = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
-    return Places(radar.to_world(detections.measurement), covariance, time_s)
+def places_of(report: Report) -> Places:
+    """Return the places of one report's detections."""
+    return Places(report.in_plane.position, report.in_plane.covariance, report.time_s)

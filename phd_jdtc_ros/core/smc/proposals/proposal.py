@@ -1,16 +1,15 @@
-"""Process noise that has seen the detections.
+"""Importance proposal of the process noise, conditioned on the detections.
 
-A precise radar's detection is explained by next to none of the particles that were moved blindly:
-the better the radar, the fewer. Where the process noise is not small against a detection's
-deviations, part of the particles therefore draw their noise given the detection. The weights make
-up for the difference, so that the predicted density stays the same.
+Hardly any particle drawn from the prior explains a detection of a precise radar. Where the process
+noise is not small against a detection's standard deviations, part of the particles therefore draw
+their noise conditioned on the detection. Importance weights keep the predicted density unchanged.
 
 Notes
 -----
-Let m be a particle's position without noise, Q the covariance of the noise in position, R_j that of
-detection z_j, and S_j = Q + R_j. The proposal is the mixture of the process noise itself, with
+Let m be a particle's position without noise, Q the covariance of the noise in position, R_j the
+covariance of detection z_j, and S_j = Q + R_j. The proposal is a mixture of the process noise, with
 share a, and of the noise given each detection, with shares (1 - a) N(z_j; m, S_j) / sum_i N(z_i; m,
-S_i). By Bayes' rule its density at the position x, divided by that of the process noise, is
+S_i). By Bayes' rule its density at the position x, relative to the density of the process noise, is
 a + (1 - a) sum_j N(z_j; x, R_j) / sum_j N(z_j; m, S_j). The weight is the inverse, at most 1 / a.
 
 References
@@ -29,36 +28,35 @@ from ...targets import motion
 from ...targets.motion import MotionModel
 from .detections_in_plane import Places
 
-# The process noise is guided by detections whose larger deviation is below this many of its own.
+# Detections enter the proposal if their larger standard deviation is below this multiple of the
+# process noise's.
 SHARP = 6.0
-# Share of the particles that are moved blindly.
+# Share of the particles whose noise is drawn from the prior.
 BLIND_SHARE = 0.3
-# Of the innovation; a particle is not guided by detections farther out.
+# Gate, in standard deviations of the innovation, on the detections in a particle's proposal.
 GATE_SIGMA = 6.0
-# Particles times detections that are compared at once; with more, none is guided.
+# Largest product of particles and detections; beyond it all noise is drawn from the prior.
 MOST_PAIRS = 1 << 22
 
 
 def sample(
     model: MotionModel, state: FloatArray, dt: float, seen: Places, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Draw the next state of every row, and the factor of its weight.
+    """Draw the next state of every row; return also the factor on its weight.
 
     Parameters
     ----------
-    model : MotionModel
     state : array of shape (N, D)
     dt : float
         Seconds.
     seen : Places
         The detections at the next scan.
-    rng : numpy.random.Generator
 
     Returns
     -------
     state : array of shape (N, D)
     factor : array of shape (N,)
-        At most 1 / `BLIND_SHARE`, and 1 on the average.
+        At most 1 / `BLIND_SHARE`, with mean 1.
     """
     moved = motion.sample(model, state, dt, rng)
     noise = model.noise_covariance(dt)
@@ -67,11 +65,11 @@ def sample(
     if not len(sharp) or not len(state) or len(sharp) * len(state) > MOST_PAIRS:
         return moved, np.ones(len(state))
     seen_noise = _seen_noise(sharp, model, noise)
-    innovation = sharp.covariance + _seen(sharp, model, seen_noise)
+    innovation = sharp.covariance + _position_covariance(sharp, model, seen_noise)
     predictive = _densities(sharp, model.mean(state, dt), model, innovation)
     total = predictive.sum(axis=0)
     guided = np.flatnonzero((total > 0.0) & (rng.random(len(state)) >= BLIND_SHARE))
-    by = _chosen(predictive[:, guided], rng)
+    by = _choose(predictive[:, guided], rng)
     gain = seen_noise @ np.linalg.inv(innovation)
     _pull(moved, guided, by, model, gain, sharp, rng)
     explained = _densities(sharp, moved, model, sharp.covariance, gate=False)
@@ -82,14 +80,14 @@ def sample(
 
 
 def _seen_noise(seen: Places, model: MotionModel, noise: FloatArray) -> FloatArray:
-    """Return the covariance of the noise with the position at each detection's time; (M, K, 2)."""
+    """Return the covariance of the noise and the position at each detection's time, (M, K, 2)."""
     place = [model.support.index(axis) for axis in model.space.position]
     speed = [model.support.index(axis) for axis in model.space.velocity]
     return noise[:, place] + seen.time_s[:, None, None] * noise[:, speed]
 
 
-def _seen(seen: Places, model: MotionModel, seen_noise: FloatArray) -> FloatArray:
-    """Return the noise's covariance of the position at each detection's time, (M, 2, 2)."""
+def _position_covariance(seen: Places, model: MotionModel, seen_noise: FloatArray) -> FloatArray:
+    """Return the covariance of the position at each detection's time by noise, (M, 2, 2)."""
     place = [model.support.index(axis) for axis in model.space.position]
     speed = [model.support.index(axis) for axis in model.space.velocity]
     at_time: FloatArray = seen_noise[:, place] + seen.time_s[:, None, None] * seen_noise[:, speed]
@@ -101,7 +99,7 @@ def _densities(
 ) -> FloatArray:
     """Return N(z_j; x_i, C_j) of every detection and state, zero outside the gate; (M, N)."""
     inverse = np.linalg.inv(covariance)
-    # Written out by axes: products of many matrices of two rows cost several times as much.
+    # Written out by axes: products of many 2 x 2 matrices cost several times as much.
     east, north = (
         seen.position[:, axis, None] - state[:, place] - np.outer(seen.time_s, state[:, speed])
         for axis, (place, speed) in enumerate(
@@ -115,7 +113,7 @@ def _densities(
     return np.where(square <= GATE_SIGMA**2, density, 0.0) if gate else density
 
 
-def _chosen(density: FloatArray, rng: np.random.Generator) -> IntArray:
+def _choose(density: FloatArray, rng: np.random.Generator) -> IntArray:
     """Draw a detection for each column in proportion to its density; (M, n) to (n,)."""
     running = np.cumsum(density, axis=0)
     drawn: IntArray = (running < rng.random(density.shape[1]) * running[-1]).sum(axis=0)
@@ -131,7 +129,7 @@ def _pull(
     seen: Places,
     rng: np.random.Generator,
 ) -> None:
-    """Condition the noise of some rows, in place, on the detections that guide them.
+    """Condition the noise of some rows, in place, on the detection drawn for each.
 
     A draw of the noise plus gain times (detection - position - a draw of the detection's error) is
     a draw of the noise given the detection (Matheron's rule).

@@ -16,7 +16,7 @@ def priors(rng, count):
 
 def updated(mean, covariance, measurement, time_s=None, **more):
     noise = np.broadcast_to(RADAR.noise_std, measurement.shape).copy()
-    found = kalman.located(mean, covariance, RADAR, measurement, noise, time_s, **more)
+    found = kalman.iterated_update(mean, covariance, RADAR, measurement, noise, time_s, **more)
     return found, *kalman.updated(mean, covariance, RADAR, found, time_s)
 
 
@@ -75,13 +75,13 @@ def test_floored_leaves_covariances_as_they_are_and_raises_others():
     rng = np.random.default_rng(3)
     _, sound = priors(rng, 3)
     sound[2, 4] = sound[2, :, 4] = 0.0
-    same, count = kalman.floored(sound)
+    same, count = kalman.floor_eigenvalues(sound)
     assert count == 0
     np.testing.assert_array_equal(same, sound)
     wrong = sound.copy()
     wrong[1] = np.diag([1e4, 900.0, 1e4, 900.0, 1e-6])
     wrong[1, 0, 2] = wrong[1, 2, 0] = 1.5e4
-    found, count = kalman.floored(wrong)
+    found, count = kalman.floor_eigenvalues(wrong)
     assert count == 1
     np.testing.assert_array_equal(found[[0, 2]], sound[[0, 2]])
     assert np.linalg.eigvalsh(found[1]).min() > 0.0
@@ -94,13 +94,15 @@ def test_pairs_of_gaussians_and_measurements_are_those_of_each_alone():
     measurement = RADAR.measure(mean[:2]) + rng.normal(0.0, 1.0, (2, 2)) * RADAR.noise_std
     gaussian, column = np.array([2, -1, 0, 2]), np.array([1, 0, 0, 0])
     paired = (gaussian, column)
-    found = kalman.located(
+    found = kalman.iterated_update(
         mean, covariance, RADAR, measurement, RADAR.noise_std, None, pairs=paired
     )
     some = gaussian >= 0
     noise = np.tile(RADAR.noise_std, (some.sum(), 1))
     rows = gaussian[some]
-    alone = kalman.located(mean[rows], covariance[rows], RADAR, measurement[column[some]], noise)
+    alone = kalman.iterated_update(
+        mean[rows], covariance[rows], RADAR, measurement[column[some]], noise
+    )
     for part, expected in zip(found, alone, strict=True):
         np.testing.assert_array_equal(part[some], expected)
     assert found.log_likelihood[1] == -np.inf
@@ -108,7 +110,7 @@ def test_pairs_of_gaussians_and_measurements_are_those_of_each_alone():
     later = kalman.updated(mean, covariance, RADAR, found, None, (rows, np.array([1, -1, 3])))
     np.testing.assert_array_equal(later[0][:2], mean[rows[:2]])
     np.testing.assert_array_equal(later[1][:2], covariance[rows[:2]])
-    last = kalman.Located(*(part[2:] for part in alone))
+    last = kalman.Innovation(*(part[2:] for part in alone))
     right = kalman.updated(mean[rows[2:]], covariance[rows[2:]], RADAR, last)
     for part, expected in zip(later, right, strict=True):
         np.testing.assert_array_equal(part[2:], expected)

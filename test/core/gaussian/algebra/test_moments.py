@@ -10,7 +10,7 @@ def of_parts(share, mean, covariance):
     return centre, second - np.outer(centre, centre)
 
 
-def test_merged_keeps_the_moments_of_mixtures_in_any_order():
+def test_merge_moments_keeps_the_moments_of_mixtures_in_any_order():
     rng = np.random.default_rng(1)
     mixture = np.array([2, 0, 2, 3, 0, 2])
     share = np.empty(6)
@@ -18,7 +18,7 @@ def test_merged_keeps_the_moments_of_mixtures_in_any_order():
         share[mixture == one] = rng.dirichlet(np.ones((mixture == one).sum()))
     mean, root = rng.normal(0.0, 10.0, (6, 5)), rng.normal(0.0, 1.0, (6, 5, 5))
     covariance = root @ root.swapaxes(-1, -2)
-    centre, spread = moments.merged(share, mean, covariance, mixture, 4)
+    centre, spread = moments.merge_moments(share, mean, covariance, mixture, 4)
     for one in (0, 2, 3):
         own = mixture == one
         expected = of_parts(share[own], mean[own], covariance[own])

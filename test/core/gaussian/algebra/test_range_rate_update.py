@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from lone import lone
 
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
-from phd_jdtc_ros.core.sensors.polar_radar import Rates, wrap_angle
-from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
+from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel, Rates
 
 RADAR = lone(
     {
@@ -65,10 +65,10 @@ def dense(radar, mean, covariance, measured, rate, time_s=0.0):
 def updated(radar, mean, covariance, measured, rate, time_s=None):
     noise = radar.noise_std[None]
     times = None if time_s is None else np.array([time_s])
-    found = kalman.located(mean, covariance, radar, measured[None], noise, times)
+    found = kalman.iterated_update(mean, covariance, radar, measured[None], noise, times)
     mean, covariance = kalman.updated(mean, covariance, radar, found, times)
     rates = Rates(radar.range_rate, np.array([rate]), np.array([radar.range_rate.std]))
-    rated = range_rate.rated(mean, covariance, radar, rates, times)
+    rated = range_rate.update_rates(mean, covariance, radar, rates, times)
     log_evidence = found.log_likelihood[0] + rated.log_likelihood[0]
     return log_evidence, rated.mean[0], rated.covariance[0]
 
@@ -129,7 +129,7 @@ def test_update_takes_the_fold_that_is_nearest_to_what_is_expected():
 def test_unknown_range_rates_change_nothing():
     mean, covariance = prior()
     rates = Rates(RADAR.range_rate, np.array([np.nan]), np.array([0.15]))
-    rated = range_rate.rated(mean, covariance, RADAR, rates)
+    rated = range_rate.update_rates(mean, covariance, RADAR, rates)
     np.testing.assert_array_equal(rated.mean, mean)
     np.testing.assert_allclose(rated.covariance, covariance, rtol=1e-14)
     assert rated.log_likelihood == 0.0

@@ -5,8 +5,9 @@ import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import wrap_angle
-from phd_jdtc_ros.core.gaussian.measurement.gating import GATE_SIGMA, Expected, gated
+from phd_jdtc_ros.core.gaussian.measurement.gating import GATE_SIGMA, Expected, gate_pairs
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections
 
 RADAR = resolve({"engine": "gaussian"}).model.radars[0]
@@ -45,7 +46,7 @@ def by_brute_force(mixture, expected, detections):
 
 @pytest.mark.parametrize("timed", [False, True], ids=["at the stamp", "when passed"])
 @pytest.mark.parametrize("own_noise", [False, True], ids=["one noise", "each its own"])
-def test_gated_pairs_are_those_that_all_pairs_give(timed, own_noise):
+def test_gate_pairs_finds_the_pairs_of_a_brute_force_search(timed, own_noise):
     rng = np.random.default_rng(6)
     mixture = a_mixture(rng)
     true = mixture.mean[:, 0] + SCALE * rng.normal(size=(len(mixture), 5))
@@ -59,7 +60,7 @@ def test_gated_pairs_are_those_that_all_pairs_give(timed, own_noise):
     if timed:
         detections = replace(detections, time_s=rng.uniform(-2.0, 2.0, len(measurement)))
     expected = Expected.of(mixture, RADAR)
-    row, column, log_likelihood = gated(mixture, expected, detections, RADAR)
+    row, column, log_likelihood = gate_pairs(mixture, expected, Report(RADAR, detections))
     right = by_brute_force(mixture, expected, detections)
     found = np.full_like(right, -np.inf)
     found[row, column] = log_likelihood
@@ -73,10 +74,10 @@ def test_gated_pairs_are_those_that_all_pairs_give(timed, own_noise):
     assert np.isfinite(found[0][near]).all()
 
 
-def test_nothing_is_gated_where_nothing_is():
+def test_gate_pairs_of_no_detections_is_empty():
     mixture = a_mixture(np.random.default_rng(0))
     expected = Expected.of(mixture, RADAR)
     none = Detections(np.zeros((0, 2)), None)
-    row, column, log_likelihood = gated(mixture, expected, none, RADAR)
+    row, column, log_likelihood = gate_pairs(mixture, expected, Report(RADAR, none))
     assert len(row) == len(column) == 0
     assert log_likelihood.shape == (0, 2)

@@ -1,5 +1,7 @@
 """Pairs of Gaussians and detections: each is what one Gaussian alone is with one detection."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from lone import MEAN, STD, TWO_MOTIONS, lone, mixture_of
@@ -7,7 +9,8 @@ from scipy.stats import norm
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.gaussian.measurement.iterated_update import located, rough_rates
+from phd_jdtc_ros.core.gaussian.measurement.iterated_update import coarse_rates, iterated_update
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections
 
 CONFIG = lone(
@@ -30,7 +33,7 @@ def mixture():
     mean = alike.mean + rng.normal(0.0, [300.0, 20.0, 300.0, 20.0, 0.0], alike.mean.shape)
     turn = np.eye(5) + 2.0 * np.eye(5, k=1) * [0.0, 1.0, 0.0, 1.0, 0.0]
     size = rng.uniform(0.5, 1.5, (*mean.shape[:2], 1, 1))
-    return alike.told(alike.weight, mean, size * (turn @ alike.covariance @ turn.T))
+    return alike.with_gaussians(alike.weight, mean, size * (turn @ alike.covariance @ turn.T))
 
 
 def report(times=None):
@@ -51,8 +54,9 @@ def report(times=None):
 @pytest.mark.parametrize("times", [None, [0.9, -2.0, 4.0]], ids=["at the stamp", "with times"])
 def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times, rated):
     before, seen = mixture(), report(times)
-    rates = RADAR.rates_of(seen) if rated else None
-    found = located(before, ROW, COLUMN, seen, RADAR, rates)
+    seen = seen if rated else replace(seen, range_rate=None)
+    rates = RADAR.rates_of(seen)
+    found = iterated_update(before, ROW, COLUMN, Report(RADAR, seen))
     # Pairs 3 and 1, in this order, and their modes; between them a hypothesis without a detection.
     pair = np.array([3, -1, 1])
     row = np.array([ROW[3], 0, ROW[1]])
@@ -69,11 +73,11 @@ def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times
         fly[[0, 2], [1, 3]] = 0.0 if times is None else times[z[0]]
         then = fly @ before.mean[row, mode], fly @ before.covariance[row, mode] @ fly.T
         then = then[0][None], then[1][None]
-        alone = kalman.located(*then, RADAR, seen.measurement[z], usual[z])
+        alone = kalman.iterated_update(*then, RADAR, seen.measurement[z], usual[z])
         log_likelihood = alone.log_likelihood[0]
         then = kalman.updated(*then, RADAR, alone)
         if rated:
-            told = range_rate.rated(*then, RADAR, rates.take(z))
+            told = range_rate.update_rates(*then, RADAR, rates.take(z))
             log_likelihood += told.log_likelihood[0]
             then = told.mean, told.covariance
         back = np.linalg.inv(fly)
@@ -86,14 +90,14 @@ def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times
         )
 
 
-def test_rough_rates_are_the_densities_at_what_is_expected_of_each_gaussian():
+def test_coarse_rates_are_the_densities_at_what_is_expected_of_each_gaussian():
     before, seen = mixture(), report()
     rates = RADAR.rates_of(seen)
-    found = rough_rates(before, ROW, COLUMN, rates, RADAR)
+    found = coarse_rates(before, ROW, COLUMN, rates, RADAR)
     assert found.shape == (5, 2)
     for pair, (row, z) in enumerate(zip(ROW, COLUMN, strict=True)):
         for mode in range(2):
-            (rate,), _, (variance,) = range_rate.expected(
+            (rate,), _, (variance,) = range_rate.expected_rates(
                 before.mean[row, mode][None], before.covariance[row, mode][None], RADAR
             )
             std = np.sqrt(variance + [0.5, 1.0, 2.0][z] ** 2)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.gaussian.algebra import kalman
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
 
 AT = [0, 2]  # x and y among the axes of a state
 SCENES = 40
@@ -29,7 +29,7 @@ def iterated(radar, centre, std, measured, iterations):
     mean, covariance = np.zeros((1, 5)), np.zeros((1, 5, 5))
     mean[0, AT] = centre
     covariance[0, AT, AT] = std**2
-    found = kalman.located(
+    found = kalman.iterated_update(
         *(mean, covariance, radar, measured[None], radar.noise_std[None]), iterations=iterations
     )
     return kalman.updated(mean, covariance, radar, found)[0][0, AT]

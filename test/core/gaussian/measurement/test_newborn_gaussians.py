@@ -9,6 +9,7 @@ from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement import newborn as newborn_module
 from phd_jdtc_ros.core.gaussian.measurement.newborn import newborn_mixture
 from phd_jdtc_ros.core.models.detection_birth import Newborn
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections
 
 BIRTHS = {"detection_births.rates": [0.05], "radar.clutter_rate": 2.0}
@@ -34,7 +35,7 @@ def born(config, detections, mass=None):
     """Return the mixture of targets born at these detections, with origins from 100 on."""
     classes = len(config.model.modes.classes)
     mass = np.full((len(detections), classes), 0.3) if mass is None else np.asarray(mass)
-    newborn = Newborn(config.model.radars[0], detections, mass)
+    newborn = Newborn(Report(config.model.radars[0], detections), mass)
     return newborn_mixture(newborn, Dynamics(config.model), 100)
 
 

@@ -13,14 +13,15 @@ from phd_jdtc_ros.core.smc.kernel import backward_kernel, kernel_thinning, spawn
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.resampling import resample
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_step
-from phd_jdtc_ros.core.smc.update import update_scan
+from phd_jdtc_ros.core.smc.update import ParticleSteps
+from phd_jdtc_ros.core.window.update import update_scan
 from phd_jdtc_ros.simulation.simulate import simulate
 
 SPARSE_BUDGET = {
     "particles_per_target": 80,
-    "least_particles": 10,
+    "budget.least": 10,
     "particles_per_birth": 16,
-    "spawn.particles_per_target": 30,
+    "spawning.particles_per_target": 30,
 }
 
 
@@ -71,7 +72,7 @@ def stored_run(model, method, stamps_s, seed, start=None):
     intervals = np.diff(stamps_s, prepend=-4.0)
     for index, (scan, dt) in enumerate(zip(scans, intervals, strict=True)):
         phd = predict(stored[-1], model, method.corrector, method.budget, dt, index, rng)
-        phd, _ = update_scan(phd, scan, model, method.corrector, dt, index, rng)
+        phd = update_scan(phd, scan, ParticleSteps(model, method.corrector, rng), dt, index).rows
         stored.append(resample(phd, model.modes, method.budget, rng))
     return (stored[1:], intervals[1:]) if start is None else (stored, intervals)
 
@@ -108,8 +109,8 @@ def run(request):
             "start_1.rates": [0.5, 0.5],
         }
         start = wide_cloud()
-    corrector = "bernoulli" if request.param == "labelled" else "poisson"
-    config = small({**SPARSE_BUDGET, "corrector": corrector, **given})
+    engine = "particles" if request.param == "labelled" else "phd"
+    config = small({**SPARSE_BUDGET, "engine": engine, **given})
     method = particle_filter(config)
     # Scans do not come at exactly the nominal interval, here 4, 6, 5 and 6.5 s.
     stamps_s = [0.0, 6.0, 11.0, 17.5]
@@ -220,7 +221,8 @@ def test_build_spawn_beyond_its_radius_is_within_the_tolerance(run, monkeypatch)
 
 
 def test_build_bounds_spawned_mass_in_little_memory_however_narrow_the_spawn():
-    model = small({"spawn.rate": 0.5, "spawn.position_std": 1e-6}).model
+    model = small({"spawn.rate": 0.5}).model
+    model = replace(model, spawn=replace(model.spawn, std=model.spawn.std * [1e-7, 1, 1e-7, 1, 1]))
     state = [[0.0, 10.0, 0.0, 10.0, 0.0], [2e4, 10.0, 2e4, 10.0, 0.0]]
     earlier = intensity(state, [1.0, 1.0])
     later = intensity([model.modes.motions[0].mean(np.array(state), 6.0)[0]], [1.0])

@@ -146,7 +146,9 @@ def groups_of(interval, origins, rows=COUNT):
         modes, modes.transition(interval), noise, successor, np.ones(len(earlier))
     )
     group = np.arange(rows) % origins
-    return strata.parted(kernel, modes, earlier, later, (group, group), backward_kernel.GATE_SIGMA)
+    return strata.split_into_strata(
+        kernel, modes, earlier, later, (group, group), backward_kernel.GATE_SIGMA
+    )
 
 
 def test_dense_group_is_parted_evenly():

@@ -6,7 +6,7 @@ from numpy.testing import assert_array_equal
 from scenes import intensity
 from sweep import configuration
 
-from phd_jdtc_ros.core.smc.proposals.birth_newborns import spread
+from phd_jdtc_ros.core.smc.proposals.birth_newborns import redraw_velocities
 from phd_jdtc_ros.core.targets.birth import BirthTerm
 from phd_jdtc_ros.core.tracks.labels import first_detected, first_predicted
 from phd_jdtc_ros.core.types import Detections, Scan
@@ -49,7 +49,7 @@ def scan(**columns):
 
 
 def spread_of(particles, seen=None, model=MODEL):
-    return spread(particles, seen or scan(), model, SCAN_INDEX, np.random.default_rng(3))
+    return redraw_velocities(particles, seen or scan(), model, SCAN_INDEX, np.random.default_rng(3))
 
 
 def test_every_copy_has_a_row_at_its_place_and_no_mass_is_gained():

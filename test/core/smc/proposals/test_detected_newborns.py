@@ -7,7 +7,7 @@ from sweep import configuration
 
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
-from phd_jdtc_ros.core.smc.proposals.detected_newborns import informed
+from phd_jdtc_ros.core.smc.proposals.detected_newborns import redraw_velocities
 from phd_jdtc_ros.core.smc.proposals.detections_in_plane import Places
 from phd_jdtc_ros.core.tracks.labels import first_detected, first_predicted
 from phd_jdtc_ros.core.window.entries import Current, Entry
@@ -43,9 +43,9 @@ def seen(positions, std=40.0):
     return Places(positions, np.tile(std**2 * np.eye(2), (count, 1, 1)), np.zeros(count))
 
 
-def redrawn(rows, places, seed=0, radars=()):
+def redrawn(rows, places, seed=0):
     rng = np.random.default_rng(seed)
-    (found,) = informed([rows], round(DT * SECOND), places, radars, MODEL, rng)
+    (found,) = redraw_velocities([rows], round(DT * SECOND), places, MODEL, rng)
     return found.entry.stored
 
 
@@ -98,40 +98,9 @@ def test_informed_takes_only_the_rows_that_are_touched():
     assert (found.state[::2] != rows.entry.stored.state[::2]).any()
 
 
-def rated(fold=0.0):
-    """Return a newborn whose velocity along x is known, half of it a fold lower, and its radar."""
-    rows = newborn()
-    state = rows.entry.stored.state.copy()
-    rng = np.random.default_rng(2)
-    state[:, 1] = 120.0 + 2.0 * rng.standard_normal(len(state))
-    state[::2, 1] -= fold
-    (radar,) = configuration().model.radars
-    # Far off along x, so that its lines of sight are parallel.
-    radar = replace(radar, position=(-1e6, 5e3), range_rate=RangeRateModel(2.0, fold))
-    entry = Entry(0, replace(rows.entry.stored, state=state))
-    return Current(entry), radar
-
-
-@pytest.mark.parametrize("fold", [0.0, 200.0])
-def test_informed_draws_only_what_no_range_rate_told(fold):
-    rows, radar = rated(fold)
-    found = redrawn(rows, seen([[20.5e3, 5.4e3], [19.7e3, 4.4e3]]), radars=[radar])
-    before = rows.entry.stored
-    np.testing.assert_allclose(found.state[:, 1], before.state[:, 1], atol=2.0)
-    share = found.weight / found.weight.sum()
-    across = found.state[:, 3]
-    assert share @ across == pytest.approx(0.0, abs=12.0)
-    assert share @ across**2 == pytest.approx(STD**2, rel=0.12)
-    assert found.weight.sum() == pytest.approx(0.2)
-    # The velocity along leads to the first detection; a fold less, to the second one.
-    leading = np.hypot(*(found.state[:, [0, 2]] + DT * found.state[:, [1, 3]] - [20.5e3, 5.4e3]).T)
-    assert (leading[1::2] < 120.0).mean() > 0.4
-    other = np.hypot(*(found.state[:, [0, 2]] + DT * found.state[:, [1, 3]] - [19.7e3, 4.4e3]).T)
-    assert (other[::2] < 120.0).mean() > (0.4 if fold else -1.0)
-
-
-def test_informed_draws_all_of_a_newborn_without_a_range_rate():
-    _, radar = rated()
-    found = redrawn(newborn(), seen([20.5e3, 5.3e3]), radars=[radar])
-    plain = redrawn(newborn(), seen([20.5e3, 5.3e3]))
-    np.testing.assert_array_equal(found.state, plain.state)
+def test_informed_leaves_velocities_that_range_rates_tell():
+    radars = tuple(replace(radar, range_rate=RangeRateModel(2.0)) for radar in MODEL.radars)
+    rows, rng = newborn(), np.random.default_rng(0)
+    model = replace(MODEL, radars=radars)
+    (found,) = redraw_velocities([rows], round(DT * SECOND), seen([20.5e3, 5.3e3]), model, rng)
+    assert found is rows

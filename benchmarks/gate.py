@@ -1,0 +1,74 @@
+"""``python -m benchmarks.gate [COMMIT]``: compares the time of a step with a commit's.
+
+Both sources track the same scans in turns, in processes of their own, by the public names alone, so
+that the machine's speed affects both. What counts is the median over the rounds of the ratio.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+ENGINES = ("particles", "gaussian")
+ROUNDS = 7
+LARGEST = 1.15
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+)
+# The first pass compiles and fills the caches.
+TIMED = """
+import sys, time
+from phd_jdtc_ros import Tracker, simulate
+run = simulate(seed=1)
+for _ in range(2):
+    tracker = Tracker({**run.parameters, "engine": sys.argv[1]})
+    begin = time.process_time()
+    tracker.track(run.detections)
+    spent = time.process_time() - begin
+print(spent)
+"""
+
+
+def seconds(source: Path, engine: str) -> float:
+    """Return the CPU time in which the source in a directory tracks the reference scenario."""
+    done = subprocess.run(
+        [sys.executable, "-c", TIMED, engine],
+        cwd=source,
+        env={**os.environ, **ONE_THREAD, "PYTHONPATH": str(source)},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return float(done.stdout)
+
+
+def ratio(now: Sequence[float], before: Sequence[float]) -> float:
+    """Return the median over rounds of how many times longer it takes now."""
+    return statistics.median(new / old for new, old in zip(now, before, strict=True))
+
+
+def main(argv: Sequence[str]) -> int:
+    """Compare with a commit, the last one by default; 1 if an engine is slower."""
+    commit = (*argv, "HEAD~1")[0]
+    slower = []
+    with tempfile.TemporaryDirectory() as directory:
+        before, packed = Path(directory) / "before", Path(directory) / "before.tar"
+        subprocess.run(["git", "-C", ROOT, "archive", "--output", packed, commit], check=True)
+        shutil.unpack_archive(packed, before)
+        for engine in ENGINES:
+            rounds = [(seconds(ROOT, engine), seconds(before, engine)) for _ in range(ROUNDS)]
+            found = ratio(*zip(*rounds, strict=True))
+            print(f"{engine}: {found:.2f} times the CPU time of {commit}, at most {LARGEST}")
+            slower += [engine] if found > LARGEST else []
+    return int(bool(slower))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,277 @@
+"""The table of the tracker's outputs: topic, type, trigger and encoder.
+
+Publishers, recordings, the list on the tracker's page and the SROS2 policies derive from it. A new
+output is a module with its encoder, and a row here.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from visualization_msgs.msg import Marker, MarkerArray
+
+from phd_jdtc_ros.core.engine import Engine, Step
+from phd_jdtc_ros.core.sensors.sensor import Sensor
+from phd_jdtc_ros.core.sensors.site import Plane
+from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
+
+from . import (
+    clutter_maps,
+    detections_in_map,
+    diagnostics,
+    estimates,
+    geo_json,
+    interfaces,
+    markers,
+    names,
+    navsat,
+    plots,
+    poses,
+    quantities,
+    radar_tracks,
+    stamps,
+    tracks,
+    vision,
+)
+from .trails import Trails
+
+# Triggers besides the estimates of a source: a `Scan`, and a `Done` step.
+SCAN, STEP = "scan", "step"
+# Shortest time between two clutter maps, seconds, by the stamps of scans.
+CLUTTER_PERIOD_S = 10.0
+
+
+class Done(NamedTuple):
+    """A step whose estimates have been published.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Stamp of its scan.
+    step_ms : float
+        CPU time of the step, milliseconds.
+    """
+
+    stamp_ns: int
+    step: Step
+    step_ms: float
+    engine: Engine
+
+
+@dataclass
+class View:
+    """Context of a tracker's messages.
+
+    Parameters
+    ----------
+    frame : str
+        The world frame.
+    radars : sequence of Sensor
+        In the configured order.
+    plane : Plane or None
+        Placement of the world frame on the earth.
+    run : uuid.UUID
+        Identifies the tracker's run.
+    """
+
+    frame: str
+    class_names: tuple[str, ...]
+    radars: Sequence[Sensor]
+    plane: Plane | None
+    trails: Trails
+    run: uuid.UUID = field(default_factory=uuid.uuid4)
+
+    def begin_run(self) -> None:
+        """Begin a new run, in which track numbers start anew."""
+        self.trails.clear()
+        self.run = uuid.uuid4()
+
+    @property
+    def datum(self) -> float:
+        """Height of the map's zero, metres."""
+        return 0.0 if self.plane is None else self.plane.origin[2]
+
+
+def _always(_: View) -> bool:
+    return True
+
+
+@dataclass(frozen=True)
+class Output:
+    """An output topic of the tracker.
+
+    Parameters
+    ----------
+    topic : str
+        Topic below ``~/``, which stands for the tracker's name.
+    when : str
+        `FILTERED` or `SMOOTHED`, for each set of estimates, or `SCAN` or `STEP`.
+    encode : callable of (the trigger's value, View)
+        Returns the messages, or their bytes.
+    switch : str
+        Name by which a user enables the output; empty if it is always on.
+    usual : bool
+        Whether the output is on by default.
+    latched : bool
+        Whether late subscribers receive the last message.
+    needs : callable of View
+        Returns whether the output applies to this tracker.
+    period_s : float
+        Shortest time between two messages, by the stamps of scans.
+    clear : callable of View or None
+        Returns the message that clears the display, for an output that may be switched off at run
+        time.
+    """
+
+    topic: str
+    type_name: str
+    when: str
+    encode: Callable[[Any, View], Iterable[Any]]
+    switch: str = ""
+    usual: bool = True
+    latched: bool = False
+    needs: Callable[[View], bool] = _always
+    period_s: float = 0.0
+    clear: Callable[[View], Any] | None = None
+
+
+def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
+    """Return all outputs of a tracker; without `engine` the engine's own figures are left out."""
+    return (
+        *(
+            Output(
+                *(names.estimates(source, "~"), names.CLOUD, source),
+                lambda found, view: [estimates.to_msg(found, view.frame)],
+            )
+            for source in SOURCES
+        ),
+        *(
+            Output(names.poses(source, k, "~"), names.POSES, source, _poses_of(k))
+            for source in SOURCES
+            for k in range(classes)
+        ),
+        Output(
+            *(names.detections_in_map("~"), names.CLOUD, SCAN),
+            lambda scan, view: [detections_in_map.to_msg(scan, view.radars, view.frame)],
+            "detections",
+        ),
+        Output(
+            *("~/markers", names.MARKERS, FILTERED),
+            lambda found, view: [markers.to_cdr(found, view.frame, view.class_names, view.datum)],
+            "markers",
+            latched=True,
+            clear=_no_markers,
+        ),
+        Output(
+            *(names.clutter_map("~"), names.GRID, STEP, _clutter_map, "", False),
+            latched=True,
+            needs=lambda view: any(radar.clutter_map is not None for radar in view.radars),
+            period_s=CLUTTER_PERIOD_S,
+        ),
+        Output(
+            *(names.cardinality("~"), names.FIGURES, STEP),
+            lambda done, view: [
+                diagnostics.step_to_msg(done.stamp_ns, done.step, done.step_ms, view.class_names)
+            ],
+        ),
+        *(
+            Output(names.plot(quantity, "~"), names.NUMBER, STEP, _number_of(quantity), "plots")
+            for quantity in quantities.of_tracker(classes, engine)
+        ),
+        *(
+            Output(topic, kind, FILTERED, encode, switch, usual=False)
+            for topic, kind, encode, switch in (
+                ("~/tracks/path", names.PATH, _paths, "paths"),
+                ("~/odometry", names.ODOMETRY, _odometry, "odometry"),
+                (names.fixes("~"), names.FIX, _fixes, "navsat"),
+                ("~/tracks/geojson", names.GEOJSON, _geojson, "geojson"),
+                ("~/radar_tracks", names.RADAR_TRACKS, _tracks, "radar_tracks"),
+                ("~/detections_3d", names.DETECTIONS_3D, _vision, "detections_3d"),
+            )
+        ),
+    )
+
+
+def default_topics(
+    classes: int,
+    tracker: str = names.TRACKER,
+    scores: str = names.OSPA,
+    evaluator: str = names.EVALUATOR,
+    engine: str | None = "particles",
+) -> dict[str, str]:
+    """Return the topics that tracker and evaluator publish by default, with their types.
+
+    Without `engine` the engine's own figures are left out, see `optional`.
+    """
+    numbers = (names.plot(quantity, evaluator) for quantity in quantities.of_evaluator(classes))
+    return {
+        **_types((row for row in table(classes, engine) if row.usual), tracker),
+        **dict.fromkeys(numbers, names.NUMBER),
+        names.DIAGNOSTICS: names.FIGURES,
+        scores: names.FIGURES,
+    }
+
+
+def optional(tracker: str = names.TRACKER) -> dict[str, str]:
+    """Return the topics that are not common to all trackers, with their types.
+
+    These are the figures of a single engine, and the outputs that are off by default.
+    """
+    figures = (name for figures in quantities.FIGURES.values() for name in figures)
+    return {
+        **{names.plot(name, tracker): names.NUMBER for name in figures},
+        **_types((row for row in table(0) if not row.usual), tracker),
+    }
+
+
+def _types(rows: Iterable[Output], tracker: str) -> dict[str, str]:
+    return {row.topic.replace("~", tracker, 1): row.type_name for row in rows}
+
+
+def _poses_of(class_id: int) -> Callable[[Estimates, View], list[bytes]]:
+    return lambda found, view: [poses.to_cdr(found, class_id, view.frame)]
+
+
+def _no_markers(view: View) -> MarkerArray:
+    clear = Marker(header=stamps.header(0, view.frame), action=Marker.DELETEALL)
+    return MarkerArray(markers=[clear])
+
+
+def _clutter_map(done: Done, view: View) -> list[Any]:
+    raster = done.engine.clutter_raster()
+    return [] if raster is None else [clutter_maps.to_msg(raster, done.stamp_ns, view.frame)]
+
+
+def _number_of(quantity: str) -> Callable[[Done, View], list[Any]]:
+    return lambda done, _: [plots.step_to_msgs(done.step, done.step_ms)[quantity]]
+
+
+def _paths(found: Estimates, view: View) -> list[Any]:
+    return [tracks.to_path(trail, view.frame) for trail in view.trails.of(found).values()]
+
+
+def _odometry(found: Estimates, view: View) -> list[Any]:
+    return tracks.to_odometry(found, view.frame)
+
+
+def _fixes(found: Estimates, view: View) -> list[Any]:
+    return [] if view.plane is None else navsat.to_msgs(found, view.plane)
+
+
+def _geojson(found: Estimates, view: View) -> list[Any]:
+    if view.plane is None:
+        return []
+    ways = {track: tracks.way(trail) for track, trail in view.trails.of(found).items()}
+    kind = interfaces.message_class(names.GEOJSON)
+    return [geo_json.to_msg(found, view.plane, view.class_names, ways, kind)]
+
+
+def _tracks(found: Estimates, view: View) -> list[Any]:
+    return [radar_tracks.to_msg(found, view.frame, view.run, radar_tracks.message_types())]
+
+
+def _vision(found: Estimates, view: View) -> list[Any]:
+    return [vision.to_msg(found, view.frame, view.class_names, vision.message_types())]

@@ -1,0 +1,1 @@
+"""Transport of ASTERIX: converts files, captures and sockets to datagrams, and back."""

@@ -1,0 +1,1 @@
+"""Encodes tracks and plots as ASTERIX."""

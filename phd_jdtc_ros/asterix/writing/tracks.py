@@ -1,0 +1,236 @@
+"""Encodes tracks as CAT062 and the state of the tracker as CAT065."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ..messages import NONE, QUARTER_LEVEL
+from .encoding import blocks, record, signed, time_of_day, unsigned
+
+FOOT = 0.3048
+# Units of I062/105, degrees; I062/100, m; I062/185, m/s; I062/290, s; heights and climbs.
+GEODETIC_UNIT = 180.0 / 2**25
+PLACE_UNIT, SPEED_UNIT, AGE_UNIT = 0.5, 0.25, 0.25
+GEOMETRIC_UNIT, CLIMB_UNIT = 6.25 * FOOT, 6.25 * FOOT / 60.0
+# Types of CAT065 messages.
+STATUS, END_OF_BATCH = 1, 2
+# Transversal accelerations (courses) and vertical rates of I062/200.
+STRAIGHT, RIGHT, LEFT, UNKNOWN = range(4)
+LEVEL, CLIMBING, DESCENDING = range(3)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Identification of the sending tracker.
+
+    Parameters
+    ----------
+    sac, sic : int
+        System area and identification code of the tracker.
+    service : int
+        Number of the service.
+    monosensor : bool
+        Whether there is only one radar.
+    geometric : bool
+        Whether heights are above the ellipsoid; otherwise they refer to the standard atmosphere.
+    """
+
+    sac: int
+    sic: int
+    service: int = 1
+    monosensor: bool = False
+    geometric: bool = False
+
+    @property
+    def number(self) -> bytes:
+        """SAC and SIC."""
+        return bytes([self.sac, self.sic])
+
+
+@dataclass(frozen=True)
+class TrackReport:
+    """A track at one time.
+
+    Parameters
+    ----------
+    number : int
+        From 0 to 65535.
+    position, velocity : tuple of two floats
+        In the system plane, m and m/s, x east and y north.
+    geodetic : tuple of two floats or None
+        Latitude and longitude, degrees.
+    height, climb : float
+        m and m/s; NaN if unknown.
+    code, address, call_sign : int
+        `NONE` if unknown.
+    course : int
+        `STRAIGHT`, `RIGHT`, `LEFT` or `UNKNOWN`.
+    vertical : int
+        `LEVEL`, `CLIMBING`, `DESCENDING` or `UNKNOWN`.
+    confirmed, coasting, first, last : bool
+        Whether the track is confirmed, has no recent plot, is reported for the first or the last
+        time.
+    age_s, since_s : float
+        Times since the track was first reported, and since it last was not coasting.
+    sensor_ages_s : tuple of three floats
+        Times since the last detection by a primary radar, a secondary radar and Mode S; NaN for
+        never. All are NaN if the detecting sensors are unknown.
+    position_std, velocity_std : tuple of two floats
+        Standard deviations along x and y.
+    covariance : float
+        Covariance of x and y, square metres.
+    height_std, climb_std : float
+        Standard deviations, m and m/s; NaN if unknown.
+    """
+
+    number: int
+    position: tuple[float, float]
+    velocity: tuple[float, float]
+    geodetic: tuple[float, float] | None = None
+    height: float = math.nan
+    climb: float = math.nan
+    code: int = NONE
+    address: int = NONE
+    course: int = UNKNOWN
+    vertical: int = UNKNOWN
+    confirmed: bool = True
+    coasting: bool = False
+    first: bool = False
+    last: bool = False
+    age_s: float = 0.0
+    since_s: float = 0.0
+    sensor_ages_s: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    position_std: tuple[float, float] = (0.0, 0.0)
+    velocity_std: tuple[float, float] = (0.0, 0.0)
+    covariance: float = 0.0
+    height_std: float = math.nan
+    climb_std: float = math.nan
+    call_sign: int = NONE
+
+
+def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
+    """Encode a track as a record of CAT062.
+
+    Values beyond the range of their item, such as more than 63.75 s since the last plot, are
+    limited to it.
+    """
+    items = {
+        "010": source.number,
+        "015": bytes([source.service]),
+        "070": time_of_day(time_ns),
+        "100": b"".join(signed(value, PLACE_UNIT, 3) for value in track.position),
+        "185": b"".join(signed(value, SPEED_UNIT, 2) for value in track.velocity),
+        "040": track.number.to_bytes(2, "big"),
+        "080": _status(track, source),
+        "290": _ages(track),
+        # The last two bits are the longitudinal acceleration, which is undetermined (3).
+        "200": bytes([track.course << 6 | UNKNOWN << 4 | track.vertical << 2]),
+        "500": _accuracies(track, source),
+    }
+    if track.geodetic is not None:
+        items["105"] = b"".join(signed(value, GEODETIC_UNIT, 4) for value in track.geodetic)
+    if track.code != NONE:
+        items["060"] = track.code.to_bytes(2, "big")
+    if track.call_sign != NONE:
+        # The call sign comes from the aircraft's transponder.
+        items["245"] = b"\x00" + track.call_sign.to_bytes(6, "big")
+    if track.address != NONE:
+        items["380"] = _aircraft(track)
+    if math.isfinite(track.height):
+        items |= _heights(track.height, source)
+    if math.isfinite(track.climb):
+        items["220"] = signed(track.climb, CLIMB_UNIT, 2)
+    return record(62, items)
+
+
+def _aircraft(track: TrackReport) -> bytes:
+    """Encode I062/380: the address and the call sign."""
+    address = track.address.to_bytes(3, "big")
+    if track.call_sign == NONE:
+        return b"\x80" + address
+    return b"\xc0" + address + track.call_sign.to_bytes(6, "big")
+
+
+def _status(track: TrackReport, source: Source) -> bytes:
+    """Encode I062/080 up to the octet with the coasting flag."""
+    first = 0x80 * source.monosensor | 0x02 * (not track.confirmed)
+    if source.geometric and math.isfinite(track.height):
+        first |= 0x20 | 2 << 2  # the geometric height is more reliable; the source is plots
+    second = 0x40 * track.last | 0x20 * track.first
+    fourth = 0x80 * track.coasting
+    if not (second or fourth):
+        return bytes([first])
+    if not fourth:
+        return bytes([first | 1, second])
+    return bytes([first | 1, second | 1, 1, fourth])
+
+
+def _ages(track: TrackReport) -> bytes:
+    """Encode I062/290: the age of the track, and the times since its last detections by sensor.
+
+    If the detecting sensors are unknown, there is one time: Mode S for a track with an address,
+    else SSR for a track with a code, else PSR.
+    """
+    own = {
+        bit: age
+        for bit, age in zip((0x40, 0x20, 0x10), track.sensor_ages_s, strict=True)
+        if math.isfinite(age)
+    }
+    if not own:
+        assumed = 0x10 if track.address != NONE else 0x20 if track.code != NONE else 0x40
+        own = {assumed: track.since_s}
+    ages = (unsigned(age, AGE_UNIT, 1) for age in (track.age_s, *own.values()))
+    return bytes([0x80 | sum(own)]) + b"".join(ages)
+
+
+def _heights(height: float, source: Source) -> dict[str, bytes]:
+    if source.geometric:
+        return {"130": signed(height, GEOMETRIC_UNIT, 2)}
+    level = signed(height, QUARTER_LEVEL, 2)
+    # This item has the same unit, and a bit for the QNH correction, which leaves one bit less.
+    quarters = round(min(max(height / QUARTER_LEVEL, -(2**14)), 2**14 - 1))
+    return {"136": level, "135": (quarters & 0x7FFF).to_bytes(2, "big")}
+
+
+def _accuracies(track: TrackReport, source: Source) -> bytes:
+    """Encode I062/500: standard deviations of position, height, velocity and climb."""
+    size = math.copysign(math.sqrt(abs(track.covariance)), track.covariance)
+    parts = {
+        0x80: b"".join(unsigned(std, PLACE_UNIT, 2) for std in track.position_std),
+        0x40: signed(size, PLACE_UNIT, 2),
+        0x04: b"".join(unsigned(std, SPEED_UNIT, 1) for std in track.velocity_std),
+    }
+    if math.isfinite(track.height_std):
+        bit, unit = (0x10, GEOMETRIC_UNIT) if source.geometric else (0x08, QUARTER_LEVEL)
+        parts[bit] = unsigned(track.height_std, unit, 1)
+    extended = b""
+    if math.isfinite(track.climb_std):
+        extended = unsigned(track.climb_std, CLIMB_UNIT, 1)
+    ordered = b"".join(parts[bit] for bit in sorted(parts, reverse=True))
+    chosen = bytes([sum(parts) | 1, 0x80]) if extended else bytes([sum(parts)])
+    return chosen + ordered + extended
+
+
+def track_blocks(tracks: list[TrackReport], time_ns: int, source: Source) -> list[bytes]:
+    """Encode tracks as data blocks."""
+    return blocks(62, [track_record(track, time_ns, source) for track in tracks])
+
+
+def status_block(time_ns: int, source: Source, batch: int, overloaded: bool = False) -> bytes:
+    """Encode the state of the tracker and the end of a batch as a data block of CAT065.
+
+    Parameters
+    ----------
+    batch : int
+        Running number, sent modulo 256.
+    """
+    who = {
+        "010": source.number,
+        "015": bytes([source.service]),
+        "030": time_of_day(time_ns),
+    }
+    status = {**who, "000": bytes([STATUS]), "040": bytes([0x20 * overloaded])}
+    end = {**who, "000": bytes([END_OF_BATCH]), "020": bytes([batch % 256])}
+    (block,) = blocks(65, [record(65, status), record(65, end)])
+    return block

@@ -1,0 +1,93 @@
+"""Gates in range and azimuth around points, the particles.
+
+The module has pure functions of arrays; measurements are (range, azimuth), metres and radians.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, wrap_angle
+from ..pair_search import kernels
+from ..pair_search.gating import CellLists, cell_lists
+from ..types import Detections
+
+# Radius of the gates in standard deviations; there the likelihood is 1e-8 of its peak.
+GATE_SIGMA = 6.0
+
+
+def gated_pairs(
+    predicted: FloatArray,
+    detections: Detections,
+    noise_std: FloatArray,
+    own_std: FloatArray | None,
+    rate: FloatArray | None = None,
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the (particle, detection) pairs within the gate and their log likelihood.
+
+    Parameters
+    ----------
+    predicted : array of shape (N, 2)
+        Measurements of the particles at the scan's stamp.
+    detections : Detections
+    noise_std : array of shape (2,)
+        Standard deviations of the radar.
+    own_std : array of shape (M, 2) or None
+        Standard deviations of each detection; None for the radar's.
+    rate : array of shape (N, 2) or None
+        Time derivatives of `predicted`; required for detections with their own times.
+
+    Returns
+    -------
+    particle, detection : int arrays of shape (P,)
+    log_likelihood : array of shape (P,)
+        log N(z; predicted, R), azimuth wrapped, at the time of the detection.
+
+    Notes
+    -----
+    The cost grows with the number of pairs found and not with N x M; see `pair_search.gating`. A
+    particle's measurement is extrapolated to the time of a detection by its rate, to first order.
+    At 250 m/s and 5 km the error is 0.1 m after 0.125 s.
+    """
+    std, shift = own_std, detections.time_s if len(predicted) else None
+    if std is None and shift is None:
+        lists, gate = _lists(detections, noise_std)
+        log_norm = -np.log(2.0 * np.pi * noise_std[0] * noise_std[1])
+        particle, detection, square = kernels.current().near_detections(
+            lists, predicted, noise_std, GATE_SIGMA, gate
+        )
+        return particle, detection, log_norm - 0.5 * square
+    if std is None:
+        std = np.tile(noise_std, (len(detections), 1))
+    widest = std.max(axis=0, initial=0.0) if len(std) else noise_std
+    if shift is not None and rate is not None and len(shift):
+        fastest = np.abs(rate).max(axis=0) * np.abs(shift).max()
+        # An ellipse larger by this margin contains every shifted gate.
+        widest = widest + 1.5 * fastest / GATE_SIGMA
+    lists, gate = _lists(detections, widest)
+    particle, detection, _ = kernels.current().near_detections(
+        lists, predicted, widest, GATE_SIGMA, gate
+    )
+    error = detections.measurement[detection] - predicted[particle]
+    if shift is not None and rate is not None:
+        error -= rate[particle] * shift[detection, None]
+    error[:, 1] = wrap_angle(error[:, 1])
+    square = ((error / std[detection]) ** 2).sum(axis=1)
+    near = np.flatnonzero(square <= GATE_SIGMA**2)
+    log_norm_of = -np.log(2.0 * np.pi * std.prod(axis=1))
+    kept = detection[near]
+    return particle[near], kept, log_norm_of[kept] - 0.5 * square[near]
+
+
+def candidates(predicted: FloatArray, detections: Detections, noise_std: FloatArray) -> int:
+    """Return the number of candidate pairs of `gated_pairs`; about twice the pairs in the gate."""
+    lists, _ = _lists(detections, noise_std)
+    return int(np.diff(lists.start).take(lists.cell_of(predicted)).sum())
+
+
+def _lists(detections: Detections, std: FloatArray) -> tuple[CellLists, float]:
+    """Return the detections by cell, and the half width of the gate in azimuth."""
+    gate = min(GATE_SIGMA * float(std[1]), np.pi)
+    measured = detections.measurement.copy()
+    measured[:, 1] = wrap_angle(measured[:, 1])
+    return cell_lists(measured, GATE_SIGMA * float(std[0]), gate), gate

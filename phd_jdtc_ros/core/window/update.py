@@ -1,0 +1,257 @@
+"""The update of a set of rows with the reports of a scan, common to all engines.
+
+Each report corrects the rows in turn. An engine implements the steps, see `UpdateSteps` and
+`Prior`: the expected measurements of its rows, the gated pairs of rows and detections, and the rows
+after an association.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+from ..arrays import FloatArray, IntArray, sum_by
+from ..association.bernoulli import Claims, undetected
+from ..attributes.memory import AttributeMemory, AttributesAt, Evidence
+from ..attributes.readings import Paired, plain
+from ..attributes.uniqueness import Lost
+from ..models import detection_limit
+from ..models.clutter_learning import ClutterMemory
+from ..models.competing_sources import CompetingSources, log_intensities
+from ..models.detection_birth import Newborn
+from ..models.tracker_model import TrackerModel
+from ..sensors.report import Report
+from ..tracks import labels
+from ..types import Detections, Scan
+
+RowsT = TypeVar("RowsT")
+
+
+@dataclass(frozen=True)
+class Posterior(Generic[RowsT]):
+    """Rows after one report, and the association that led to them.
+
+    Parameters
+    ----------
+    claims : Claims
+        Association likelihoods of the P pairs.
+    sources : CompetingSources
+        Sources of the detections other than these targets.
+    claimed : array of shape (M,)
+        Probability that a known target is the source of each detection.
+    pair : array of shape (P,)
+        Association probability of each pair.
+    existence : array of shape (T,)
+        Existence probability of each target.
+    evidence : Evidence or None
+        Identities and heights as evidence for these pairs.
+    approximate : int
+        Number of clusters of targets too large for exact association probabilities.
+    """
+
+    rows: RowsT
+    claims: Claims
+    sources: CompetingSources
+    claimed: FloatArray
+    pair: FloatArray
+    existence: FloatArray
+    evidence: Evidence | None
+    approximate: int = 0
+
+
+class Prior(Protocol[RowsT]):
+    """N rows of T targets before one report."""
+
+    @property
+    def label(self) -> IntArray:
+        """Label of each target, ascending, (T,)."""
+
+    @property
+    def target(self) -> IntArray:
+        """Index of each row's target, (N,)."""
+
+    @property
+    def mass(self) -> FloatArray:
+        """Weight of each row, (N,)."""
+
+    @property
+    def missed_mass(self) -> FloatArray:
+        """Weight of each row times its probability of a missed detection, (N,)."""
+
+    @property
+    def measured(self) -> FloatArray:
+        """Expected measurements of the rows, (N, Z)."""
+
+    def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the gated pairs of rows and detections, with their log likelihoods."""
+
+    def with_strays(self, lost: Lost) -> Prior[RowsT]:
+        """Return the prior with more rows of targets whose identities are outside their gates."""
+
+    def slower(self, bound: float) -> FloatArray:
+        """Return the probability that each row is slower than a bound in m/s, (N,)."""
+
+    def posterior(
+        self, pairs: Paired, evidence: Evidence | None, log_other: FloatArray
+    ) -> Posterior[RowsT]:
+        """Return the rows after the association of the detections.
+
+        Parameters
+        ----------
+        evidence : Evidence or None
+            Identities and heights as evidence for these pairs.
+        log_other : array of shape (1 + C, M)
+            See `competing_sources.log_intensities`.
+        """
+
+
+class UpdateSteps(Protocol[RowsT]):
+    """An engine's part of an update."""
+
+    @property
+    def model(self) -> TrackerModel:
+        """Assumptions about targets and sensors."""
+
+    def prior(self, rows: RowsT, report: Report) -> Prior[RowsT]:
+        """Return the rows as the prior of a report's update."""
+
+    def with_newborn(self, rows: RowsT, newborn: Newborn, label: int) -> tuple[RowsT, Newborn]:
+        """Return the rows with the targets born at detections, numbered from `label`, and these."""
+
+
+@dataclass(frozen=True)
+class Updated(Generic[RowsT]):
+    """Rows after one report or all reports of a scan.
+
+    Parameters
+    ----------
+    newborns : tuple of Newborn
+        By report; empty if births at detections are disabled.
+    approximate : int
+        Number of clusters of targets too large for exact association probabilities.
+    """
+
+    rows: RowsT
+    newborns: tuple[Newborn, ...]
+    approximate: int
+
+
+def update(
+    rows: RowsT,
+    report: Report,
+    steps: UpdateSteps[RowsT],
+    dt: float,
+    clutter: ClutterMemory | None = None,
+    attributes: AttributesAt | None = None,
+    earlier: Sequence[Newborn] = (),
+) -> Updated[RowsT]:
+    """Update rows with one report.
+
+    Parameters
+    ----------
+    steps : UpdateSteps
+        The engine's steps.
+    dt : float
+        True interval since the previous scan, seconds.
+    clutter : ClutterMemory or None
+        Learned clutter, used and updated; None to use the sensor's model alone.
+    attributes : AttributesAt or None
+        Identities and heights of targets, used and updated; None to ignore them.
+    earlier : sequence of Newborn
+        Targets born at the detections of the scan's earlier reports.
+    """
+    model = steps.model
+    if clutter is not None:
+        report = clutter.with_learned_clutter(report)
+    prior = steps.prior(rows, report)
+    limited = detection_limit.limited(report, prior.measured, float(prior.mass.sum()))
+    if limited is not report:
+        report, prior = limited, steps.prior(rows, limited)
+
+    pairs = _gate_pairs(prior, report, attributes)
+    lost = None if attributes is None else _lost(prior, pairs, report, attributes)
+    if lost is not None:
+        prior = prior.with_strays(lost)
+        pairs = _gate_pairs(prior, report, attributes)
+    evidence = None if attributes is None else _evidence(prior, pairs, report, attributes)
+    log_other = log_intensities(report, model, dt, earlier, evidence)
+    posterior = prior.posterior(pairs, evidence, log_other)
+
+    if clutter is not None and clutter.learns(report):
+        bound = report.sensor.clutter_map_speed
+        slower = posterior.claims.part(prior.slower(bound))
+        stationary = model.detection_births.stationary(slower, bound)
+        clutter.learn(report, posterior.claimed, stationary)
+    if attributes is not None and posterior.evidence is not None:
+        attributes.learn(posterior.evidence, posterior.pair, posterior.existence)
+    newborn = posterior.sources.newborn(posterior.claimed, report, model)
+    newborns = () if newborn is None else (newborn,)
+    return Updated(posterior.rows, newborns, posterior.approximate)
+
+
+def _gate_pairs(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None) -> Paired:
+    """Return the gated pairs of rows and detections."""
+    if attributes is None:
+        return plain(prior.gate, report.detections)
+    return attributes.pair(prior.gate, prior.label, prior.target, report)
+
+
+def _lost(
+    prior: Prior[RowsT], pairs: Paired, report: Report, attributes: AttributesAt
+) -> Lost | None:
+    """Return the targets whose identities are detected outside their gates."""
+    target = prior.target.take(pairs.row)
+    return attributes.lost(prior.label, target, pairs.column, report.detections)
+
+
+def _evidence(
+    prior: Prior[RowsT], pairs: Paired, report: Report, attributes: AttributesAt
+) -> Evidence | None:
+    """Return the identities and heights of the detections as evidence for pairs."""
+    existence, missed = (
+        sum_by(prior.target, mass, len(prior.label)) for mass in (prior.mass, prior.missed_mass)
+    )
+    target = prior.target.take(pairs.row)
+    left = undetected(existence, missed)
+    return attributes.evidence(prior.label, target, pairs.column, report.detections, left)
+
+
+def update_scan(
+    rows: RowsT,
+    scan: Scan,
+    steps: UpdateSteps[RowsT],
+    dt: float,
+    scan_index: int,
+    clutter: ClutterMemory | None = None,
+    attributes: AttributeMemory | None = None,
+) -> Updated[RowsT]:
+    """Update with the report of every sensor, in the configured order (iterated corrector).
+
+    Targets born at the detections of one report join the rows before the next one, so that two
+    sensors that detect a new target do not give birth to it twice.
+
+    Parameters
+    ----------
+    rows : Rows
+        Predicted.
+    dt : float
+        True interval since the previous scan, seconds.
+    scan_index : int
+        Determines the labels of births.
+    attributes : AttributeMemory or None
+        See `update`.
+    """
+    label, approximate = labels.first_detected(scan_index), 0
+    known = None if attributes is None else attributes.at(scan.stamp_ns)
+    newborns: list[Newborn] = []
+    for report in steps.model.reports(scan):
+        updated = update(rows, report, steps, dt, clutter, known, newborns)
+        rows, approximate = updated.rows, approximate + updated.approximate
+        for newborn in updated.newborns:
+            rows, born = steps.with_newborn(rows, newborn, label)
+            if known is not None:
+                known.initiate(label, born.report.detections)
+            label += len(born)
+            newborns.append(born)
+    return Updated(rows, tuple(newborns), approximate)

@@ -1,0 +1,172 @@
+"""The base of metrics: an accumulator computes values of every scan and figures from their totals.
+
+A new metric is a name and a value of an `Accumulator`, and a row of its `metrics`. A metric that
+depends on earlier scans, such as those of tracks, keeps its state in `update`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple, TypeAlias
+
+import numpy as np
+
+from phd_jdtc_ros.core.arrays import FloatArray
+
+from .comparison import Comparison, LabelledPoints, PairedScan
+from .totals import Totals, ratio
+
+# A function that returns the figure of every run of the totals, NaN where undefined.
+Figure: TypeAlias = "Callable[[Totals], FloatArray]"
+# Values of a scan and set, ordered as an accumulator's `names`; None for a missing value.
+Values: TypeAlias = "tuple[float | None, ...]"
+
+
+class Group(NamedTuple):
+    """The metrics of one table.
+
+    Parameters
+    ----------
+    title : str
+    of_sets : bool
+        Whether the metrics exist for every class too, and not for all targets only.
+    """
+
+    title: str
+    of_sets: bool = True
+
+
+OSPA, GOSPA, SURVEILLANCE = Group("OSPA"), Group("GOSPA"), Group("surveillance figures")
+NEES = Group("NEES / 2 of positions, by age in scans")
+OUTSIDE = Group("positions outside 3 sigma, by age in scans")
+# Metrics that need labels of all targets and estimates.
+TRACKS = Group("tracks", of_sets=False)
+WHOLE, CLASSES = Group("all targets", of_sets=False), Group("classes", of_sets=False)
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A figure of a run.
+
+    Parameters
+    ----------
+    key : str
+        Key in `metrics.json` and in a study's summary.
+    heading : str
+        Heading of the column.
+    unit, form : str
+        Unit, empty if there is none, and Python format specification.
+    of_run : callable of Totals
+    definition : str
+        One or two sentences.
+    group : Group
+    headline : bool
+        Whether the figure of all smoothed estimates is repeated at the top of `metrics.json`.
+    """
+
+    key: str
+    heading: str
+    unit: str
+    form: str
+    of_run: Figure
+    definition: str
+    group: Group
+    headline: bool = False
+
+    def text(self, value: float) -> str:
+        """Return a figure as text, with its unit; lengths below a metre have two digits."""
+        form = "#.2g" if self.unit == "m" and 5e-4 <= abs(value) < 0.995 else self.form
+        return f"{value:{form}} {self.unit}".rstrip()
+
+
+def mean(name: str) -> Figure:
+    """Return a figure: the mean of a value over the scans that have it."""
+    return lambda run: run.mean(name)
+
+
+def share(part: str, whole: str) -> Figure:
+    """Return a figure: the ratio of two values' sums over the run."""
+    return lambda run: ratio(run.sum(part), run.sum(whole))
+
+
+def root_mean(squares: str, number: str) -> Figure:
+    """Return a figure: a root mean square, from the squares' sum and number per scan."""
+    return lambda run: np.sqrt(share(squares, number)(run))
+
+
+def if_any(name: str, figure: Figure) -> Figure:
+    """Return a figure that is undefined in runs in which the sum of a value is zero."""
+    return lambda run: np.where(run.sum(name) > 0, figure(run), np.nan)
+
+
+class Accumulator(ABC):
+    """Computes values of every scan of a run, in order, and defines the metrics derived from them.
+
+    Parameters
+    ----------
+    cutoff, order : float
+        c, metres, and p.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the values.
+    published, plotted : tuple of str
+        Names that the evaluator publishes per scan and set, and as single numbers.
+    metrics : tuple of Metric
+    """
+
+    names: ClassVar[tuple[str, ...]]
+    published: ClassVar[tuple[str, ...]] = ()
+    plotted: ClassVar[tuple[str, ...]] = ()
+    metrics: ClassVar[tuple[Metric, ...]] = ()
+
+    def __init__(self, cutoff: float, order: float) -> None:
+        self.cutoff, self.order = cutoff, order
+
+    def update(self, scan: PairedScan) -> None:
+        """Add the next scan, before its values are computed; values of one scan need no state."""
+        return
+
+    @abstractmethod
+    def values(self, part: Comparison) -> Values:
+        """Return the values of a set in the newest scan."""
+
+
+class LabelAccumulator(Accumulator):
+    """Values of scans whose targets and estimates all have labels; for all targets only."""
+
+    def __init__(self, cutoff: float, order: float) -> None:
+        super().__init__(cutoff, order)
+        self._newest_ns: int | None = None
+        self._values: Values = ()
+
+    def update(self, scan: PairedScan) -> None:
+        """Add the next scan; missing labels and a jump back in time reset the state.
+
+        A scan without labels has no values.
+        """
+        truth, estimate = scan.truth.with_labels(), scan.estimate.with_labels()
+        back = self._newest_ns is not None and scan.stamp_ns < self._newest_ns
+        if truth is None or estimate is None:
+            self.clear()
+            self._values = (None,) * len(self.names)
+            return
+        if back:
+            self.clear()
+        self._newest_ns = scan.stamp_ns
+        self._values = self.add(truth, estimate, scan)
+
+    @abstractmethod
+    def clear(self) -> None:
+        """Reset the state."""
+
+    @abstractmethod
+    def add(self, truth: LabelledPoints, estimate: LabelledPoints, scan: PairedScan) -> Values:
+        """Add the next scan; return its values."""
+
+    def values(self, part: Comparison) -> Values:
+        """Return the values of all targets; None for a class."""
+        return self._values if part.whole else (None,) * len(self.names)

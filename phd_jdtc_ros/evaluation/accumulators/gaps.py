@@ -1,0 +1,165 @@
+"""Gaps: times in which an existing target has no paired estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from phd_jdtc_ros.core.arrays import BoolArray, IntArray
+
+from ..accumulator import SURVEILLANCE, Accumulator, Metric, Values, if_any, share
+from ..comparison import Comparison, PairedScan
+
+# Gaps longer than this are long. The value is from ED-142 for en route, as in the evaluation
+# tool COMPASS: two updates of 8 s with a margin.
+LONG_GAP_S = 16.4
+
+
+class Gap(NamedTuple):
+    """A time in which a target had no estimate.
+
+    Parameters
+    ----------
+    class_id : int
+        Class of the target.
+    duration_s : float
+        Time from the previous estimate, or else the target's first stamp, to the next estimate, or
+        else the target's last stamp.
+    missed : int
+        Number of scans without an estimate.
+    """
+
+    class_id: int
+    duration_s: float
+    missed: int
+
+    @property
+    def is_long(self) -> bool:
+        """Whether the gap is longer than `LONG_GAP_S`."""
+        return self.duration_s > LONG_GAP_S
+
+
+@dataclass
+class _Continuity:
+    """Stamp of an existing target's last pairing, and the number of missed scans since."""
+
+    class_id: int
+    paired_ns: int
+    newest_ns: int
+    missed: int = 0
+
+    def gap(self, end_ns: int) -> Gap:
+        return Gap(self.class_id, (end_ns - self.paired_ns) * 1e-9, self.missed)
+
+
+class GapFinder:
+    """Finds the gaps of targets, scan by scan; removes targets that no longer exist.
+
+    References
+    ----------
+    The detection requirements of the evaluation tool COMPASS (github.com/hpuhr/COMPASS) are also
+    based on the time between updates, with the ends of the reference in place of missing updates.
+    """
+
+    def __init__(self) -> None:
+        self._targets: dict[int, _Continuity] = {}
+        self._newest_ns: int | None = None
+
+    def add(
+        self, stamp_ns: int, track_id: IntArray, class_id: IntArray, found: BoolArray
+    ) -> list[Gap]:
+        """Add the next scan; return the gaps that ended with an estimate or with their target.
+
+        Parameters
+        ----------
+        stamp_ns : int
+            If earlier than the previous scan's stamp, all targets end.
+        track_id, class_id : int arrays of shape (T,)
+            Existing targets, with distinct track_ids.
+        found : bool array of shape (T,)
+            Whether each target is paired with an estimate.
+        """
+        back = self._newest_ns is not None and stamp_ns < self._newest_ns
+        self._newest_ns = stamp_ns
+        existing = set() if back else set(track_id.tolist())
+        gone = [self._targets.pop(label) for label in list(self._targets) if label not in existing]
+        ended = [target.gap(target.newest_ns) for target in gone if target.missed]
+        rows = zip(track_id.tolist(), class_id.tolist(), found.tolist(), strict=True)
+        for label, number, paired in rows:
+            target = self._targets.setdefault(label, _Continuity(number, stamp_ns, stamp_ns))
+            target.newest_ns = stamp_ns
+            if not paired:
+                target.missed += 1
+                continue
+            if target.missed:
+                ended.append(target.gap(stamp_ns))
+            target.paired_ns, target.missed = stamp_ns, 0
+        return ended
+
+    def under_way(self) -> list[Gap]:
+        """Return the open gaps, as if all targets ended with the newest scan."""
+        return [target.gap(target.newest_ns) for target in self._targets.values() if target.missed]
+
+
+class Gaps(Accumulator):
+    """The gaps that ended in each scan; open gaps end with the run."""
+
+    names = ("gaps", "long_gaps", "missed_in_long_gaps", "longest_gap_s")
+    metrics = (
+        Metric(
+            "longest_gap_s",
+            "longest gap",
+            "s",
+            ".1f",
+            if_any("n_true", lambda run: run.maximum("longest_gap_s")),
+            "The longest of all gaps. A gap is a time in which an existing target has no paired "
+            "estimate. It lasts from the previous estimate, or else the target's first scan, to "
+            "the next estimate, or else its last scan.",
+            SURVEILLANCE,
+        ),
+        Metric(
+            "long_gap_share",
+            "long gaps",
+            "",
+            ".1%",
+            # The share is 0 in a run without gaps.
+            if_any("n_true", lambda run: run.sum("long_gaps") / np.maximum(run.sum("gaps"), 1)),
+            f"Share of the gaps that last longer than {LONG_GAP_S:g} s.",
+            SURVEILLANCE,
+        ),
+        Metric(
+            "long_gap_misses",
+            "missed in them",
+            "",
+            ".2%",
+            share("missed_in_long_gaps", "n_true"),
+            "Share of the targets, over all scans, that are missed in long gaps.",
+            SURVEILLANCE,
+        ),
+    )
+
+    def __init__(self, cutoff: float, order: float) -> None:
+        super().__init__(cutoff, order)
+        self._finder = GapFinder()
+        self._ended: list[Gap] | None = None
+
+    def update(self, scan: PairedScan) -> None:
+        """Add the next scan; it has no gaps unless all its targets have labels."""
+        points = scan.truth.with_labels()
+        self._ended = None
+        if points is not None:
+            paired = np.zeros(len(scan.truth), dtype=np.bool_)
+            paired[scan.pairs[0]] = True
+            self._ended = self._finder.add(scan.stamp_ns, points.label, scan.truth.class_id, paired)
+
+    def values(self, part: Comparison) -> Values:
+        """Return the numbers of gaps, of long gaps and of their missed scans; the longest gap."""
+        if self._ended is None:
+            return (None,) * len(self.names)
+        ended = [*self._ended, *(self._finder.under_way() if part.last else ())]
+        gaps = [gap for gap in ended if part.whole or gap.class_id == part.class_id]
+        long = [gap for gap in gaps if gap.is_long]
+        longest_s = max((gap.duration_s for gap in gaps), default=0.0)
+        return len(gaps), len(long), sum(gap.missed for gap in long), longest_s

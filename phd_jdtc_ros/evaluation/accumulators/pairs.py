@@ -1,0 +1,183 @@
+"""Figures of pairs of targets and estimates, paired by position alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+
+from ..accumulator import (
+    CLASSES,
+    SURVEILLANCE,
+    WHOLE,
+    Accumulator,
+    Metric,
+    Values,
+    mean,
+    root_mean,
+    share,
+)
+from ..comparison import Comparison
+
+# Error of position that suffices for air surveillance, metres.
+NEAR = 500.0
+
+
+def _square_errors(part: Comparison) -> FloatArray:
+    """Return the squared distances of the pairs, m^2, shape (P,)."""
+    error = part.paired_truth.position - part.paired_estimate.position
+    square: FloatArray = np.einsum("ij,ij->i", error, error)
+    return square
+
+
+class Pairs(Accumulator):
+    """The pairs and their errors of position."""
+
+    names = ("pairs", "square_error")
+    metrics = (
+        Metric(
+            "position_rms",
+            "position RMS",
+            "m",
+            ".1f",
+            root_mean("square_error", "pairs"),
+            "Root mean square, over all pairs of the run, of the distance between a target and "
+            "the estimate that it is paired with, by position alone, closer than c.",
+            SURVEILLANCE,
+        ),
+        Metric(
+            "position_detection",
+            "position detected",
+            "",
+            ".2%",
+            share("pairs", "n_true"),
+            "Share of the targets, over all scans, that are paired with an estimate, by position "
+            "alone, closer than c.",
+            SURVEILLANCE,
+        ),
+    )
+
+    def values(self, part: Comparison) -> Values:
+        """Return the number of pairs and the sum of their squared distances."""
+        return len(part.paired_truth), float(_square_errors(part).sum())
+
+
+class Nearness(Accumulator):
+    """Estimates far from all targets, and near pairs."""
+
+    names = ("beyond", "near")
+    metrics = (
+        Metric(
+            "false_per_scan",
+            "false per scan",
+            "",
+            ".3f",
+            mean("beyond"),
+            "Mean number per scan of estimates that are farther than c from every target. A "
+            "second estimate of a target is none of them; `false` counts it too.",
+            WHOLE,
+            headline=True,
+        ),
+        Metric(
+            "position_near",
+            f"within {NEAR:g} m",
+            "",
+            ".2%",
+            share("near", "n_true"),
+            "Share of the targets, over all scans, that are paired with an estimate closer than "
+            f"{NEAR:g} m, and than c.",
+            WHOLE,
+        ),
+    )
+
+    def values(self, part: Comparison) -> Values:
+        """Return the number of estimates farther than c from every target, and of near pairs."""
+        apart = part.estimate.position[:, None] - part.truth.position
+        nearest = np.hypot(apart[..., 0], apart[..., 1]).min(axis=1, initial=np.inf)
+        near = np.count_nonzero(_square_errors(part) < NEAR**2)
+        return int(np.count_nonzero(nearest > self.cutoff)), int(near)
+
+
+class Heights(Accumulator):
+    """The errors of the heights."""
+
+    names = ("heights", "height_square_error")
+    metrics = (
+        Metric(
+            "height_rms",
+            "height RMS",
+            "m",
+            ".1f",
+            root_mean("height_square_error", "heights"),
+            "Root mean square, over all pairs of the run whose true and estimated heights are "
+            "known, of the difference of the two.",
+            WHOLE,
+        ),
+    )
+
+    def values(self, part: Comparison) -> Values:
+        """Return the number of pairs with known heights and the sum of their squared errors."""
+        true, found = part.paired_truth.height, part.paired_estimate.height
+        if true is None or found is None:
+            return 0, 0.0
+        error = (found - true)[np.isfinite(found - true)]
+        return len(error), float((error**2).sum())
+
+
+class Classes(Accumulator):
+    """The classes of the pairs."""
+
+    names = ("right_class",)
+    metrics = (
+        Metric(
+            "class_accuracy",
+            "class accuracy",
+            "",
+            ".1%",
+            share("right_class", "pairs"),
+            "Share of the pairs with the right class. Pairs are of an estimate and a target, by "
+            "position alone, closer than c; in a report the estimates are those of the smoother. "
+            "Missed and false targets are left out.",
+            CLASSES,
+            headline=True,
+        ),
+    )
+
+    def values(self, part: Comparison) -> Values:
+        """Return the number of pairs with the right class; None if no classes are compared."""
+        if not part.classes:
+            return (None,)
+        right = part.paired_truth.class_id == part.paired_estimate.class_id
+        return (int(np.count_nonzero(right)),)
+
+
+def confusion_matrix(
+    pairs: tuple[IntArray, IntArray], truth: IntArray, estimate: IntArray, classes: int
+) -> IntArray:
+    """Return the number of targets of one scan by true and by estimated class.
+
+    Parameters
+    ----------
+    pairs : tuple of two int arrays of shape (P,)
+        As of `metrics.assign`, by position alone.
+    truth : int array of shape (T,)
+        Classes of the targets.
+    estimate : int array of shape (E,)
+        Classes of the estimates.
+    classes : int
+        C; targets and estimates of other classes than 0 to C - 1 are left out.
+
+    Returns
+    -------
+    int array of shape (C + 1, C + 1)
+        [true class, estimated class]. The last column counts missed targets, the last row false
+        estimates. The matrix of a run is the sum over its scans.
+    """
+    row, column = pairs
+    missed, false = np.delete(truth, row), np.delete(estimate, column)
+    true = np.concatenate([truth[row], missed, np.full(len(false), classes)])
+    estimated = np.concatenate([estimate[column], np.full(len(missed), classes), false])
+    counted = (true <= classes) & (estimated <= classes)
+    matrix = np.zeros((classes + 1, classes + 1), dtype=np.int64)
+    np.add.at(matrix, (true[counted], estimated[counted]), 1)
+    return matrix

@@ -1,0 +1,196 @@
+"""Estimates and targets of one scan, for all classes and per class."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
+from phd_jdtc_ros.core.types import COASTING, Estimates, Truth
+
+from .metrics import assign
+
+ALL = "all"
+# Index of the target and of the estimate of each pair, as `metrics.assign` returns them.
+Pairs = tuple[IntArray, IntArray]
+
+
+def set_names(classes: int) -> tuple[str, ...]:
+    """Return the names of the compared sets: ``all``, and one ``class_k`` per class."""
+    return (ALL, *map(class_set, range(classes)))
+
+
+def class_set(class_id: int) -> str:
+    """Return the name of a class's set."""
+    return f"class_{class_id}"
+
+
+class LabelledPoints(NamedTuple):
+    """The positions of one scan with their labels.
+
+    Parameters
+    ----------
+    label : int array of shape (T,)
+        Track label of each position; 0 for none.
+    position : array of shape (T, 2)
+        Metres.
+    """
+
+    label: IntArray
+    position: FloatArray
+
+
+@dataclass(frozen=True)
+class PointSet:
+    """Classified positions at one stamp.
+
+    Parameters
+    ----------
+    position : array of shape (T, 2)
+        World frame, metres.
+    class_id : int array of shape (T,)
+    track_id : int array of shape (T,) or None
+        0 for an unlabelled point; None if all are unlabelled.
+    velocity : array of shape (T, 2) or None
+        Metres per second; None if unknown.
+    covariance : array of shape (T, 2, 2) or None
+        Covariance of the positions, square metres; None if unknown, as for the truth.
+    height : array of shape (T,) or None
+        Metres; NaN where unknown, None if all are unknown.
+    coasting : bool array of shape (T,) or None
+        Whether each track had no detection in its last scan or turn; None if unknown.
+    """
+
+    position: FloatArray
+    class_id: IntArray
+    track_id: IntArray | None = None
+    velocity: FloatArray | None = None
+    covariance: FloatArray | None = None
+    height: FloatArray | None = None
+    coasting: BoolArray | None = None
+
+    @staticmethod
+    def of(targets: Truth | Estimates) -> PointSet:
+        """Return the points of targets or estimates."""
+        covariance, heights, coasting = None, None, None
+        if isinstance(targets, Truth):
+            heights = targets.height
+        else:
+            covariance = targets.position_covariance
+            coasting = targets.track_state == COASTING
+            if targets.attributes is not None:
+                heights = targets.attributes.height
+        return PointSet(
+            *(targets.position, targets.class_id, targets.track_id, targets.velocity, covariance),
+            None if heights is None else heights[:, 0],
+            coasting,
+        )
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def of_class(self, class_id: int) -> PointSet:
+        """Return the points of one class."""
+        return self.only(np.flatnonzero(self.class_id == class_id))
+
+    def only(self, index: IntArray) -> PointSet:
+        """Return the points of the given indices."""
+        known = {each.name: getattr(self, each.name) for each in fields(self)}
+        return replace(
+            self, **{n: column[index] for n, column in known.items() if column is not None}
+        )
+
+    def with_labels(self) -> LabelledPoints | None:
+        """Return the points with their labels; None unless all labels are non-zero and distinct."""
+        label = np.zeros(len(self), dtype=np.int64) if self.track_id is None else self.track_id
+        if not label.all() or len(np.unique(label)) < len(label):
+            return None
+        return LabelledPoints(label, self.position)
+
+
+@dataclass(frozen=True)
+class PairedScan:
+    """The targets of a stamp and one source's estimates, paired by position alone.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    truth, estimate : PointSet
+    pairs : tuple of two int arrays of shape (P,)
+        Result of `metrics.assign`.
+    """
+
+    stamp_ns: int
+    truth: PointSet
+    estimate: PointSet
+    pairs: Pairs
+
+    @staticmethod
+    def of(stamp_ns: int, truth: PointSet, estimate: PointSet, cutoff: float) -> PairedScan:
+        """Pair targets and estimates that are closer than `cutoff`, metres."""
+        return PairedScan(
+            stamp_ns, truth, estimate, assign(truth.position, estimate.position, cutoff)
+        )
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One set of targets and estimates of a scan, from which metrics compute their values.
+
+    Parameters
+    ----------
+    truth, estimate : PointSet
+    pairs : tuple of two int arrays of shape (P,)
+        Indices in the scan of the set's paired targets, by position alone, and of their estimates.
+    paired_truth, paired_estimate : PointSet
+        The paired points; the estimates may be of any class.
+    classes : int
+        Number of compared classes.
+    class_id : int or None
+        Class of the set; None for all targets.
+    last : bool
+        Whether the run ends with this scan.
+    """
+
+    truth: PointSet
+    estimate: PointSet
+    pairs: Pairs
+    paired_truth: PointSet
+    paired_estimate: PointSet
+    classes: int
+    class_id: int | None = None
+    last: bool = False
+
+    @staticmethod
+    def of(scan: PairedScan, classes: int) -> dict[str, Comparison]:
+        """Return the comparisons of a scan, for all targets and for each class, by set name."""
+        target, estimate = scan.pairs
+        everything = Comparison(
+            scan.truth,
+            scan.estimate,
+            scan.pairs,
+            scan.truth.only(target),
+            scan.estimate.only(estimate),
+            classes,
+        )
+        return {ALL: everything, **{class_set(k): everything.of_class(k) for k in range(classes)}}
+
+    @property
+    def whole(self) -> bool:
+        """Whether the set contains all targets."""
+        return self.class_id is None
+
+    def of_class(self, class_id: int) -> Comparison:
+        """Return the comparison of one class alone."""
+        rows = np.flatnonzero(self.paired_truth.class_id == class_id)
+        return replace(
+            self,
+            truth=self.truth.of_class(class_id),
+            estimate=self.estimate.of_class(class_id),
+            pairs=(self.pairs[0][rows], self.pairs[1][rows]),
+            paired_truth=self.paired_truth.only(rows),
+            paired_estimate=self.paired_estimate.only(rows),
+            class_id=class_id,
+        )

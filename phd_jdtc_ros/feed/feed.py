@@ -1,0 +1,149 @@
+"""Takes radars' reports and platforms' poses to a tracker's pipeline."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Protocol
+
+from msg_adapters.errors import RejectedMessageError
+from msg_adapters.selection import Report
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.engine import Engine
+from phd_jdtc_ros.core.intake.poses import PoseFault
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.pipeline import Event, RunEnded, start_cold
+from phd_jdtc_ros.core.types import Estimates, Pose, Scan
+
+
+class Notices(Protocol):
+    """Gets what of the messages is not used, or does not look as it is configured."""
+
+    def unreadable(self, radar: int, error: RejectedMessageError) -> None:
+        """Take a message that is no report."""
+
+    def read(self, radar: int, report: Report) -> None:
+        """Take a report before it is used."""
+
+    def rejected(self, radar: int, reason: str, report: Report) -> None:
+        """Take a report of which no part belongs to any scan."""
+
+    def lost_later(self, radar: int, reasons: Counter[str]) -> None:
+        """Take how many reports that waited for their poses are not used."""
+
+    def warn(self, radar: int, counts: Counter[str]) -> None:
+        """Take how often something does not look as it is configured; see `doubts`."""
+
+    def turning(self, radar: int, turn_s: float) -> None:
+        """Take the time of a turn that is not set and was found out, seconds, or 0."""
+
+    def pose_unreadable(self, topic: str, error: RejectedMessageError) -> None:
+        """Take a message that is no pose."""
+
+    def posed(self, topic: str, faults: Sequence[PoseFault]) -> None:
+        """Take a pose, and why some of the radars that it carries do not use it."""
+
+
+class Monitor(Protocol):
+    """Watches the scans that are stepped."""
+
+    def stepped(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
+        """Take a scan and its filtered estimates."""
+
+    def forget_tracks(self) -> None:
+        """Begin a new run."""
+
+
+class Feed:
+    """A tracker's pipeline with its input.
+
+    Its methods return iterators of events, as the pipeline's do: every one must be exhausted
+    before the next call.
+
+    Parameters
+    ----------
+    begin : callable
+        That of `Pipeline`.
+    """
+
+    def __init__(
+        self,
+        config: TrackerConfig,
+        notices: Notices,
+        monitors: Sequence[Monitor] = (),
+        begin: Callable[[Engine, int], None] = start_cold,
+    ) -> None:
+        self.pipeline = new_pipeline(config, begin)
+        self._radars, self._carried = len(config.inputs), config.carried
+        self._notices, self._monitors = notices, monitors
+
+    def message(self, radar: int, read: Callable[[], Report]) -> Iterator[Event] | None:
+        """Take in a message, which `read` decodes.
+
+        Returns
+        -------
+        iterator of Event
+        None
+            If nothing of it is used.
+        """
+        try:
+            report = read()
+        except RejectedMessageError as error:
+            self._notices.unreadable(radar, error)
+            return None
+        return self.report(radar, report)
+
+    def report(self, radar: int, report: Report) -> Iterator[Event] | None:
+        """Take in a report; see `message`."""
+        self._notices.read(radar, report)
+        events = self.pipeline.add(radar, report.stamp_ns, report.detections, report.sector)
+        self._notices.warn(radar, report.doubts + self.pipeline.take_doubts(radar))
+        self._notices.turning(radar, self.pipeline.turn_found_s(radar))
+        if isinstance(events, Rejection):
+            self._notices.rejected(radar, events.value, report)
+            return None
+        return self._watched(events)
+
+    def pose(self, topic: str, read: Callable[[], tuple[int, Pose]]) -> Iterator[Event]:
+        """Take in a pose of what carries radars, which `read` decodes, and what waited for it."""
+        try:
+            stamp_ns, pose = read()
+        except RejectedMessageError as error:
+            self._notices.pose_unreadable(topic, error)
+            return
+        faults = []
+        for radar in self._carried[topic]:
+            events = self.pipeline.add_pose(radar, stamp_ns, pose)
+            if isinstance(events, PoseFault):
+                faults.append(events)
+            else:
+                yield from self._watched(events)
+        self._notices.posed(topic, faults)
+
+    def close_scans(self) -> Iterator[Event]:
+        """Close all scans, complete or not."""
+        return self._watched(self.pipeline.close_scans())
+
+    def flush(self) -> Iterator[Event]:
+        """Close all scans, and end the run."""
+        return self._watched(self.pipeline.flush())
+
+    def reset(self) -> None:
+        """Discard all scans and begin a new run."""
+        self.pipeline.reset()
+        for monitor in self._monitors:
+            monitor.forget_tracks()
+
+    def _watched(self, events: Iterable[Event]) -> Iterator[Event]:
+        """Yield events, with the monitors ahead; in the end, notice what of reports waited."""
+        for event in events:
+            for monitor in self._monitors:
+                if isinstance(event, RunEnded):
+                    monitor.forget_tracks()
+                else:
+                    monitor.stepped(event.scan, event.step.filtered)
+            yield event
+        for radar in range(self._radars):
+            self._notices.lost_later(radar, self.pipeline.take_drops(radar))
+            self._notices.warn(radar, self.pipeline.take_doubts(radar))

@@ -1,0 +1,104 @@
+"""Counts what of the messages was not used, or does not look as it is configured."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from msg_adapters import doubts
+from msg_adapters.errors import RejectedMessageError
+from msg_adapters.selection import Report
+from phd_jdtc_ros.calibration.innovations import Fit
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.intake.poses import PoseFault
+from phd_jdtc_ros.core.pipeline import Stepped
+
+from .used_detections import UsedDetections
+
+
+class Tally:
+    """The `Notices` of a whole run.
+
+    Attributes
+    ----------
+    dropped : Counter
+        Detections, messages and poses by reason.
+    """
+
+    def __init__(self, config: TrackerConfig) -> None:
+        self._config = config
+        self.dropped: Counter[str] = Counter()
+        self.used = UsedDetections()
+        self._warned: list[Counter[str]] = [Counter() for _ in config.inputs]
+        self._turns_s = [0.0] * len(config.inputs)
+        self._without_amplitude: set[int] = set()
+        self._targets_seen, self._overdue = False, 0
+
+    def unreadable(self, radar: int, error: RejectedMessageError) -> None:
+        """Count a message that is no report."""
+        self.dropped[error.reason] += 1
+        self.used.unreadable(error.reason)
+
+    def read(self, radar: int, report: Report) -> None:
+        """Count a report's detections, and those that were dropped."""
+        self.dropped.update(report.dropped)
+        self.used.read(len(report.detections), report.dropped)
+        if report.detections.amplitude is None:
+            self._without_amplitude.add(radar)
+
+    def rejected(self, radar: int, reason: str, report: Report) -> None:
+        """Count the detections of a report of which no part belongs to any scan."""
+        self.dropped[reason] += 1
+        self.used.refused(reason, len(report.detections))
+
+    def lost_later(self, radar: int, reasons: Counter[str]) -> None:
+        """Count the reports that waited for their poses and are not used."""
+        self.dropped.update(reasons)
+        self.used.reports_lost(reasons)
+
+    def warn(self, radar: int, counts: Counter[str]) -> None:
+        """Count what does not look as it is configured."""
+        self._warned[radar].update(counts)
+
+    def turning(self, radar: int, turn_s: float) -> None:
+        """Keep the time of a turn that was found out, seconds."""
+        self._turns_s[radar] = turn_s
+
+    def pose_unreadable(self, topic: str, error: RejectedMessageError) -> None:
+        """Count a message that is no pose."""
+        self.dropped[f"pose_{error.reason}"] += 1
+
+    def posed(self, topic: str, faults: Sequence[PoseFault]) -> None:
+        """Count a pose that is not used, once for each cause."""
+        self.dropped.update({f"pose_{fault.value}" for fault in faults})
+
+    def stepped(self, event: Stepped) -> None:
+        """Take in whether targets were found."""
+        self._targets_seen |= event.step.targets > 0
+        self._overdue = event.overdue or self._overdue
+
+    def about_radars(self) -> Iterator[tuple[int, str]]:
+        """Yield what does not look as it is configured, with the radar's index, each once."""
+        for index, radar in enumerate(self._config.inputs):
+            for text in doubts.of(radar, self._warned[index]):
+                yield index, text
+
+    def about_targets(self) -> Iterator[str]:
+        """Yield that no target was ever reported, if some are overdue."""
+        if self._overdue and not self._targets_seen:
+            yield doubts.no_targets(self._overdue)
+
+    def warnings(self, fits: Sequence[Fit]) -> Iterator[str]:
+        """Yield all warnings of a run; `fits` are the innovations of the radars."""
+        listed = list(self.about_radars())
+        for index, radar in enumerate(self._config.inputs):
+            if index in self._without_amplitude and len(self._config.model.modes.classes) > 1:
+                yield doubts.no_amplitude(radar)
+            if self._turns_s[index]:
+                yield doubts.turn_found(radar, self._turns_s[index])
+            yield from (f"{radar.topic}: {text}" for own, text in listed if own == index)
+        for radar, fit in zip(self._config.inputs, fits, strict=True):
+            wrong = doubts.of_noise(fit)
+            if wrong is not None:
+                yield f"{radar.topic}: {wrong}"
+        yield from self.about_targets()

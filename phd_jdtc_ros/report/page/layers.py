@@ -1,0 +1,211 @@
+"""The background layers of the page's picture: detections, learned clutter, the earth.
+
+Lines of latitude, longitude and range are computed: the page loads no map tiles, and works without
+a network.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import to_hex
+
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
+from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
+from phd_jdtc_ros.core.sensors.site import Plane
+
+from ..lengths import MapScale
+from ..record import RadarSite
+from ..style import CLUTTER, purples
+from .packing import Columns
+
+# Steps of the colour scale of amplitudes, which is logarithmic.
+SHADES = 8
+
+
+def _shades(weak: float, strong: float) -> list[str]:
+    return [to_hex(shade) for shade in purples(weak, strong, SHADES)]
+
+
+# Colour scale of each page style: high amplitudes have the most contrast, low ones remain visible.
+AMPLITUDE_SCALES = {"light": _shades(0.45, 1.0), "dark": _shades(0.75, 0.0)}
+
+
+def is_known(amplitude: FloatArray) -> BoolArray:
+    """Return whether each amplitude can be shown on the logarithmic scale."""
+    known: BoolArray = np.isfinite(amplitude) & (amplitude > 0.0)
+    return known
+
+
+def shades_of(amplitude: FloatArray) -> IntArray:
+    """Return the step of each amplitude on the scale from least to greatest; -1 for none."""
+    shades = np.full(len(amplitude), -1, dtype=np.int64)
+    known = is_known(amplitude)
+    if known.any():
+        level = np.log10(amplitude[known])
+        span = max(float(np.ptp(level)), 0.04)
+        shades[known] = np.minimum((level - level.min()) / span * SHADES, SHADES - 1).astype(int)
+    return shades
+
+
+# --- learned clutter
+
+# Ends of the opacity scale: decimal logarithms of false detections per turn and km^2.
+FAINTEST, STRONGEST = 0.0, 3.0
+# Number of steps of the opacity.
+OPACITIES = 100
+
+
+def clutter_levels(shown: ClutterRaster, columns: Columns) -> dict[str, Any]:
+    """Add the squares' opacity as a column, rows by y; return their positions in metres."""
+    level = np.log10(np.maximum(shown.density, 10.0**FAINTEST))
+    columns.add("clutter", np.rint(np.minimum(level / STRONGEST, 1.0) * OPACITIES).ravel())
+    low_x, _, low_y, _ = shown.extent
+    rows, across = shown.density.shape
+    return {
+        "corner": [float(low_x), float(low_y)],
+        "cell": float(shown.cell),
+        "shape": [rows, across],
+        "colour": CLUTTER,
+        "steps": OPACITIES,
+    }
+
+
+# --- the earth
+
+# Largest number of lines of the graticule across the picture, and allowed steps, degrees.
+MOST_LINES = 8
+GRATICULE_STEPS = tuple(m * 10.0**k for k in (1, 0, -1, -2, -3, -4) for m in (5.0, 2.0, 1.0))
+# Number of points of a line.
+POINTS = 73
+# Largest number of rings of a radar, and allowed steps as multiples of a power of ten.
+MOST_RINGS, RING_STEPS = 4, (1.0, 2.0, 2.5, 5.0)
+# Length of lines beyond the first view, as a share of its extent: pages are wide.
+BEYOND = 0.6
+# Nodes of the interpolation grid along an axis (its error is 3 m with 12 km between nodes), and
+# resolution of its degrees.
+NODES, DEGREE = 65, 1e-5
+
+
+def graticule(
+    plane: Plane, corner: FloatArray, far: FloatArray, columns: Columns
+) -> dict[str, Any]:
+    """Add the lines of latitude and longitude as columns, metres; return their labels.
+
+    Parameters
+    ----------
+    plane : Plane
+    corner, far : arrays of shape (2,)
+        Least and greatest x and y of the first view, metres.
+    """
+    lines: list[FloatArray] = []
+    labels: list[tuple[float, float, str]] = []
+    beyond = BEYOND * (far - corner)
+    extents = _extent(plane, corner - beyond, far + beyond)
+    for along, across, name in ((0, 1, "NS"), (1, 0, "EW")):
+        step = _step(extents[along])
+        for value in _multiples(extents[along], step):
+            pair = [np.full(POINTS, value)] * 2
+            pair[across] = np.linspace(extents[across][0], extents[across][1], POINTS)
+            place = np.stack(plane.to_plane(*pair))
+            lines.append(place)
+            # Parallels have their label at the left edge, meridians at the bottom.
+            nearest = int(np.argmin(np.abs(place[along] - corner[along])))
+            labels.append((*np.rint(place[:, nearest]).tolist(), degrees(value, step, name)))
+    drawn = np.concatenate([np.zeros((2, 0)), *lines], axis=1)
+    for axis, values in zip("xy", drawn, strict=True):
+        columns.add(f"graticule.{axis}", np.rint(values))
+    return {"points": POINTS, "labels": labels}
+
+
+def earth_grid(
+    plane: Plane, corner: FloatArray, far: FloatArray, columns: Columns
+) -> dict[str, Any]:
+    """Add latitudes and longitudes of a grid's nodes as columns; return the nodes' positions.
+
+    The parameters are the same as of `graticule`. Longitudes are continuous over the antimeridian.
+    """
+    beyond = BEYOND * (far - corner)
+    nodes = np.linspace(corner - beyond, far + beyond, NODES)
+    latitude, longitude = plane.to_geodetic(*np.meshgrid(nodes[:, 0], nodes[:, 1]))
+    columns.add("earth.latitude", np.rint(latitude.ravel() / DEGREE))
+    columns.add("earth.longitude", np.rint(_away(plane, longitude).ravel() / DEGREE))
+    return {
+        "corner": nodes[0].tolist(),
+        "cell": (nodes[1] - nodes[0]).tolist(),
+        "nodes": NODES,
+        "degree": DEGREE,
+    }
+
+
+def rings(
+    radars: Sequence[RadarSite], corner: FloatArray, far: FloatArray
+) -> list[tuple[float, float, float, str]]:
+    """Return rings of equal range about radars: x, y and radius in metres, and a text.
+
+    Parameters
+    ----------
+    corner, far : arrays of shape (2,)
+        Least and greatest x and y of the first view, metres.
+    """
+    places = [radar.position for radar in radars]
+    farthest = max(
+        (np.hypot(*np.maximum(far - p, np.array(p) - corner)) for p in places), default=0
+    )
+    if farthest <= 0.0:
+        return []
+    scale = MapScale.of_extent(float((far - corner).max()))
+    step = _ring_step(farthest)
+    return [
+        (*place, float(radius), f"{radius / scale.metres:g} {scale.unit}")
+        for place in places
+        for radius in np.arange(1, MOST_RINGS + 1) * step
+        if radius <= farthest
+    ]
+
+
+def degrees(value: float, step: float, names: str) -> str:
+    """Return an angle as text, with the digits that a step needs and the hemisphere's letter."""
+    digits = max(int(np.ceil(-np.log10(step) - 1e-9)), 0)
+    shown = (value + 180.0) % 360.0 - 180.0 if names == "EW" else value
+    side = names[0] if round(shown, digits) >= 0.0 else names[1]
+    return f"{abs(shown):.{digits}f}° {side}"
+
+
+def _extent(plane: Plane, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least and greatest latitude and longitude in a rectangle, degrees."""
+    grid = np.meshgrid(*(np.linspace(low[k], high[k], 41) for k in (0, 1)))
+    latitude, longitude = plane.to_geodetic(*grid)
+    away = _away(plane, longitude)
+    return (
+        np.array([latitude.min(), latitude.max()]),
+        np.array([away.min(), away.max()]),
+    )
+
+
+def _away(plane: Plane, longitude: FloatArray) -> FloatArray:
+    """Return longitudes relative to the origin, continuous over the antimeridian."""
+    away: FloatArray = (longitude - plane.origin[1] + 180.0) % 360.0 - 180.0 + plane.origin[1]
+    return away
+
+
+def _step(extent: FloatArray) -> float:
+    """Return the least step that leaves at most `MOST_LINES` lines, degrees."""
+    wide = float(extent[1] - extent[0])
+    return min(
+        (step for step in GRATICULE_STEPS if wide / step <= MOST_LINES), default=GRATICULE_STEPS[0]
+    )
+
+
+def _multiples(extent: FloatArray, step: float) -> FloatArray:
+    first, last = np.ceil(extent[0] / step), np.floor(extent[1] / step)
+    multiples: FloatArray = np.arange(first, last + 1.0) * step
+    return multiples
+
+
+def _ring_step(farthest: float) -> float:
+    """Return a round step at which at most `MOST_RINGS` rings are within a distance."""
+    power = 10.0 ** np.floor(np.log10(farthest / MOST_RINGS))
+    return float(next(m * power for m in (*RING_STEPS, 10.0) if m * power >= farthest / MOST_RINGS))

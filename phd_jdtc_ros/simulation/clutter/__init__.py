@@ -1,0 +1,1 @@
+"""False detections: clutter, fixed reflectors, echoes and mirrored replies."""

@@ -1,0 +1,100 @@
+"""Several detections of a target in a scan; the block ``echoes`` of a scenario document.
+
+A radar of high resolution detects bumpers, wheels and corners of a vehicle separately.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from phd_jdtc_ros.configuration.schema import SMALL, Parameter
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.state_space import StateSpace
+
+from ..checked import mapping, names_of, take
+
+ECHOES = (
+    Parameter("probability", 0.3, "Probability that a detected target has more.", 0.0, 1.0),
+    Parameter("most", 2, "Largest number of further detections; each is as probable.", 1, 100),
+    Parameter("length_std", 1.2, "Their spread along the target's course, m.", SMALL, 1e3),
+    Parameter("width_std", 0.5, "Their spread across the target's course, m.", SMALL, 1e3),
+)
+
+
+@dataclass(frozen=True)
+class Echoes:
+    """Further detections of targets by one radar in a scan.
+
+    Parameters
+    ----------
+    probability : float
+        Probability that a detected target has further detections.
+    most : int
+        Their largest number; all numbers from 1 to it are equally probable.
+    length_std, width_std : float
+        Standard deviations of their sources along and across the target's course, metres.
+    """
+
+    probability: float
+    most: int
+    length_std: float
+    width_std: float
+
+    def sources(
+        self, state: FloatArray, space: StateSpace, rng: np.random.Generator
+    ) -> tuple[FloatArray, IntArray]:
+        """Return the sources of further detections, and the row of the target of each.
+
+        Parameters
+        ----------
+        state : array of shape (N, D)
+            States of the detected targets.
+        space : StateSpace
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        state : array of shape (E, D)
+        row : int array of shape (E,)
+        """
+        more = rng.random(len(state)) < self.probability
+        count = np.where(more, rng.integers(1, self.most + 1, len(state)), 0)
+        row = np.arange(len(state)).repeat(count)
+        spread = rng.standard_normal((len(row), 2)) * [self.length_std, self.width_std]
+        echo = state[row]
+        velocity = echo[:, list(space.velocity)]
+        course = np.arctan2(velocity[:, 1], velocity[:, 0])
+        cos, sin = np.cos(course), np.sin(course)
+        x, y = space.position
+        echo[:, x] += cos * spread[:, 0] - sin * spread[:, 1]
+        echo[:, y] += sin * spread[:, 0] + cos * spread[:, 1]
+        return echo, row
+
+
+def of_radars(
+    document: Mapping[str, object], radars: tuple[RadarModel, ...], faults: list[str]
+) -> tuple[Echoes | None, ...]:
+    """Return every radar's echoes, None for a radar without; empty if no radar has any."""
+    given = mapping(document, "echoes", faults)
+    known = {radar.name: radar for radar in radars}
+    faults += [
+        f"echoes.{name}: must be one of the radars, {', '.join(known)}"
+        for name in given
+        if name not in known
+    ]
+    faults += [
+        f"echoes.{name}: given, must not be for a radar that turns"
+        for name in given
+        if name in known and known[name].rotation_s
+    ]
+    found: list[Echoes | None] = []
+    for name in known:
+        of_radar, wrong = mapping(given, name, faults), list[str]()
+        values = take(ECHOES, of_radar, f"echoes.{name}.", wrong, names_of(ECHOES))
+        faults += wrong
+        found.append(Echoes(**values) if name in given and not wrong else None)
+    return tuple(found) if given else ()

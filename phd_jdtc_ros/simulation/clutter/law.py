@@ -1,0 +1,157 @@
+"""The amplitudes of simulated clutter, and the block ``clutter`` of a scenario document.
+
+The simulated law may differ from the tracker's assumption, its parameter `clutter_amplitude`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.clutter.amplitude_law import DB, level_db
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.targets.amplitude_density import SMALLEST_AMPLITUDE, snr_from_db
+
+from ..checked import mapping, take
+
+LAW = Parameter("law", "rayleigh", "Law.", choices=("rayleigh", "log_normal", "uniform"))
+# Parameters that several laws share.
+LEVEL = Parameter("level_db", 0.0, "Mean or, of log_normal, median level, dB.", -100.0, 200.0)
+MEMBERS = {
+    "rayleigh": (LAW, LEVEL),
+    "log_normal": (LAW, LEVEL, Parameter("std_db", 6.0, "Deviation, dB.", 0.1, 100.0)),
+    "uniform": (
+        LAW,
+        Parameter("lowest_db", 0.0, "Lowest level, dB.", -100.0, 200.0),
+        Parameter("highest_db", 0.0, "Highest level, dB.", -100.0, 200.0),
+    ),
+}
+
+
+class ClutterLaw(Protocol):
+    """A distribution of the envelopes of clutter."""
+
+    def draw(self, threshold: float, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return envelopes above a threshold, shape (count,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class RayleighClutter:
+    """Noise, or clutter of many reflectors.
+
+    Parameters
+    ----------
+    level : float
+        Mean square of the envelope in units of the noise's; 1 is noise.
+    """
+
+    level: float = 1.0
+
+    def draw(self, threshold: float, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return envelopes above a threshold, shape (count,)."""
+        # The square of a Rayleigh envelope is exponential, so the truncated draw is exact.
+        square = threshold**2 + 2.0 * self.level * rng.standard_exponential(count)
+        envelope: FloatArray = np.sqrt(square)
+        return envelope
+
+
+@dataclass(frozen=True)
+class LogNormalClutter:
+    """Clutter whose level in dB is Gaussian.
+
+    Parameters
+    ----------
+    median_db, std_db : float
+    """
+
+    median_db: float
+    std_db: float
+
+    def draw(self, threshold: float, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return envelopes above a threshold, shape (count,)."""
+        least = (_level(threshold) - self.median_db) / self.std_db
+        share = np.maximum(rng.random(count) * ndtr(-least), np.finfo(float).tiny)
+        return _envelope(self.median_db - self.std_db * ndtri(share))
+
+
+@dataclass(frozen=True)
+class UniformClutter:
+    """Clutter whose level is uniform in dB.
+
+    Parameters
+    ----------
+    lowest_db, highest_db : float
+    """
+
+    lowest_db: float
+    highest_db: float
+
+    def draw(self, threshold: float, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return envelopes above a threshold, shape (count,)."""
+        lowest = max(self.lowest_db, _level(threshold))
+        return _envelope(rng.uniform(lowest, self.highest_db, count))
+
+
+NOISE = RayleighClutter()
+
+
+def laws(
+    document: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
+) -> tuple[ClutterLaw, ...]:
+    """Return every radar's law, by default noise; empty if all are noise; add faults."""
+    given = mapping(document, "clutter", faults)
+    if not given:
+        return ()
+    known = {radar.name: radar for radar in radars}
+    faults += [
+        f"clutter.{name}: must be one of the radars, {', '.join(known)}"
+        for name in given
+        if name not in known
+    ]
+    return tuple(
+        law_of(given[name], f"clutter.{name}.", radar, faults) if name in given else NOISE
+        for name, radar in known.items()
+    )
+
+
+def law_of(given: Any, prefix: str, radar: RadarModel, faults: list[str]) -> ClutterLaw:
+    """Return a checked law; add its faults to `faults` and return noise if there are any."""
+    if not isinstance(given, Mapping):
+        faults.append(f"{prefix[:-1]}: must be a mapping")
+        return NOISE
+    found: list[str] = []
+    table = MEMBERS.get(str(given.get("law")), (LAW,))
+    values = take(table, given, prefix, found)
+    faults += found
+    if found:
+        return NOISE
+    if values["law"] == "rayleigh":
+        return RayleighClutter(snr_from_db(values["level_db"]))
+    if values["law"] == "log_normal":
+        return LogNormalClutter(values["level_db"], values["std_db"])
+    least = max(values["lowest_db"], _level(radar.threshold))
+    if values["highest_db"] <= least:
+        faults.append(
+            f"{prefix}highest_db: {values['highest_db']:g} given, must be above lowest_db and the "
+            f"radar's threshold, {least:.1f} dB"
+        )
+        return NOISE
+    return UniformClutter(values["lowest_db"], values["highest_db"])
+
+
+def _level(threshold: float) -> float:
+    """Return the level of an envelope, dB."""
+    return float(level_db(np.array(max(threshold, SMALLEST_AMPLITUDE))))
+
+
+def _envelope(level: FloatArray) -> FloatArray:
+    """Return the envelopes of levels in dB."""
+    envelope: FloatArray = np.sqrt(2.0 * np.exp(level / DB))
+    return envelope

@@ -1,0 +1,83 @@
+"""Surfaces that reflect a target's replies to a radar; the block ``mirrors`` of a scenario.
+
+A hangar's wall makes a radar detect an aircraft twice in a turn: at its position, and as a false
+plot with its code, address and height in the direction of the wall, farther away by the detour.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from phd_jdtc_ros.configuration.schema import SMALL, Parameter
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.types import FULL_TURN
+
+from ..checked import mappings, take
+
+MIRRORS = (
+    Parameter("position", [0.0, 0.0], "Where it is, world frame, m.", length=2),
+    Parameter(
+        "start_deg", 0.0, "First azimuth that it mirrors, clockwise from the y axis.", -360.0, 360.0
+    ),
+    Parameter("width_deg", 360.0, "Width of the azimuths that it mirrors.", SMALL, 360.0),
+    Parameter("probability", 0.1, "That it does, at each turn of a radar.", 0.0, 1.0),
+)
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """A surface that reflects the replies of targets in some directions.
+
+    Parameters
+    ----------
+    position : tuple of two floats
+        Position in the world frame, metres.
+    start, width : float
+        First azimuth and width of the sector, seen from the radar, of the targets whose replies are
+        reflected: radians clockwise from the world's y axis.
+    probability : float
+        Probability of a reflection at each turn of a radar.
+    """
+
+    position: tuple[float, float]
+    start: float
+    width: float
+    probability: float
+
+    def reflects(
+        self, position: FloatArray, radar: RadarModel, rng: np.random.Generator
+    ) -> npt.NDArray[np.bool_]:
+        """Return which replies from positions in the world, shape (N, 2), are reflected."""
+        east, north = (position - radar.position).T
+        turned = np.mod(np.arctan2(east, north) - self.start, FULL_TURN)
+        drawn = rng.random(len(position)) < self.probability
+        found: npt.NDArray[np.bool_] = drawn & (turned < self.width)
+        return found
+
+    def detour(self, position: FloatArray, radar: RadarModel) -> FloatArray:
+        """Return the increase of the ranges by the reflection, metres, shape (N,)."""
+        own = math.dist(self.position, radar.position)
+        longer: FloatArray = (
+            own + np.hypot(*(position - self.position).T) - np.hypot(*(position - radar.position).T)
+        )
+        return longer
+
+
+def mirrors(document: Mapping[str, object], faults: list[str]) -> tuple[Mirror, ...]:
+    """Return the mirrors in a scenario document; add faults to `faults`."""
+    every = []
+    for index, given in enumerate(mappings(document, "mirrors", "", faults)):
+        found: list[str] = []
+        values = take(MIRRORS, given, f"mirrors[{index}].", found)
+        faults += found
+        if not found:
+            start, width = (math.radians(values[name]) for name in ("start_deg", "width_deg"))
+            place = float(values["position"][0]), float(values["position"][1])
+            every.append(Mirror(place, start, width, values["probability"]))
+    return tuple(every)

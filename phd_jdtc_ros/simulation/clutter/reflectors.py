@@ -1,0 +1,123 @@
+"""Fixed clutter such as quays, land and wind turbines; a scenario's ``reflectors``.
+
+Reflectors are fixed in the world. Every radar that has them in its coverage reports them as false
+detections, also from a moving platform.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+
+from ..checked import mappings, take
+from ..noise import with_noise
+from .law import NOISE, ClutterLaw, law_of
+
+REFLECTORS = (
+    Parameter("points", [0.0, 0.0], "x and y of points, world frame, m.", -1e7, 1e7),
+    Parameter(
+        "spacing",
+        0.0,
+        "Distance between reflectors on the line through the points, m; 0: only the points.",
+        0.0,
+        1e6,
+    ),
+    Parameter("detection_probability", 0.5, "Of each in a scan or a turn.", 0.0, 1.0),
+)
+# Largest number of points of a line, which bounds the memory for a small spacing.
+MOST = 10_000
+
+
+class Answers(NamedTuple):
+    """A radar's measurements of reflectors.
+
+    Parameters
+    ----------
+    measurement : array of shape (N, 2)
+        Range and azimuth with noise, metres and radians.
+    amplitude : array of shape (N,)
+    seen : bool array of shape (N,)
+        Whether the radar detects each.
+    """
+
+    measurement: FloatArray
+    amplitude: FloatArray
+    seen: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Reflectors:
+    """Reflectors of one kind.
+
+    Parameters
+    ----------
+    points : tuple of pairs of floats
+        Positions in the world frame, metres.
+    detection_probability : float
+        Probability of detection of a point per scan or turn if it is in a radar's coverage.
+    law : ClutterLaw
+        Law of the envelopes.
+    """
+
+    points: tuple[tuple[float, float], ...]
+    detection_probability: float
+    law: ClutterLaw = NOISE
+
+    def answers(self, exact: FloatArray, radar: RadarModel, rng: np.random.Generator) -> Answers:
+        """Return a radar's measurements of reflectors at true ranges and azimuths, (N, 2)."""
+        found = rng.random(len(exact)) < self.detection_probability
+        visible = radar.visibility.sees(exact) > 0.0
+        amplitude = self.law.draw(radar.threshold, len(exact), rng)
+        return Answers(with_noise(exact, radar, rng), amplitude, found & visible)
+
+
+def reflectors(
+    document: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
+) -> tuple[Reflectors, ...]:
+    """Return the kinds of reflectors in a scenario document; add faults to `faults`."""
+    kinds = []
+    for index, given in enumerate(mappings(document, "reflectors", "", faults)):
+        prefix, found = f"reflectors[{index}].", list[str]()
+        values = take(REFLECTORS, given, prefix, found, ("spacing",), ("amplitude",))
+        # The bounds of a law follow from the threshold; the highest threshold is the strictest.
+        strictest = max(radars, key=lambda radar: radar.threshold)
+        law: ClutterLaw = NOISE
+        if "amplitude" in given:
+            law = law_of(given["amplitude"], f"{prefix}amplitude.", strictest, found)
+        if not found and (not values["points"] or len(values["points"]) % 2):
+            found.append(f"{prefix}points: must be x and y of at least one point")
+        faults += found
+        if found:
+            continue
+        corners = np.reshape(values["points"], (-1, 2))
+        length = float(np.hypot(*np.diff(corners, axis=0).T).sum())
+        if values["spacing"] and length / values["spacing"] > MOST:
+            faults.append(
+                f"{prefix}spacing: {values['spacing']:g} given, must be at least "
+                f"{length / MOST:g} for at most {MOST} reflectors"
+            )
+            continue
+        kinds.append(
+            Reflectors(_along(corners, values["spacing"]), values["detection_probability"], law)
+        )
+    return tuple(kinds)
+
+
+def _along(corners: FloatArray, spacing: float) -> tuple[tuple[float, float], ...]:
+    """Return points at most `spacing` apart on the line through corners, corners included."""
+    points = [tuple(corners[0].tolist())]
+    for begin, end in itertools.pairwise(corners):
+        parts = max(math.ceil(math.dist(begin, end) / spacing - 1e-9), 1) if spacing else 1
+        share = np.arange(1, parts + 1)[:, None] / parts
+        points += map(tuple, (begin + share * (end - begin)).tolist())
+    return tuple((float(x), float(y)) for x, y in points)

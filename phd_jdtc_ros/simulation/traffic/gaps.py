@@ -1,0 +1,100 @@
+"""Times in which targets are hidden from all radars; the block ``gaps`` of a scenario.
+
+Causes are hills, the cone of silence, or a transponder that is switched off. The target continues
+its flight and keeps its identity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from phd_jdtc_ros.configuration.schema import SMALL, Parameter
+from phd_jdtc_ros.core.arrays import FloatArray
+
+from ..checked import mapping, names_of, take
+from .flight import Flight
+
+GAPS = (
+    Parameter("count", 0, "Number of gaps in the run.", 0, 10**5),
+    Parameter("shortest_s", 10.0, "Shortest time of a gap, s.", SMALL, 1e6),
+    Parameter("longest_s", 120.0, "Longest time of a gap, s.", SMALL, 1e6),
+    Parameter("slowest", 20.0, "Slower targets at their start have none, m/s.", 0.0, 1e4),
+    Parameter("seed", 0, "Seed of whose they are, and when.", 0, 2**31 - 1),
+)
+# Least time in sight before and after a gap, seconds.
+APART_S = 60.0
+
+
+class Gap(NamedTuple):
+    """A time in which a target is out of sight.
+
+    Parameters
+    ----------
+    number : int
+        Number of the target, from 1.
+    start_s, end_s : float
+        Seconds after scan 0.
+    """
+
+    number: int
+    start_s: float
+    end_s: float
+
+
+def in_gap(gaps: Sequence[Gap], number: int, time_s: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return whether a target, by number from 1, is in a gap; same shape."""
+    out = np.zeros(np.shape(time_s), dtype=np.bool_)
+    for gap in gaps:
+        if gap.number == number:
+            out |= (time_s >= gap.start_s) & (time_s < gap.end_s)
+    return out
+
+
+def of_targets(
+    document: Mapping[str, object], flights: Sequence[Flight], faults: list[str]
+) -> tuple[Gap, ...]:
+    """Return the gaps of a document's ``gaps`` block, if any; add its faults to `faults`.
+
+    Parameters
+    ----------
+    document : mapping
+    flights : sequence of Flight
+        All targets, from number 1.
+    faults : list of str
+    """
+    if "gaps" not in document:
+        return ()
+    found: list[str] = []
+    given = mapping(document, "gaps", found)
+    values = take(GAPS, given, "gaps.", found, names_of(GAPS))
+    if not found and values["longest_s"] < values["shortest_s"]:
+        found.append(
+            f"gaps.longest_s: {values['longest_s']:g} given, must be at least shortest_s, "
+            f"{values['shortest_s']:g}"
+        )
+    faults += found
+    return () if found else _draw(values, flights)
+
+
+def _draw(values: Mapping[str, float], flights: Sequence[Flight]) -> tuple[Gap, ...]:
+    """Return gaps of random targets, drawn in proportion to the time that a gap can begin in."""
+    rng = np.random.default_rng(int(values["seed"]))
+    speed = np.array([np.hypot(*flight.velocity) for flight in flights])
+    there_s = np.array([flight.end_s - flight.start_s for flight in flights])
+    free = speed >= values["slowest"]
+    gaps: list[Gap] = []
+    for _ in range(int(values["count"])):
+        length_s = float(rng.uniform(values["shortest_s"], values["longest_s"]))
+        # Time in which a gap can begin; a target has at most one gap.
+        spare = np.where(free, np.maximum(there_s - length_s - 2.0 * APART_S, 0.0), 0.0)
+        if not spare.any():
+            break
+        row = int(rng.choice(len(flights), p=spare / spare.sum()))
+        start_s = flights[row].start_s + APART_S + float(rng.uniform(0.0, spare[row]))
+        gaps.append(Gap(row + 1, start_s, start_s + length_s))
+        free[row] = False
+    return tuple(gaps)

@@ -1,0 +1,1 @@
+"""Recordings of ASTERIX to bags and back, by `asterix_bridge` and `simulate`."""

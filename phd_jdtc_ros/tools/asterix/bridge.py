@@ -1,0 +1,133 @@
+"""Recordings of ASTERIX to bags, and bags to ASTERIX. Without arguments: the node, with UDP."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+
+from msg_adapters import names
+from phd_jdtc_ros import resources
+from phd_jdtc_ros.asterix_bridge import settings
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.types import FILTERED, SOURCES
+from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
+from phd_jdtc_ros.quoting import short
+
+from .. import command
+from . import parameters, reading, writing
+
+NAME = "asterix_bridge"
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the offline bridge."""
+    arguments = _parser().parse_args(argv)
+
+    def work() -> int:
+        if arguments.out.exists():
+            raise BagError(f"{arguments.out}: already exists, is not overwritten")
+        given = from_arguments.from_arguments(arguments.params_file, arguments.assignments, NAME)
+        path = Path(arguments.source)
+        if path.is_file() and path.suffix != ".mcap":
+            return _to_bag(path, arguments, settings.resolve(given))
+        return _to_asterix(resources.bag(arguments.source), arguments, given)
+
+    return command.guarded(NAME, work)
+
+
+def _to_bag(path: Path, arguments: argparse.Namespace, bridge: settings.Bridge) -> int:
+    done = reading.convert(path, arguments.out, bridge, arguments.date, arguments.port)
+    print(f"{arguments.out}: {done.clouds} clouds, {done.plots} plots")
+    for line in done.lines():
+        print(line)
+    faults = list(done.faults())
+    for fault in faults:
+        print(f"{NAME}: {path}: {short(fault)}", file=sys.stderr)
+    return CORRUPT if faults else OK
+
+
+def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, object]) -> int:
+    bag = BagReader(path)
+    recorded = bag_parameters.read(path) or {}
+    config = tracker_params.config(recorded)
+    if arguments.plots:
+        bridge = settings.resolve(given)
+        done = writing.write_plots(bag, arguments.out, config, bridge)
+    else:
+        # Where the map is on the earth is the tracker's to say.
+        origin = {name: recorded[name] for name in ("world_origin",) if name in recorded}
+        if parameters.guessed(origin.get("world_origin", [])):
+            origin = {}
+            print("where the radar stands is not known: tracks have no latitudes and longitudes")
+        bridge = settings.resolve({**origin, **given})
+        topic = names.estimates(arguments.estimates)
+        radars = [radar.topic for radar in config.inputs]
+        done = writing.write_tracks(bag, arguments.out, bridge, topic, radars)
+    dropped = ", ".join(f"{reason} {count}" for reason, count in sorted((+done.dropped).items()))
+    print(
+        f"{arguments.out}: {done.records} {done.what} in {done.blocks} data blocks, of "
+        f"{done.clouds} clouds; dropped: {dropped or 'none'}"
+    )
+    if done.used >= reading.LEAST_USED:
+        return OK
+    print(
+        f"{NAME}: {path}: {done.used:.0%} of its clouds could be used; dropped: {dropped}",
+        file=sys.stderr,
+    )
+    return CORRUPT
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(NAME, description=__doc__)
+    parser.add_argument(
+        "source", help=f"recording: ASTERIX, final, pcap or pcapng; or a {command.BAG}"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        help="directory of the new bag, or file of the new data blocks",
+    )
+    parser.add_argument(
+        "--plots",
+        action="store_true",
+        help="of a bag: its detections as CAT048 and CAT034, and not its estimates as CAT062",
+    )
+    parser.add_argument(
+        "--estimates",
+        choices=SOURCES,
+        default=FILTERED,
+        help="of a bag: which estimates become CAT062 (%(default)s)",
+    )
+    parser.add_argument(
+        "--date",
+        type=_midnight,
+        metavar="YYYY-MM-DD",
+        help="day of the recording, which ASTERIX does not say; that of a capture, or 1970-01-01",
+    )
+    parser.add_argument(
+        "--port",
+        type=int,
+        action="append",
+        default=[],
+        help="of captures: only what was sent to this UDP port; may be repeated",
+    )
+    command.add_params_file_argument(parser)
+    command.add_assignments_argument(parser)
+    return parser
+
+
+def _midnight(text: str) -> int:
+    """Return when a day begins, nanoseconds since the epoch."""
+    try:
+        day = datetime.strptime(text, "%Y-%m-%d").replace(tzinfo=timezone.utc)
+    except ValueError:
+        day = None
+    if day is None or day.year < 1970 or day.year > 2200:
+        raise argparse.ArgumentTypeError(f"{text} given, must be a date such as 2026-11-22")
+    return int(day.timestamp()) * 10**9

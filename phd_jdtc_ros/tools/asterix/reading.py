@@ -1,0 +1,205 @@
+"""Recordings of ASTERIX to bags: clouds of each radar, and parameters for a tracker."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from msg_adapters import interfaces, names
+from phd_jdtc_ros.asterix import records
+from phd_jdtc_ros.asterix.clocks import StreamClock
+from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
+from phd_jdtc_ros.asterix.slices import SectorReport
+from phd_jdtc_ros.asterix.transport import datagram, framing
+from phd_jdtc_ros.asterix.transport.datagram import RecordingError
+from phd_jdtc_ros.asterix_bridge import clouds, settings
+from phd_jdtc_ros.asterix_bridge.settings import Bridge
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
+from phd_jdtc_ros.parameter_files import bag_parameters
+
+from . import parameters
+
+DEPTH = 50
+# Of so much of a recording at least must something become, or the tool fails.
+LEAST_USED = 0.5
+# What other categories are, which tells what would read them.
+TRACKS = "tracks of a tracker, in which nothing is to be detected"
+PLACES = (
+    "reports of positions and no polar plots; a driver that publishes their ranges and azimuths "
+    "about a place would make them a radar's"
+)
+OTHERS = {11: TRACKS, 30: TRACKS, 62: TRACKS, 20: PLACES, 21: PLACES}
+STATUS = "no reports of targets"
+# What is left out because it is not to be used: other radars than those named, spare lines, and
+# what radars send of no target.
+NOT_MEANT = ("unknown_radar", "second_source", "no_detection", "field_monitor", "test_target")
+
+
+@dataclass
+class Converted:
+    """What became of a recording.
+
+    Parameters
+    ----------
+    recording : Counter
+        What was skipped of the file, by reason.
+    clouds, plots : int
+        Written.
+    hints : list of str
+        What is to be said of the parameters.
+    """
+
+    stream: PlotStream
+    recording: Counter[str] = field(default_factory=Counter)
+    clouds: int = 0
+    plots: int = 0
+    hints: list[str] = field(default_factory=list)
+    newest_ns: int = 0
+    disorder_ns: int = 0
+
+    def lines(self) -> Iterator[str]:
+        """Yield what was read of each radar, and what was left out and why."""
+        for state in self.stream.radars.values():
+            found = {"plots": state.plots, "service messages": state.services}
+            text = ", ".join(f"{count} {what}" for what, count in found.items())
+            turn_s = state.assembler.turn_s
+            turn = f", a turn of {turn_s:.4f} s" if turn_s else ""
+            yield f"{state.settings.name}: {text}, {state.reports} clouds{turn}{_of(state.counts)}"
+            if state.counts["second_source"]:
+                own = " and ".join(dict.fromkeys(state.sources.values()))
+                yield (
+                    f"{state.settings.name}: messages of two sources, {own} and "
+                    f"{state.other_source}: those of the second are left out"
+                )
+            shift_s = self.stream.clock.shift_ns.get(_number(self.stream, state), 0) * 1e-9
+            if shift_s:
+                yield f"{state.settings.name}: its clock is {-shift_s:+.1f} s off, and was shifted"
+        for size, count in self.stream.blocks.known_trailers().items():
+            yield f"{count} datagrams have a trailer of {size} bytes, which is skipped"
+        left_out = +(self.recording + self.stream.counts)
+        yield f"left out: {_listed(left_out) or 'none'}"
+        yield from self.hints
+
+    def faults(self) -> Iterator[str]:
+        """Yield why the recording was not used as it should have been, a line for each reason."""
+        damaged = self.recording["resynchronised"] + self.recording["recording_cut"]
+        if damaged:
+            yield (
+                f"is damaged in {damaged} places: {self.recording['bytes_skipped']} bytes are "
+                "left out, and all others were used"
+            )
+        categories, states = self.stream.blocks.categories, [*self.stream.radars.values()]
+        left_out = sum((state.counts for state in states), +self.stream.counts)
+        meant = categories.total() - sum(left_out[reason] for reason in NOT_MEANT)
+        used = self.plots + sum(state.services for state in states) if self.clouds else 0
+        if self.clouds and used >= LEAST_USED * meant:
+            return
+        held = ", ".join(f"CAT{number:03} {n}" for number, n in categories.most_common())
+        reasons = _listed(left_out)
+        others = "".join(
+            f"; CAT{number:03} is {OTHERS.get(number, STATUS)}"
+            for number in sorted(categories)
+            if records.reader(number) is None
+        )
+        yield (
+            f"{used} of {meant} records could be used; all records: {held or 'none'}{others}"
+            + (f"; left out: {reasons}" if reasons else "")
+        )
+
+
+def _number(stream: PlotStream, state: RadarState) -> int:
+    return next(number for number, each in stream.radars.items() if each is state)
+
+
+def _of(counts: Counter[str]) -> str:
+    listed = _listed(counts)
+    return f"; {listed}" if listed else ""
+
+
+def _listed(counts: Counter[str]) -> str:
+    return ", ".join(f"{reason} {count}" for reason, count in sorted(counts.items()) if count)
+
+
+def convert(
+    path: Path, out: Path, bridge: Bridge, midnight_ns: int | None, ports: Iterable[int]
+) -> Converted:
+    """Write the clouds of a recording into a new bag, with parameters for a tracker beside it.
+
+    Parameters
+    ----------
+    midnight_ns : int or None
+        Begin of the recording's day; see `framing.datagrams`.
+    ports : iterable of int
+        Of captures: what was sent to other ports is left out; none for all.
+
+    Raises
+    ------
+    BagError
+        If the file is empty or no recording of ASTERIX, or the bag cannot be written.
+    """
+    clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
+    done = Converted(bridge.stream(clock))
+    try:
+        with framing.open_recording(path) as data:
+            if not len(data):
+                raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
+            framing.kind_of(data)
+            with BagWriter(out) as bag:
+                known: set[str] = set()
+                for state, report in _reports(data, done, midnight_ns, frozenset(ports)):
+                    _write(bag, known, done, bridge, state, report)
+    except RecordingError as error:
+        raise BagError(f"{path}: {error}") from error
+    found = parameters.proposed([*done.stream.radars.values()], done.disorder_ns * 1e-9)
+    if found is not None:
+        parameters.measure(found, out)
+        head = (
+            f"For a tracker of {path.name}, by asterix_bridge: the profile "
+            f"{parameters.PROFILE}, with what the recording says.\n"
+            "A comment says what a value is from."
+        )
+        parameters.write(out / bag_parameters.NAME, head, found)
+        done.hints += found.hints
+    return done
+
+
+def _reports(
+    data: Any, done: Converted, midnight_ns: int | None, ports: frozenset[int]
+) -> Iterator[tuple[RadarState, SectorReport]]:
+    """Yield the reports of a recording in the order in which they are complete."""
+    for received in framing.datagrams(data, midnight_ns, done.recording):
+        port = datagram.port_of(received)
+        if ports and port is not None and port not in ports:
+            done.recording["other_port"] += 1
+            continue
+        yield from done.stream.feed(*received)
+    yield from done.stream.finish()
+    for state in done.stream.radars.values():
+        if isinstance(state.assembler.finder, PlotTurns):
+            state.assembler.finder.find()
+
+
+def _write(
+    bag: BagWriter,
+    known: set[str],
+    done: Converted,
+    bridge: Bridge,
+    state: RadarState,
+    report: SectorReport,
+) -> None:
+    name = state.settings.name
+    topic = settings.topic_of(name)
+    if topic not in known:
+        bag.add_topic(Topic(topic, names.CLOUD, DEPTH))
+        known.add(topic)
+    message = clouds.cloud(report, name, state.settings.sectors, bridge.amplitudes(name))
+    bag.write(topic, interfaces.encode(message), report.stamp_ns)
+    done.disorder_ns = max(done.disorder_ns, done.newest_ns - report.stamp_ns)
+    done.newest_ns = max(done.newest_ns, report.stamp_ns)
+    done.clouds += 1
+    done.plots += len(report.plots)

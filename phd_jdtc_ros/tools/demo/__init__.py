@@ -1,0 +1,1 @@
+"""The demo in one command, and its processes."""

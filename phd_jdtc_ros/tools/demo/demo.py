@@ -1,0 +1,266 @@
+"""The demo in one command: replay, track and evaluate over DDS, then write the report.
+
+The three nodes run as separate processes in their own ROS domain, on this machine only. The replay
+is in lock-step with the tracker, so it runs as fast as the CPU allows and loses no message. The
+tracker has the parameters beside the bag, unless others are given. What an earlier demo has left is
+replaced once the nodes have ended well; until then it stays as it is.
+
+A bag with a recording of ASTERIX beside it is played as its radars would send it.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msg_adapters import names
+from phd_jdtc_ros import output_files, resources
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.configuration import scene
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.engines import ENGINES
+from phd_jdtc_ros.configuration.parameters import LABELLED
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
+from phd_jdtc_ros.report.pictures import figures
+from phd_jdtc_ros.report.table import metrics
+
+from .. import command, report
+from ..track_bag import track_bag
+from . import asterix
+from .processes import (
+    FINISH_S,
+    METRICS,
+    PARAMETERS,
+    RECORDING,
+    START_S,
+    Processes,
+    reporting,
+    start_tracking,
+)
+
+LOGS = "logs"
+# Where a demo writes until its nodes have ended well, relative to its output directory.
+UNFINISHED = ".unfinished"
+# All files that a demo writes, relative to its output directory.
+ARTEFACTS = (
+    METRICS,
+    report.PAGE,
+    *(f"{picture.name}.png" for picture in figures.PICTURES),
+    *(f"{LOGS}/{node}.log" for node in ("evaluator", "tracker", "sensor_replay")),
+    f"{LOGS}/{PARAMETERS}",
+    *(f"{RECORDING}/{name}" for name in (f"{RECORDING}_0.mcap", "metadata.yaml", PARAMETERS)),
+)
+
+
+def run_nodes(
+    bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: float = command.CUTOFF
+) -> bool:
+    """Run the three nodes over a bag; return whether none of them failed.
+
+    Parameters
+    ----------
+    config : TrackerConfig
+        What the tracker gets.
+    out : Path
+        Directory for the results.
+    logs : Path
+        Directory for what the nodes log, and for the tracker's parameters.
+    cutoff : float
+        c of OSPA and GOSPA, metres.
+    """
+    evaluator = reporting(bag, config, out, cutoff)
+    patient = {"subscriber_timeout_s": START_S, "truth_timeout_s": START_S}
+    # The evaluator scores the truth and records it; what it records of the radars, the tracker has.
+    patient["subscribers"] = 2
+    patient["answer_delay_s"] = config.answer_delay_s
+    flushing = {"flush_service": f"{names.TRACKER}/flush", **patient}
+    with Processes(logs) as nodes:
+        # The replay waits for its own subscribers, but cannot see whether the evaluator and the
+        # tracker have found each other.
+        if not start_tracking(nodes, config, logs, evaluator):
+            return False
+        nodes.start("sensor_replay", [str(bag), "--rate", "0"], flushing, shown=True)
+        return nodes.wait("sensor_replay") and nodes.wait("evaluator", FINISH_S)
+
+
+def shipped_bag() -> Path:
+    """Return the reference scenario's bag, from the checkout or the installed package."""
+    return resources.bag(resources.DEFAULT_BAG)
+
+
+def _default_out(profile: str | None, shown: str, bag: Path, engine: str | None) -> Path:
+    """Return where a demo goes: by its profile, its bag and its engine, as far as they are given.
+
+    Parameters
+    ----------
+    shown : str
+        Name of the bag that the profile is shown with, or the default one.
+    """
+    parts = ["demo", profile, None if bag.resolve() == resources.bag(shown).resolve() else bag.stem]
+    return Path("out", "_".join(part for part in (*parts, engine) if part))
+
+
+def _cutoff(given: str, shown: str) -> float:
+    """Return c of OSPA and GOSPA, metres, for a bag; of one that is not shipped as for `shown`."""
+    cutoffs = resources.BAG_CUTOFFS
+    return cutoffs.get(given, cutoffs.get(shown, command.CUTOFF))
+
+
+def _places(profile: Path, bag: Path) -> list[str]:
+    """Return assignments of where the radars of a bag are, if a profile has them elsewhere.
+
+    A profile is of a kind of radar, and a bag of certain radars.
+    """
+    beside = bag_parameters.read(bag)
+    if beside is None:
+        return []
+    recorded, given = (
+        tracker_params.config(values).values for values in (beside, from_arguments.load(profile))
+    )
+    places = scene.other_places(recorded, given)
+    if places:
+        print(f"demo: {', '.join(places)} as in {bag_parameters.path_of(bag)}", file=sys.stderr)
+    return [f"{name}:={bag_parameters.scalar(value)}" for name, value in places.items()]
+
+
+def other_engine(config: TrackerConfig) -> TrackerConfig | None:
+    """Return the configuration with the other engine; None if that lacks something of it."""
+    if config.values["engine"] not in LABELLED:
+        return None
+    other = next(name for name in ENGINES if name != config.engine)
+    try:
+        return resolve({**config.values, "engine": other}, SystemPlane)
+    except ConfigError:
+        return None
+
+
+def scores(bag: Path, config: TrackerConfig, directory: Path) -> dict[str, Any]:
+    """Track a bag offline and return its scores in the form of `metrics.json`.
+
+    Parameters
+    ----------
+    bag : Path
+        With the truth.
+    directory : Path
+        Of the new bag with the estimates.
+
+    """
+    tracker = track_bag(BagReader(bag), config, directory, f"tracking with {config.engine}")
+    evaluation = tracker.record().evaluate(command.CUTOFF, command.ORDER)
+    return metrics(evaluation, np.array(tracker.step_ms), config.engine)
+
+
+def _compare(bag: Path, config: TrackerConfig, out: Path) -> None:
+    """Add the scores of the other engine on the same bag to the metrics, if it can track it."""
+    path = out / METRICS
+    summary, other = json.loads(path.read_text()), other_engine(config)
+    if not summary.get("scans") or other is None:
+        return
+    with tempfile.TemporaryDirectory() as directory:
+        compared = scores(bag, other, Path(directory) / "bag")
+    text = json.dumps({**summary, "compared": compared}, indent=2, allow_nan=False)
+    output_files.write(path, text + "\n")
+
+
+def _replace(out: Path, new: Path) -> None:
+    """Put what is in `new` in the place of the results of an earlier demo, and of no other file."""
+    for name in (*ARTEFACTS, *asterix.ARTEFACTS):
+        if not name.startswith(f"{LOGS}/"):
+            (out / name).unlink(missing_ok=True)
+    if (out / RECORDING).is_dir():
+        (out / RECORDING).rmdir()
+    for path in new.iterdir():
+        path.rename(out / path.name)
+
+
+def _check_recording(out: Path) -> None:
+    """Refuse to begin if the recording's directory could not be replaced in the end."""
+    ours = {out / name for name in ARTEFACTS}
+    others = [path for path in (out / RECORDING).glob("*") if path not in ours]
+    if others:
+        raise BagError(f"{others[0]}: is not of a demo, so {out / RECORDING} is not replaced")
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the demo."""
+    parser = ArgumentParser("demo", description=__doc__)
+    parser.add_argument("--bag", help=command.BAG)
+    parser.add_argument(
+        "--profile", metavar="NAME", help="shipped parameters, config/NAME.yaml, with their bag"
+    )
+    parser.add_argument(
+        "--engine", choices=tuple(ENGINES), help="short for -p engine:=NAME; see docs/engines.md"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help="directory; out/demo, with the names of what is given: out/demo_PROFILE_BAG_ENGINE",
+    )
+    command.add_cutoff_argument(parser)
+    command.add_parameter_arguments(parser)
+    parser.set_defaults(cutoff=None)
+    arguments = parser.parse_args(argv)
+
+    def work() -> int:
+        shown = resources.DEFAULT_BAG
+        if arguments.profile:
+            path, shown = resources.profile(arguments.profile)
+        given = arguments.bag or shown
+        cutoff = arguments.cutoff
+        if cutoff is None:
+            cutoff = _cutoff(given, shown)
+        bag = resources.bag(given)
+        if not bag.exists():
+            raise BagError(f"{bag}: no such bag")
+        # Beside a recording of other radars are the profile's parameters with these radars.
+        if arguments.profile and (given != shown or asterix.recording(bag) is None):
+            arguments.assignments[:0] = _places(path, bag)
+            arguments.params_file.insert(0, path)
+        if arguments.engine:
+            arguments.assignments.append(f"engine:={arguments.engine}")
+        out: Path = arguments.out or _default_out(
+            arguments.profile, shown, bag.resolve(), arguments.engine
+        )
+        config = command.tracker_config(arguments, bag)
+        _check_recording(out)
+        with _unfinished(out) as new:
+            play = run_nodes if asterix.recording(bag) is None else asterix.run_nodes
+            if not play(bag, config, new, out / LOGS, cutoff):
+                return FAILED
+            if bag.resolve() == shipped_bag().resolve():
+                _compare(bag, config, new)
+            _replace(out, new)
+        summary = json.loads((out / METRICS).read_text())
+        report.write(out / RECORDING, out, config, bag.resolve().name, summary, cutoff)
+        return OK
+
+    return command.guarded("demo", work)
+
+
+@contextmanager
+def _unfinished(out: Path) -> Iterator[Path]:
+    """Have a new directory below `out`, which is removed in the end, on SIGTERM too."""
+    new = out / UNFINISHED
+    shutil.rmtree(new, ignore_errors=True)
+    new.mkdir(parents=True)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield new
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        if any(new.iterdir()) and (out / METRICS).exists():
+            print(f"demo: the results in {out} are those of an earlier demo", file=sys.stderr)
+        shutil.rmtree(new, ignore_errors=True)

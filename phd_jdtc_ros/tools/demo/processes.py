@@ -1,0 +1,182 @@
+"""The processes of a demo, and what its evaluator is given."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from msg_adapters import names
+from phd_jdtc_ros import resources
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.configuration import tracker_node
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.parameter_files import bag_parameters
+
+START_S, STOP_S = 60.0, 10.0
+# Discovery, and the evaluator's last scores, take a second or two.
+FINISH_S = 30.0
+METRICS, RECORDING = "metrics.json", "estimates"
+PARAMETERS = bag_parameters.NAME
+PACKAGE = "phd_jdtc_ros"
+
+
+class Processes:
+    """The demo's nodes; those still running are stopped when the context ends."""
+
+    def __init__(self, logs: Path) -> None:
+        self._logs = logs
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._environment = {
+            **os.environ,
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or str(1 + os.getpid() % 100),
+            **resources.isolation(),
+        }
+        logs.mkdir(parents=True, exist_ok=True)
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop(*self._running)
+
+    def _stop(self, *names: str) -> None:
+        stopped = [self._running[name] for name in names]
+        for process in stopped:
+            if process.poll() is None:
+                # A job that a script starts in the background ignores SIGINT, and so would they.
+                process.terminate()
+        for process in stopped:
+            try:
+                process.wait(STOP_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+    def start(
+        self,
+        name: str,
+        arguments: Sequence[str],
+        parameters: Mapping[str, object],
+        shown: bool = False,
+        module: str = "",
+    ) -> None:
+        """Start a node; its output goes to its log, or to the terminal if `shown`.
+
+        It is the package's executable of this name, or else a module.
+        """
+        executable = [module] if module else [PACKAGE, name]
+        line = [sys.executable, "-m", *executable, *arguments, "--ros-args"]
+        for key, value in parameters.items():
+            line += ["-p", f"{key}:={value}"]
+        with (self._logs / f"{name}.log").open("wb") as log, _interrupts_deferred():
+            self._running[name] = subprocess.Popen(
+                line, stdout=None if shown else log, stderr=log, env=self._environment
+            )
+
+    def wait_for(self, name: str, text: str) -> bool:
+        """Wait until a node has logged `text`; return whether it did."""
+        deadline = time.monotonic() + START_S
+        while text not in (self._logs / f"{name}.log").read_text():
+            if self._running[name].poll() is not None or time.monotonic() > deadline:
+                print(f"demo: {name} did not get ready\n{self._tail(name)}", file=sys.stderr)
+                return False
+            time.sleep(0.05)
+        return True
+
+    def wait(self, name: str, timeout_s: float | None = None) -> bool:
+        """Wait until a node ends; return whether it and the others ran without failure."""
+        deadline = time.monotonic() + timeout_s if timeout_s else None
+        while self._running[name].poll() is None:
+            ended = [n for n, process in self._running.items() if process.poll()]
+            if ended:
+                print(f"demo: {ended[0]} ended early\n{self._tail(ended[0])}", file=sys.stderr)
+                return False
+            if deadline and time.monotonic() > deadline:
+                # Its last words are what it waited for.
+                self._stop(name)
+                print(f"demo: {name} did not finish\n{self._tail(name)}", file=sys.stderr)
+                return False
+            time.sleep(0.05)
+        if self._running[name].returncode != 0:
+            print(f"demo: {name} failed\n{self._tail(name)}", file=sys.stderr)
+        return self._running[name].returncode == 0
+
+    def _tail(self, name: str) -> str:
+        return "\n".join((self._logs / f"{name}.log").read_text().splitlines()[-10:])
+
+
+def reporting(bag: Path, config: TrackerConfig, out: Path, cutoff: float) -> dict[str, object]:
+    """Return the parameters of an evaluator that scores and records a whole bag into `out`.
+
+    Raises
+    ------
+    BagError
+        If the bag has no truth.
+    """
+    scans = BagReader(bag).counts[names.TRUTH]
+    if not scans:
+        raise BagError(f"{bag}: no message on {names.TRUTH}, the truth that the demo needs")
+    classes = config.model.modes.classes
+    found: dict[str, object] = {
+        "report": out / METRICS,
+        "record": out / RECORDING,
+        "record_topics": f"[{', '.join(recorded_topics(config))}]",
+        "classes": f"[{', '.join(kind.name for kind in classes)}]",
+        "world_frame": config.world_frame,
+        "exit_after_scans": scans,
+        "cutoff": cutoff,
+        "least_speed": config.least_speed,
+    }
+    return found
+
+
+def recorded_topics(config: TrackerConfig) -> list[str]:
+    """Return the evaluator's ``record_topics``: those of radars, and of what carries them."""
+    poses = {radar.pose_topic: radar.pose_message for radar in config.inputs if radar.pose_topic}
+    return [
+        *(radar.topic for radar in config.inputs),
+        *(f"{topic} {message}" for topic, message in poses.items()),
+    ]
+
+
+def start_tracking(
+    nodes: Processes, config: TrackerConfig, logs: Path, evaluator: Mapping[str, object]
+) -> bool:
+    """Start the evaluator and the tracker; return whether they have found each other."""
+    parameters = logs / PARAMETERS
+    bag_parameters.write(parameters, config.values)
+    told: dict[str, object] = {
+        f"qos_overrides.{topic}.subscription.reliability": "reliable"
+        for topic in [*(radar.topic for radar in config.inputs), *config.carried]
+    }
+    # For viewers with a map of the earth.
+    if config.plane is not None:
+        told["outputs"] = f"[{', '.join([*tracker_node.Node().outputs, 'navsat'])}]"
+    nodes.start("evaluator", [], evaluator)
+    nodes.start("tracker", ["--ros-args", "--params-file", str(parameters)], told)
+    return nodes.wait_for("tracker", "tracking") and nodes.wait_for("evaluator", "connected")
+
+
+@contextmanager
+def _interrupts_deferred() -> Iterator[None]:
+    """Handle signals to end only afterwards, so that no process starts without being recorded."""
+    received: list[int] = []
+    before = {
+        number: signal.signal(number, lambda caught, _: received.append(caught))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    for caught in received:
+        signal.raise_signal(caught)

@@ -1,0 +1,17 @@
+"""Studies of single questions, each on one runner: ``python -m studies NAME``.
+
+They are not part of the installed package, whose `monte_carlo` is the reference study::
+
+    command     NAME -> a study; `all` and `rest` are what ``make study`` runs
+      |
+    runner      seeds, goals, tables, out/study/NAME.json, the goals of summary.json
+      |
+    madap           the figures of a published benchmark of multi-radar trackers
+    registration    known errors of radars, found in plots
+    handover        two trackers that divide an area, against one
+    hours           simulated recordings of an hour, tracked without a configuration
+    autoferry       recordings of a public dataset, with this package and other trackers
+    tuning_truth    proposals of `tune` beside the simulated values
+
+A study computes the figures of a seed, and derives goals and tables from figures.
+"""

@@ -1,0 +1,339 @@
+"""Scores of the tracks of a simulated hour-long recording of a turning radar.
+
+The user's commands choose the plane and the clock of the tracks, so that the truth is converted
+before it is compared:
+
+::
+
+    truth in the scenario's plane
+      |  noise-free measurement: slant range, azimuth from true north, height
+      |  the tracker's conversion of plots with this range, azimuth and, if replied, height
+    truth in the tracks' plane
+
+The time shift of the recording is subtracted from the tracks' stamps. The plot Kalman tracker gets
+the same plots, converted in the same way, with their own times.
+
+Tracks are scored once a turn, at their stamp nearest to the end of the radar's turn; a turn without
+a stamp within half a turn of it has no tracks. A target is in sight between two passes of the beam
+at most `IN_SIGHT_TURNS` apart in both of which it could be detected. It is scored while in sight,
+unless it is slow as in `turning`, from its `LEAST_LOOKS`-th pass in sight on, since a track needs
+that many plots. Tracks of unscored targets are left out; tracks near no target are false.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.slant_range import Ground
+from phd_jdtc_ros.core.types import Detections, Estimates, Truth
+from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
+from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.simulation.looks import looks, slant
+from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
+from phd_jdtc_ros.simulation.turning_antenna import Report, plot_times, plots_with_replies
+from phd_jdtc_ros.study.peers.plot_kalman import follow
+from phd_jdtc_ros.study.runs import TAXIING
+from phd_jdtc_ros.study.turning import turn_ends
+
+# A target counts as found if it has an estimate within this distance, metres.
+FOUND_M = 500.0
+IN_SIGHT_TURNS, LEAST_LOOKS = 1.5, 3
+# Number of plot times from which the shift of a recording is estimated, and its resolution,
+# seconds.
+SHIFT_TIMES, SHIFT_STEP_S = 400, 1.0 / 128.0
+
+
+class Scores(NamedTuple):
+    """The scores of a tracker on an hour.
+
+    Parameters
+    ----------
+    instants : int
+        Number of scored targets, summed over the turns.
+    found : float
+        Share of the instants with an estimate within `FOUND_M`.
+    found_from_first : float
+        The same if targets are scored from their first pass in sight on.
+    rms : float
+        Root mean square error of these estimates, metres; `FOUND_M` if there are none.
+    false_a_turn : float
+        Mean number of estimates near no target.
+    switches : int
+        Identity switches of targets in sight, see `IdentitySwitches`.
+    renumbered, returned : int
+        Number of targets with another track number after a gap in sight than before it, and of all
+        targets tracked both before and after a gap.
+    """
+
+    instants: int
+    found: float
+    found_from_first: float
+    rms: float
+    false_a_turn: float
+    switches: int
+    renumbered: int
+    returned: int
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A tracker's conversion of a radar's plots to its plane.
+
+    Parameters
+    ----------
+    layout : RadarInput
+    radar : RadarModel
+        The radar in the tracks' plane.
+    read : callable of (distance, azimuth, elevation, height, layout)
+        `msg_adapters.ground_ranges.read`.
+    """
+
+    layout: RadarInput
+    radar: RadarModel
+    read: Callable[[FloatArray, FloatArray, None, FloatArray | None, RadarInput], Ground]
+
+    def ground(
+        self, distance: FloatArray, azimuth: FloatArray, height: FloatArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return ranges and azimuths over ground, (M, 2), and whether each is possible, (M,).
+
+        Parameters
+        ----------
+        distance, azimuth, height : arrays of shape (M,)
+            Slant ranges, metres; azimuths, radians counter-clockwise from true east; heights,
+            metres, NaN if unknown.
+        """
+        known = height if self.layout.height_field else None
+        own = azimuth - self.radar.yaw if self.layout.site is None else azimuth
+        found = self.read(distance, own, None, known, self.layout)
+        return np.stack([found.distance, found.azimuth], axis=1), found.possible
+
+
+@dataclass(frozen=True)
+class Hour:
+    """A seeded run of a scenario with one turning radar that has a site on the earth.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    layout : RadarInput
+        Site and message layout of the radar.
+    seed : int
+    """
+
+    scenario: Scenario
+    layout: RadarInput
+    seed: int
+
+    @property
+    def rotation_s(self) -> float:
+        """Mean time of a turn."""
+        return self.scenario.radars[0].rotation_s
+
+    @cached_property
+    def ends_s(self) -> FloatArray:
+        """The ends of the turns that are scored, seconds after scan 0.
+
+        The third turn is the first, since no target has `LEAST_LOOKS` passes before it.
+        """
+        return np.array(turn_ends(self.scenario)[LEAST_LOOKS - 1 :])
+
+    @cached_property
+    def plots(self) -> tuple[FloatArray, Detections]:
+        """The times of all plots, seconds after scan 0, and the measurements."""
+        plots, found = plots_with_replies(self.scenario, 0, self.layout, self.seed)
+        return plot_times(self.scenario, 0, plots), found
+
+    @cached_property
+    def in_sight(self) -> dict[int, FloatArray]:
+        """The times at which the beam passes a target, seconds after scan 0, by its number."""
+        own = looks(self.scenario, 0, self.layout)
+        seen = self.scenario.radars[0].visibility.sees(own.exact) > 0.0
+        numbers = np.unique(own.source[seen]).tolist()
+        return {number: own.time_s[seen & (own.source == number)] for number in numbers}
+
+    def passes(self, number: int, time_s: float) -> int:
+        """Return the number of passes over a target since it came into sight; 0 out of sight."""
+        known = self.in_sight.get(number, np.zeros(0))
+        count = int(np.searchsorted(known, time_s, side="right"))
+        apart = np.diff(known[: count + 1])
+        longest_s = IN_SIGHT_TURNS * self.rotation_s
+        if count in (0, len(known)) or apart[-1] > longest_s:
+            return 0
+        # The target came into sight after its last gap.
+        came = np.flatnonzero(apart > longest_s)
+        return count - (int(came[-1]) + 1 if len(came) else 0)
+
+    def truth(self, time_s: float, reader: Reader) -> tuple[Truth, FloatArray]:
+        """Return the targets at a time after scan 0, and their positions in the tracks' plane."""
+        truth = truth_after(self.scenario, time_s)
+        height = np.zeros(len(truth.track_id)) if truth.height is None else truth.height[:, 0]
+        plane = self.scenario.measure(0, truth.state, np.full(len(height), time_s))
+        distance, azimuth = slant(self.layout, plane, height).T
+        # The height of a target without a transponder is unknown to every tracker.
+        told = [self.scenario.answers(number) for number in truth.track_id.tolist()]
+        known = np.where(told, height + self.layout.datum, np.nan)
+        ground, _ = reader.ground(distance, azimuth, known)
+        return truth, reader.radar.to_world(ground)
+
+
+def shift_s(own_s: FloatArray, recorded_s: FloatArray) -> float:
+    """Return the time shift of a recording against the simulation, seconds.
+
+    Parameters
+    ----------
+    own_s, recorded_s : arrays of shape (M,) and (K,)
+        Times of plots in the simulation and in the recording; some may be missing in either.
+    """
+    some = recorded_s[np.linspace(0, len(recorded_s) - 1, SHIFT_TIMES).astype(np.int64)]
+    differences = (some[:, None] - own_s).ravel()
+    least = float(differences.min())
+    step = np.round((differences - least) / SHIFT_STEP_S).astype(np.int64)
+    # Differences of corresponding times agree up to the resolution of the radar's clock.
+    counts = np.convolve(np.bincount(step), np.ones(3), mode="same")
+    return float(np.median(differences[np.abs(step - np.argmax(counts)) <= 1]))
+
+
+def tracks(
+    hour: Hour, found: Sequence[Estimates], later_s: float
+) -> tuple[FloatArray, list[PointSet]]:
+    """Return the scored times, seconds after scan 0, and the tracks at each, one set per turn.
+
+    Parameters
+    ----------
+    hour : Hour
+    found : sequence of Estimates
+        Estimates of one source.
+    later_s : float
+        Time shift of the stamps against the simulation's times since the epoch, seconds.
+    """
+    ordered = sorted(found, key=lambda estimates: estimates.stamp_ns)
+    zero_ns = hour.scenario.start_ns + round(later_s * 1e9)
+    stamp_s = np.array([(each.stamp_ns - zero_ns) * 1e-9 for each in ordered])
+    times_s, points = [], []
+    none = np.zeros(0, dtype=np.int64)
+    nothing = PointSet(np.zeros((0, 2)), none, none)
+    for end_s in hour.ends_s.tolist():
+        row = int(np.argmin(np.abs(stamp_s - end_s))) if len(stamp_s) else 0
+        there = len(stamp_s) > 0 and abs(stamp_s[row] - end_s) <= 0.5 * hour.rotation_s
+        times_s.append(float(stamp_s[row]) if there else end_s)
+        points.append(PointSet.of(ordered[row]) if there else nothing)
+    return np.array(times_s), points
+
+
+def plot_kalman(hour: Hour, reader: Reader, times_s: FloatArray) -> list[PointSet]:
+    """Return the plot Kalman tracker's tracks from the same plots, at times after scan 0.
+
+    It knows the radar's true noise.
+    """
+    time_s, found = hour.plots
+    height = np.full(len(found), np.nan) if found.height is None else found.height
+    distance, azimuth = found.measurement.T
+    ground, possible = reader.ground(distance, azimuth, height + hour.layout.datum)
+    detections = Detections(ground[possible], None, time_s=time_s[possible])
+    true = hour.scenario.radars[0]
+    own = replace(true, position=reader.radar.position, yaw=reader.radar.yaw)
+    return follow([Report(0, 0, detections, np.zeros(0, np.int64))], [own], _ns(times_s))
+
+
+def _ns(times_s: FloatArray) -> list[int]:
+    return [round(time_s * 1e9) for time_s in times_s.tolist()]
+
+
+def scores(hour: Hour, reader: Reader, times_s: FloatArray, found: Sequence[PointSet]) -> Scores:
+    """Return the scores of tracks, one set per time.
+
+    Parameters
+    ----------
+    hour : Hour
+    reader : Reader
+        Conversion to the tracks' plane.
+    times_s : array of shape (K,)
+        Seconds after scan 0, ascending.
+    found : sequence of K PointSet
+    """
+    sums = _Sums()
+    for time_s, points in zip(times_s.tolist(), found, strict=True):
+        truth, position = hour.truth(time_s, reader)
+        passes = np.array([hour.passes(n, time_s) for n in truth.track_id.tolist()], dtype=np.int64)
+        passes[np.hypot(*truth.velocity.T) < TAXIING.below] = 0
+        sums.add(truth.track_id, position, passes, points)
+    return sums.scores(len(times_s))
+
+
+class _Sums:
+    """Accumulates the figures of `scores`, turn by turn."""
+
+    def __init__(self) -> None:
+        self._switches = IdentitySwitches(FOUND_M)
+        self._square, self._paired, self._instants = 0.0, 0, 0
+        self._early, self._early_paired, self._false, self._switched = 0, 0, 0, 0
+        # The last track number of each target in sight, and of each target since out of sight.
+        self._number: dict[int, int] = {}
+        self._gone: dict[int, int] = {}
+        self._renumbered, self._returned = 0, 0
+
+    def add(self, label: IntArray, position: FloatArray, passes: IntArray, own: PointSet) -> None:
+        """Add a turn: T targets, the number of passes over each, and the tracks."""
+        settled = passes >= LEAST_LOOKS
+        rest = _without(own, position, ~settled)
+        row, column = assign(position[settled], rest.position, FOUND_M)
+        distance = np.hypot(*(position[settled][row] - rest.position[column]).T)
+        self._square += float((distance**2).sum())
+        self._paired += len(row)
+        self._instants += int(np.count_nonzero(settled))
+        self._false += len(rest) - len(row)
+        seen = passes > 0
+        self._early += int(np.count_nonzero(seen))
+        self._early_paired += len(assign(position[seen], own.position, FOUND_M)[0])
+        true = LabelledPoints(label[settled], position[settled])
+        numbers = np.zeros(len(rest), np.int64) if rest.track_id is None else rest.track_id
+        self._switched += self._switches.add(
+            true, LabelledPoints(numbers, rest.position), rest.coasting
+        )
+        self._follow(
+            label,
+            passes,
+            dict(zip(true.label[row].tolist(), numbers[column].tolist(), strict=True)),
+        )
+
+    def _follow(self, label: IntArray, passes: IntArray, number: dict[int, int]) -> None:
+        """Compare targets' track numbers before and after a gap in sight."""
+        for target in label[passes == 0].tolist():
+            if target in self._number:
+                self._gone[target] = self._number.pop(target)
+        for target, own in number.items():
+            before = self._gone.pop(target, None)
+            if before is not None:
+                self._returned += 1
+                self._renumbered += own != before
+        self._number.update(number)
+
+    def scores(self, turns: int) -> Scores:
+        """Return the scores of all turns."""
+        mean = self._square / self._paired if self._paired else FOUND_M**2
+        return Scores(
+            self._instants,
+            self._paired / max(self._instants, 1),
+            self._early_paired / max(self._early, 1),
+            float(np.sqrt(mean)),
+            self._false / max(turns, 1),
+            self._switched,
+            self._renumbered,
+            self._returned,
+        )
+
+
+def _without(own: PointSet, position: FloatArray, unscored: BoolArray) -> PointSet:
+    """Return the tracks of scored targets and the false tracks."""
+    target, track = assign(position, own.position, TAXIING.near)
+    return own.only(np.delete(np.arange(len(own)), track[unscored[target]]))

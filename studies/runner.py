@@ -1,0 +1,201 @@
+"""The runner of all studies: seeds, goals, tables and files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from phd_jdtc_ros import output_files
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
+from phd_jdtc_ros.tools import command
+
+OUT = Path("out/study")
+# Name of the Monte Carlo study's summary, to which the goals of other studies are added.
+SUMMARY = "summary.json"
+# Least width of the printed tables, so that no cell is cut.
+WIDTH = 116
+
+# Values that JSON can represent.
+Figures: TypeAlias = "dict[str, Any]"
+Goal: TypeAlias = "dict[str, Any]"
+
+
+class StudyError(Exception):
+    """A study cannot be completed; the message has the reason."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """One question with its measurement, tables and goals.
+
+    Parameters
+    ----------
+    name : str
+    purpose : str
+        One sentence for the command's help.
+    measure : callable
+        Computes the figures of a seed.
+    tables : callable
+        Returns tables and lines that show figures.
+    goals : callable
+        Returns the goals, given the figures of one seed.
+    complete : callable
+        Returns whether all figures are available; the exit status is a failure otherwise.
+    seed, runs : int
+        Default first seed and number of seeds; 0 runs if the study is not random.
+    least_minutes : float or None
+        Shortest part of the scenario that has figures; None if it cannot be shortened.
+    has_parameters : bool
+        Whether the command takes parameters of the tracker.
+    joins_summary : bool
+        Whether its goals are added to the Monte Carlo study's.
+    add_arguments : callable
+        Adds the study's own arguments.
+    """
+
+    name: str
+    purpose: str
+    measure: Callable[[argparse.Namespace, int], Figures]
+    tables: Callable[[Figures], Sequence[Table | str]]
+    goals: Callable[[Figures], list[Goal]] = lambda _: []
+    complete: Callable[[Figures], bool] = lambda _: True
+    seed: int = 0
+    runs: int = 1
+    least_minutes: float | None = None
+    has_parameters: bool = False
+    joins_summary: bool = False
+    add_arguments: Callable[[ArgumentParser], None] = lambda _: None
+
+
+def goal(name: str, value: float | None, bound: float, at_most: bool = True) -> Goal:
+    """Return a goal in the form of a summary; without a value it is neither reached nor missed."""
+    reached = None if value is None else bool(value <= bound if at_most else value >= bound)
+    known = None if value is None else float(value)
+    return {"name": name, "value": known, "goal": bound, "at_most": at_most, "reached": reached}
+
+
+def run(study: Study, argv: Sequence[str]) -> int:
+    """Run a study; return its exit status."""
+    arguments = _parser(study).parse_args(argv)
+    return command.guarded(study.name, lambda: _work(study, arguments))
+
+
+def _parser(study: Study) -> ArgumentParser:
+    parser = ArgumentParser(f"studies {study.name}", description=study.purpose)
+    study.add_arguments(parser)
+    if study.runs:
+        parser.add_argument("--runs", type=int, default=study.runs, help="seeds (%(default)s)")
+        parser.add_argument("--seed", type=int, default=study.seed, help="first one (%(default)s)")
+    if study.least_minutes is not None:
+        parser.add_argument("--minutes", type=float, help="the first of the scenario only")
+    if study.has_parameters:
+        command.add_params_file_argument(parser)
+        command.add_assignments_argument(parser)
+    parser.add_argument("--out", type=Path, default=OUT, help="%(default)s")
+    return parser
+
+
+def _work(study: Study, arguments: argparse.Namespace) -> int:
+    lowest = {"seed": 0, "runs": 1, "minutes": study.least_minutes}
+    faults = [
+        f"--{name}: {value} given, must be at least {least:g}"
+        for name, least in lowest.items()
+        if least is not None
+        and (value := getattr(arguments, name, None)) is not None
+        and not value >= least
+    ]
+    if faults:
+        raise ConfigError(faults)
+    seeds = range(arguments.seed, arguments.seed + arguments.runs) if study.runs else range(1)
+    console = Console()
+    console.width = max(console.width, WIDTH)
+    try:
+        found = [study.measure(arguments, seed) for seed in seeds]
+    except StudyError as error:
+        console.print(f"{study.name}: {error}", style="red", markup=False)
+        return FAILED
+    figures = mean(found)
+    goals = _mean_goals([study.goals(each) for each in found])
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    path = arguments.out / f"{study.name}.json"
+    _write(path, {**({"seeds": list(seeds)} if study.runs else {}), **figures, "goals": goals})
+    if study.joins_summary:
+        join(arguments.out, goals)
+    for shown in [*study.tables(figures), *([_goals_table(goals)] if goals else [])]:
+        console.print(shown, markup=False, highlight=False)
+    console.print(f"results: {path}", soft_wrap=True, markup=False, highlight=False)
+    return OK if all(map(study.complete, found)) else FAILED
+
+
+def mean(found: Sequence[Any]) -> Any:
+    """Return the means of figures over seeds; entries other than numbers are the first seed's."""
+    first = found[0]
+    if len(found) == 1:
+        return first
+    if any(each is None for each in found):
+        return None
+    if isinstance(first, Mapping):
+        return {key: mean([each.get(key) for each in found]) for key in first}
+    if isinstance(first, list):
+        return [mean(each) for each in zip(*found, strict=True)]
+    return float(np.mean(found)) if isinstance(first, (int, float)) else first
+
+
+def _mean_goals(found: Sequence[list[Goal]]) -> list[Goal]:
+    """Return the goals that all seeds have, with the mean of their values."""
+    if len(found) == 1:
+        return found[0]
+    by_name = [{each["name"]: each for each in goals} for goals in found]
+    shared = [name for name in by_name[0] if all(name in each for each in by_name)]
+    means = [mean([each[name] for each in by_name]) for name in shared]
+    return [goal(each["name"], each["value"], each["goal"], each["at_most"] > 0) for each in means]
+
+
+def join(out: Path, goals: Sequence[Goal]) -> None:
+    """Write goals into the summary in a directory, replacing goals of the same names."""
+    path = out / SUMMARY
+    summary: Figures = {"cases": {}, "goals": []}
+    if path.exists():
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    names = {each["name"] for each in goals}
+    kept = [each for each in summary.get("goals", []) if each["name"] not in names]
+    _write(path, {**summary, "goals": [*kept, *goals]})
+
+
+def _write(path: Path, summary: Figures) -> None:
+    output_files.write(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
+
+
+def table(title: str, *headings: str, rows: Sequence[Sequence[str]]) -> Table:
+    """Return a table with its first column aligned left and the others right."""
+    found = Table(title=title, title_justify="left")
+    for index, heading in enumerate(headings):
+        found.add_column(heading, justify="right" if index else "left", no_wrap=not index)
+    for row in rows:
+        found.add_row(*row)
+    return found
+
+
+def _goals_table(goals: Sequence[Goal]) -> Table:
+    reached = {True: "yes", False: "no", None: "-"}
+    return table(
+        *("goals", "name", "value", "goal", "reached"),
+        rows=[
+            (
+                each["name"],
+                "-" if each["value"] is None else f"{each['value']:.4g}",
+                f"{'at most' if each['at_most'] else 'at least'} {each['goal']:.4g}",
+                reached[each["reached"]],
+            )
+            for each in goals
+        ],
+    )

@@ -1,0 +1,137 @@
+from collections import Counter
+
+import asterix_records as made
+import pytest
+
+from phd_jdtc_ros.asterix.clocks import NS_PER_DAY
+from phd_jdtc_ros.asterix.transport import framing
+from phd_jdtc_ros.asterix.transport.datagram import Datagram, RecordingError
+
+NS = 10**9
+MIDNIGHT = 20_779 * NS_PER_DAY
+
+
+@pytest.fixture(scope="module")
+def blocks():
+    return [*made.turns(1, sectors=8, seen=[(40.0, 10.0), (200.0, 20.0)])]
+
+
+def read(data, midnight_ns=None):
+    counts = Counter()
+    return [*framing.datagrams(data, midnight_ns, counts)], +counts
+
+
+def test_raw_recording_is_its_blocks(blocks):
+    found, counts = read(b"".join(blocks))
+    assert found == [Datagram(block) for block in blocks]
+    assert not counts
+
+
+def test_raw_recording_goes_on_behind_damage(blocks):
+    damaged = b"".join([*blocks[:3], b"\x00\xff\x30" * 20, *blocks[3:], blocks[0][:4]])
+    found, counts = read(damaged)
+    assert [each.data for each in found] == blocks
+    assert counts == {"bytes_skipped": 64, "resynchronised": 1, "recording_cut": 1}
+
+
+def test_final_envelopes_have_the_times_of_their_receipt(blocks):
+    data = b"".join(made.final(block, 100.0 + k, line=3) for k, block in enumerate(blocks))
+    found, counts = read(data, MIDNIGHT)
+    assert not counts
+    assert [each.data for each in found] == blocks
+    assert [each.received_ns for each in found] == [
+        MIDNIGHT + (100 + k) * NS for k in range(len(blocks))
+    ]
+    assert {each.source for each in found} == {"board 0 line 3"}
+
+
+def test_final_envelopes_go_on_after_midnight(blocks):
+    times = (86_399.5, 86_399.99, 0.25, 1.0)
+    data = b"".join(made.final(blocks[0], time_s) for time_s in times)
+    found, _ = read(data, MIDNIGHT)
+    expected = [86_399.5, 86_399.99, 86_400.25, 86_401.0]
+    assert [(each.received_ns - MIDNIGHT) / NS for each in found] == expected
+
+
+def test_final_envelopes_go_on_behind_damage(blocks):
+    first, second, third = (made.final(block, 5.0) for block in blocks[:3])
+    found, counts = read(first + b"\x00\x40" + second[2:] + third + third[:9])
+    assert [each.data for each in found] == [blocks[0], blocks[2]]
+    assert counts["resynchronised"] == 1
+    assert counts["recording_cut"] == 1
+
+
+@pytest.mark.parametrize("kind", [made.pcap, made.pcapng])
+@pytest.mark.parametrize("order", "<>")
+def test_capture_has_payloads_times_and_sources(blocks, kind, order):
+    times = [MIDNIGHT + k * 250_000_000 for k in range(len(blocks))]
+    packets = [made.packet(block, vlan=k % 2 == 1) for k, block in enumerate(blocks)]
+    found, counts = read(kind([*zip(times, packets, strict=True)], order=order))
+    assert not counts
+    source = "10.0.0.1 to 239.1.1.1:8600"
+    assert found == [Datagram(b, t, source) for b, t in zip(blocks, times, strict=True)]
+
+
+def test_capture_in_nanoseconds(blocks):
+    found, _ = read(made.pcap([(MIDNIGHT + 123_456_789, made.packet(blocks[0]))], nanoseconds=True))
+    assert found[0].received_ns == MIDNIGHT + 123_456_789
+
+
+def test_capture_is_moved_to_the_given_day_and_goes_on_from_there(blocks):
+    times = [MIDNIGHT + NS_PER_DAY - NS, MIDNIGHT + NS_PER_DAY + NS]
+    data = made.pcap([(time_ns, made.packet(blocks[0])) for time_ns in times])
+    found, _ = read(data, MIDNIGHT + 5 * NS_PER_DAY)
+    assert [each.received_ns for each in found] == [t + 5 * NS_PER_DAY for t in times]
+
+
+def test_capture_counts_what_has_no_asterix(blocks):
+    good = made.packet(blocks[0])
+    arp = good[:12] + b"\x08\x06" + bytes(28)
+    tcp = good[:23] + b"\x06" + good[24:]
+    fragment = good[:20] + b"\x20\x00" + good[22:]
+    short = good[:-3]
+    data = made.pcap([(0, each) for each in (arp, tcp, fragment, short, good, b"", good[:20])])
+    found, counts = read(data)
+    assert [each.data for each in found] == [blocks[0]]
+    assert counts == {"not_udp": 4, "fragment": 1, "packet_cut": 1}
+
+
+def test_capture_that_was_cut_is_read_to_its_end(blocks):
+    for kind in (made.pcap, made.pcapng):
+        data = kind([(0, made.packet(block)) for block in blocks])
+        found, counts = read(data[:-5])
+        assert [each.data for each in found] == blocks[:-1]
+        assert counts == {"recording_cut": 1}
+
+
+def test_capture_of_linux_cooked_and_raw_packets(blocks):
+    ip = made.packet(blocks[0])[14:]
+    for link, head in ((113, bytes(14) + b"\x08\x00"), (276, b"\x08\x00" + bytes(18)), (101, b"")):
+        data = bytearray(made.pcap([(0, head + ip)]))
+        data[20:24] = link.to_bytes(4, "little")
+        found, counts = read(bytes(data))
+        assert [each.data for each in found] == [blocks[0]]
+        assert not counts
+
+
+@pytest.mark.parametrize("data", [b"", b"\x30", b"hello, world", bytes(100), b"\x30\x00\x02"])
+def test_other_files_are_refused(data):
+    with pytest.raises(RecordingError, match="is not a recording of ASTERIX"):
+        read(data)
+
+
+def test_random_bytes_behind_any_header_are_read_without_an_error(blocks):
+    rng = made.rng(7)
+    heads = [
+        b"".join(blocks[:2]),
+        made.final(blocks[0], 1.0),
+        made.pcap([(0, made.packet(blocks[0]))]),
+        made.pcapng([(0, made.packet(blocks[0]))]),
+    ]
+    for head in heads:
+        for _ in range(100):
+            data = bytearray(head * 3 + rng.bytes(int(rng.integers(300))))
+            for _ in range(int(rng.integers(6))):
+                data[int(rng.integers(len(head), len(data)))] = int(rng.integers(256))
+            found, _ = read(bytes(data))
+            assert found

@@ -1,0 +1,61 @@
+"""Runs of any engine: its estimates, its snapshots on their way through a file, and equality."""
+
+import json
+
+import numpy as np
+
+from phd_jdtc_ros.core.snapshot import Snapshot
+
+ENGINES = ("gaussian", "particles")
+NAMES = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")
+
+
+def equal(a, b):
+    """Return whether estimates, or sequences of them, are the same bit by bit."""
+    if isinstance(a, (list, tuple)):
+        return len(a) == len(b) and all(map(equal, a, b))
+    return (a.stamp_ns, a.lag) == (b.stamp_ns, b.lag) and all(
+        np.array_equal(getattr(a, name), getattr(b, name)) for name in NAMES
+    )
+
+
+def stepped(engine, scans):
+    """Return the filtered and the smoothed estimates of an engine that steps through scans."""
+    steps = [engine.step(scan) for scan in scans]
+    return [e for step in steps for e in step.filtered], [
+        e for step in steps for e in step.smoothed
+    ]
+
+
+def stored_and_read(snapshot):
+    """Return a snapshot after conversion to JSON and bytes and back."""
+    arrays = {
+        name: np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
+        for name, array in snapshot.arrays.items()
+    }
+    return Snapshot(snapshot.stamp_ns, arrays, json.loads(json.dumps(snapshot.facts)))
+
+
+def assert_same(ours, theirs):
+    """Assert that two snapshots are the same, bit by bit."""
+    assert (ours.stamp_ns, ours.facts) == (theirs.stamp_ns, theirs.facts)
+    assert ours.arrays.keys() == theirs.arrays.keys()
+    for name, array in ours.arrays.items():
+        np.testing.assert_array_equal(array, theirs.arrays[name])
+
+
+def restored_after(stop, new, scans, same=equal):
+    """Check that an engine that is restored in the middle goes on as one that never stopped.
+
+    `new` makes an engine, and `stop` is the number of scans before the snapshot. Returns both
+    engines after the last scan.
+    """
+    first, second = new(), new()
+    stepped(first, scans[:stop])
+    second.restore(stored_and_read(first.snapshot()))
+    for scan in scans[stop:]:
+        one, other = first.step(scan), second.step(scan)
+        assert same(one.filtered, other.filtered)
+        assert same(one.smoothed, other.smoothed)
+        np.testing.assert_array_equal(one.class_mass, other.class_mass)
+    return first, second

@@ -1,0 +1,127 @@
+import numpy as np
+import pytest
+
+from studies.autoferry import bags
+from studies.autoferry import recording as autoferry
+from studies.autoferry import scores as autoferry_scores
+
+DETECTIONS = """\
+scan,sensor,time,own_north,own_east,north,east
+0,lidar,100.188,-16.75,-390.66,,
+1,radar,100.534,-16.77,-391.13,-142.62,-218.25
+1,radar,100.534,-16.77,-391.13,102.77,38.91
+2,lidar,100.534,-16.77,-391.13,3.0,4.0
+3,radar,102.213,-16.80,-391.50,,
+"""
+TRUTH = """\
+scan,sensor,time,target,north,east,down
+0,lidar,100.200,1,80.0,-350.0,0.00
+0,lidar,100.200,2,-150.0,-580.0,0.00
+1,radar,100.600,1,84.0,-354.0,0.00
+1,radar,100.600,2,-150.4,-580.4,0.00
+3,radar,102.200,1,100.0,-370.0,0.00
+3,radar,102.200,2,-152.0,-582.0,0.00
+"""
+
+
+@pytest.fixture
+def directory(tmp_path):
+    (tmp_path / "scenario7_detections.csv").write_text(DETECTIONS)
+    (tmp_path / "scenario7_truth.csv").write_text(TRUTH)
+    return tmp_path
+
+
+def test_scenarios_are_found_by_their_files(directory):
+    assert autoferry.scenarios_in(directory) == [7]
+    with pytest.raises(autoferry.RecordingError, match=r"no scenarioNUMBER_detections\.csv"):
+        autoferry.scenarios_in(directory / "nowhere")
+
+
+def test_detections_are_polar_about_the_ferry(directory):
+    recording = autoferry.read(directory, 7)
+    assert [look.sensor for look in recording.looks] == ["lidar", "radar", "lidar", "radar"]
+    look = recording.of("radar")[0]
+    assert look.stamp_ns == 100_534_000_000
+    assert look.own.position == (-391.13, -16.77)
+    distance, azimuth = look.detections.measurement[1]
+    east, north = distance * np.cos(azimuth), distance * np.sin(azimuth)
+    assert (east, north) == pytest.approx((38.91, 102.77))
+    assert len(recording.of("radar")[1].detections) == 0
+
+
+def test_sensors_of_one_stamp_are_one_scan(directory):
+    recording = autoferry.read(directory, 7)
+    scans = autoferry_scores.scans_of(recording, ("radar", "lidar"))
+    assert [[found is not None for found in scan.detections] for scan in scans] == [
+        [False, True],
+        [True, True],
+        [True, False],
+    ]
+    assert len(autoferry_scores.scans_of(recording)) == 2
+
+
+def test_the_truth_is_interpolated_to_the_stamp(directory):
+    truth = autoferry.read(directory, 7).truth(100_400_000_000)
+    np.testing.assert_array_equal(truth.track_id, [1, 2])
+    np.testing.assert_allclose(truth.position, [[-352.0, 82.0], [-580.2, -150.2]])
+    np.testing.assert_allclose(truth.velocity[0], [-10.0, 10.0])
+    assert len(autoferry.read(directory, 7).truth(110_000_000_000).track_id) == 0
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "expected"),
+    [
+        ("detections", "sensor,time", "kind,time", "column sensor is missing"),
+        ("detections", "1,radar", "1,sonar", ":3: sensor 'sonar', must be radar or lidar"),
+        ("detections", "38.91", "far", ":4: east 'far', must be a finite number"),
+        ("detections", "38.91", "", ":4: east '', must be a finite number"),
+        ("detections", "102.213", "90.0", ":6: time 90.0, must rise from scan to scan"),
+        ("truth", "84.0", "nan", ":4: north 'nan', must be a finite number"),
+    ],
+)
+def test_a_foreign_file_is_refused_with_the_line(directory, file, old, new, expected):
+    path = directory / f"scenario7_{file}.csv"
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(autoferry.RecordingError) as why:
+        autoferry.read(directory, 7)
+    assert expected in str(why.value)
+
+
+def score(tracker, source, gospa):
+    return autoferry_scores.Score(2, tracker, source, gospa, 0.1, 0.2, 5.0)
+
+
+def test_goals_compare_with_the_better_peer_of_the_same_source():
+    values = {"particles": 30.0, "gaussian": 20.0, "GNN": 40.0, "JPDA": 50.0}
+    scores = [score(name, s, v) for name, v in values.items() for s in ("filtered", "smoothed")]
+    goals = {goal["name"]: goal for goal in autoferry_scores.goals_of(scores)}
+    gaussian = goals["GOSPA filtered, gaussian, to the better peer's"]
+    assert gaussian["value"] == pytest.approx(0.5)
+    assert gaussian["reached"]
+    assert not goals["GOSPA smoothed, particles, to the better peer's"]["reached"]
+
+
+def test_all_trackers_are_scored_on_the_same_scans(tmp_path):
+    """Two boats that go straight on, seen from a ferry that moves."""
+    pytest.importorskip("stonesoup")
+    rng, rows, truth = np.random.default_rng(0), [], []
+    for scan in range(40):
+        time_s, own = 1000.0 + 1.68 * scan, np.array([0.5 * scan, -0.3 * scan])
+        for target, (place, velocity) in enumerate(
+            [((60.0, 80.0), (-2.0, 1.0)), ((-90.0, 50.0), (1.5, -2.0))], start=1
+        ):
+            north, east = np.array(place) + 1.68 * scan * np.array(velocity)
+            truth.append(f"{scan},radar,{time_s:.3f},{target},{north},{east},0")
+            seen = [north, east] - own + rng.normal(0.0, 2.0, 2)
+            rows.append(f"{scan},radar,{time_s:.3f},{own[0]},{own[1]},{seen[0]},{seen[1]}")
+    head, head_truth = DETECTIONS.splitlines()[0], TRUTH.splitlines()[0]
+    (tmp_path / "scenario1_detections.csv").write_text("\n".join([head, *rows]))
+    (tmp_path / "scenario1_truth.csv").write_text("\n".join([head_truth, *truth]))
+    scores = autoferry_scores.scores_of(autoferry.read(tmp_path, 1), bags.parameters(lidar=False))
+    assert {(each.tracker, each.source) for each in scores} == {
+        (tracker, source)
+        for tracker in ("particles", "gaussian", "GNN", "JPDA")
+        for source in ("filtered", "smoothed")
+    }
+    assert all(each.false < 0.1 and each.missed < 0.7 for each in scores)
+    assert all(each.position_rms < 6.0 for each in scores)

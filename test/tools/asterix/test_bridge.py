@@ -1,0 +1,502 @@
+import itertools
+import shutil
+
+import asterix_records as made
+import estimate_sets
+import numpy as np
+import pytest
+from asterix_reference import decoded, value
+
+from msg_adapters import detections, estimates, interfaces, names
+from msg_adapters.readers import reader_of
+from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.core.types import SOURCES, Detections
+from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+
+TOPIC = "/radar_1_2/detections"
+DAY_NS = 20_779 * 86_400 * 10**9
+SEEN = [(10.0, 20.0), (100.0, 30.0), (190.0, 40.0), (350.0, 50.0)]
+
+
+@pytest.fixture
+def bridge(tmp_path, capsys):
+    """Return a function that bridges data into a new bag and returns status, bag and output."""
+
+    def start(data, *arguments, out="out"):
+        path = tmp_path / "recording.ast"
+        if data is not None:
+            path.write_bytes(data)
+        given = [str(path), "--out", str(tmp_path / out), *arguments]
+        status = run("asterix_bridge", given)
+        return status, tmp_path / out, capsys.readouterr()
+
+    return start
+
+
+def reports(bag, topic=TOPIC):
+    """Return what a tracker with the parameters beside the bag reads of it, on a flat earth."""
+    given = bag_parameters.read(bag)
+    flat = {k: v for k, v in given.items() if not k.endswith(("world_origin", ".geodetic"))}
+    config = tracker_params.config(flat)
+    (radar,) = (each for each in config.inputs if each.topic == topic)
+    entries = BagReader(bag).messages([topic])
+    return [reader_of(radar).from_cdr(entry.data, radar) for entry in entries]
+
+
+def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
+    data = b"".join(made.turns(3, seen=SEEN))
+    status, out, said = bridge(data, "--date", "2026-11-22")
+    assert status == 0
+    assert said.err == ""
+    assert said.out.splitlines() == [
+        f"{out}: 96 clouds, 12 plots",
+        "radar_1_2: 12 plots, 97 service messages, 96 clouds, a turn of 4.0000 s",
+        "left out: none",
+        "where radar_1_2 stands is not known: shapes and distances are right on the round earth, "
+        "latitudes and longitudes are not; set radar_1_2.geodetic and world_origin",
+        "radar_1_2: 300 s of its plots do not tell its noise; that of the profile air_traffic is "
+        "used",
+    ]
+    found = reports(out)
+    assert [report.stamp_ns - DAY_NS for report in found] == [
+        (1000 + (k + 1) / 8.0) * 10**9 for k in range(96)
+    ]
+    assert not any(report.dropped or report.doubts["sectors_unusable"] for report in found)
+    seen = [report for report in found if len(report.detections)]
+    assert [report.sector for report in seen] == [7, 31, 23, 8] * 3
+    distance, azimuth = np.concatenate([report.detections.measurement for report in seen]).T
+    np.testing.assert_allclose(distance, np.tile([20, 30, 40, 50], 3) * 1852.0, rtol=1e-6)
+    expected = np.tile([80.0, -10.0, -100.0, 100.0], 3)
+    np.testing.assert_allclose(np.degrees(azimuth), expected, atol=0.01)
+    times = [report.stamp_ns * 1e-9 + report.detections.time_s[0] for report in seen[:4]]
+    true = [DAY_NS * 1e-9 + 1000.0 + each / 90.0 for each, _ in SEEN]
+    np.testing.assert_allclose(times, true, atol=1 / 128)
+
+
+def test_identities_heights_and_kinds_are_in_the_clouds(bridge):
+    known = made.plot(5.0, 1000.06, i070=(0, 0, 0, 0, 0o7700), i090=(0, 0, -40), i220=0xABCDEF)
+    bare = made.plot(6.0, 1000.07)
+    parts = [*made.turns(1)]
+    status, out, _ = bridge(b"".join([parts[0], made.plots(known, bare), *parts[1:]]))
+    assert status == 0
+    found = reports(out)[0].detections
+    assert found.code.tolist() == [0o7700, -1]
+    assert found.address.tolist() == [0xABCDEF, -1]
+    assert found.kind.tolist() == [3, 3]
+    np.testing.assert_allclose(found.height, [-304.8, np.nan], rtol=1e-6)
+    (first, *_) = BagReader(out).messages([TOPIC])
+    cloud = interfaces.decode(first.data, names.CLOUD)
+    kinds = [(field.offset, field.datatype) for field in cloud.fields if field.name == "kind"]
+    assert [bytes(cloud.data)[offset] for offset, _ in kinds] == [3]
+    assert [datatype for _, datatype in kinds] == [2]
+
+
+@pytest.mark.parametrize("kind", ["final", "pcap", "pcapng"])
+def test_framings_of_one_recording_give_the_same_bag(bridge, kind):
+    blocks = [*made.turns(2, seen=SEEN)]
+    _, plain, _ = bridge(b"".join(blocks), "--date", "2026-11-22", out="plain")
+    if kind == "final":
+        data = b"".join(made.final(block, 1000.0 + k / 8.0) for k, block in enumerate(blocks))
+    else:
+        times = [DAY_NS + round((1000.0 + k / 8.0) * 1e9) for k in range(len(blocks))]
+        data = getattr(made, kind)([*zip(times, map(made.packet, blocks), strict=True)])
+    status, out, said = bridge(data, "--date", "2026-11-22", out="plain_of_frames")
+    assert status == 0
+    assert "left out: none" in said.out
+    one, other = (
+        [(entry.topic, entry.log_time_ns, entry.data) for entry in BagReader(bag).messages()]
+        for bag in (plain, out)
+    )
+    assert one == other
+
+
+def test_radars_are_named_and_turned_as_parameters_say(bridge):
+    data = b"".join(
+        part
+        for pair in zip(made.turns(2, sic=1), made.turns(2, sic=9), strict=True)
+        for part in pair
+    )
+    given = ["-p", "radars:=[a, b]", "-p", "a.source:=[1, 1]", "-p", "b.source:=[1, 9]"]
+    given += ["-p", "b.sectors:=16", "-p", "a.geodetic:=[50.0, 8.0, 100.0]"]
+    given += ["-p", "b.geodetic:=[50.5, 8.5, 120.0]"]
+    status, out, said = bridge(data, *given)
+    assert status == 0
+    assert "a: 0 plots, 65 service messages, 64 clouds" in said.out
+    assert BagReader(out).counts == {"/a/detections": 64, "/b/detections": 32}
+    config = tracker_params.config(bag_parameters.read(out))
+    assert [radar.sectors for radar in config.inputs] == [32, 16]
+    sites = [radar.site.geodetic for radar in config.inputs]
+    assert sites == [(50.0, 8.0, 100.0), (50.5, 8.5, 120.0)]
+
+
+def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
+    blocks = [*made.turns(1)]
+    packets = [(k * 10**8, made.packet(block)) for k, block in enumerate(blocks)]
+    packets += [(k * 10**8, made.packet(block, port=9)) for k, block in enumerate(blocks)]
+    status, out, said = bridge(made.pcap(sorted(packets)), "--port", "8600", "-p", "sectors:=8")
+    assert status == 0
+    assert "left out: other_port 33" in said.out
+    assert BagReader(out).counts == {TOPIC: 8}
+
+
+def test_a_port_is_not_asked_of_recordings_that_do_not_say_it(bridge):
+    blocks = enumerate(made.turns(1))
+    data = b"".join(made.final(block, 1000.0 + k / 8.0) for k, block in blocks)
+    status, out, said = bridge(data, "--port", "8600", "-p", "sectors:=8")
+    assert status == 0
+    assert "left out: none" in said.out
+    assert BagReader(out).counts == {TOPIC: 8}
+
+
+def test_wrong_clock_and_second_source_are_said(bridge):
+    blocks = [*made.turns(1, start_s=1000.0)]
+    packets = []
+    for k, block in enumerate(blocks):
+        time_ns = round((2000.0 + k / 8.0) * 1e9)
+        packets.append((time_ns, made.packet(block)))
+        packets.append((time_ns, made.packet(block, sender="10.0.0.2")))
+    status, _, said = bridge(made.pcap(packets))
+    assert status == 0
+    assert "radar_1_2: its clock is -1000.0 s off, and was shifted" in said.out
+    assert (
+        "radar_1_2: messages of two sources, 10.0.0.1 to 239.1.1.1:8600 and 10.0.0.2 to "
+        "239.1.1.1:8600: those of the second are left out"
+    ) in said.out
+
+
+def tracks(count):
+    """Return data blocks of CAT062, each of one record with SAC and SIC only."""
+    return [b"\x3e" + (6).to_bytes(2, "big") + b"\x80\x01\x02"] * count
+
+
+def test_recording_of_tracks_alone_fails_and_says_what_it_holds(bridge):
+    status, _, said = bridge(b"".join(tracks(20)))
+    assert status == 3
+    assert "0 of 20 records could be used; all records: CAT062 20; CAT062 is tracks" in said.err
+
+
+@pytest.mark.parametrize(("count", "expected"), [(40, 0), (60, 3)])
+def test_recording_of_which_less_than_half_can_be_used_fails(bridge, count, expected):
+    # Of 16 plots and 33 service messages.
+    seen = [(azimuth, 20.0) for azimuth in range(5, 360, 23)]
+    data = b"".join([*made.turns(1, seen=seen), *tracks(count)])
+    status, out, said = bridge(data)
+    assert status == expected
+    assert ("49 of 109 records could be used" in said.err) == bool(expected)
+    # What could be used is there.
+    assert BagReader(out).counts == {TOPIC: 32}
+
+
+def test_recording_whose_end_is_missing_is_used_and_fails(bridge):
+    status, out, said = bridge(b"".join(made.turns(1, seen=SEEN))[:-3])
+    assert status == 3
+    assert "is damaged in 1 places" in said.err
+    assert BagReader(out).counts[TOPIC] > 0
+
+
+def test_trailers_of_datagrams_are_said_and_no_faults(bridge):
+    blocks = [*made.turns(1, seen=SEEN)]
+    packets = [
+        (round((1000.0 + k / 8.0) * 1e9), made.packet(block + b"\xee\xff\0\1" + bytes([k] * 4)))
+        for k, block in enumerate(blocks)
+    ]
+    status, _, said = bridge(made.pcap(packets))
+    assert status == 0
+    assert f"{len(blocks)} datagrams have a trailer of 8 bytes, which is skipped" in said.out
+    assert "left out: none" in said.out
+
+
+def test_empty_recording_fails(bridge):
+    status, out, said = bridge(b"")
+    assert status == 3
+    assert "recording.ast: is empty, nothing was recorded" in said.err
+    assert not out.exists()
+
+
+def test_what_is_no_recording_is_refused(bridge):
+    status, out, said = bridge(b"not a recording")
+    assert status == 2
+    assert "recording.ast: is not a recording of ASTERIX" in said.err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--date", "22.11.2026"], "22.11.2026 given, must be a date such as 2026-11-22"),
+        (["-p", "sectors:=30"], "sectors: 30 given, must be a multiple of 4"),
+        (["-p", "radars:=[a, b]"], "b.source: 0/0 given, is that of a too"),
+        (["-p", "sektors:=30"], "sektors: unknown parameter"),
+    ],
+)
+def test_wrong_arguments_are_named(bridge, capsys, arguments, expected):
+    try:
+        status, _, said = bridge(b"x", *arguments)
+        err = said.err
+    except SystemExit as end:
+        status, err = end.code, capsys.readouterr().err
+    assert status == 2
+    assert expected in err
+
+
+def test_existing_bag_is_not_overwritten(bridge, tmp_path):
+    (tmp_path / "out").mkdir()
+    status, _, said = bridge(b"".join(made.turns(1)))
+    assert status == 2
+    assert "already exists" in said.err
+
+
+@pytest.fixture(scope="module")
+def by_sector(tmp_path_factory):
+    """Return a simulated bag of a radar that turns, of two aircraft and three turns."""
+    scenario = tmp_path_factory.mktemp("turning") / "scenario.yaml"
+    scenario.write_text(
+        """
+parameters:
+  sensors: [approach]
+  approach:
+    rotation_s: 4.0
+    sectors: 16
+    yaw_deg: 30.0
+    fields: {time: time, amplitude: ""}
+    range_std: 45.0
+    azimuth_std_deg: 0.08
+    max_range: 110000.0
+    detection_probability: 0.99
+    clutter_rate: 4.0
+    clutter_max_range: 110000.0
+  interval_s: 4.0
+  lag: 8 s
+  engine: gaussian
+  classes: [aircraft]
+  aircraft: {mode_transition: [0.95, 0.05, 0.1, 0.9]}
+  births: []
+  detection_births: {rates: [0.2], velocity_std: 100.0}
+  spawn: {rate: 0.0}
+start_s: 1000.0
+interval_s: 1.0
+scans: 41
+targets:
+  - {class_id: 0, snr_db: 30.0, position: [-10000.0, 10000.0], velocity: [200.0, 50.0],
+     first_scan: 0, last_scan: 40}
+  - {class_id: 0, snr_db: 30.0, position: [20000.0, -5000.0], velocity: [0.0, 200.0],
+     first_scan: 0, last_scan: 40}
+"""
+    )
+    out = scenario.parent / "bag"
+    assert run("simulate", ["--scenario", str(scenario), "--out", str(out)]) == 0
+    return out
+
+
+def test_call_signs_of_plots_are_those_of_the_tracks(tmp_path):
+    """Of an aircraft with an address; they reach tracks by it, through the tracker's bag."""
+    seen = {"i070": (0, 0, 0, 0, 0o1234), "i220": 0x484C3A, "i240": "KLM1023 "}
+    blocks = []
+    for turn in range(12):
+        for k in range(8):
+            name = seen if not k else {}
+            azimuth, far = 10.0 + 0.3 * turn + 45.0 * k, 30.0 + 0.2 * turn
+            time_s = 1000.0 + 4.0 * (turn + azimuth / 360.0)
+            blocks.append(made.plots(made.plot(azimuth, time_s, far, **name)))
+    recording, bag, tracked, out = (tmp_path / name for name in ("r.ast", "b", "t", "o.ast"))
+    recording.write_bytes(b"".join(blocks))
+    assert run("asterix_bridge", [str(recording), "--out", str(bag)]) == 0
+    assert run("track_bag", [str(bag), "--out", str(tracked)]) == 0
+    assert run("asterix_bridge", [str(tracked), "--out", str(out)]) == 0
+    tracks = [record for record in decoded(out.read_bytes()) if record["category"] == 62]
+    named = [record for record in tracks if "I245" in record]
+    assert len({value(record, "I040", "TrkN") for record in tracks}) >= 8
+    assert len({value(record, "I040", "TrkN") for record in named}) == 1
+    for record in named:
+        assert record["I245"]["TId"]["val"].strip() == "KLM1023"
+        assert record["I380"]["ID"]["ACID"]["val"].strip() == "KLM1023"
+        assert int(record["I380"]["ADR"]["ADR"]["val"], 16) == 0x484C3A
+
+
+# Position and velocity of two aircraft at 1000 s.
+TRUE = {1: (-10e3, 10e3, 200.0, 50.0), 2: (20e3, -5e3, 0.0, 200.0)}
+
+
+@pytest.fixture(scope="module")
+def with_estimates(by_sector):
+    """Return a bag with estimates of two aircraft every 4 s, 2 m off in x."""
+    out = by_sector.parent / "tracked"
+    with BagWriter(out) as bag:
+        for source in SOURCES:
+            bag.add_topic(Topic(names.estimates(source), names.CLOUD))
+        for time_s in range(1000, 1044, 4):
+            since_s = time_s - 1000.0
+            true = np.array([*TRUE.values()])
+            found = estimate_sets.estimates(
+                estimate_sets.states(true[:, :2] + since_s * true[:, 2:] + [2.0, 0.0], true[:, 2:]),
+                np.diag([900.0, 4.0, 400.0, 1.0, 1e-6]),
+                stamp_ns=time_s * 10**9,
+                track_id=np.array([*TRUE]),
+            )
+            data = interfaces.encode(estimates.to_msg(found, "map"))
+            for source in SOURCES:
+                bag.write(names.estimates(source), data, found.stamp_ns)
+    (out / "parameters.yaml").write_bytes((by_sector / "parameters.yaml").read_bytes())
+    return out
+
+
+def test_detections_of_a_bag_go_to_asterix_and_back(by_sector, tmp_path, capsys):
+    recording, again = tmp_path / "plots.ast", tmp_path / "again"
+    assert run("asterix_bridge", [str(by_sector), "--plots", "--out", str(recording)]) == 0
+    assert run("asterix_bridge", [str(recording), "--out", str(again), "-p", "sectors:=16"]) == 0
+    said = capsys.readouterr().out
+    assert "dropped: none" in said
+
+    def places(bag):
+        config = tracker_params.config(bag_parameters.read(bag))
+        (radar,) = config.inputs
+        yaw = config.model.radars[0].yaw
+        found = []
+        for entry in BagReader(bag).messages([radar.topic]):
+            report = reader_of(radar).from_cdr(entry.data, radar)
+            distance, azimuth = report.detections.measurement.T
+            time = report.stamp_ns * 1e-9 + report.detections.time_s
+            place = distance * np.cos(azimuth + yaw), distance * np.sin(azimuth + yaw)
+            found.append(np.stack([time, *place], axis=1))
+        return np.concatenate(found)
+
+    before, after = places(by_sector), places(again)
+    # The bag knows only where the antenna is from the first sectors on.
+    assert len(before) - 5 <= len(after) <= len(before)
+    nearest = [np.abs(before[:, 1:] - row[1:]).max(axis=1).argmin() for row in after]
+    np.testing.assert_allclose(after[:, 0], before[nearest, 0], atol=0.005)
+    np.testing.assert_allclose(after[:, 1:], before[nearest, 1:], atol=15.0)
+
+
+def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
+    bag, out = tmp_path / "bag", tmp_path / "plots.ast"
+    measured = np.array([[400e3, 0.5], [474.2e3, 1.0]])
+    with BagWriter(bag) as written:
+        written.add_topic(Topic("/far/detections", names.CLOUD))
+        cloud = detections.to_msg(Detections(measured, np.ones(2)), 10**12, "far")
+        written.write("/far/detections", interfaces.encode(cloud), 10**12)
+    values = {"sensors": ["far"], "far.max_range": 5e5, "far.clutter_max_range": 5e5}
+    bag_parameters.write(bag / bag_parameters.NAME, tracker_params.config(values).values)
+    assert run("asterix_bridge", [str(bag), "--plots", "--out", str(out)]) == 0
+    assert "1 plots in 2 data blocks, of 1 clouds; dropped: range 1" in capsys.readouterr().out
+    (record,) = (each for each in decoded(out.read_bytes()) if each["category"] == 48)
+    assert value(record, "I040", "RHO") * 1852.0 == pytest.approx(400e3, abs=8.0)
+
+
+def test_estimates_of_a_bag_become_tracks_that_another_decoder_reads(
+    with_estimates, tmp_path, capsys
+):
+    out = tmp_path / "tracks.ast"
+    capsys.readouterr()
+    given = ["-p", "world_origin:=[52.0, 4.5, 0.0]", "-p", "output_source:=[25, 1, 1]"]
+    assert run("asterix_bridge", [str(with_estimates), "--out", str(out), *given]) == 0
+    assert "dropped: none" in capsys.readouterr().out
+    records = decoded(out.read_bytes())
+    ends = [r for r in records if r["category"] == 65 and value(r, "I000", "Typ") == 2]
+    assert [value(record, "I020", "BTN") for record in ends] == [*range(len(ends))]
+    times = [value(record, "I030", "ToD") for record in ends]
+    np.testing.assert_array_equal(np.diff(times), 1.0)
+    tracks = [record for record in records if record["category"] == 62]
+    assert {value(record, "I010", "SAC") for record in tracks} == {25}
+    assert {value(record, "I080", "MON") for record in tracks} == {1}
+    plane = SystemPlane([52.0, 4.5, 0.0])
+    assert len(tracks) == 2 * len(ends)
+    for record in tracks:
+        x, y = value(record, "I100", "X"), value(record, "I100", "Y")
+        lat, lon = value(record, "I105", "Lat"), value(record, "I105", "Lon")
+        np.testing.assert_allclose(plane.to_plane(lat, lon), (x, y), atol=1.0)
+        x_0, y_0, vx, vy = TRUE[value(record, "I040", "TrkN")]
+        since_s = value(record, "I070", "ToT") - 1000.0
+        np.testing.assert_allclose(
+            (x - 2.0, y), (x_0 + vx * since_s, y_0 + vy * since_s), atol=0.26
+        )
+        # The deviation grows with the prediction from the latest estimates, which come every 4 s.
+        ahead_s = since_s - 4.0 * min(since_s // 4.0, 10.0)
+        predicted = np.hypot(30.0, 2.0 * ahead_s)
+        assert value(record, "I500", "APC", "APC_X") == pytest.approx(predicted, abs=0.26)
+        assert value(record, "I500", "ATV", "ATV_X") == 2.0
+
+
+@pytest.mark.parametrize(("origin", "known"), [([0.0, 0.0, 0.0], False), ([52.0, 4.5, 0.0], True)])
+def test_tracks_about_a_guessed_place_have_no_latitudes(with_estimates, tmp_path, origin, known):
+    bag, out = tmp_path / "bag", tmp_path / "tracks.ast"
+    shutil.copytree(with_estimates, bag)
+    given = bag_parameters.read(bag)
+    given |= {"world_origin": origin, "approach.geodetic": origin}
+    config = tracker_params.config(given)
+    bag_parameters.write(bag / bag_parameters.NAME, config.values)
+    assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
+    found = [record for record in decoded(out.read_bytes()) if record["category"] == 62]
+    assert len(found) > 20
+    assert all(("I105" in record) == known for record in found)
+
+
+def test_tracks_come_with_each_cloud_where_asked(with_estimates, tmp_path):
+    out = tmp_path / "tracks.ast"
+    given = ["-p", "output_period_s:=0.0", "--estimates", "smoothed"]
+    assert run("asterix_bridge", [str(with_estimates), "--out", str(out), *given]) == 0
+    topic = names.estimates("smoothed")
+    count = BagReader(with_estimates).counts[topic]
+    ends = [r for r in decoded(out.read_bytes()) if value(r, "I000", "Typ") == 2]
+    assert len(ends) == count
+
+
+def test_tracks_of_a_recording_that_begins_again_are_written_too(with_estimates, tmp_path):
+    topic = names.estimates("filtered")
+    entries = list(BagReader(with_estimates).messages([topic]))
+    clouds = [interfaces.decode(entry.data, names.CLOUD) for entry in entries]
+
+    def tracks(begins):
+        bag, out = tmp_path / f"bag_{len(begins)}", tmp_path / f"{len(begins)}.ast"
+        received_ns = itertools.count(10**18, 10**9)
+        with BagWriter(bag) as written:
+            written.add_topic(Topic(topic, names.CLOUD))
+            for begin, (index, cloud) in itertools.product(begins, enumerate(clouds)):
+                cloud.header.stamp.sec = begin + index
+                written.write(topic, interfaces.encode(cloud), next(received_ns))
+        assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
+        return [r for r in decoded(out.read_bytes()) if r["category"] == 62]
+
+    once, twice = tracks((5000,)), tracks((5000, 1000))
+    assert len(twice) == 2 * len(once) > 0
+
+
+def test_outputs_do_not_go_on_through_a_gap_of_the_estimates(with_estimates, tmp_path):
+    bag, out = tmp_path / "gap", tmp_path / "tracks.ast"
+    topic = names.estimates("filtered")
+    first = next(iter(BagReader(with_estimates).messages([topic])))
+    with BagWriter(bag) as written:
+        written.add_topic(Topic(topic, names.CLOUD))
+        for time_s in (1, 2_000_000_000):
+            cloud = interfaces.decode(first.data, names.CLOUD)
+            cloud.header.stamp.sec = time_s
+            written.write(topic, interfaces.encode(cloud), time_s * 10**9)
+    assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
+    records = decoded(out.read_bytes())
+    # Predicted for 10 s, then ended, and there again.
+    ends = [value(record, "I000", "Typ") for record in records if record["category"] == 65]
+    assert ends.count(2) == 11 + 1 + 1
+    tracks = [record for record in records if record["category"] == 62]
+    assert len(tracks) == 2 * (11 + 1 + 1)
+    assert [value(track, "I080", "TSE") for track in tracks[-4:]] == [1, 1, 0, 0]
+
+
+def test_bag_without_estimates_is_refused(by_sector, tmp_path, capsys):
+    assert run("asterix_bridge", [str(by_sector), "--out", str(tmp_path / "tracks.ast")]) == 2
+    assert "/tracker/filtered/estimates is missing" in capsys.readouterr().err
+
+
+def test_bag_of_which_less_than_half_becomes_asterix_fails(tmp_path, capsys):
+    """Estimates that are no such clouds, as of another program on the topic."""
+    bag, out = tmp_path / "bag", tmp_path / "tracks.ast"
+    topic = names.estimates("filtered")
+    with BagWriter(bag) as written:
+        written.add_topic(Topic(topic, names.CLOUD))
+        for k in range(3):
+            cloud = detections.to_msg(Detections(np.ones((1, 2)), np.ones(1)), 10**9 * k, "map")
+            written.write(topic, interfaces.encode(cloud), 10**9 * k)
+    assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 3
+    assert "0% of its clouds could be used; dropped: schema 3" in capsys.readouterr().err

@@ -1,0 +1,262 @@
+"""What the bridge finds out of recordings, and how a tracker takes it."""
+
+import asterix_records as made
+import numpy as np
+import pyproj
+import pytest
+
+from msg_adapters import interfaces, names
+from msg_adapters.readers import reader_of
+from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, SECONDARY, Plot
+from phd_jdtc_ros.asterix.writing import plots as plots_out
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+
+NS = 10**9
+GEOD = pyproj.Geod(ellps="WGS84")
+
+
+@pytest.fixture
+def bridged(tmp_path, capsys):
+    """Return a function that bridges data, and returns status, bag, output and parameters."""
+
+    def start(data, *arguments, out="out"):
+        path = tmp_path / "recording.ast"
+        path.write_bytes(data)
+        status = run("asterix_bridge", [str(path), "--out", str(tmp_path / out), *arguments])
+        given = bag_parameters.read(tmp_path / out)
+        return status, tmp_path / out, capsys.readouterr(), given
+
+    return start
+
+
+def sweep(
+    seconds,
+    rotation_s,
+    targets,
+    seed=0,
+    begin_s=1000.0,
+    each=10,
+    radar=0x0102,
+    code=NONE,
+    height=np.nan,
+):
+    """Return times, and plots by data blocks of some, of targets that stand at azimuths and ranges.
+
+    `targets` are pairs of azimuth (turns) and range (m).
+    """
+    rng = np.random.default_rng(seed)
+    turns = np.arange(int(seconds / rotation_s) + 1)
+    seen = []
+    for part, far in targets:
+        times = begin_s + (turns + part) * rotation_s
+        jitter = rng.normal(0.0, 1e-3, len(turns))
+        kind = PRIMARY if code == NONE else SECONDARY
+        seen += [
+            (
+                round(time_s * NS),
+                Plot(
+                    *(radar, NONE, DAY, far, 2.0 * np.pi * (part + off), height),
+                    *(code, NONE, kind, np.nan, np.nan),
+                ),
+            )
+            for time_s, off in zip(times, jitter, strict=True)
+        ]
+    seen.sort(key=lambda entry: entry[0])
+    blocks = [seen[k : k + each] for k in range(0, len(seen), each)]
+    return seen, b"".join(block for group in blocks for block in plots_out.plot_blocks(group))
+
+
+def targets(count, farthest, seed=0):
+    rng = np.random.default_rng(seed)
+    return [
+        *zip(rng.uniform(0.0, 1.0, count), rng.uniform(0.1, 1.0, count) * farthest, strict=True)
+    ]
+
+
+def times_of(bag, topic):
+    """Return the times of all detections of a bag, seconds of the day."""
+    config = tracker_params.config(bag_parameters.read(bag))
+    (radar,) = (each for each in config.inputs if each.topic == topic)
+    reports = [reader_of(radar).from_cdr(e.data, radar) for e in BagReader(bag).messages([topic])]
+    assert not any(report.dropped for report in reports)
+    found = [report.stamp_ns * 1e-9 + report.detections.time_s for report in reports]
+    return np.sort(np.concatenate(found))
+
+
+def test_radar_without_crossings_is_found_out(bridged):
+    seen, data = sweep(300.0, 4.0016, targets(40, 200e3))
+    status, bag, said, given = bridged(data)
+    assert status == 0
+    assert given["radar_1_2.rotation_s"] == pytest.approx(4.0016, abs=1e-4)
+    assert given["interval_s"] == given["radar_1_2.rotation_s"]
+    assert given["radar_1_2.sectors"] == 0
+    assert "radar_1_2.fields.sector" not in given
+    assert "late_plots" not in said.out
+    # No time was changed, but for the unit of the message and that of the cloud.
+    expected = np.sort([time_ns / NS for time_ns, _ in seen])
+    np.testing.assert_allclose(times_of(bag, "/radar_1_2/detections"), expected, atol=0.004)
+
+
+@pytest.mark.parametrize("rotation_s", [4.0, 3.5, 9.0])
+def test_turn_that_is_given_wrong_changes_no_time(bridged, rotation_s):
+    seen, data = sweep(120.0, 4.0016, targets(40, 200e3))
+    status, bag, _, given = bridged(data, "-p", f"rotation_s:={rotation_s}")
+    assert status == 0
+    assert given["radar_1_2.rotation_s"] == pytest.approx(4.0016, abs=1e-3)
+    expected = np.sort([time_ns / NS for time_ns, _ in seen])
+    np.testing.assert_allclose(times_of(bag, "/radar_1_2/detections"), expected, atol=0.004)
+
+
+def test_late_plots_and_a_wrong_clock_are_found_out(bridged):
+    # Received 0.3 s after the crossing of their sector, by a clock 1581 s ahead.
+    width_s, off_s = 12.0 / 32.0, 1581.0
+    packets = []
+    for k in range(32 * 20):
+        begin_s = 1000.0 + k * width_s
+        end_s = begin_s + width_s
+        crossing = made.sector((k + 1) % 32 * 11.25, end_s)
+        azimuth = (k % 32 + 0.5) * 11.25
+        plots = made.plots(made.plot(azimuth, begin_s + 0.5 * width_s, range_nm=200.0))
+        packets += [(end_s, crossing), (end_s + 0.3, plots)]
+    packets.sort(key=lambda packet: packet[0])
+    data = made.pcap([(round((t + off_s) * NS), made.packet(block)) for t, block in packets])
+    status, bag, said, given = bridged(data)
+    assert status == 0
+    assert "; clock_off 1\n" in said.out  # and no late plots
+    assert "its clock is -1581" in said.out
+    assert given["radar_1_2.rotation_s"] == given["interval_s"] == pytest.approx(12.0, abs=1e-3)
+    assert given["radar_1_2.sectors"] == 32
+    assert given["radar_1_2.fields.sector"] == "sector"
+    assert float(given["lag"].removesuffix(" s")) == pytest.approx(60.0, abs=0.01)
+    assert BagReader(bag).counts["/radar_1_2/detections"] >= 32 * 20 - 1
+
+
+def test_ranges_follow_the_plots(bridged):
+    _, data = sweep(60.0, 4.0, [(0.1, 300.0), (0.5, 400e3)])
+    _, _, _, given = bridged(data)
+    assert 400e3 * 1.1 <= given["radar_1_2.max_range"] <= 400e3 * 1.3
+    assert given["radar_1_2.clutter_max_range"] == given["radar_1_2.max_range"]
+    assert given["radar_1_2.min_range"] <= 300.0
+    assert given["radar_1_2.detection_probability"][-2] == pytest.approx(
+        given["radar_1_2.max_range"], abs=1.0
+    )
+
+
+def test_fields_are_those_that_plots_have(bridged):
+    _, bare = sweep(60.0, 4.0, targets(20, 100e3))
+    _, known = sweep(60.0, 4.0, targets(20, 100e3), code=0o1234, height=3000.0)
+    _, _, _, given = bridged(bare, out="bare")
+    assert not {"radar_1_2.fields.code", "radar_1_2.fields.height"} & {*given}
+    assert "equipped_probability" not in given
+    _, _, _, given = bridged(known, out="known")
+    assert given["radar_1_2.fields.code"] == "code"
+    assert given["radar_1_2.fields.height"] == "height"
+    assert "radar_1_2.fields.address" not in given
+    assert given["equipped_probability"] == 0.99
+
+
+def test_what_was_found_or_guessed_has_a_comment(bridged):
+    _, data = sweep(120.0, 4.0, targets(20, 100e3), code=0o1234, height=3000.0)
+    _, bag, _, _ = bridged(data)
+    text = (bag / bag_parameters.NAME).read_text()
+    by_name = {line.split(":")[0].strip(): line for line in text.splitlines()}
+    for name in ("world_origin", "geodetic", "rotation_s", "sectors", "max_range", "min_range"):
+        assert " # " in by_name[name], name
+    for name in ("height", "code", "lag", "interval_s", "equipped_probability"):
+        assert " # " in by_name[name], name
+
+
+def test_bag_of_the_bridge_is_tracked_with_nothing_set(bridged, tmp_path):
+    _, data = sweep(60.0, 4.0016, targets(20, 300e3))
+    _, bag, _, _ = bridged(data)
+    assert run("track_bag", [str(bag), "--out", str(tmp_path / "tracked")]) == 0
+
+
+def test_place_that_is_not_known_is_guessed_and_said(bridged):
+    _, data = sweep(60.0, 4.0, targets(20, 100e3))
+    _, _, said, given = bridged(data)
+    assert given["world_origin"] == given["radar_1_2.geodetic"] == [0.0, 0.0, 0.0]
+    assert "where radar_1_2 stands is not known" in said.out
+
+
+def test_files_of_tracks_say_that_a_guessed_place_is_not_true(bridged, tmp_path, capsys):
+    _, data = sweep(40.0, 4.0, targets(20, 100e3))
+    _, bag, _, _ = bridged(data)
+    tracked, csv = tmp_path / "tracked", tmp_path / "tracks.csv"
+    assert run("track_bag", [str(bag), "--out", str(tracked), "--csv", str(csv)]) == 0
+    assert "latitudes and longitudes are not true" in capsys.readouterr().err
+
+
+def test_place_that_is_given_or_said_is_used(bridged):
+    _, data = sweep(60.0, 4.0, targets(20, 100e3))
+    names_ = ["-p", "radars:=[a]", "-p", "a.source:=[1, 2]"]
+    _, _, said, given = bridged(data, *names_, "-p", "a.geodetic:=[50.0, 8.0, 90.0]", out="given")
+    assert given["a.geodetic"] == [50.0, 8.0, 90.0]
+    assert given["world_origin"] == [50.0, 8.0, 0.0]
+    assert "is not known" not in said.out
+    _, _, said, given = bridged(made.site(48.5, 11.25, 450.0) + data, out="said")
+    assert given["radar_1_2.geodetic"] == pytest.approx([48.5, 11.25, 450.0], abs=1e-4)
+    assert "is not known" not in said.out
+
+
+def test_radars_of_unknown_places_are_not_tracked_together(bridged, tmp_path):
+    _, one = sweep(60.0, 4.0, targets(20, 100e3))
+    _, other = sweep(60.0, 5.0, targets(10, 100e3), radar=0x0103)
+    _, bag, said, given = bridged(one + other)
+    assert given["sensors"] == ["radar_1_2"]
+    assert "radar_1_3: cannot be placed relative to radar_1_2" in said.out
+    assert "    # radar_1_3:" in (bag / bag_parameters.NAME).read_text()
+
+
+def test_surface_radar_is_over_a_flat_earth_and_hinted_at(bridged):
+    # Of 1 s, and about 5 plots a turn.
+    _, data = sweep(300.0, 1.008, targets(5, 3000.0))
+    _, bag, said, given = bridged(data)
+    assert given["radar_1_2.max_range"] < 5000.0
+    assert "world_origin" not in given
+    assert given["radar_1_2.rotation_s"] == pytest.approx(1.008, abs=1e-4)
+    assert "tune proposes others" in said.out
+    assert BagReader(bag).counts["/radar_1_2/detections"] <= 4 * 302
+
+
+@pytest.mark.parametrize("latitude", [-60.0, 35.0, 70.0])
+def test_guessed_place_gives_the_ground_ranges_of_the_true_one(bridged, latitude):
+    # Aircraft at 11 km, all azimuths, as PROJ sees them from where the radar stands.
+    place = (latitude, 8.0, 0.0)
+    turned = np.arange(0.0, 1.0, 0.05)
+    far = np.linspace(20e3, 300e3, len(turned))
+    longitude, north, _ = GEOD.fwd(
+        *(np.full(len(far), place[1]), np.full(len(far), place[0])), 360.0 * turned, far
+    )
+    local = pyproj.Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart "
+        f"+ellps=WGS84 +step +proj=topocentric +ellps=WGS84 +lat_0={place[0]} +lon_0={place[1]}"
+    )
+    east, ahead, up = local.transform(longitude, north, np.full(len(far), 11e3))
+    slant = np.sqrt(east**2 + ahead**2 + up**2)
+    _, data = sweep(20.0, 4.0, [*zip(turned, slant, strict=True)], code=1, height=11e3, each=1)
+    _, bag, _, given = bridged(data)
+    config = tracker_params.config(given)
+    (radar,) = config.inputs
+    found = [
+        reader_of(radar).from_cdr(entry.data, radar).detections
+        for entry in BagReader(bag).messages()
+    ]
+    ground, azimuth = np.concatenate([each.measurement for each in found]).T
+    compass = (0.25 - azimuth / (2.0 * np.pi)) % 1.0
+    number = np.round(compass / 0.05).astype(int) % len(turned)
+    plane = SystemPlane(place)
+    true = np.hypot(*plane.to_plane(north, longitude))[number]
+    # Steps of 1/256 NM in range, and 11 km up at 20 km tells much of them.
+    np.testing.assert_allclose(ground, true, atol=8.0)
+
+
+def test_clouds_have_no_sector_where_no_crossing_tells_one(bridged):
+    _, data = sweep(30.0, 4.0, targets(20, 100e3))
+    _, bag, _, _ = bridged(data)
+    first = next(iter(BagReader(bag).messages()))
+    cloud = interfaces.decode(first.data, names.CLOUD)
+    assert "sector" not in {field.name for field in cloud.fields}

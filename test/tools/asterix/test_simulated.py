@@ -1,0 +1,213 @@
+"""The simulated hours as ASTERIX: decoded again, they are as real recordings look."""
+
+import math
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros import resources
+from phd_jdtc_ros.asterix import blocks
+from phd_jdtc_ros.asterix.messages import NONE, NORTH, SECTOR, Plot
+from phd_jdtc_ros.asterix.transport import pcap
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.types import UNKNOWN
+from phd_jdtc_ros.simulation import sending
+from phd_jdtc_ros.simulation.turning_antenna import plot_times, plots_with_replies
+from phd_jdtc_ros.tools import simulate
+from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
+from studies.hours import study as hours
+
+MINUTES = {"approach_hour": 25.0, "en_route_hour": 4.0}
+TICK_S = 1.0 / 128.0
+
+
+class Recorded:
+    """A part of an hour, simulated and decoded again."""
+
+    def __init__(self, name, directory, seed=3):
+        self.hour, self.config, self.document = hours.hour_of(name, MINUTES[name], seed)
+        self.path = directory / hours.RECORDINGS[name]
+        hours.record(self.hour, self.config, self.document, self.path)
+        self.counts = Counter()
+        data = self.path.read_bytes()
+        if pcap.is_capture(data[:4]):
+            sent = [(each.received_ns, each.data) for each in pcap.packets(data, self.counts)]
+        else:
+            sent = [(None, data)]
+        self.received, self.messages = [], []
+        for received_ns, block in sent:
+            found = list(blocks.BlockReader(self.counts).messages(block))
+            self.messages += found
+            self.received += [received_ns] * len(found)
+        rows = [k for k, each in enumerate(self.messages) if isinstance(each, Plot)]
+        self.plots = [self.messages[k] for k in rows]
+        self.plots_received = [self.received[k] for k in rows]
+        self.own, self.answers = plots_with_replies(self.hour.scenario, 0, self.hour.layout, seed)
+        self.time_s = plot_times(self.hour.scenario, 0, self.own)
+
+    def column(self, name):
+        return np.array([getattr(plot, name) for plot in self.plots])
+
+
+@pytest.fixture(scope="module")
+def approach(tmp_path_factory):
+    return Recorded("approach_hour", tmp_path_factory.mktemp("approach"))
+
+
+@pytest.fixture(scope="module")
+def en_route(tmp_path_factory):
+    return Recorded("en_route_hour", tmp_path_factory.mktemp("en_route"))
+
+
+def test_recording_has_the_simulated_plots_to_their_resolution(approach):
+    assert not approach.counts
+    count = len(approach.plots)
+    # Those of the last sector, which the antenna has not left, are not sent.
+    assert 0 <= len(approach.time_s) - count < 60
+    answers = approach.answers.take(np.arange(count))
+    seconds = approach.column("time_of_day") * TICK_S
+    np.testing.assert_allclose(seconds - 36000.0, approach.time_s[:count], atol=TICK_S)
+    distance, azimuth = answers.measurement.T
+    np.testing.assert_allclose(approach.column("distance"), distance, atol=1852.0 / 512 + 1e-6)
+    off = np.angle(np.exp(1j * (0.5 * math.pi - azimuth - approach.column("azimuth"))))
+    assert np.abs(off).max() <= math.pi / 2**16 + 1e-9
+    np.testing.assert_allclose(approach.column("height"), answers.height + 100.0, atol=3.82)
+    for name in ("code", "address"):
+        own = getattr(answers, name)
+        known = np.where(own == UNKNOWN, NONE, own)
+        np.testing.assert_array_equal(approach.column(name), known)
+
+
+def test_turn_and_wobble_are_in_times_and_azimuths(approach):
+    seconds = approach.column("time_of_day") * TICK_S
+    seconds = seconds - seconds[0]
+    turned = approach.column("azimuth") / (2.0 * math.pi)
+    # What it is ahead of even turns, in turns, to any whole one.
+    ahead = np.exp(2j * math.pi * (turned - seconds / 4.0016))
+    # The wind turns as it did after 700 s.
+    begin = ahead[seconds < 350.0].mean()
+    later = ahead[(seconds >= 700.0) & (seconds < 1050.0)].mean()
+    assert abs(np.angle(later / begin)) / (2.0 * math.pi) < 2e-3
+    # Of a sine that makes the rate 0.5 % more and less.
+    parts = [ahead[(seconds >= k) & (seconds < k + 10.0)].mean() for k in range(0, 700, 10)]
+    shown = np.unwrap(np.angle(parts)) / (2.0 * math.pi)
+    expected = 0.005 * 700.0 / (2.0 * math.pi) / 4.0016
+    assert 0.5 * np.ptp(shown) == pytest.approx(expected, rel=0.02)
+
+
+def test_approach_radar_sends_some_plots_a_block_and_says_nothing_of_its_antenna(approach):
+    assert len(approach.plots) == len(approach.messages)
+    data, at, sizes = approach.path.read_bytes(), 0, []
+    while at < len(data):
+        length = int.from_bytes(data[at + 1 : at + 3], "big")
+        sizes.append(len(list(blocks.BlockReader(Counter()).messages(data[at : at + length]))))
+        at += length
+    assert max(sizes) == 10
+    assert 5.0 < np.mean(sizes) < 10.0
+
+
+def test_addresses_are_those_of_most_targets_and_hardly_garbled(approach):
+    count = len(approach.plots)
+    source, address = approach.own.source[:count], approach.column("address")
+    cards = approach.hour.scenario.cards
+    equipped = np.mean([card.address != UNKNOWN for card in cards.values()])
+    assert equipped == pytest.approx(0.95, abs=0.03)
+    true = np.array([0, *(cards[n].address for n in sorted(cards))])[source]
+    answered = (source > 0) & (address != NONE)
+    wrong = np.count_nonzero(address[answered] != true[answered])
+    # A binomial share of 0.1 %.
+    expected = 0.001 * np.count_nonzero(answered)
+    assert wrong == pytest.approx(expected, abs=4.0 * math.sqrt(expected))
+    assert (address[source == 0] == NONE).mean() > 0.5
+
+
+def test_aircraft_out_of_sight_come_back_with_their_address(approach):
+    scene, address = approach.hour.scenario, approach.column("address")
+    seconds = approach.column("time_of_day") * TICK_S - 36000.0
+    lost = 0
+    for gap in scene.gaps:
+        own = scene.cards[gap.number].address
+        if own == UNKNOWN or gap.end_s > 60.0 * MINUTES["approach_hour"] - 30.0:
+            continue
+        mine = seconds[address == own]
+        assert not ((mine > gap.start_s + 0.1) & (mine < gap.end_s - 0.1)).any()
+        lost += bool((mine < gap.start_s).any() and (mine > gap.end_s).any())
+    assert lost >= 4
+
+
+def test_capture_says_when_plots_of_a_wrong_clock_came(en_route):
+    received = np.array(en_route.plots_received) * 1e-9
+    own = en_route.column("time_of_day") * TICK_S
+    # The clock is ahead; a plot comes 0.3 s after the antenna has left its sector of 0.375 s.
+    late = received - 1772445600.0 - (own - 36000.0 - 1581.0)
+    assert 0.29 < late.min() < 0.32
+    assert 0.64 < late.max() < 0.69
+    assert (en_route.column("address") == NONE).all()
+    assert np.mean(en_route.column("code") != NONE) > 0.8
+
+
+def test_en_route_radar_tells_each_sector_at_once(en_route):
+    services = [
+        (received * 1e-9, each)
+        for received, each in zip(en_route.received, en_route.messages, strict=True)
+        if not isinstance(each, Plot)
+    ]
+    kinds = Counter(each.kind for _, each in services)
+    assert set(kinds) == {NORTH, SECTOR}
+    assert kinds[NORTH] == 20
+    azimuth = np.array([each.azimuth for _, each in services])
+    np.testing.assert_allclose(np.mod(np.diff(azimuth), 2.0 * math.pi), 2.0 * math.pi / 32)
+    own = np.array([each.time_of_day for _, each in services]) * TICK_S
+    late = (
+        np.array([received for received, _ in services]) - 1772445600.0 - (own - 36000.0 - 1581.0)
+    )
+    np.testing.assert_allclose(late, 0.02, atol=0.01)
+
+
+def test_recording_of_a_seed_is_always_the_same(en_route, tmp_path):
+    assert Recorded("en_route_hour", tmp_path).path.read_bytes() == en_route.path.read_bytes()
+    other = tmp_path / "other"
+    other.mkdir()
+    assert Recorded("en_route_hour", other, 4).path.read_bytes() != en_route.path.read_bytes()
+
+
+def test_radar_that_does_not_turn_sends_no_asterix(tmp_path, capsys):
+    path = tmp_path / "sent.ast"
+    status = simulate.main(["--out", str(tmp_path / "bag"), "--asterix", str(path)])
+    assert status == 2
+    assert "radar_1.rotation_s: 0 given, must be above 0" in capsys.readouterr().err
+    assert not path.exists()
+    assert not (tmp_path / "bag").exists()
+
+
+def test_simulate_does_not_overwrite_a_recording(tmp_path, capsys):
+    path = tmp_path / "sent.ast"
+    path.write_bytes(b"mine")
+    scenario = str(resources.find(Path("config/scenarios/en_route_hour.yaml")))
+    given = ["--scenario", scenario, "--out", str(tmp_path / "bag"), "--asterix", str(path)]
+    assert simulate.main(given) == 2
+    assert f"{path} exists, is not overwritten" in capsys.readouterr().err
+    assert path.read_bytes() == b"mine"
+    assert not (tmp_path / "bag").exists()
+
+
+def test_sending_names_what_is_wrong(en_route):
+    radars, faults = en_route.hour.scenario.radars, []
+    given = {"sending": {"en_route": {"plots": 0, "line": 1}, "other": {}}}
+    assert len(sending.of_radars(given, radars, faults)) == 1
+    assert [fault.split(":")[0] for fault in faults] == [
+        "sending.other",
+        "sending.en_route.line",
+        "sending.en_route.plots",
+    ]
+
+
+def test_capture_is_chosen_by_the_name_of_the_file(en_route, tmp_path):
+    raw = tmp_path / "raw.ast"
+    hours.record(en_route.hour, en_route.config, en_route.document, raw)
+    assert Path(hours.RECORDINGS["en_route_hour"]).suffix == simulated_asterix.CAPTURE
+    with pytest.raises(ConfigError):
+        hours.record(en_route.hour, en_route.config, {"sending": {"other": {}}}, raw)
+    assert list(blocks.BlockReader(Counter()).messages(raw.read_bytes())) == en_route.messages

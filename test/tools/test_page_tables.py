@@ -1,0 +1,151 @@
+"""The tables of the pages on the study and performance, and the curves drawn from them."""
+
+from pathlib import Path
+
+import curves
+import page_tables
+import pytest
+import yaml
+
+from phd_jdtc_ros.study.monte_carlo.definition import METRICS
+
+ROOT = Path(__file__).parents[2]
+STUDY, PERFORMANCE = ((ROOT / "docs" / name).read_text() for name in page_tables.PAGES)
+DEFINED = yaml.safe_load((ROOT / "config" / "studies" / "published.yaml").read_text())
+OF_STUDY = [*page_tables.specified(STUDY)]
+
+
+def figures(mean):
+    """Return the figures of one lag."""
+    return {"all": {"ospa": {"mean": mean, "interval_95": [mean - 2.0, mean + 2.0]}}}
+
+
+SUMMARY = {
+    "one": {"ours": {"runs": 20, "lags": {"0": figures(90.0), "5": figures(50.04)}}},
+    "two": {
+        "ours": {"runs": 20, "lags": {"0": figures(80.0), "5": figures(40.0)}},
+        "theirs": {
+            "runs": 20,
+            "lags": {"0": {"all": {"ospa": {"mean": 70.0, "interval_95": None}}}},
+        },
+    },
+}
+PAGE = """Before.
+
+<!-- table: {ospa: [one], variants: [ours], lags: [0, 5]} -->
+| variant | lag 0 | lag 5 |
+| --- | ---: | ---: |
+| ours | 1.0 | 2.0 |
+<!-- end -->
+
+After.
+"""
+
+
+def test_filled_replaces_the_rows_of_a_table_and_nothing_else():
+    text, missing = page_tables.filled(PAGE, {"study": {"cases": SUMMARY}})
+
+    assert missing == []
+    assert text == PAGE.replace("| ours | 1.0 | 2.0 |", "| ours | 90.0 ± 2.0 | 50.0 ± 2.0 |")
+
+
+@pytest.mark.parametrize(
+    ("summaries", "lacking"),
+    [
+        ({}, "study"),
+        ({"study": {"cases": {}}}, "one"),
+        ({"study": {"cases": {"one": {}}}}, "ours"),
+        ({"study": {"cases": {"one": {"ours": {"runs": 2}}}}}, "more than 2 runs of ours"),
+    ],
+)
+def test_filled_leaves_a_table_whose_run_is_missing(summaries, lacking):
+    text, (line,) = page_tables.filled(PAGE, summaries)
+
+    assert text == PAGE
+    assert line.endswith(f"for want of '{lacking}'")
+
+
+def test_filled_has_the_table_of_the_benchmark_with_that_title():
+    times = {"particles [NumPy]": {"median_ms": 20.0}, "GM-PHD": {"median_ms": 40.0}}
+    title = "a scan of the reference scenario, both radars"
+    page = f"<!-- table: {{bench: '{title}'}} -->\nold\n<!-- end -->\n"
+
+    text, missing = page_tables.filled(page, {"bench": {"peers": times, "figures": []}})
+
+    assert missing == []
+    assert "\n| GM-PHD | 40 ms | 2 |\n<!-- end -->\n" in text
+
+
+def test_study_rows_have_a_column_for_each_of_several_cases():
+    shown = {"ospa": ["one", "two"], "variants": ["ours", "theirs"], "lags": [0]}
+
+    assert page_tables.study_rows(shown, SUMMARY) == [
+        ["variant", "one", "two"],
+        ["---", "---:", "---:"],
+        ["ours", "90.0 ± 2.0", "80.0 ± 2.0"],
+        ["theirs", "", "70.0"],
+    ]
+
+
+def test_study_rows_of_figures_have_the_metrics_units():
+    shown = {"figures": ["ospa", "nees"], "cases": ["one"], "variants": ["ours"], "lags": [5]}
+
+    assert page_tables.study_rows(shown, SUMMARY)[0::2] == [
+        ["variant", METRICS["ospa"].heading, METRICS["nees"].heading],
+        ["ours", "50.0 m", ""],
+    ]
+
+
+@pytest.mark.parametrize(("shown", "cells"), OF_STUDY, ids=[str(shown) for shown, _ in OF_STUDY])
+def test_tables_of_the_study_have_the_rows_and_columns_that_they_name(shown, cells):
+    cases = shown.get("cases", shown.get("ospa"))
+    found = {case: {name: _of_lags(shown) for name in shown["variants"]} for case in cases}
+    expected = page_tables.study_rows(shown, found)
+
+    assert {*cases} <= {*DEFINED["cases"]}
+    assert {*shown["variants"]} <= {*DEFINED["variants"]}
+    assert cells[0] == expected[0]
+    names = expected[1].count("---")
+    assert [row[:names] for row in cells[1:]] == [row[:names] for row in expected[2:]]
+
+
+def _of_lags(shown):
+    metrics = {key: {"mean": 1.0, "interval_95": None} for key in shown.get("figures", ["ospa"])}
+    return {"runs": 20, "lags": {str(lag): {"all": metrics} for lag in shown["lags"]}}
+
+
+def test_equal_figures_of_the_study_stand_in_all_its_tables_alike():
+    rows = {}
+    for shown, cells in OF_STUDY:
+        if shown.get("ospa") == ["clutter 20"]:
+            for name, *values in cells[1:]:
+                for lag, value in zip(cells[0][1:], values, strict=True):
+                    rows.setdefault((name, lag), set()).add(value)
+
+    assert {key for key, values in rows.items() if len(values) > 1} == set()
+    assert len(rows) > 100
+
+
+def test_curves_end_where_the_rows_end_and_have_their_labels_there():
+    (cells,) = [
+        cells
+        for shown, cells in OF_STUDY
+        if "ospa" in shown and {*curves.CORRECTIONS} <= {*shown["variants"]}
+    ]
+
+    (axes,) = curves.over_lag(cells).axes
+
+    ends = {text.get_text(): text.xy for text in axes.texts}
+    assert len(axes.lines) == len(ends) == 4
+    reference = next(row for row in cells if row[0] == "reference")
+    last = float(reference[-1].split(" ")[0])
+    assert ends[curves.CORRECTIONS["reference"]] == (10.0, last)
+
+
+def test_write_all_draws_the_curves_of_both_pages(tmp_path):
+    curves.write_all(ROOT / "docs", tmp_path)
+
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "ospa_against_lag.png",
+        "step_against_targets.png",
+    }
