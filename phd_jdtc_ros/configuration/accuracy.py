@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from phd_jdtc_ros.core.gaussian.reduction import Bounds
+from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.smc.resampling import ParticleBudget
 
 # A hypothesis of a smaller share of its target has no effect that is seen.

@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.attributes.height import HeightModel
 from phd_jdtc_ros.core.attributes.identity import ADDRESSES, CODES, IdentityModel
 from phd_jdtc_ros.core.attributes.memory import AttributeModel
 from phd_jdtc_ros.core.engine import Lag
-from phd_jdtc_ros.core.gaussian.reduction import Bounds
+from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.intake.antenna import SHORTEST_S
 from phd_jdtc_ros.core.intake.input_checks import ReportWatch
 from phd_jdtc_ros.core.intake.poses import Platform

@@ -18,8 +18,6 @@ from pathlib import Path
 from types import FunctionType
 from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
-import numpy as np
-
 from .arrays import BoolArray, FloatArray, IntArray
 
 
@@ -74,11 +72,6 @@ def inner(function: FunctionT) -> FunctionT:
         return function
     done: FunctionT = numba.njit(**_OPTIONS)(function)
     return done
-
-
-def contiguous(*arrays: Any) -> tuple[Any, ...]:
-    """Return arrays as compiled functions take them."""
-    return tuple(np.ascontiguousarray(array) for array in arrays)
 
 
 def _type_of(hint: Any, readonly: bool = True) -> Any:

@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from phd_jdtc_ros.core.arrays import contiguous
 from phd_jdtc_ros.core.association.clusters import graph_of
 
 
 def graph(odds):
     """Return the graph of dense odds, the targets and detections of its edges, and its nodes."""
-    target, detection = np.nonzero(odds)
-    order, found = graph_of(target, detection, *odds.shape)
+    target, detection = contiguous(*np.nonzero(odds))
+    order, found = graph_of(*odds.shape, target, detection)
     return found, target, detection, order
 
 

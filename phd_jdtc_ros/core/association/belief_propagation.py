@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, sum_by
+from ..arrays import FloatArray
+from ..compilation import Float1, Int1, compiled, inner
 
 ITERATIONS = 200
 # Bound on edges times iterations; it keeps a graph of millions of edges within seconds.
@@ -18,31 +19,52 @@ LEAST_ITERATIONS = 10
 TOLERANCE = 1e-6
 
 
-def propagate(
-    target: IntArray, detection: IntArray, odds: FloatArray, targets: int, size: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return the probabilities of edges, (E,), and of targets to have none, (T,).
+@inner
+def rounds(edges: int) -> int:
+    """Return the largest number of iterations for so many edges."""
+    return min(ITERATIONS, max(MOST_WORK // max(edges, 1), LEAST_ITERATIONS))
 
-    `odds`, (E,), are those of each edge against both its target and its detection having none; T is
-    `targets`, and `size` is the number of detections.
+
+@compiled
+def propagate(
+    targets: int, size: int, target: Int1, detection: Int1, odds: Float1, iterations: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the probabilities of edges, (E,), and of targets without one, (T,).
+
+    Parameters
+    ----------
+    targets, size : int
+        T and M.
+    target, detection : int arrays of shape (E,)
+    odds : array of shape (E,)
+        Odds of each edge against both its target and its detection having none.
+    iterations : int
+        Largest number of them.
 
     References
     ----------
     Williams and Lau, "Approximate evaluation of marginal association probabilities with belief
     propagation", IEEE Transactions on Aerospace and Electronic Systems 50(4), 2014.
     """
-    free = np.ones(len(odds))  # message to the target: how available the detection is
-    for _ in range(min(ITERATIONS, max(MOST_WORK // max(len(odds), 1), LEAST_ITERATIONS))):
-        wanted = odds / (1.0 + _others(target, odds * free, targets))  # message to the detection
-        before, free = free, 1.0 / (1.0 + _others(detection, wanted, size))
-        if (np.abs(free - before) <= TOLERANCE * before).all():
+    count = len(odds)
+    # The message to the target is the availability of the detection.
+    wanted, free = np.empty(count), np.ones(count)
+    for _ in range(iterations):
+        share, claimed = np.zeros(targets), np.zeros(size)
+        for edge in range(count):
+            share[target[edge]] += odds[edge] * free[edge]
+        for edge in range(count):
+            others = max(share[target[edge]] - odds[edge] * free[edge], 0.0)
+            wanted[edge] = odds[edge] / (1.0 + others)
+            claimed[detection[edge]] += wanted[edge]
+        moving = False
+        for edge in range(count):
+            found = 1.0 / (1.0 + max(claimed[detection[edge]] - wanted[edge], 0.0))
+            moving = moving or abs(found - free[edge]) > TOLERANCE * free[edge]
+            free[edge] = found
+        if not moving:
             break
-    taken = odds * free
-    total = 1.0 + sum_by(target, taken, targets)
-    return taken / total.take(target), 1.0 / total
-
-
-def _others(index: IntArray, value: FloatArray, size: int) -> FloatArray:
-    """Return, for each edge, the sum of `value` over the other edges of its node."""
-    others = np.bincount(index, value, size).take(index) - value
-    return np.maximum(others, 0.0, out=others)
+    total = np.ones(targets)
+    for edge in range(count):
+        total[target[edge]] += odds[edge] * free[edge]
+    return odds * free / total[target], 1.0 / total

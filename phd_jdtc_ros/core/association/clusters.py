@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import IntArray
-from ..compilation import Int1, compiled, contiguous, inner
+from ..compilation import Int1, compiled, inner
 
 
 class Graph(NamedTuple):
@@ -68,22 +68,12 @@ def clusters_of(targets: int, size: int, target: Int1, detection: Int1) -> IntAr
     return cluster
 
 
-def graph_of(
-    target: IntArray, detection: IntArray, targets: int, size: int
-) -> tuple[IntArray, Graph]:
-    """Return the nodes that have edges, cluster by cluster, and the graph of their places there.
-
-    The parameters are those of `clusters_of`.
-    """
-    order, *columns = _graph(targets, size, *contiguous(target, detection))
-    return order, Graph(*columns)
-
-
 @compiled
-def _graph(
-    targets: int, size: int, target: Int1, detection: Int1
-) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray, IntArray, IntArray]:
-    """Return the order of the nodes, and the columns of `Graph`."""
+def graph_of(targets: int, size: int, target: Int1, detection: Int1) -> tuple[IntArray, Graph]:
+    """Return the nodes that have edges, sorted by cluster, and the graph of their indices there.
+
+    For the parameters see `clusters_of`.
+    """
     edges, cluster = len(target), clusters_of(targets, size, target, detection)
     degree, members = np.zeros(targets + size, np.int64), np.zeros(targets + size, np.int64)
     for edge in range(edges):
@@ -120,4 +110,4 @@ def _graph(
         for node in (ends[edge], others[edge]):
             link[room[node]] = edge
             room[node] += 1
-    return order, first[: found + 1], middle[:found], ends, others, start, link
+    return order, Graph(first[: found + 1], middle[:found], ends, others, start, link)

@@ -1,27 +1,30 @@
 """Marginal association probabilities of targets and detections.
 
-A target has at most one detection, and a detection at most one source. The probabilities are exact,
-but for clusters in which very many compete for the same detections: these are left to belief
-propagation, which may be overconfident where the graph of targets and detections has loops.
+A target has at most one detection, and a detection at most one source. The probabilities are exact
+except in clusters in which very many targets compete for the same detections. Belief propagation
+approximates these, and may be overconfident if the graph of targets and detections has loops.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, sum_by
-from . import frontier, planning
-from .belief_propagation import propagate
+from ..arrays import FloatArray, IntArray, contiguous
+from ..compilation import Float1, Int1, compiled, inner
+from .belief_propagation import propagate, rounds
 from .clusters import graph_of
+from .frontier import prices, sums
+from .planning import plan
 
 # Smallest clutter intensity, in the units of the odds. Larger odds are practically certain.
 LEAST_CLUTTER = 1e-9
-# Work on a cluster for each of its targets, in entries of a table times edges: a nanosecond each.
-# Twelve targets that compete for twelve detections are within it.
+# Bound on the work for a cluster, per target, in entries of a table times edges, which take a
+# nanosecond each. Twelve targets that compete for twelve detections are within it.
 MOST_WORK = 1 << 17
-# Of odds, as a logarithm, so that belief propagation may multiply them.
+# Largest log odds in belief propagation, which multiplies odds.
 CERTAIN = 200.0
 
 
@@ -61,53 +64,82 @@ def marginals(
     clutter : array of shape (M,)
         Intensity of all other sources of each detection, in the units of `odds`.
     """
-    possible = np.flatnonzero(odds)
-    target, detection = target.take(possible), detection.take(possible)
-    log_odds = np.log(odds.take(possible))
-    log_odds -= np.log(np.maximum(clutter, LEAST_CLUTTER)).take(detection)
-    # What a target has of its own, no detection or one that no other target wants, by its largest.
-    largest = np.zeros(targets)
-    np.maximum.at(largest, target, log_odds)
-    log_odds -= largest.take(target)
-    contested = np.bincount(detection, minlength=len(clutter)).take(detection) > 1
-    some, alone = np.flatnonzero(contested), np.flatnonzero(~contested)
-    missed, share = np.exp(-largest), np.exp(log_odds)
-    own = missed + sum_by(target.take(alone), share.take(alone), targets)
-    log_odds -= np.log(own).take(target)
+    edges = contiguous(target, detection, odds, clutter)
+    return Marginals(*edge_probabilities(MOST_WORK, targets, *edges))
 
-    contest = _contest(
-        target.take(some), detection.take(some), log_odds.take(some), targets, len(clutter)
+
+@inner
+def _contested(
+    most_work: int,
+    targets: int,
+    size: int,
+    target: IntArray,
+    detection: IntArray,
+    log_odds: FloatArray,
+) -> tuple[FloatArray, FloatArray, int]:
+    """Return the columns of `Marginals`; `log_odds` are against both nodes having none of them."""
+    order, graph = graph_of(targets, size, target, detection)
+    steps, price = plan(graph, most_work), prices(graph, log_odds)
+    weight = np.empty(len(log_odds))
+    for edge in range(len(weight)):
+        worth = price[graph.target[edge]] + price[graph.detection[edge]]
+        weight[edge] = math.exp(log_odds[edge] - worth)
+    probability, untaken = sums(steps, weight, np.exp(-price))
+    none, approximate = np.ones(targets), 0
+    left_out = np.zeros(len(order), np.bool_)
+    for cluster in range(len(graph.middle)):
+        if steps.first[cluster] == steps.first[cluster + 1]:
+            left_out[graph.first[cluster] : graph.first[cluster + 1]] = True
+            approximate += 1
+    rest = np.flatnonzero(left_out[graph.target])
+    odds = np.exp(np.minimum(log_odds[rest], CERTAIN))
+    probability[rest], propagated = propagate(
+        targets, size, target[rest], detection[rest], odds, rounds(len(rest))
     )
-    rest = contest.none / own
-    share *= rest.take(target)
-    share[some] = contest.edge
-    edge = np.zeros(len(odds))
-    edge[possible] = share
-    return Marginals(edge, missed * rest, contest.approximate)
+    for node in range(len(order)):
+        if order[node] < targets:
+            none[order[node]] = propagated[order[node]] if left_out[node] else untaken[node]
+    return probability, none, approximate
 
 
-def _contest(
-    target: IntArray, detection: IntArray, log_odds: FloatArray, targets: int, size: int
-) -> Marginals:
-    """Return the marginals of edges; `log_odds` are against both nodes having none of them."""
-    none = np.ones(targets)
-    if not len(target):
-        return Marginals(log_odds, none, 0)
-    order, graph = graph_of(target, detection, targets, size)
-    plan = planning.plan(graph, MOST_WORK)
-    price = frontier.prices(graph, log_odds)
-    weight = np.exp(log_odds - price.take(graph.target) - price.take(graph.detection))
-    edge, untaken = frontier.sums(plan, weight, np.exp(-price))
-    own = order < targets
-    none[order[own]] = untaken[own]
-    beyond = np.flatnonzero(plan.first[1:] == plan.first[:-1])
-    if len(beyond):
-        cluster = np.searchsorted(graph.first, np.arange(len(order)), side="right") - 1
-        left_out = np.isin(cluster, beyond)
-        edges, nodes = np.flatnonzero(left_out.take(graph.target)), order[left_out & own]
-        odds = np.exp(np.minimum(log_odds.take(edges), CERTAIN))
-        edge[edges], propagated = propagate(
-            target.take(edges), detection.take(edges), odds, targets, size
+@compiled
+def edge_probabilities(
+    most_work: int, targets: int, target: Int1, detection: Int1, odds: Float1, clutter: Float1
+) -> tuple[FloatArray, FloatArray, int]:
+    """Return the columns of `Marginals`; `most_work` bounds the work for each target."""
+    count, size, contested = len(odds), len(clutter), 0
+    log_odds, share = np.empty(count), np.zeros(count)
+    largest, wanted = np.zeros(targets), np.zeros(size, np.int64)
+    for edge in range(count):
+        if odds[edge] > 0.0:
+            other = max(clutter[detection[edge]], LEAST_CLUTTER)
+            log_odds[edge] = math.log(odds[edge]) - math.log(other)
+            largest[target[edge]] = max(largest[target[edge]], log_odds[edge])
+            wanted[detection[edge]] += 1
+    # Alternatives of each target alone, divided by the largest: no detection, or one that no other
+    # target wants.
+    missed = np.exp(-largest)
+    own = missed.copy()
+    for edge in range(count):
+        if odds[edge] > 0.0:
+            log_odds[edge] -= largest[target[edge]]
+            share[edge] = math.exp(log_odds[edge])
+            if wanted[detection[edge]] > 1:
+                contested += 1
+            else:
+                own[target[edge]] += share[edge]
+    some, place = np.empty(contested, np.int64), 0
+    for edge in range(count):
+        if odds[edge] > 0.0 and wanted[detection[edge]] > 1:
+            log_odds[edge] -= math.log(own[target[edge]])
+            some[place] = edge
+            place += 1
+    found, none, approximate = np.zeros(0), np.ones(targets), 0
+    if contested:
+        found, none, approximate = _contested(
+            most_work, targets, size, target[some], detection[some], log_odds[some]
         )
-        none[nodes] = propagated[nodes]
-    return Marginals(edge, none, len(beyond))
+    for edge in range(count):
+        share[edge] *= none[target[edge]] / own[target[edge]]
+    share[some] = found
+    return share, missed * none / own, approximate

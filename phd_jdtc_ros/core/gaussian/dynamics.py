@@ -87,13 +87,6 @@ class Dynamics:
         return of, to
 
     @cached_property
-    def to_mode(self) -> FloatArray:
-        """Indicator, 0 or 1, of the pairs that lead to each motion mode, shape (R, K)."""
-        modes = np.arange(len(self.motions))
-        select: FloatArray = (modes[:, None] == self.pairs[1]).astype(np.float64)
-        return select
-
-    @cached_property
     def supported(self) -> FloatArray:
         """Indicator, 0 or 1, of the axes on which each mode has a density, shape (R, D)."""
         supported = np.zeros((len(self.motions), len(self.model.modes.space)))
@@ -124,11 +117,27 @@ class Dynamics:
         return weight
 
     @cached_property
-    def of_class(self) -> FloatArray:
-        """Indicator, 0 or 1, of the class of each cell, shape (S, C)."""
-        classes = np.arange(len(self.model.modes.classes))
-        select: FloatArray = (self.cells.class_of[:, None] == classes).astype(np.float64)
-        return select
+    def births(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Weights, (B, R, S), means and covariances of the birth terms, over a nominal interval."""
+        terms, (modes, size) = self.model.births, self.supported.shape
+        weight, mean = np.zeros((len(terms), *self.spread.shape[1:])), np.zeros((len(terms), size))
+        covariance = np.zeros((len(terms), modes, size, size))
+        for row, term in enumerate(terms):
+            weight[row], mean[row] = np.tensordot(term.rate, self.spread, axes=1), term.mean
+            covariance[row] = self._diagonal(term.std**2)
+        return weight, mean[:, None] * self.supported, covariance
+
+    @cached_property
+    def spawned(self) -> tuple[FloatArray, FloatArray]:
+        """Weights of spawned targets by the parent's, (R S, R S), and their noise, (R, D, D)."""
+        spawn, spread = self.model.spawn, self.spread.reshape(len(self.spread), -1)
+        weight = (spread > 0.0).T.astype(np.float64) @ spawn.transition @ spread
+        return weight, self._diagonal(spawn.std**2)
+
+    def _diagonal(self, variance: FloatArray) -> FloatArray:
+        """Return a diagonal matrix for each motion mode, on its axes, (R, D, D)."""
+        covariance: FloatArray = self.supported[..., None] * np.diag(variance)
+        return covariance
 
     @cached_property
     def mode_of_cell(self) -> IntArray:

@@ -8,8 +8,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, sum_by
-from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled, contiguous
+from ..arrays import FloatArray, IntArray, contiguous
+from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled
 from ..snapshot import MOST_STATE, floats, integers
 from ..tracks import labels
 from .algebra.blocks import SIZE, add_mean, add_spread, dot, factorise, solve
@@ -261,23 +261,12 @@ def births(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: 
     births : sequence of (int, float)
         Index of each birth term, and the time since its last births, seconds.
     """
-    model, supported = dynamics.model, dynamics.supported
     first = labels.first_predicted(scan_index)
-    terms = [model.births[index] for index, _ in births]
-    count, (modes, size) = len(terms), supported.shape
-    if not terms:
-        return Mixture.empty(modes, len(dynamics.cells), size)
-    expected = np.array([dt / model.modes.interval_s for _, dt in births])
-    rate = np.stack([term.rate for term in terms])
-    covariance = np.zeros((count, modes, size, size))
-    axes = np.arange(size)
-    covariance[..., axes, axes] = np.stack([term.std**2 for term in terms])[:, None] * supported
-    return Mixture(
-        np.array([first + index for index, _ in births]),
-        expected[:, None, None] * np.tensordot(rate, dynamics.spread, axes=1),
-        np.stack([term.mean for term in terms])[:, None] * supported,
-        covariance,
-    )
+    rows = np.array([index for index, _ in births], dtype=np.int64)
+    expected = np.array([dt for _, dt in births]) / dynamics.model.modes.interval_s
+    weight, mean, covariance = dynamics.births
+    weight = expected[:, None, None] * weight[rows]
+    return Mixture(first + rows, weight, mean[rows], covariance[rows])
 
 
 def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: float) -> Mixture:
@@ -309,24 +298,17 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
 def _spawned_by(
     mixture: Mixture, parents: IntArray, rate: float, dt: float, dynamics: Dynamics, label: int
 ) -> Mixture:
-    spawn, supported = dynamics.model.spawn, dynamics.supported
     mean, covariance = mixture.overall
     mean, covariance = mean[parents], covariance[parents]
-    modes, size = supported.shape
-    count = len(parents)
-    to = np.tile(np.arange(modes), count)
+    count, (modes, size) = len(parents), dynamics.supported.shape
+    to = np.arange(count * modes) % modes
     later, jacobian = _move(mean.repeat(modes, axis=0), to, np.full(len(to), dt), dynamics)
     later, jacobian = later.reshape(count, modes, -1), jacobian.reshape(count, modes, size, -1)
-    noise = np.zeros((modes, size, size))
-    noise[:, np.arange(size), np.arange(size)] = spawn.std**2 * supported
+    by_parent, noise = dynamics.spawned
     spread = predicted_covariance(covariance[:, None], jacobian, noise)[0]
-    turned = np.tensordot(spawn.transition, dynamics.spread, axes=1)
-    of_mode = (dynamics.spread > 0.0).astype(np.float64)
-    flat = mixture.weight.reshape(len(mixture), -1) @ of_mode.reshape(len(of_mode), -1).T
-    flat = np.stack([sum_by(mixture.target, column, len(mixture.label)) for column in flat.T], 1)
-    return Mixture(
-        label + np.arange(len(parents)),
-        rate * np.tensordot(flat[parents], turned, axes=1),
-        later,
-        spread,
-    )
+    place = np.full(len(mixture.label), count)
+    place[parents] = np.arange(count)
+    weight = np.zeros((count + 1, len(by_parent)))
+    np.add.at(weight, place[mixture.target], mixture.weight.reshape(len(mixture), -1))
+    weight = rate * (weight[:count] @ by_parent).reshape(count, modes, -1)
+    return Mixture(label + np.arange(count), weight, later, spread)

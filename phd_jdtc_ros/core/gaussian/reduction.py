@@ -10,46 +10,18 @@ from typing import Annotated
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
-from ..compilation import Float1, Float3, Float4, Int1, Int2, compiled, contiguous, inner
+from ..arrays import FloatArray, IntArray, contiguous
+from ..compilation import Float1, Float3, Float4, Int1, Int2, compiled, inner
 from ..snapshot import floats, integers
 from .algebra import kalman
 from .algebra.blocks import SIZE, add_mean, add_spread, factorise, square_distance
 from .algebra.vectors import add, total_of
+from .bounds import Bounds
 from .mixture import Mixture
 
 # Share of `Bounds.most` that single-mode hypotheses may take. The rest is reserved for the next
 # scan, in which every detection branches a hypothesis.
 ROOM = 0.25
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Limits of the reduction.
-
-    Parameters
-    ----------
-    hypotheses : int
-        Largest number per target, before they are split by motion mode.
-    least_share : float
-        Hypotheses with less than this share of their target's existence probability are dropped.
-    merge_distance : float
-        Square Mahalanobis distance within which hypotheses are merged.
-    least_existence : float
-        Targets with a smaller existence probability are dropped.
-    most : int
-        Largest number of hypotheses of all targets together.
-    least_mode : float
-        Motion modes with at least this share of their hypothesis become hypotheses of their own.
-        With 1 none does, and every prediction mixes the modes.
-    """
-
-    hypotheses: int
-    least_share: float
-    merge_distance: float
-    least_existence: float
-    most: int
-    least_mode: float
 
 
 @dataclass(frozen=True)
@@ -90,10 +62,28 @@ class Ancestry:
 
 
 @compiled
-def _probable(
+def most_probable(
     most: int, least_share: float, target: Int1, mass: Float1
 ) -> tuple[IntArray, FloatArray]:
-    """Return the results of `probable`."""
+    """Return the most probable hypotheses of each target in descending order of probability.
+
+    Parameters
+    ----------
+    most : int
+        Largest number per target.
+    least_share : float
+        Hypotheses with less than this share of their target's existence probability are dropped.
+    target : int array of shape (N,)
+        The target of each hypothesis; every index below the number of targets occurs.
+    mass : array of shape (N,)
+
+    Returns
+    -------
+    kept : int array of shape (K,)
+        Rows of the kept hypotheses, sorted by target.
+    factor : array of shape (K,)
+        Factor on their weights that preserves the existence probability of each target.
+    """
     targets = target.max() + 1 if len(target) else 0
     existence, size = np.zeros(targets), np.zeros(targets, np.int64)
     for row in range(len(target)):
@@ -126,25 +116,6 @@ def _probable(
         by_row[total : total + size[one]] = factor[one]
         total += size[one]
     return kept, by_row
-
-
-def probable(target: IntArray, mass: FloatArray, bounds: Bounds) -> tuple[IntArray, FloatArray]:
-    """Return the most probable hypotheses of each target in descending order of probability.
-
-    Parameters
-    ----------
-    target : int array of shape (N,)
-        The target of each hypothesis; every index below the number of targets occurs.
-    mass : array of shape (N,)
-
-    Returns
-    -------
-    kept : int array of shape (K,)
-        Rows of the kept hypotheses, sorted by target.
-    factor : array of shape (K,)
-        Factor on their weights that preserves the existence probability of each target.
-    """
-    return _probable(bounds.hypotheses, bounds.least_share, *contiguous(target, mass))
 
 
 @inner

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
-from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled, contiguous, inner
+from ..arrays import FloatArray, IntArray, contiguous
+from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled, inner
 from ..window.entries import Entry
 from .algebra.blocks import SIZE, add_mean, add_spread, dot, log_determinant, square_distance
 from .algebra.vectors import add, multiply, total_of, write_scaled

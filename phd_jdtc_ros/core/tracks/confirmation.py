@@ -24,7 +24,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, contains
 from ..clutter.neighbourhood import probability_among_reflectors
 from ..models import stationary
 from ..models.amplitude_model import Band
@@ -207,7 +207,7 @@ class TrackStates:
         found : Estimates
             All with an existence probability above `ReportingRule.least`.
         touched : int array
-            Labels of the targets that the scan swept.
+            Labels of the targets that the scan swept, ascending.
         held_ns : collection of int
             Stamps of earlier scans with tracks that no later scan has swept.
         scan : Scan
@@ -218,8 +218,8 @@ class TrackStates:
         place = np.argsort(found.track_id, kind="stable")
         labelled = place[found.track_id[place] > 0]
         records = self._next(found.take(labelled), scan, model)
-        gone = np.isin(self._records.label - 1, touched)
-        gone |= ~np.isin(self._records.stamp_ns, list(held_ns))
+        gone = contains(touched, self._records.label - 1)
+        gone |= ~contains(np.array(sorted(held_ns), dtype=np.int64), self._records.stamp_ns)
         self._records = self._records.take(np.flatnonzero(~gone)).merge(records)
         state = np.full(len(found), CONFIRMED)
         state[found.track_id == 0] = np.where(
@@ -304,7 +304,7 @@ class TrackStates:
             return found
         confirmed = self._records.label[self._records.state != TENTATIVE]
         ever = np.concatenate([confirmed, self._noted.since(found.stamp_ns).label])
-        kept = np.isin(found.track_id, ever) | (found.track_id == 0)
+        kept = contains(np.sort(ever), found.track_id) | (found.track_id == 0)
         kept &= found.weight >= self.rule.delete[found.class_id]
         found = found.take(np.flatnonzero(kept))
         _, label, state = self._noted.at(found.stamp_ns)

@@ -3,6 +3,7 @@ import pytest
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from phd_jdtc_ros.core.arrays import contiguous
 from phd_jdtc_ros.core.association.clusters import clusters_of, graph_of
 
 
@@ -40,7 +41,7 @@ def test_clusters_without_detections_are_the_targets():
 def test_graph_has_the_nodes_with_edges_cluster_by_cluster_targets_first():
     # Targets 0 and 3 share detection 2, and target 2 has detections 0 and 3.
     target, detection = np.array([3, 2, 0, 2]), np.array([2, 3, 2, 0])
-    order, graph = graph_of(target, detection, 4, 5)
+    order, graph = graph_of(4, 5, target, detection)
     np.testing.assert_array_equal(order, [0, 3, 6, 2, 4, 7])
     np.testing.assert_array_equal(graph.first, [0, 3, 6])
     np.testing.assert_array_equal(graph.middle, [2, 4])
@@ -50,8 +51,8 @@ def test_graph_has_the_nodes_with_edges_cluster_by_cluster_targets_first():
 
 def test_graph_lists_the_edges_of_every_node():
     rng = np.random.default_rng(1)
-    target, detection = np.nonzero(rng.random((9, 7)) < 0.3)
-    order, graph = graph_of(target, detection, 9, 7)
+    target, detection = contiguous(*np.nonzero(rng.random((9, 7)) < 0.3))
+    order, graph = graph_of(9, 7, target, detection)
     for node in range(len(order)):
         own = graph.link[graph.start[node] : graph.start[node + 1]]
         expected = np.flatnonzero((graph.target == node) | (graph.detection == node))

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
-from ...compilation import Float1, Float2, Float3, Int1, compiled, contiguous
+from ...arrays import FloatArray, IntArray, contiguous
+from ...compilation import Float1, Float2, Float3, Int1, compiled
 from ...sensors.polar_geometry import LEAST_RANGE
 from ...sensors.sensor import Sensor
 from .blocks import SIZE, wrapped
@@ -175,7 +175,7 @@ def iterated_update(
         *_innovations(
             iterations,
             converged,
-            *contiguous(mean, covariance, _place_and_speed(sensor), _pose(sensor)),
+            *contiguous(mean, covariance, place_and_speed(sensor), pose(sensor)),
             *contiguous(gaussian, column, measurement, noise, _times(time_s, count)),
         )
     )
@@ -246,7 +246,7 @@ def updated(
     every = np.arange(len(mean))
     gaussian, pair = (every, every) if pairs is None else pairs
     return _updated(
-        *contiguous(mean, covariance, _place_and_speed(sensor), gaussian, pair),
+        *contiguous(mean, covariance, place_and_speed(sensor), gaussian, pair),
         *contiguous(innovation.jacobian, innovation.weighted, innovation.inverse),
         *contiguous(_times(time_s, len(innovation.weighted))),
     )
@@ -260,15 +260,32 @@ def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
     covariance : array of shape (..., D, D)
         Symmetric and finite; axes whose variance is zero are left out.
     """
-    axes = np.arange(covariance.shape[-1])
-    variance = covariance[..., axes, axes]
-    checked = covariance.copy()
-    checked[..., axes, axes] += variance == 0.0
-    try:
-        np.linalg.cholesky(checked)
-    except np.linalg.LinAlgError:
-        return _floor_eigenvalues(covariance)
-    return covariance, 0
+    size = covariance.shape[-1]
+    if _are_positive(np.ascontiguousarray(covariance).reshape(-1, size, size)):
+        return covariance, 0
+    return _floor_eigenvalues(covariance)
+
+
+@compiled
+def _are_positive(covariance: Float3) -> bool:
+    """Return whether the Cholesky factors of matrices exist; axes of zero variance are left out."""
+    factor = np.empty((SIZE, SIZE))
+    for row in range(len(covariance)):
+        own = covariance[row]
+        for i in range(SIZE):
+            for k in range(i + 1):
+                total = own[i, k]
+                for n in range(k):
+                    total -= factor[i, n] * factor[k, n]
+                if k < i:
+                    factor[i, k] = total / factor[k, k]
+                elif own[i, i] == 0.0:
+                    factor[i, i] = 1.0
+                elif total > 0.0:
+                    factor[i, i] = math.sqrt(total)
+                else:
+                    return False
+    return True
 
 
 def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
@@ -298,11 +315,12 @@ def _turned(matrix: FloatArray) -> FloatArray:
     return turned
 
 
-def _place_and_speed(sensor: Sensor) -> IntArray:
+def place_and_speed(sensor: Sensor) -> IntArray:
+    """Return the axes of the position and of the velocity."""
     return np.array([*sensor.space.position, *sensor.space.velocity])
 
 
-def _pose(sensor: Sensor) -> FloatArray:
+def pose(sensor: Sensor) -> FloatArray:
     """Return the position of a radar, and the cosine and the sine of its yaw.
 
     Raises

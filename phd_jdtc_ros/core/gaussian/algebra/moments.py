@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
-from ...compilation import Float1, Float2, Float3, Int1, compiled, contiguous
+from ...arrays import FloatArray, IntArray, contiguous
+from ...compilation import Float1, Float2, Float3, Int1, compiled
 from .blocks import SIZE, add_mean, add_spread
 
 

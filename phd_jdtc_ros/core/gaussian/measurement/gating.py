@@ -7,12 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray
-from ...compilation import Float1, Float2, Float3, Float4, Int1, compiled, contiguous, inner
+from ...arrays import FloatArray, IntArray, contiguous
+from ...compilation import Float1, Float2, Float3, Float4, Int1, compiled, inner
 from ...sensors.polar_geometry import LEAST_RANGE
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
 from ...types import FULL_TURN
+from ..algebra import kalman
 from ..algebra.blocks import wrapped
 from ..algebra.kalman import TINY
 from ..mixture import Mixture
@@ -38,10 +39,38 @@ class Expected(NamedTuple):
     @staticmethod
     def of(mixture: Mixture, sensor: Sensor) -> Expected:
         """Return the measurements that a sensor is expected to make of a mixture's Gaussians."""
-        place = list(sensor.space.position)
-        measured, jacobian = sensor.linearise(mixture.mean[..., place])
-        position = mixture.covariance[..., place, :][..., place]
-        return Expected(measured, jacobian @ position @ jacobian.swapaxes(-1, -2))
+        return Expected(
+            *_expected(
+                *(mixture.mean, mixture.covariance, kalman.place_and_speed(sensor)),
+                kalman.pose(sensor),
+            )
+        )
+
+
+@compiled
+def _expected(
+    mean: Float3, covariance: Float4, axes: Int1, pose: Float1
+) -> tuple[FloatArray, FloatArray]:
+    """Return the columns of `Expected`; for `axes` and `pose` see `kalman`."""
+    count, modes = mean.shape[:2]
+    measured, spread = np.empty((count, modes, 2)), np.empty((count, modes, 2, 2))
+    x, y = axes[0], axes[1]
+    at_x, at_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
+    for row in range(count):
+        for mode in range(modes):
+            east, north = mean[row, mode, x] - at_x, mean[row, mode, y] - at_y
+            ahead, left = cos * east + sin * north, cos * north - sin * east
+            distance = max(math.sqrt(ahead * ahead + left * left), LEAST_RANGE)
+            measured[row, mode, 0], measured[row, mode, 1] = distance, math.atan2(left, ahead)
+            j, k = east / distance, north / distance
+            n, m = -k / distance, j / distance
+            own = covariance[row, mode]
+            p, q, r = own[x, x], own[x, y], own[y, y]
+            spread[row, mode, 0, 0] = j * (p * j + q * k) + k * (q * j + r * k)
+            spread[row, mode, 1, 1] = n * (p * n + q * m) + m * (q * n + r * m)
+            cross = j * (p * n + q * m) + k * (q * n + r * m)
+            spread[row, mode, 0, 1] = spread[row, mode, 1, 0] = cross
+    return measured, spread
 
 
 @inner
