@@ -84,6 +84,7 @@ def _of_children(
 def _fit(
     place: IntArray,
     to: IntArray,
+    later_weight: FloatArray,
     later_mean: FloatArray,
     mean: FloatArray,
     factor: FloatArray,
@@ -95,12 +96,12 @@ def _fit(
     A normal density, divided by the largest of the pairs of the later mode; 1 for a single pair.
     """
     for mode in range(len(later_mean)):
-        largest, many = -np.inf, 0
+        largest, many, some = -np.inf, 0, total_of(later_weight[mode]) > 0.0
         for pair in range(len(to)):
-            if to[pair] == mode and place[pair] >= 0:
-                fit[pair] = 1.0
-                many += 1
-        if many < 2:
+            if to[pair] == mode:
+                fit[pair] = 1.0 if some and place[pair] >= 0 else 0.0
+                many += place[pair] >= 0
+        if many < 2 or not some:
             continue
         for pair in range(len(to)):
             if to[pair] == mode and place[pair] >= 0:
@@ -218,10 +219,13 @@ def _smoothed(
     moved, around = np.empty((len(of), SIZE)), np.empty((len(of), SIZE, SIZE))
     scratch = np.empty((2, max(SIZE, weight.shape[2])))
     for row in range(count):
-        _fit(place[row], to, later_mean[row], pair_mean, factor, scratch[0], fit)
+        for mode in range(modes):
+            dead[target[row]] -= survival[row, mode] * total_of(weight[row, mode])
+        if not np.max(later_weight[row]) > 0.0:
+            continue
+        _fit(place[row], to, later_weight[row], later_mean[row], pair_mean, factor, scratch[0], fit)
         for pair in range(len(of)):
-            part = change[row, pair] * fit[pair] if place[row, pair] >= 0 else 0.0
-            write_scaled(part, weight[row, of[pair]], joint[pair])
+            write_scaled(change[row, pair] * fit[pair], weight[row, of[pair]], joint[pair])
         _given_later(joint, to, cells, row, later_weight[row], scratch)
         total[:] = 0.0
         for pair in range(len(of)):
@@ -243,7 +247,6 @@ def _smoothed(
                 add_spread(mass[pair], moved[pair], around[pair], to_mean, to_spread)
         for mode in range(modes):
             alive[target[row]] += total[mode]
-            dead[target[row]] -= survival[row, mode] * total_of(weight[row, mode])
     for row in range(count):
         one = target[row]
         death = (1.0 - min(alive[one], 1.0)) / dead[one] if dead[one] > 0.0 else 0.0

@@ -96,13 +96,20 @@ def _sources(
     amplitude: FloatArray,
     evidence: FloatArray,
     other: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the log scale, the intensities and their sum, as of `CompetingSources`."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the log scale, the intensities and their sum, as of `CompetingSources`.
+
+    Also return the largest log amplitude likelihood of each detection, (M,), and all likelihoods
+    relative to it, (M, S).
+    """
     kinds, size = other.shape
     scale, intensity, total = np.empty(size), np.empty((kinds, size)), np.zeros(size)
-    largest = np.empty(size)
+    largest, relative = np.empty(size), np.zeros(amplitude.shape)
     for z in range(size):
         scale[z], largest[z] = np.max(other[:, z]), np.max(amplitude[z])
+        if largest[z] > -np.inf:
+            for cell in range(amplitude.shape[1]):
+                relative[z, cell] = math.exp(amplitude[z, cell] - largest[z])
     for pair in range(len(column)):
         z = column[pair]
         scale[z] = max(scale[z], np.max(measurement[pair]) + largest[z] + evidence[pair])
@@ -110,24 +117,27 @@ def _sources(
         for z in range(size):
             intensity[kind, z] = math.exp(other[kind, z] - scale[z])
             total[z] += intensity[kind, z]
-    return scale, intensity, total
+    return scale, intensity, total, largest, relative
 
 
 @inner
 def _write_pair_weight(
     prior: FloatArray,
     log_measurement: FloatArray,
-    log_amplitude: FloatArray,
+    amplitude: FloatArray,
     log_factor: float,
     weight: FloatArray,
 ) -> None:
-    """Write the weight of a pair, p_D L_z w relative to the scale of its detection, (R, S)."""
-    for mode in range(prior.shape[0]):
-        for cell in range(prior.shape[1]):
-            weight[mode, cell] = 0.0
-            if prior[mode, cell] > 0.0:
-                log_mass = log_measurement[mode] + log_amplitude[cell] + log_factor
-                weight[mode, cell] = prior[mode, cell] * math.exp(log_mass)
+    """Write the weight of a pair, p_D L_z w relative to the scale of its detection, (R, S).
+
+    `log_factor` is the log of all factors besides the measurement and the relative amplitude.
+    """
+    for mode in range(len(prior)):
+        weight[mode] = 0.0
+        if log_measurement[mode] > -np.inf and log_factor > -np.inf:
+            likelihood = math.exp(log_measurement[mode] + log_factor)
+            for cell in range(prior.shape[1]):
+                weight[mode, cell] = prior[mode, cell] * likelihood * amplitude[cell]
 
 
 @inner
@@ -155,13 +165,13 @@ def _likely(
 ) -> IntArray:
     """Return the results of `likely`; for the parameters see `PairLikelihoods`."""
     count, targets, size = len(row), len(existence), other.shape[1]
-    scale, _, total = _sources(column, measurement, amplitude, evidence, other)
+    scale, _, total, largest, relative = _sources(column, measurement, amplitude, evidence, other)
     odds, wanted = np.empty(count), np.zeros(size)
     start, each = np.zeros(targets + 1, np.int64), np.empty(weight.shape[1:])
     for pair in range(count):
         one, z = row[pair], column[pair]
-        factor = evidence[pair] - scale[z]
-        _write_pair_weight(weight[one], measurement[pair], amplitude[z], factor, each)
+        factor = evidence[pair] + largest[z] - scale[z]
+        _write_pair_weight(weight[one], measurement[pair], relative[z], factor, each)
         odds[pair] = _sum(each) / max(total[z], LEAST_CLUTTER)
         wanted[z] += odds[pair]
         start[target[one] + 1] += 1
@@ -242,7 +252,9 @@ def _associate(
     """
     rows, modes, cells = weight.shape
     count = rows + len(row)
-    scale, intensity, total = _sources(column, measurement, amplitude, evidence, other)
+    scale, intensity, total, largest, relative = _sources(
+        column, measurement, amplitude, evidence, other
+    )
     later, mass = np.empty((count, modes, cells)), np.empty(count)
     target_of, prior, probability = np.empty(count, np.int64), np.empty(rows), np.empty(rows)
     for one in range(rows):
@@ -253,8 +265,8 @@ def _associate(
         probability[one] = detected / prior[one] if prior[one] > 0.0 else detected
     for pair in range(len(row)):
         one, z = row[pair], column[pair]
-        factor, each = evidence[pair] - scale[z], later[rows + pair]
-        _write_pair_weight(weight[one], measurement[pair], amplitude[z], factor, each)
+        factor, each = evidence[pair] + largest[z] - scale[z], later[rows + pair]
+        _write_pair_weight(weight[one], measurement[pair], relative[z], factor, each)
         target_of[rows + pair], mass[rows + pair] = target[one], _sum(each)
     claim = mass[rows:].copy()
     scaled, unseen, share, claimed, approximate = posterior_shares(
