@@ -2,7 +2,7 @@
 
 The bridge and the tracker are processes of their own. The first turns are sent as fast as they are
 answered, until all aircraft are tracked. After them each sector is sent when the antenna has
-passed its end, and tracks come back for each.
+passed its end, and its tracks are awaited.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ AIRCRAFT = 100
 TURNS, QUICK_TURNS = 10, 2
 RADAR, NUMBER = "approach", 0x0102
 LOOPBACK = "127.0.0.1"
-# The bridge's clouds count azimuths and sectors from east, and say what a sector's number is.
+# The bridge's clouds have azimuths from east, and a field with the sector's number.
 CHANGES: dict[str, Any] = {
     **traffic.AT_EVERY_SECTOR,
     "engine": "gaussian",
     "approach.azimuth_convention": "enu_ccw",
     "approach.fields.sector": "sector",
 }
-# Tracks are of the middle of a sector or, while it is not known how the antenna turns, of its end;
-# to a part of a sector.
+# The time of tracks is the middle of a sector or, before the rotation is known, its end; tolerance
+# as a part of a sector.
 SAME_PART = 0.25
 CAT062, CAT065 = 62, 65
 
@@ -142,9 +142,9 @@ class _Site:
                 self._out.send(block)
 
     def answered(self, report: Report, timeout_s: float) -> bool:
-        """Send a sector and return whether tracks came; the first one again until they do.
+        """Send a sector and return whether tracks came; the first one is repeated until they do.
 
-        The first sector only tells the bridge where the antenna is.
+        The bridge needs the first sector to know the antenna's position.
         """
         first, end = not self._received, time.monotonic() + timeout_s
         self.send(report)
@@ -221,16 +221,5 @@ class _Site:
 
 
 def _plot(distance: float, azimuth: float) -> Plot:
-    return Plot(
-        NUMBER,
-        NONE,
-        DAY,
-        float(distance),
-        0.5 * math.pi - float(azimuth),
-        math.nan,
-        NONE,
-        NONE,
-        PRIMARY,
-        math.nan,
-        math.nan,
-    )
+    place = float(distance), 0.5 * math.pi - float(azimuth), math.nan
+    return Plot(NUMBER, NONE, DAY, *place, NONE, NONE, PRIMARY, math.nan, math.nan)

@@ -32,7 +32,7 @@ def measure(quick: bool) -> dict[str, Any]:
     datagrams = turn()
     rounds = 3 if quick else 9
     cases = {LIBRARY: _by_library, RECORDS: _to_plots, CLOUDS: _to_clouds}
-    # The library is a hundred times slower: a part of the turn says as much.
+    # The library is a hundred times slower, so that a part of the turn suffices.
     share = {LIBRARY: datagrams[: len(datagrams) // 16]}
     spent: dict[str, list[float]] = {name: [] for name in cases}
     for name, read in cases.items():
@@ -58,19 +58,9 @@ def turn() -> list[bytes]:
         plots = []
         for _ in range(PLOTS // SECTORS):
             turned = (sector + rng.random()) / SECTORS
-            plot = Plot(
-                0x0102,
-                NONE,
-                DAY,
-                rng.uniform(1e3, 4e5),
-                2.0 * math.pi * turned,
-                7.62 * rng.randrange(1600),
-                rng.randrange(2**12),
-                rng.randrange(1, 2**24),
-                5,
-                math.nan,
-                -60.0,
-            )
+            place = rng.uniform(1e3, 4e5), 2.0 * math.pi * turned, 7.62 * rng.randrange(1600)
+            identity = rng.randrange(2**12), rng.randrange(1, 2**24), 5
+            plot = Plot(0x0102, NONE, DAY, *place, *identity, math.nan, -60.0)
             plots.append((round(turned * ROTATION_S * NS), plot))
         found += plots_out.plot_blocks(plots)
         end = (sector + 1) / SECTORS

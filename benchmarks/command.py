@@ -55,13 +55,13 @@ def run(quick: bool, parts: Sequence[str], console: Console) -> dict[str, Any]:
         if name in parts:
             console.print(f"{time.monotonic() - begin:4.0f} s  {name} ...", highlight=False)
             summary[name] = measure(quick)
-    summary["figures"] = goals.judged(summary)
+    summary["figures"] = goals.judge(summary)
     summary["elapsed_s"] = time.monotonic() - begin
     return summary
 
 
 def write(summary: Mapping[str, Any], directory: Path) -> list[Path]:
-    """Write the summary, the tables and the pictures of what was measured; return the paths."""
+    """Write the summary, the tables and the pictures; return the paths."""
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / "summary.json"
     path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n")

@@ -7,7 +7,7 @@ copy in a row of its own (`copies`).
   one block per destination mode. As in the paper, Step 4 is carried out at every lag, so all
   kernels are evaluated again each time. There is no gate, so the error of the smoother's gate is
   measured against this form.
-- Dense products are the dense form as one would write it for speed: each particle once, the
+- Dense products are the dense form written for speed: each particle once, the
   distances of a block by one matrix product, and every kernel kept for the other lags. By origin,
   only particles of one origin are paired, origin by origin.
 - The k-d tree form keeps the pairs within the smoother's gate, found by
@@ -35,6 +35,7 @@ from phd_jdtc_ros.core.smc.correction import Corrector, scale_rows
 from phd_jdtc_ros.core.smc.kernel.backward_kernel import GATE_SIGMA, Transition
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_step
+from phd_jdtc_ros.core.targets.motion import whitener
 
 Density = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 Link = Callable[[ParticleSet, ParticleSet, TrackerModel, Corrector, float], Transition]
@@ -71,11 +72,8 @@ def smooth(
     ----------
     stored : sequence of ParticleSet
         The oldest first.
-    model : TrackerModel
-    corrector : Corrector
     dt : float
         Between consecutive sets, seconds.
-    death_term : DeathTerm
     link : callable
         `dense` or `k_d_tree`.
     """
@@ -327,3 +325,21 @@ def _near_gaussian(
         cKDTree(mean.T), GATE_SIGMA, output_type="ndarray"
     )
     return pairs["i"], pairs["j"], scale * np.exp(-0.5 * pairs["v"] ** 2)
+
+
+def whiten_sort_gather(
+    earlier: ParticleSet, later: ParticleSet, model: TrackerModel, dt: float
+) -> list[FloatArray]:
+    """Whiten, sort and gather for every destination mode: the least work of any search."""
+    gathered = []
+    transition = model.modes.transition(dt)
+    for mode, motion in enumerate(model.modes.motions):
+        matrix, _ = whitener(motion.noise_covariance(dt))
+        support = list(motion.support)
+        sources = np.flatnonzero(transition[earlier.mode, mode] > 0.0)
+        successor = motion.mean(earlier.state[sources], dt)[:, support] @ matrix.T
+        states = later.state[later.mode == mode][:, support] @ matrix.T
+        for points in (successor, states):
+            order = np.argsort(points[:, 0], kind="stable")
+            gathered.append(points[order])
+    return gathered

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial, reduce
+from functools import reduce
 from operator import getitem
 from typing import Any, NamedTuple, TypeAlias
 
@@ -15,24 +15,15 @@ from .step_growth import MEMORY_TARGETS
 from .steps import PAPER
 from .turning import BY_SECTORS, ONE_CLOUD
 
-# The Gaussian engine's most milliseconds of a step, by scene and backend.
-GAUSSIAN_STEPS_MS = {
-    PAPER: {NUMPY: 4.0},
-    "200 targets": {NUMPY: 40.0, NUMBA: 15.0},
-    "1000 targets": {NUMPY: 200.0, NUMBA: 60.0},
-}
-
-
-# Of a turn of 4 s in 16 parts: so long a plot waits for its sector's end.
+# Duration of one of the 16 sectors of a turn of 4 s: a plot waits for the end of its sector.
 SECTOR_S = 0.25
-
 
 # Takes a value from the summary; raises `LookupError`, `TypeError` or `ValueError` without it.
 Value: TypeAlias = "Callable[[Mapping[str, Any]], float]"
 
 
 def at(*path: str) -> Value:
-    """Return the value that stands at a path of keys in the summary."""
+    """Return a function that takes the value at a path of keys from the summary."""
     return lambda summary: float(reduce(getitem, path, summary))
 
 
@@ -46,15 +37,12 @@ class Goal(NamedTuple):
 
     Parameters
     ----------
-    name : str
-    bound : float
     at_most : bool
         Whether the bound is an upper one.
-    value : callable
     source : str
-        The part of the summary that gives the reason if it was not measured.
+        The part of the summary that gives the reason if the value was not measured.
     allowance : callable
-        What is added to the bound.
+        Value that is added to the bound.
     """
 
     name: str
@@ -65,12 +53,12 @@ class Goal(NamedTuple):
     allowance: Value = lambda _: 0.0
 
 
-def judged(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
+def judge(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return every figure as ``{name, value, goal, at_most, reached}``.
 
-    Without a measured value, `value` and `reached` are None, and ``reason`` says why.
+    Without a measured value, `value` and `reached` are None, and ``reason`` gives the reason.
     """
-    return [_judge(goal, summary) for goal in _goals()]
+    return [_judge(goal, summary) for goal in GOALS]
 
 
 def _judge(goal: Goal, summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -95,13 +83,11 @@ def _reason(goal: Goal, summary: Mapping[str, Any]) -> str:
         return backends.reason_missing(NUMBA)
     if goal.source not in summary:
         return "left out of this run"
-    part = summary[goal.source]
-    reasons = list(_reasons(part))
-    return reasons[0] if reasons else "left out of the quick run"
+    return next(_reasons(summary[goal.source]), "left out of the quick run")
 
 
 def _reasons(entry: Any) -> Iterator[str]:
-    """Yield the reasons that a part of the summary and what is in it give."""
+    """Yield the reasons in a part of the summary, at any depth."""
     if isinstance(entry, Mapping):
         if "reason" in entry:
             yield str(entry["reason"])
@@ -109,153 +95,7 @@ def _reasons(entry: Any) -> Iterator[str]:
             yield from _reasons(each)
 
 
-def _goals() -> list[Goal]:
-    goals = [
-        Goal(
-            f"the same kernel: {form}, N = 1e4 ({NUMPY}), times",
-            bound,
-            False,
-            _alike(form, part),
-            part,
-        )
-        for form, part, bound in (
-            ("dense products, as in the paper", "paper_smoother", 30.0),
-            ("dense products", "smoother", 30.0),
-            ("dense products by origin", "smoother", 4.0),
-        )
-    ]
-    against_dense = {NUMPY: {"2e3": 250.0, "1e4": 2500.0}, NUMBA: {"2e3": 1000.0, "1e4": 8000.0}}
-    for backend, bounds in against_dense.items():
-        for size, bound in bounds.items():
-            name = f"against the paper's kernel, dense and naive, N = {size} ({backend}), times"
-            ratio = _against_paper("dense, naive", size, backend)
-            goals.append(Goal(name, bound, False, ratio, "paper_smoother"))
-    for backend, bound in ((NUMPY, 2.5), (NUMBA, 8.0)):
-        name = f"against a k-d tree for the paper's kernel, least of all N ({backend}), times"
-        goals.append(Goal(name, bound, False, _least_against_tree(backend), "paper_smoother"))
-    goals += [
-        Goal("largest error of a weight", 1e-3, True, _error("largest_relative"), "smoother"),
-        Goal("error of all weights, L1", 1e-5, True, _error("l1"), "smoother"),
-        Goal("growth in targets, exponent", 1.1, True, _exponent("targets"), "growth"),
-        Goal(
-            "growth in particles a target, exponent",
-            1.4,
-            True,
-            _exponent("particles_per_target"),
-            "growth",
-        ),
-        Goal("one lag, share of a kernel", 0.06, True, _lag_share, "smoother"),
-        Goal("cached kernel, bytes a particle and lag", 200.0, True, _kept, "smoother"),
-        Goal("step, reference scenario, ms", 15.0, True, _step(PAPER, NUMPY), "steps"),
-        Goal("step against Stone Soup's GM-PHD, times", 1.0, False, _against_gm_phd(), "peers"),
-    ]
-    for backend, bound in ((NUMPY, 150.0), (NUMBA, 75.0)):
-        name = f"step, 200 targets ({backend}), ms"
-        goals.append(Goal(name, bound, True, _step("200 targets", backend), "steps"))
-    return [
-        *goals,
-        Goal(
-            "ASTERIX plots to clouds, per second",
-            20_000.0,
-            False,
-            at("asterix", "plots_per_s", CLOUDS),
-            "asterix",
-        ),
-        Goal(
-            "ASTERIX in to ASTERIX out, 100 aircraft, p99, s beyond a sector",
-            0.1,
-            True,
-            lambda summary: at("asterix", "live", "latency_s", "p99")(summary) - SECTOR_S,
-            "asterix",
-        ),
-        Goal(
-            "node, 1000 detections and 200 estimates, ms",
-            2.0,
-            True,
-            at("messages", "total_ms"),
-            "messages",
-        ),
-        *(
-            Goal(
-                f"{engine}: step ready for late reports, against dropping them, times",
-                1.1,
-                True,
-                partial(_late, engine=engine, name=late.READY),
-                "late",
-            )
-            for engine in late.ENGINES
-        ),
-        Goal(
-            "latency over DDS beyond the step, p99, ms",
-            10.0,
-            True,
-            at("live", PARTICLES, "beyond_step_ms", "p99"),
-            "live",
-        ),
-        *_of_turning_radars(),
-        *_of_gaussian(),
-    ]
-
-
-def _late(summary: Mapping[str, Any], engine: str, name: str) -> float:
-    return late.ratio(summary["late"], engine, name)
-
-
-def _of_gaussian() -> list[Goal]:
-    """Return the goals of the Gaussian engine."""
-    goals = []
-    for scene, of_backends in GAUSSIAN_STEPS_MS.items():
-        for backend, bound in of_backends.items():
-            median = _step(scene, backend, GAUSSIAN)
-            name = f"gaussian: step, {scene} ({backend}), ms"
-            goals.append(Goal(name, bound, True, median, "steps"))
-    return [
-        *goals,
-        Goal(
-            f"gaussian: turn of 50 aircraft by 16 sectors ({NUMPY}), ms",
-            20.0,
-            True,
-            _turn(BY_SECTORS, GAUSSIAN),
-            "turning",
-        ),
-        Goal(
-            "gaussian: growth of a step in targets, 200 to 5000, exponent",
-            1.1,
-            True,
-            _step_exponent,
-            "step_growth",
-        ),
-        Goal("gaussian: memory, 1000 targets, MB", 200.0, True, _memory, "step_growth"),
-    ]
-
-
-def _of_turning_radars() -> list[Goal]:
-    return [
-        Goal(
-            "latency of a detection by sectors over DDS, p99, s",
-            # A sector is 0.25 s long, and its first detection waits for its end. After it comes
-            # a step.
-            0.3,
-            True,
-            _sector_latency("latency_s"),
-            "turning",
-            lambda summary: 1e-3 * _sector_latency("step_ms")(summary),
-        ),
-        Goal(
-            f"turn of 50 aircraft ({NUMPY}), ms",
-            150.0,
-            True,
-            _turn(ONE_CLOUD),
-            "turning",
-        ),
-        Goal(
-            "a turn by 16 sectors against one cloud, times",
-            1.5,
-            True,
-            ratio(_turn(BY_SECTORS), _turn(ONE_CLOUD)),
-            "turning",
-        ),
-    ]
+# --- values ---------------------------------------------------------------------------------------
 
 
 def _median(part: str, size: str, form: str) -> Value:
@@ -270,20 +110,15 @@ def _turn(form: str, engine: str = PARTICLES) -> Value:
     return at("turning", "cost", engine, NUMPY, form, "median_ms")
 
 
-def _sector_latency(of: str) -> Value:
-    return at("turning", "latency", PARTICLES, of, "p99")
-
-
 def _against_paper(form: str, size: str, backend: str) -> Value:
     """Return the ratio of the cost of the paper's kernel in this form to the smoother's cost."""
     ours = _median("smoother", size, f"smoother [{backend}]")
     return ratio(_median("paper_smoother", size, form), ours)
 
 
-def _alike(form: str, part: str) -> Value:
-    """Return the ratio of the costs of the same kernel, both in NumPy, in this form and in ours."""
-    own = _median(part, "1e4", f"smoother [{NUMPY}]")
-    return ratio(_median(part, "1e4", form.partition(",")[0]), own)
+def _against_own(form: str, part: str) -> Value:
+    """Return the ratio of the costs of one kernel in this form and in ours, both in NumPy."""
+    return ratio(_median(part, "1e4", form), _median(part, "1e4", f"smoother [{NUMPY}]"))
 
 
 def _least_against_tree(backend: str) -> Value:
@@ -294,12 +129,6 @@ def _least_against_tree(backend: str) -> Value:
 
 def _exponent(ladder: str) -> Value:
     return at("growth", ladder, "forms", f"smoother [{NUMPY}]", "exponent")
-
-
-def _against_gm_phd() -> Value:
-    return ratio(
-        at("peers", "GM-PHD", "median_ms"), at("peers", f"particles [{NUMPY}]", "median_ms")
-    )
 
 
 def _error(kind: str) -> Value:
@@ -320,10 +149,13 @@ def _lag_share(summary: Mapping[str, Any]) -> float:
     )
 
 
-def _kept(summary: Mapping[str, Any]) -> float:
-    return max(
-        size["memory"]["kept, bytes a particle and lag"] for size in summary["smoother"].values()
-    )
+def _cached(summary: Mapping[str, Any]) -> float:
+    key = "kept, bytes a particle and lag"
+    return max(size["memory"][key] for size in summary["smoother"].values())
+
+
+def _late(engine: str) -> Value:
+    return lambda summary: late.ratio(summary["late"], engine, late.READY)
 
 
 def _step_exponent(summary: Mapping[str, Any]) -> float:
@@ -337,3 +169,159 @@ def _memory(summary: Mapping[str, Any]) -> float:
     if memory["targets"] < MEMORY_TARGETS:
         raise LookupError("few targets")
     return float(memory["MB"][GAUSSIAN])
+
+
+def _beyond_sector(summary: Mapping[str, Any]) -> float:
+    return at("asterix", "live", "latency_s", "p99")(summary) - SECTOR_S
+
+
+def _step_s(summary: Mapping[str, Any]) -> float:
+    return 1e-3 * at("turning", "latency", PARTICLES, "step_ms", "p99")(summary)
+
+
+# --- goals ----------------------------------------------------------------------------------------
+
+
+def _most(
+    source: str, name: str, bound: float, value: Value, allowance: Value | None = None
+) -> Goal:
+    return Goal(name, bound, True, value, source, *([allowance] if allowance else []))
+
+
+def _least(source: str, name: str, bound: float, value: Value) -> Goal:
+    return Goal(name, bound, False, value, source)
+
+
+PAPERS = "paper_smoother"
+GOALS: tuple[Goal, ...] = (
+    *(
+        _least(part, f"the same kernel: {name}, N = 1e4 ({NUMPY}), times", bound, value)
+        for name, bound, part, value in (
+            (
+                "dense products, as in the paper",
+                30.0,
+                PAPERS,
+                _against_own("dense products", PAPERS),
+            ),
+            ("dense products", 30.0, "smoother", _against_own("dense products", "smoother")),
+            (
+                "dense products by origin",
+                4.0,
+                "smoother",
+                _against_own("dense products by origin", "smoother"),
+            ),
+        )
+    ),
+    *(
+        _least(
+            PAPERS,
+            f"against the paper's kernel, dense and naive, N = {size} ({backend}), times",
+            bound,
+            _against_paper("dense, naive", size, backend),
+        )
+        for backend, size, bound in (
+            (NUMPY, "2e3", 250.0),
+            (NUMPY, "1e4", 2500.0),
+            (NUMBA, "2e3", 1000.0),
+            (NUMBA, "1e4", 8000.0),
+        )
+    ),
+    *(
+        _least(
+            PAPERS,
+            f"against a k-d tree for the paper's kernel, least of all N ({backend}), times",
+            bound,
+            _least_against_tree(backend),
+        )
+        for backend, bound in ((NUMPY, 2.5), (NUMBA, 8.0))
+    ),
+    _most("smoother", "largest error of a weight", 1e-3, _error("largest_relative")),
+    _most("smoother", "error of all weights, L1", 1e-5, _error("l1")),
+    _most("growth", "growth in targets, exponent", 1.1, _exponent("targets")),
+    _most(
+        "growth", "growth in particles a target, exponent", 1.4, _exponent("particles_per_target")
+    ),
+    _most("smoother", "one lag, share of a kernel", 0.06, _lag_share),
+    _most("smoother", "cached kernel, bytes a particle and lag", 200.0, _cached),
+    _most("steps", "step, reference scenario, ms", 15.0, _step(PAPER, NUMPY)),
+    _least(
+        "peers",
+        "step against Stone Soup's GM-PHD, times",
+        1.0,
+        ratio(at("peers", "GM-PHD", "median_ms"), at("peers", f"particles [{NUMPY}]", "median_ms")),
+    ),
+    *(
+        _most("steps", f"step, 200 targets ({backend}), ms", bound, _step("200 targets", backend))
+        for backend, bound in ((NUMPY, 150.0), (NUMBA, 75.0))
+    ),
+    _least(
+        "asterix", "ASTERIX plots to clouds, per second", 2e4, at("asterix", "plots_per_s", CLOUDS)
+    ),
+    _most(
+        "asterix",
+        "ASTERIX in to ASTERIX out, 100 aircraft, p99, s beyond a sector",
+        0.1,
+        _beyond_sector,
+    ),
+    _most(
+        "messages", "node, 1000 detections and 200 estimates, ms", 2.0, at("messages", "total_ms")
+    ),
+    *(
+        _most(
+            "late",
+            f"{engine}: step ready for late reports, against dropping them, times",
+            1.1,
+            _late(engine),
+        )
+        for engine in late.ENGINES
+    ),
+    _most(
+        "live",
+        "latency over DDS beyond the step, p99, ms",
+        10.0,
+        at("live", PARTICLES, "beyond_step_ms", "p99"),
+    ),
+    # A sector is 0.25 s long, and its first detection waits for its end. After it comes a step.
+    _most(
+        "turning",
+        "latency of a detection by sectors over DDS, p99, s",
+        0.3,
+        at("turning", "latency", PARTICLES, "latency_s", "p99"),
+        _step_s,
+    ),
+    _most("turning", f"turn of 50 aircraft ({NUMPY}), ms", 150.0, _turn(ONE_CLOUD)),
+    _most(
+        "turning",
+        "a turn by 16 sectors against one cloud, times",
+        1.5,
+        ratio(_turn(BY_SECTORS), _turn(ONE_CLOUD)),
+    ),
+    *(
+        _most(
+            "steps",
+            f"gaussian: step, {scene} ({backend}), ms",
+            bound,
+            _step(scene, backend, GAUSSIAN),
+        )
+        for scene, backend, bound in (
+            (PAPER, NUMPY, 4.0),
+            ("200 targets", NUMPY, 40.0),
+            ("200 targets", NUMBA, 15.0),
+            ("1000 targets", NUMPY, 200.0),
+            ("1000 targets", NUMBA, 60.0),
+        )
+    ),
+    _most(
+        "turning",
+        f"gaussian: turn of 50 aircraft by 16 sectors ({NUMPY}), ms",
+        20.0,
+        _turn(BY_SECTORS, GAUSSIAN),
+    ),
+    _most(
+        "step_growth",
+        "gaussian: growth of a step in targets, 200 to 5000, exponent",
+        1.1,
+        _step_exponent,
+    ),
+    _most("step_growth", "gaussian: memory, 1000 targets, MB", 200.0, _memory),
+)

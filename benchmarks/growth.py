@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from . import backends, forms, limit, recursion
+from . import backends, forms, recursion
 from .recursion import Window
 from .smoothing import DEATH_TERM, LAG, PER_TARGET, cached_smoother, product_smoother
 from .timing import Case, exponent, interleaved, spread
@@ -63,7 +63,7 @@ def _cases(window: Window, quick: bool) -> dict[str, Case]:
     copies = [forms.copies(phd) for phd in window.stored]
     cases["k-d tree"] = Case(cached_smoother(window, copies, forms.k_d_tree), 3)
     last = (*window.stored[-2:], window.model, window.dt)
-    cases["limit"] = Case(partial(limit.whiten_sort_gather, *last), rounds)
+    cases["limit"] = Case(partial(forms.whiten_sort_gather, *last), rounds)
     if window.particles <= DENSE_PARTICLES and not quick:
         form = partial(forms.smooth, copies, *window.assumed, DEATH_TERM, forms.dense)
         cases["dense"] = Case(form, 1)

@@ -1,4 +1,4 @@
-"""The cost of late reports: of being ready for them, and of working one in."""
+"""The cost of out-of-sequence reports: of readiness for them, and of reprocessing."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import LATE_REWORKED, Stepped
 from phd_jdtc_ros.core.types import Detections
@@ -20,9 +20,9 @@ from .timing import peak_bytes, spread
 
 ENGINES = (PARTICLES, GAUSSIAN)
 NOT_READY, READY = "late reports are dropped", "late reports are worked in, none is late"
-# So many later scans have been closed when the late report comes.
+# Number of later scans that are closed before the late report comes.
 LATE_BY = {"one is a scan late": 1, "one is three scans late": 3}
-# Every so many scans one report is late.
+# Period of the late reports, in scans.
 EVERY = 8
 SCANS, QUICK = 80, 24
 
@@ -30,7 +30,7 @@ Report = tuple[int, int, Detections]
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Return the cost of a step, by engine and what is late, and the memory of a run."""
+    """Return the cost of a step by engine and delay, and the memory of a run."""
     count = QUICK if quick else SCANS
     return {engine: _of_engine(engine, count) for engine in ENGINES}
 
@@ -50,7 +50,7 @@ def _of_engine(engine: str, count: int) -> dict[str, Any]:
         READY: (working, reports),
         **{name: (working, delayed(reports, by)) for name, by in LATE_BY.items()},
     }
-    list(_steps(working, reports[:QUICK]))  # what is cached once is not counted
+    list(_steps(working, reports[:QUICK]))  # fills caches
     memory = {
         name: peak_bytes(lambda config=config: list(_steps(config, reports[:QUICK]))) / 1e6
         for name, config in ((NOT_READY, dropping), (READY, working))
@@ -66,7 +66,7 @@ def _of_engine(engine: str, count: int) -> dict[str, Any]:
 
 
 def delayed(reports: Sequence[Report], by: int) -> list[Report]:
-    """Return reports of two radars of which some come when so many later scans are closed."""
+    """Return reports of two radars, some of them delayed by a number of scans."""
     ordered: list[tuple[float, Report]] = []
     for index, report in enumerate(reports):
         late = index % 2 == 1 and index // 2 % EVERY == EVERY // 2

@@ -7,7 +7,6 @@ import importlib.util
 import math
 import os
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -20,12 +19,13 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
+from robustness.rig import Node
 
 from . import messages
 from .recursion import PARTS
 from .timing import percentiles
 
-START_S, STOP_S = 30.0, 10.0
+START_S = 30.0
 # A scan without an estimate after this time is lost.
 REPLY_S = 5.0
 # Pause between a reply and the next scan, in which both processes come to rest.
@@ -78,21 +78,12 @@ def _scans(count: int) -> list[Scan]:
 @contextlib.contextmanager
 def node(name: str, log: Path, *arguments: str) -> Iterator[None]:
     """Run one of the package's nodes with these arguments within the context."""
-    with log.open("wb") as stream:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "phd_jdtc_ros", name, *arguments],
-            stdout=stream,
-            stderr=subprocess.STDOUT,
-            env=dict(os.environ),
-        )
+    command = [sys.executable, "-m", "phd_jdtc_ros", name, *arguments]
+    process = Node(command, log, int(os.environ["ROS_DOMAIN_ID"]), {})
     try:
         yield
     finally:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(STOP_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
+        process.stop(signal.SIGINT)
 
 
 def _latency(radars: Any, scans: list[Scan], repeats: int) -> dict[str, Any] | None:

@@ -49,7 +49,7 @@ AXES = {
 
 
 def write_all(summary: Mapping[str, Any], directory: Path) -> list[Path]:
-    """Write the pictures of what was measured as PNGs and return their paths."""
+    """Write the pictures as PNGs and return their paths."""
     figures = {}
     if "growth" in summary:
         growth = summary["growth"]

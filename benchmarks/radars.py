@@ -7,18 +7,14 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import detections, diagnostics, names, stamps
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import Scan
-
-# That one side has discovered the other does not mean that the other has too.
-SETTLE_S = 0.5
+from robustness.radars import SETTLE_S, Peer
 
 
 @dataclass
@@ -48,7 +44,7 @@ class Reply:
         return not (math.isnan(self.estimate_s) or math.isnan(self.step_ms))
 
 
-class Radars:
+class Radars(Peer):
     """Publishes clouds to the tracker and records when its replies come.
 
     Parameters
@@ -58,45 +54,35 @@ class Radars:
     """
 
     def __init__(self, inputs: Sequence[RadarInput]) -> None:
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context)
-        self._node = rclpy.create_node("benchmark_radars", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        super().__init__("benchmark_radars")
         self._inputs = tuple(inputs)
         self._outputs = [
-            self._node.create_publisher(PointCloud2, radar.topic, 50) for radar in self._inputs
+            self.node.create_publisher(PointCloud2, radar.topic, 50) for radar in self._inputs
         ]
         self.replies: dict[int, Reply] = {}
-        self._node.create_subscription(
+        self.node.create_subscription(
             PointCloud2, names.estimates("filtered"), self._on_estimate, 50
         )
-        self._node.create_subscription(DiagnosticArray, names.cardinality(), self._on_figures, 50)
-        self._client = self._node.create_client(Trigger, f"{names.TRACKER}/reset")
-
-    def close(self) -> None:
-        """End the node."""
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.shutdown(context=self._context)
+        self.node.create_subscription(DiagnosticArray, names.cardinality(), self._on_figures, 50)
+        self._client = self.node.create_client(Trigger, f"{names.TRACKER}/reset")
 
     def connected(self, timeout_s: float) -> bool:
         """Wait until both directions to the tracker are connected; return whether they are."""
-        deadline = time.monotonic() + timeout_s
-        while time.monotonic() < deadline:
+
+        def linked() -> bool:
             sending = all(output.get_subscription_count() for output in self._outputs)
             topics = (names.estimates("filtered"), names.cardinality())
-            receiving = all(self._node.count_publishers(topic) for topic in topics)
-            if sending and receiving and self._client.service_is_ready():
-                self.spin(SETTLE_S)
-                return True
-            self.spin(0.05)
-        return False
+            receiving = all(self.node.count_publishers(topic) for topic in topics)
+            return sending and receiving and self._client.service_is_ready()
+
+        found = self.spin_until(linked, timeout_s)
+        self.spin(SETTLE_S)
+        return found
 
     def reset(self) -> None:
         """Reset the tracker, and forget its replies."""
         future = self._client.call_async(Trigger.Request())
-        self._executor.spin_until_future_complete(future, timeout_sec=SETTLE_S * 10)
+        self.spin_until(future.done, SETTLE_S * 10)
         self.replies.clear()
 
     def send(self, scan: Scan) -> float:
@@ -112,21 +98,15 @@ class Radars:
         return sent
 
     def wait_for(self, stamp_ns: int, timeout_s: float, length_ns: int = 1) -> Reply | None:
-        """Return what `reply_to` returns once it is there, or None after the timeout."""
-        deadline = time.monotonic() + timeout_s
-        while time.monotonic() < deadline:
-            reply = self.reply_to(stamp_ns, length_ns)
-            if reply is not None:
-                return reply
-            self._executor.spin_once(timeout_sec=0.05)
-        return None
+        """Wait for the result of `reply_to`; return None after the timeout."""
+        self.spin_until(lambda: self.reply_to(stamp_ns, length_ns) is not None, timeout_s)
+        return self.reply_to(stamp_ns, length_ns)
 
     def reply_to(self, stamp_ns: int, length_ns: int = 1) -> Reply | None:
         """Return the last complete reply to a report, None if there is none.
 
         Parameters
         ----------
-        stamp_ns : int
         length_ns : int
             Time that the report covers until its stamp: the tracker gives the scan of a sector a
             stamp within it.
@@ -134,12 +114,6 @@ class Radars:
         whole = {stamp: reply for stamp, reply in self.replies.items() if reply.whole}
         last = max((s for s in whole if stamp_ns - length_ns < s <= stamp_ns), default=None)
         return None if last is None else whole[last]
-
-    def spin(self, seconds: float) -> None:
-        """Receive messages for a time."""
-        deadline = time.monotonic() + seconds
-        while (left := deadline - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=left)
 
     def _on_estimate(self, cloud: PointCloud2) -> None:
         reply = self._reply(stamps.to_ns(cloud.header.stamp))

@@ -37,11 +37,10 @@ SETTLING = 6
 
 
 class TimedEngine:
-    """An engine that says how long each part of a step took.
+    """An engine that measures the CPU time of each part of a step.
 
     Parameters
     ----------
-    config : TrackerConfig
     start : ParticleSet, Mixture or None
         The stored set an interval before the first scan; None for a new start.
     """
@@ -49,7 +48,7 @@ class TimedEngine:
     def __init__(self, config: TrackerConfig, start: ParticleSet | Mixture | None = None) -> None:
         engine = ENGINES[config.engine](config)
         if not isinstance(engine, FixedLagEngine):
-            raise TypeError(f"engine: {config.engine} does not say when its parts are done")
+            raise TypeError(f"engine: {config.engine} does not report the ends of its parts")
         self._engine: FixedLagEngine[Any, Any] = engine
         self._engine.forward.done = self._note
         self._interval_ns = round(config.model.modes.interval_s * 1e9)
@@ -93,8 +92,6 @@ class Window:
     ----------
     stored : tuple of ParticleSet
         The oldest first.
-    model : TrackerModel
-    corrector : Corrector
     dt : float
         Between consecutive sets, seconds.
     """
@@ -106,7 +103,7 @@ class Window:
 
     @property
     def assumed(self) -> tuple[TrackerModel, Corrector, float]:
-        """What a transition between two sets is built with."""
+        """The model, corrector and interval of the transitions between two sets."""
         return self.model, self.corrector, self.dt
 
     @property

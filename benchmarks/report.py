@@ -9,11 +9,13 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from phd_jdtc_ros.report.table import simple_table
+
 from . import late
 from .recursion import GAUSSIAN, PARTICLES, PARTS
 from .turning import ONE_CLOUD
 
-# What a step's table counts, by engine.
+# Counts in the table of a step, by engine.
 COUNTS = {
     PARTICLES: {"particles": "particles"},
     GAUSSIAN: {"rows": "hypotheses", "approximate clusters": "approximate clusters"},
@@ -64,18 +66,11 @@ def markdown(given: Iterable[Table]) -> str:
         ]
         header, *rows = zip(*columns, strict=True)
         rule = ["---", *["---:"] * (len(header) - 1)]
+        caption = Text.from_markup(str(table.caption or "")).plain
         lines += [f"**{table.title}**", ""]
         lines += [f"| {' | '.join(row)} |" for row in (header, rule, *rows)]
-        lines += ["", *([f"{table.caption}", ""] if table.caption else [])]
+        lines += ["", *([caption, ""] if caption else [])]
     return "\n".join(lines)
-
-
-def _table(title: str, *headings: str, caption: str | None = None) -> Table:
-    table = Table(title=title, caption=caption)
-    table.add_column(headings[0])
-    for heading in headings[1:]:
-        table.add_column(heading, justify="right")
-    return table
 
 
 def _ms(value: float) -> str:
@@ -88,40 +83,40 @@ def _number(value: float) -> str:
 
 def _smoother(title: str, sizes: Mapping[str, Any]) -> Table:
     """Return each form's time, also as a multiple of the fastest."""
-    table = _table(
-        title,
-        "form",
-        *(f"N = {size}" for size in sizes),
-        caption="CPU medians; in brackets, as a multiple of the fastest; peak memory of a kernel",
-    )
     forms = list(dict.fromkeys(name for size in sizes.values() for name in size["times"]))
     whole = [name for name in forms if not name.startswith(("build", "backward"))]
-    best = {
-        size: min(found["times"][name]["median_ms"] for name in whole if name in found["times"])
-        for size, found in sizes.items()
-    }
     kinds = ["dense,", "dense ", "k-d tr", "smooth"]
-    for name in sorted(whole, key=lambda name: kinds.index(name[:6])):
-        cells = []
-        for size, found in sizes.items():
-            if name not in found["times"]:
-                cells.append("-")
-                continue
-            median = found["times"][name]["median_ms"]
-            memory = found["memory"].get(f"{name.replace('smoother', 'build')}, MB")
-            extra = f", {memory:.0f} MB" if memory else ""
-            cells.append(f"{_ms(median)} ({_number(median / best[size])}x{extra})")
-        table.add_row(escape(name), *cells)
-    return table
+
+    def cell(name: str, found: Mapping[str, Any]) -> str:
+        times, memory = found["times"], found["memory"]
+        if name not in times:
+            return "-"
+        median = times[name]["median_ms"]
+        best = min(times[each]["median_ms"] for each in whole if each in times)
+        megabytes = memory.get(f"{name.replace('smoother', 'build')}, MB")
+        extra = f", {megabytes:.0f} MB" if megabytes else ""
+        return f"{_ms(median)} ({_number(median / best)}x{extra})"
+
+    return simple_table(
+        title,
+        ["form", *(f"N = {size}" for size in sizes)],
+        (
+            [name, *(cell(name, found) for found in sizes.values())]
+            for name in sorted(whole, key=lambda name: kinds.index(name[:6]))
+        ),
+        "CPU medians; in brackets, as a multiple of the fastest; peak memory of a kernel",
+    )
 
 
 def _growth(growth: Mapping[str, Any]) -> Table:
-    table = _table("growth: exponents", "form", "in particles per target", "in targets")
     ladders = [growth["particles_per_target"]["forms"], growth["targets"]["forms"]]
-    for name in ladders[0]:
+
+    def row(name: str) -> list[str]:
         slopes = [ladder.get(name, {}).get("exponent") for ladder in ladders]
-        table.add_row(escape(name), *("-" if s is None else f"{s:.2f}" for s in slopes))
-    return table
+        return [name, *("-" if slope is None else f"{slope:.2f}" for slope in slopes)]
+
+    headings = ("form", "in particles per target", "in targets")
+    return simple_table("growth: exponents", headings, map(row, ladders[0]))
 
 
 def _steps(scenes: Mapping[str, Any]) -> Iterator[Table]:
@@ -133,12 +128,8 @@ def _steps(scenes: Mapping[str, Any]) -> Iterator[Table]:
             if engine in found["engines"]
             for backend, times in found["engines"][engine]["backends"].items()
         }
-        table = _table(
-            f"the whole step, engine {engine}, CPU medians in ms",
-            "part",
-            *columns,
-            caption=STEPS_CAPTIONS[engine],
-        )
+        title = f"the whole step, engine {engine}, CPU medians in ms"
+        table = simple_table(title, ["part", *columns], caption=STEPS_CAPTIONS[engine])
         for part in ("step", *parts):
             cells = [f"{times[part]['median_ms']:.1f}" for *_, times in columns.values()]
             table.add_row(part, *cells, end_section=part == "step")
@@ -153,28 +144,25 @@ def _steps(scenes: Mapping[str, Any]) -> Iterator[Table]:
 def _step_growth(growth: Mapping[str, Any]) -> Table:
     """Return each engine's step by number of targets, and the memory."""
     sizes = sorted({size for form in growth["forms"].values() for size in form["size"]})
-    held = ", ".join(f"{name} {_number(size)} MB" for name, size in growth["memory"]["MB"].items())
-    table = _table(
-        "the whole step against targets, CPU medians",
-        "engine",
-        *map(str, sizes),
-        "exponent",
-        caption=f"at most held with {growth['memory']['targets']} targets and a lag of 5: {held}",
-    )
-    for name, form in growth["forms"].items():
+    memory = ", ".join(f"{name} {_number(mb)} MB" for name, mb in growth["memory"]["MB"].items())
+
+    def row(name: str, form: Mapping[str, Any]) -> list[str]:
         times = dict(zip(form["size"], form["times"], strict=True))
-        cells = [_ms(times[size]["median_ms"]) if size in times else "-" for size in sizes]
-        table.add_row(escape(name), *cells, f"{form['exponent']:.2f}")
-    return table
+        cells = (_ms(times[size]["median_ms"]) if size in times else "-" for size in sizes)
+        return [name, *cells, f"{form['exponent']:.2f}"]
+
+    return simple_table(
+        "the whole step against targets, CPU medians",
+        ["engine", *map(str, sizes), "exponent"],
+        (row(name, form) for name, form in growth["forms"].items()),
+        f"at most held with {growth['memory']['targets']} targets and a lag of 5: {memory}",
+    )
 
 
 def _searches(found: Mapping[str, Any]) -> Table:
-    table = _table(
+    table = simple_table(
         "a backward kernel by each search",
-        "search",
-        "pairs",
-        "targets",
-        "CPU",
+        ("search", "pairs", "targets", "CPU"),
         caption="within origins: the default corrector; anywhere: the PHD filter's, with spawning",
     )
     for place, sizes in found.items():
@@ -186,49 +174,46 @@ def _searches(found: Mapping[str, Any]) -> Table:
 
 
 def _peers(peers: Mapping[str, Any]) -> Table:
-    table = _table(
-        "a scan of the reference scenario, both radars", "tracker", "CPU", "times particles"
-    )
     own = next(found["median_ms"] for name, found in peers.items() if name.startswith("particles"))
-    for name, found in peers.items():
+
+    def row(name: str, found: Mapping[str, Any]) -> list[str]:
         median = found.get("median_ms")
         cells = [found["reason"], "-"] if median is None else [_ms(median), _number(median / own)]
-        table.add_row(escape(name), *cells)
-    return table
+        return [name, *cells]
+
+    title = "a scan of the reference scenario, both radars"
+    rows = (row(name, found) for name, found in peers.items())
+    return simple_table(title, ("tracker", "CPU", "times particles"), rows)
 
 
 def _messages(messages: Mapping[str, Any]) -> Table:
-    table = _table("a scan of 1000 detections and 200 estimates", "message", "CPU")
-    for name, found in messages["parts"].items():
-        table.add_row(name, _ms(found["median_ms"]))
+    rows = [(name, _ms(found["median_ms"])) for name, found in messages["parts"].items()]
+    table = simple_table("a scan of 1000 detections and 200 estimates", ("message", "CPU"), rows)
     table.add_row("the node in total", _ms(messages["total_ms"]), style="bold")
     return table
 
 
+PERCENTILES = ("p50", "p99", "most")
+
+
 def _live(engine: str, live: Mapping[str, Any]) -> Table:
     rate = live["highest_rate_hz"]
-    value = rate["value"]
     caption = (
-        f"highest rate without a gap: {value:.1f} Hz"
-        if value
+        f"highest rate without a gap: {rate['value']:.1f} Hz"
+        if rate["value"]
         else f"highest rate: {rate['reason']}"
     )
-    table = _table(
-        f"engine {engine} over DDS, {live['scans']} scans, wall time",
-        "from last detection",
-        "p50",
-        "p99",
-        "most",
-        caption=caption,
-    )
-    rows = {
+    labels = {
         "estimate_ms": "to the estimate",
         "step_ms": "the step (CPU)",
         "beyond_step_ms": "to the last message, less the step",
     }
-    for key, label in rows.items():
-        table.add_row(label, *(_ms(live[key][column]) for column in ("p50", "p99", "most")))
-    return table
+    return simple_table(
+        f"engine {engine} over DDS, {live['scans']} scans, wall time",
+        ("from last detection", *PERCENTILES),
+        ([label, *(_ms(live[key][each]) for each in PERCENTILES)] for key, label in labels.items()),
+        caption,
+    )
 
 
 def _turning(found: Mapping[str, Any]) -> Iterator[Table]:
@@ -240,21 +225,20 @@ def _turning(found: Mapping[str, Any]) -> Iterator[Table]:
         for engine, of_backends in found["cost"].items()
         for backend, forms in of_backends.items()
     }
-    table = _table(
-        "a turn of 50 aircraft, CPU medians",
-        "reports",
-        *map(escape, cost),
-        caption="estimates once a turn, except where they are said to go out at each sector; "
-        "in brackets, as a multiple of one cloud",
-    )
-    forms = next(iter(cost.values()))
-    for form in forms:
-        cells = []
+
+    def row(form: str) -> Iterator[str]:
+        yield form
         for of_forms in cost.values():
             median = of_forms[form]["median_ms"]
-            cells.append(f"{_ms(median)} ({_number(median / of_forms[ONE_CLOUD]['median_ms'])}x)")
-        table.add_row(form, *cells)
-    yield table
+            yield f"{_ms(median)} ({_number(median / of_forms[ONE_CLOUD]['median_ms'])}x)"
+
+    yield simple_table(
+        "a turn of 50 aircraft, CPU medians",
+        ("reports", *cost),
+        (list(row(form)) for form in next(iter(cost.values()))),
+        "estimates once a turn, except where they are said to go out at each sector; "
+        "in brackets, as a multiple of one cloud",
+    )
 
 
 def _late(found: Mapping[str, Any]) -> Table:
@@ -263,67 +247,58 @@ def _late(found: Mapping[str, Any]) -> Table:
         f"{_number(of_engine['peak_MB'][late.READY])} MB"
         for engine, of_engine in found.items()
     )
-    table = _table(
+
+    def cell(engine: str, name: str) -> str:
+        median = found[engine]["steps"][name]["median_ms"]
+        return f"{_ms(median)} ({_number(late.ratio(found, engine, name))}x)"
+
+    return simple_table(
         "a scan of the reference scenario, CPU medians",
-        "late reports",
-        *found,
-        caption="steps that work a report in, or all where none is late; in brackets, as a "
+        ("late reports", *found),
+        (
+            [name, *(cell(engine, name) for engine in found)]
+            for name in next(iter(found.values()))["steps"]
+        ),
+        "steps that work a report in, or all where none is late; in brackets, as a "
         f"multiple of where they are dropped. Most memory of both: {memory}",
     )
-    for name in next(iter(found.values()))["steps"]:
-        cells = [
-            f"{_ms(of_engine['steps'][name]['median_ms'])} "
-            f"({_number(late.ratio(found, engine, name))}x)"
-            for engine, of_engine in found.items()
-        ]
-        table.add_row(name, *cells)
-    return table
 
 
 def _sector_latency(engine: str, found: Mapping[str, Any]) -> Table:
-    table = _table(
+    latency, step = found["latency_s"], found["step_ms"]
+    return simple_table(
         f"a turning radar over DDS, engine {engine}, {found['sectors']} sectors in real time",
-        "of a detection",
-        "p50",
-        "p99",
-        "most",
-        caption=f"{found['detections']} detections, {found['targets']:.0f} aircraft tracked",
+        ("of a detection", *PERCENTILES),
+        (
+            ["to the estimates of its sector", *(f"{latency[p]:.3f} s" for p in PERCENTILES)],
+            ["the step (CPU)", *(_ms(step[p]) for p in PERCENTILES)],
+        ),
+        f"{found['detections']} detections, {found['targets']:.0f} aircraft tracked",
     )
-    columns = ("p50", "p99", "most")
-    late = found["latency_s"]
-    table.add_row("to the estimates of its sector", *(f"{late[c]:.3f} s" for c in columns))
-    table.add_row("the step (CPU)", *(_ms(found["step_ms"][c]) for c in columns))
-    return table
 
 
 def _asterix(found: Mapping[str, Any]) -> Table:
     live = found["live"]
     caption = live.get("reason")
     if "latency_s" in live:
-        late = live["latency_s"]
+        latency = live["latency_s"]
         caption = (
             f"{live['aircraft']} aircraft, {live['sectors']} sectors in real time: from antenna "
-            f"to tracks p50 {late['p50']:.3f} s, p99 {late['p99']:.3f} s, most {late['most']:.3f} s"
+            f"to tracks p50 {latency['p50']:.3f} s, p99 {latency['p99']:.3f} s, most "
+            f"{latency['most']:.3f} s"
         )
-    table = _table("ASTERIX on one core", "what", "speed", caption=caption)
-    for name, rate in found["plots_per_s"].items():
-        table.add_row(f"plots, {name}", f"{rate:,.0f} per s")
-    table.add_row("100 tracks to CAT062", _ms(found["tracks_ms"]))
-    return table
+    rates = [(f"plots, {name}", f"{r:,.0f} per s") for name, r in found["plots_per_s"].items()]
+    rows = [*rates, ("100 tracks to CAT062", _ms(found["tracks_ms"]))]
+    return simple_table("ASTERIX on one core", ("what", "speed"), rows, caption)
 
 
 def _goals(figures: Sequence[Mapping[str, Any]]) -> Table:
-    table = _table("goals", "figure", "value", "goal", "reached")
+    table = simple_table("goals", ("figure", "value", "goal", "reached"))
     for figure in figures:
         sign = "at most" if figure["at_most"] else "at least"
         value = figure.get("reason") or _number(figure["value"])
         reached = {True: "yes", False: "no", None: "-"}[figure["reached"]]
+        goal = f"{sign} {figure['goal']:.4g}"
         style = "red" if figure["reached"] is False else None
-        table.add_row(
-            escape(figure["name"]),
-            escape(value),
-            f"{sign} {figure['goal']:.4g}",
-            reached,
-            style=style,
-        )
+        table.add_row(escape(figure["name"]), escape(value), goal, reached, style=style)
     return table

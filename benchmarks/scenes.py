@@ -17,7 +17,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario, TargetScript, Truth, pape
 
 # Targets are within this distance of (0, 0), metres; both radars cover all of it.
 FIELD_RADIUS = 13e3
-# More targets than these have a field so much larger that they are as dense as these in it.
+# Number of targets above which the field grows with it, so that the density stays the same.
 DENSEST = 200
 SPEED = 57.0
 SNR_DB = (45.0, 25.0)
@@ -36,18 +36,15 @@ def configuration(
 
     Parameters
     ----------
-    targets : int
-    per_target : int
-    engine : str
     clutter : float or None
         Expected false detections per radar and scan. None for half as many as targets: 200 targets
         then give 300 detections per radar.
 
     Notes
     -----
-    In a larger field the radars see farther, and their azimuths are so much more precise that the
-    deviation at the edge is that of the reference in metres. Scenes of any number of targets from
-    `DENSEST` on are thus as ambiguous as each other.
+    In a larger field the radars' ranges grow, and the azimuth's standard deviation falls so that
+    the error at the edge stays the same in metres. All scenes of at least `DENSEST` targets are
+    thus equally ambiguous.
     """
     usual, scale = resolve({}), _scale(targets)
     radars = {
@@ -73,7 +70,7 @@ def configuration(
 
 
 def _scale(targets: int) -> float:
-    """Return how many times the reference field's radius the field of so many targets has."""
+    """Return the radius of the field of a number of targets, in radii of the reference field."""
     return float(np.sqrt(max(targets / DENSEST, 1.0)))
 
 
@@ -82,7 +79,6 @@ def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenari
 
     Parameters
     ----------
-    targets : int
     scans : int
         Every target exists in all of them; half-way through, the targets form the pattern.
     config : TrackerConfig
@@ -93,7 +89,7 @@ def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenari
     rng = np.random.default_rng(seed)
     scene = paper_scenario(config.model.radars)
     heading = rng.uniform(-np.pi, np.pi, targets)
-    # As a sunflower's seeds: evenly spread, and no two at the same bearing.
+    # A sunflower's pattern: evenly spread, and no two targets at the same bearing.
     radius = _scale(targets) * FIELD_RADIUS * np.sqrt((np.arange(targets) + 0.5) / targets)
     bearing = GOLDEN_ANGLE * np.arange(targets)
     velocity = SPEED * np.stack([np.cos(heading), np.sin(heading)], axis=1)
@@ -134,7 +130,7 @@ def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> 
     return ParticleSet(
         state=state,
         mode=mode,
-        # Below those of births, which are counted from 0.
+        # Negative, because the origins of births count from 0.
         origin=-1 - target,
         parent=np.full(len(target), -1),
         multiplicity=np.ones(len(target), dtype=np.int64),
@@ -154,7 +150,7 @@ def mixture(scene: Scenario, config: TrackerConfig) -> Mixture:
     std[space.turn_rate] = TURN_RATE_STD
     supported, count = dynamics.supported, len(before.state)
     covariance = supported[:, :, None] * np.diag(std**2)
-    # Ascending labels, below those of births.
+    # Ascending labels, negative because those of births count from 0.
     return Mixture(
         np.arange(-count, 0),
         dynamics.birth_weight[before.class_id],

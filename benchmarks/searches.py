@@ -1,4 +1,4 @@
-"""What each way to build a backward kernel costs: why there are two searches and compiled loops."""
+"""The cost of a backward kernel with each search, which justifies two searches and compilation."""
 
 from __future__ import annotations
 

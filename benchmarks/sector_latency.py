@@ -44,7 +44,7 @@ def measure(quick: bool, engine: str) -> dict[str, Any]:
 
 
 def of_turns(turns: int, engine: str) -> dict[str, Any]:
-    """Return what `measure` returns, of so many turns."""
+    """Measure the latency over a number of turns, as `measure` does."""
     messages.environment()
     if importlib.util.find_spec("rclpy") is None:
         return {"value": None, "reason": "rclpy is missing"}
@@ -111,7 +111,6 @@ def latencies(reports: Sequence[Report], replies: Sequence[Reply], zero_s: float
 
     Parameters
     ----------
-    reports : sequence of Report
     replies : sequence of Reply
         One for each of them.
     zero_s : float

@@ -21,7 +21,7 @@ from .timing import Case, interleaved, peak_bytes, spread
 
 LAG = 5
 PER_TARGET = 500
-# By number of particles: (targets, whether the dense form can run).
+# Number of targets and whether the dense form can run, by number of particles.
 SIZES = {"2e3": (4, True), "1e4": (20, True), "1e5": (200, False)}
 DEATH_TERM: DeathTerm = bernoulli_death_term
 # Weights below this share of the total are not compared one by one.
@@ -31,8 +31,8 @@ LEAST_SHARE = 1e-9
 def measure(quick: bool, engine: str = "particles") -> dict[str, Any]:
     """Return the times, memory and errors by number of particles.
 
-    The filter determines which rows the kernel joins: those of one origin, or as in the paper
-    all rows, with births and spawned targets in mu.
+    The filter determines which rows the kernel joins: rows of one origin, or as in the paper all
+    rows, with births and spawned targets in mu.
     """
     sizes = list(SIZES.items())[: 1 if quick else None]
     return {name: _measure_size(*size, quick, engine) for name, size in sizes}
@@ -77,7 +77,7 @@ def _measure_size(targets: int, dense_runs: bool, quick: bool, engine: str) -> d
             backend: gate_error(window, found[0], backend) for backend in backends.available()
         }
     else:
-        # With two classes K has half of all pairs.
+        # Only pairs of one class are in K, half of all pairs with two classes.
         gigabytes = 8 * 0.5 * window.particles**2 / 1e9
         reason = f"one kernel of the dense form has {gigabytes:.0f} GB"
         result["dense"] = {"value": None, "reason": reason}
@@ -134,14 +134,12 @@ def _backward(stored: Sequence[ParticleSet], links: Sequence[Transition]) -> Non
 
 
 def gate_error(window: Window, dense: ParticleSet, backend: str) -> dict[str, float]:
-    """Compare smoothed weights with those of the dense form.
+    """Compare smoothed weights with the dense form's.
 
     Parameters
     ----------
-    window : Window
     dense : ParticleSet
         The oldest set's copies, smoothed by `forms.dense`.
-    backend : str
 
     Returns
     -------

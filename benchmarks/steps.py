@@ -28,8 +28,6 @@ class Crowd(NamedTuple):
 
     Parameters
     ----------
-    targets : int
-    engines : tuple of str
     clutter : float or None
         See `scenes.configuration`.
     """
@@ -42,8 +40,8 @@ class Crowd(NamedTuple):
 CROWDS = {
     "20 targets": Crowd(20),
     "200 targets": Crowd(200),
-    # With these false detections a radar has 1000 detections. Half a million particles take a
-    # second per step; see `step_growth` for them.
+    # The clutter completes a radar's report to 1000 detections. Half a million particles take a
+    # second per step, and are left to `step_growth`.
     "1000 targets": Crowd(1000, (GAUSSIAN,), 11.0),
 }
 # Number of measured steps.
@@ -136,7 +134,7 @@ def _peak(run: TimedEngine, scan: Scan, backend: str) -> int:
 
 
 def _counts(steps: Sequence[dict[str, float]]) -> dict[str, float]:
-    """Return the medians of what was counted."""
+    """Return the medians of the counts."""
     names = ("expected targets", "particles", "rows", "approximate clusters")
     return {
         name: float(np.median([step[name] for step in steps])) for name in names if name in steps[0]

@@ -43,7 +43,6 @@ def step_times_ms(scans: Sequence[Scan], config: TrackerConfig, targets: int) ->
 
     Parameters
     ----------
-    scans : sequence of Scan
     config : TrackerConfig
         For the budget, births, survival and radars.
     targets : int

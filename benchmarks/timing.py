@@ -17,7 +17,6 @@ class Case(NamedTuple):
 
     Parameters
     ----------
-    call : callable of no arguments
     rounds : int
         Number of calls; slow baselines need fewer.
     """

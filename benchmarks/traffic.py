@@ -21,13 +21,13 @@ PROFILE = Path("config/air_traffic.yaml")
 TRACKER = "/tracker"
 AIRCRAFT = 50
 SECTORS = 16
-# What the profile has otherwise where every sector is a cloud, and where estimates then go out.
+# Changes of the profile for a cloud per sector, and for estimates at each of them.
 BY_SECTORS = {"approach.sectors": SECTORS}
 AT_EVERY_SECTOR = {**BY_SECTORS, "estimates_period_s": 0.0}
-# Turns after which all aircraft are tracked, and longer than the profile's lag.
+# Number of turns after which all aircraft are tracked, more than the profile's lag.
 SETTLING = 6
 START_NS = 1000 * 10**9
-# Aircraft are within this distance of the radar half-way through, metres; its range covers more.
+# Largest distance of the aircraft from the radar half-way through, metres, within its range.
 FIELD_RADIUS = 90e3
 # Metres per second; radians per second and seconds of a turn by a right angle, which every third
 # aircraft begins half-way through.
@@ -54,7 +54,6 @@ def scene(turns: int, config: TrackerConfig, seed: int, aircraft: int = AIRCRAFT
         For the radar.
     seed : int
         Of the speeds and the headings.
-    aircraft : int
     """
     rng = np.random.default_rng(seed)
     rotation_s = config.inputs[0].rotation_s

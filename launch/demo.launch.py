@@ -24,8 +24,9 @@ from launch_ros.actions import Node
 from launch import LaunchDescription
 from msg_adapters import names
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.tools import demo_nodes, launch_failure, launching
-from phd_jdtc_ros.tools.launch_failure import Failure
+from phd_jdtc_ros.tools.demo.processes import recorded_topics
+from phd_jdtc_ros.tools.launching import arguments, failure
+from phd_jdtc_ros.tools.launching.failure import Failure
 
 PACKAGE = "phd_jdtc_ros"
 # The arguments of the tracker's launch file, with the demo's defaults.
@@ -75,13 +76,13 @@ def generate_launch_description():
 def _nodes(context, share):
     given = {name: LaunchConfiguration(name).perform(context) for name in TRACKER_ARGUMENTS}
     out, bag, rate = (LaunchConfiguration(name).perform(context) for name in ("out", "bag", "rate"))
-    flags = launching.booleans({"use_sim_time": given["use_sim_time"]})
-    namespace = launching.full_namespace(
+    flags = arguments.booleans({"use_sim_time": given["use_sim_time"]})
+    namespace = arguments.full_namespace(
         context.launch_configurations.get("ros_namespace"), given["namespace"]
     )
-    tracker_name = launching.full_name(namespace, given["node_name"])
-    rate = launching.rate(rate)
-    demo = launching.demo(bag, given["params_file"], tracker_name, Path(out))
+    tracker_name = arguments.full_name(namespace, given["node_name"])
+    rate = arguments.rate(rate)
+    demo = arguments.demo(bag, given["params_file"], tracker_name, Path(out))
     scans = BagReader(demo.bag).counts[names.TRUTH]
     topics = [source.topic for source in demo.config.inputs]
     poses = list(demo.config.carried)
@@ -104,8 +105,7 @@ def _nodes(context, share):
             {
                 "tracker": tracker_name,
                 "classes": [kind.name for kind in demo.config.model.modes.classes],
-                "world_frame": demo.config.world_frame,
-                "record_topics": demo_nodes.recorded_topics(demo.config),
+                "record_topics": recorded_topics(demo.config),
                 # Without truth there is nothing to report.
                 "report": f"{out}/metrics.json" if scans else "",
                 "exit_after_scans": scans,
@@ -123,12 +123,11 @@ def _nodes(context, share):
                 "bag": str(demo.bag),
                 "rate": rate,
                 "flush_service": f"{tracker_name}/flush",
-                "estimates_topic": names.estimates("filtered", tracker_name),
-                "subscriber_timeout_s": 20.0,
-                "truth_timeout_s": 20.0,
+                "subscriber_timeout_s": 60.0,
                 "answer_delay_s": demo.config.answer_delay_s,
             }
         ],
+        remappings=[(names.estimates("filtered"), names.estimates("filtered", tracker_name))],
     )
     # The evaluator ends by itself once it has seen everything.
     finished = OnProcessExit(target_action=evaluator, on_exit=_end_with)
@@ -136,7 +135,7 @@ def _nodes(context, share):
     handlers = [RegisterEventHandler(h) for h in (finished, ended, _once_heard(replay))]
     # The tracker's launch file sets the environment for all nodes that follow it, and ends the
     # launch if the tracker fails.
-    return [launch_failure.watched(), *handlers, tracker, evaluator]
+    return [failure.handler(), *handlers, tracker, evaluator]
 
 
 def _once_heard(replay):

@@ -20,7 +20,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from phd_jdtc_ros.tools import launch_failure, launching
+from phd_jdtc_ros.tools.launching import arguments, failure
 
 PACKAGE = "phd_jdtc_ros"
 RESPAWN_DELAY_S = 2.0
@@ -77,14 +77,14 @@ def _start(context, share):
     """Check the arguments and the file, and return the processes: none starts if one is wrong."""
     given = {name: LaunchConfiguration(name).perform(context) for name in {**ARGUMENTS, **FLAGS}}
     switches = [name for name in SWITCHES if given[name]]
-    flags = launching.booleans({name: given[name] for name in [*FLAGS, *switches]})
-    retries = launching.whole("respawn_max_retries", given["respawn_max_retries"])
-    namespace = launching.full_namespace(
+    flags = arguments.booleans({name: given[name] for name in [*FLAGS, *switches]})
+    retries = arguments.whole("respawn_max_retries", given["respawn_max_retries"])
+    namespace = arguments.full_namespace(
         context.launch_configurations.get("ros_namespace"), given["namespace"]
     )
-    tracker = launching.full_name(namespace, given["node_name"])
+    tracker = arguments.full_name(namespace, given["node_name"])
     # Only to see that it is right, before anything starts.
-    launching.load(given["params_file"], tracker)
+    arguments.load(given["params_file"], tracker)
     profile = f"{share}/config/dds/localhost_only.xml"
     actions = _isolation(context, profile) if flags["localhost_only"] else []
     actions += _tracker(given, flags, tracker, namespace, retries if flags["respawn"] else 0)
@@ -104,7 +104,7 @@ def _tracker(given, flags, tracker, namespace, retries):
     """Return the tracker, and what ends the launch once it has failed for good."""
     own = {name: flags[name] for name in ("autostart", "use_sim_time") if name in flags}
     if "frames" in flags:
-        own["outputs"] = launching.outputs(given["params_file"], tracker, flags["frames"])
+        own["outputs"] = arguments.outputs(given["params_file"], tracker, flags["frames"])
     reliable = {
         f"qos_overrides.{topic}.subscription.reliability": "reliable"
         for topic in given["reliable_topics"].split(",")
@@ -129,13 +129,13 @@ def _tracker(given, flags, tracker, namespace, retries):
 
     def end(event, context):
         """End the launch with the tracker; at its shutdown every status is right."""
-        final = launching.is_final(event.returncode, next(ends), retries)
+        final = arguments.is_final(event.returncode, next(ends), retries)
         if context.is_shutdown or not final:
             return None
-        return [EmitEvent(event=launch_failure.Failure(f"{given['node_name']} failed"))]
+        return [EmitEvent(event=failure.Failure(f"{given['node_name']} failed"))]
 
     ended = OnProcessExit(target_action=node, on_exit=end)
-    return [launch_failure.watched(), RegisterEventHandler(ended), node]
+    return [failure.handler(), RegisterEventHandler(ended), node]
 
 
 def _rviz(tracker, simulated, view):

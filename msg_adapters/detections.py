@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
@@ -31,12 +30,12 @@ OPTIONAL = (
 # Usual field names, in lower case, that are recognised if a radar's own name is missing. An SNR is
 # in decibels; a power or an RCS has a reference that only the driver defines.
 SYNONYMS = {
-    "range_field": ("rho", "distance", "dist", "radial_distance", "ground_range", "r"),
-    "azimuth_field": ("azimuth_angle", "theta", "bearing", "az", "angle"),
-    "amplitude_field": ("snr", "snr_db"),
+    "range": ("rho", "distance", "dist", "radial_distance", "ground_range", "r"),
+    "azimuth": ("azimuth_angle", "theta", "bearing", "az", "angle"),
+    "amplitude": ("snr", "snr_db"),
 }
 # Default layout of written clouds.
-OWN_LAYOUT = RadarInput(name="", topic="", frame="")
+OWN_LAYOUT = RadarInput()
 
 
 def to_msg(
@@ -70,7 +69,7 @@ def to_msg(
         "z": np.zeros(len(detections)),
     }
     columns = {**place, **sent_columns.of(detections, stamp_ns, radar)}
-    wide = {radar.time_field} if radar.time_since_epoch else frozenset()
+    wide = {radar.fields.time} if radar.time_since_epoch else frozenset()
     return point_cloud.encode(stamp_ns, frame, columns, wide)
 
 
@@ -114,23 +113,21 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
 def _recognised(radar: RadarInput, there: Collection[str]) -> RadarInput:
     """Return a radar's layout with the names that a cloud uses for missing fields."""
     lacking = {
-        attribute: names
-        for attribute, names in SYNONYMS.items()
-        if getattr(radar, attribute) == getattr(OWN_LAYOUT, attribute)
-        and getattr(radar, attribute) not in there
+        quantity: names
+        for quantity, names in SYNONYMS.items()
+        if getattr(radar.fields, quantity) == quantity and quantity not in there
     }
     if not lacking:
         return radar
     taken = {*sent_columns.names_of(radar).values()}
     own = {name.lower(): name for name in sorted(there) if name not in taken}
-    found: dict[str, Any] = {
-        attribute: next(own[name] for name in names if name in own)
-        for attribute, names in lacking.items()
+    found = {
+        quantity: next(own[name] for name in names if name in own)
+        for quantity, names in lacking.items()
         if not own.keys().isdisjoint(names)
     }
-    if "amplitude_field" in found:
-        found["amplitude_in_db"] = True
-    return replace(radar, **found)
+    unit = "db" if "amplitude" in found else radar.amplitude_unit
+    return replace(radar, fields=replace(radar.fields, **found), amplitude_unit=unit)
 
 
 def _wanted_fields(radar: RadarInput) -> dict[str, tuple[str, Sequence[str]]]:

@@ -18,7 +18,7 @@ def of(radar: RadarInput, counts: Mapping[str, int]) -> Iterator[str]:
 def no_amplitude(radar: RadarInput) -> str:
     """Return the warning about a radar whose messages have no amplitudes."""
     return (
-        f"{radar.topic}: no field {radar.amplitude_field!r}; "
+        f"{radar.topic}: no field {radar.fields.amplitude!r}; "
         "classification does not use its amplitudes"
     )
 
@@ -161,7 +161,7 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
         "reprocessed; if there are many, delay scans with reorder_s"
     ),
     "poses_extrapolated": lambda radar, count: (
-        f"{count} clouds, or parts of turns, are later than the poses on {radar.pose_topic}; the "
+        f"{count} clouds, or parts of turns, are later than the poses on {radar.pose.topic}; the "
         "platform's pose is extrapolated with its last velocity"
     ),
     "sectors_not_configured": lambda radar, count: (

@@ -30,10 +30,7 @@ class Mounting(NamedTuple):
 
 def message_class() -> Any:
     """Return the message class, or None if tf2_msgs is not installed."""
-    try:
-        return interfaces.message_class(names.TRANSFORMS)
-    except ImportError:
-        return None
+    return interfaces.installed_class(names.TRANSFORMS)
 
 
 def to_cdr(mountings: Sequence[Mounting], stamp_ns: int, world_frame: str) -> bytes:

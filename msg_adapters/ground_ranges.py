@@ -90,11 +90,11 @@ def measure(detections: Detections, radar: RadarInput) -> Slant:
     distance, azimuth = detections.measurement.T
     site, height = radar.site, detections.height
     if site is None:
-        if not radar.height_field or height is None:
+        if not radar.fields.height or height is None:
             return Slant(distance, azimuth)
         return Slant(np.hypot(distance, np.nan_to_num(height - radar.height)), azimuth)
     unknown = np.full(len(distance), np.nan)
-    known = message_height(detections, radar) if radar.height_field else unknown
+    known = message_height(detections, radar) if radar.fields.height else unknown
     return Slant(*slant_of(site, radar.assumed_height, distance, azimuth, known))
 
 

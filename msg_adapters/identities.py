@@ -33,8 +33,8 @@ def read(
 
     Returns
     -------
-    `UNKNOWN` for an unknown identity; None without a column.
-        `UNKNOWN` where there is none; None without a column.
+    array or None
+        A value for each kept point, `UNKNOWN` if it is not known; None without a column.
     int
         Number of impossible values.
     """

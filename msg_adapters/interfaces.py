@@ -29,6 +29,14 @@ def message_class(type_name: str) -> Any:
     return getattr(importlib.import_module(f"{package}.msg"), name)
 
 
+def installed_class(type_name: str) -> Any:
+    """Return the message class of a type name, or None if its package is not installed."""
+    try:
+        return message_class(type_name)
+    except ImportError:
+        return None
+
+
 def type_name(message_type: Any) -> str:
     """Return the type name of a message class."""
     package = message_type.__module__.split(".")[0]

@@ -200,7 +200,7 @@ def default_topics(
     tracker: str = names.TRACKER,
     scores: str = names.OSPA,
     evaluator: str = names.EVALUATOR,
-    engine: str | None = "particles",
+    engine: str | None = "gaussian",
 ) -> dict[str, str]:
     """Return the topics that tracker and evaluator publish by default, with their types.
 

@@ -12,7 +12,7 @@ FIGURES = {
 }
 
 
-def of_tracker(classes: int, engine: str | None = "particles") -> tuple[str, ...]:
+def of_tracker(classes: int, engine: str | None = "gaussian") -> tuple[str, ...]:
     """Return the names of the tracker's numbers; without `engine` the engine's own are left out."""
     sets = ("total", *(f"class_{k}" for k in range(classes)))
     figures = () if engine is None else FIGURES[engine]

@@ -62,8 +62,8 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
     ----------
     radar : RadarInput
         Its `frame`, `max_range` and `amplitude_offset_db` are used; the offset converts amplitudes
-        to SNRs. Amplitudes are ignored without an `amplitude_field`, and Doppler velocities (m/s,
-        positive for a receding target) without a `range_rate_field`.
+        to SNRs. Amplitudes are ignored without an `fields.amplitude`, and Doppler velocities (m/s,
+        positive for a receding target) without a `fields.range_rate`.
 
     Raises
     ------
@@ -109,13 +109,13 @@ def to_cdr(detections: Detections, stamp_ns: int, radar: RadarInput) -> bytes:
     """Serialise a planar radar's detections as a scan.
 
     Elevations are 0, or for a radar with a site those of targets at the antenna's height. Doppler
-    velocities are 0 without range rates, and amplitudes are 0 without an `amplitude_field`.
+    velocities are 0 without range rates, and amplitudes are 0 without an `fields.amplitude`.
     """
     returns = np.zeros((len(detections), RETURN_FIELDS), dtype="<f4")
     returns[:, :3] = ground_ranges.measure_at_antenna_height(detections, radar)
     if detections.range_rate is not None:
         returns[:, 3] = detections.range_rate
-    if radar.amplitude_field:
+    if radar.fields.amplitude:
         returns[:, 4] = sent_columns.level(detections, _fixed_convention(radar))
     scan = cdr.Writer()
     scan.header(stamp_ns, radar.frame)
@@ -125,7 +125,7 @@ def to_cdr(detections: Detections, stamp_ns: int, radar: RadarInput) -> bytes:
 
 def _fixed_convention(radar: RadarInput) -> RadarInput:
     """Return a radar's input with the units and conventions of the message."""
-    return replace(radar, amplitude_in_db=True, compass=False, azimuth_in_degrees=False)
+    return replace(radar, amplitude_unit="db", azimuth_convention="enu_ccw", azimuth_unit="rad")
 
 
 def _require_size(count: int) -> None:
@@ -143,7 +143,7 @@ def _report(header: Header, rows: FloatArray, radar: RadarInput) -> Report:
             distance=rows[:, 0],
             azimuth=rows[:, 1],
             elevation=rows[:, 2],
-            level=rows[:, 4] if radar.amplitude_field else None,
-            range_rate=rows[:, 3] if radar.range_rate_field else None,
+            level=rows[:, 4] if radar.fields.amplitude else None,
+            range_rate=rows[:, 3] if radar.fields.range_rate else None,
         ),
     )

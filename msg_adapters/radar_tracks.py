@@ -22,28 +22,14 @@ FIRST_OWN_CLASSIFICATION = 32000
 
 
 class Types(NamedTuple):
-    """The message classes.
-
-    Parameters
-    ----------
-    tracks : type
-        ``radar_msgs.msg.RadarTracks``.
-    track : type
-        ``radar_msgs.msg.RadarTrack``.
-    """
+    """The message classes of `message_types`."""
 
     tracks: Any
     track: Any
 
 
 def message_types() -> Types:
-    """Return the message classes.
-
-    Raises
-    ------
-    ImportError
-        If radar_msgs is not installed.
-    """
+    """Return the message classes; raise ImportError if radar_msgs is not installed."""
     return Types(
         interfaces.message_class("radar_msgs/msg/RadarTracks"),
         interfaces.message_class("radar_msgs/msg/RadarTrack"),

@@ -40,10 +40,7 @@ class Reader:
 
     def message_class(self) -> Any:
         """Return the message class, or None if its package is not installed."""
-        try:
-            return interfaces.message_class(self.type_name)
-        except ImportError:
-            return None
+        return interfaces.installed_class(self.type_name)
 
 
 def _cloud_from_cdr(data: bytes, radar: RadarInput) -> Report:

@@ -17,10 +17,10 @@ from .errors import RejectedMessageError
 
 # Usual names of fields in lower case, the most common first, by the parameter that names the field.
 NAMES: Mapping[str, Sequence[str]] = {
-    "fields.range": ("range", *SYNONYMS["range_field"]),
-    "fields.azimuth": ("azimuth", *SYNONYMS["azimuth_field"]),
+    "fields.range": ("range", *SYNONYMS["range"]),
+    "fields.azimuth": ("azimuth", *SYNONYMS["azimuth"]),
     "fields.elevation": ("elevation_angle", "elevation", "el"),
-    "fields.amplitude": ("amplitude", *SYNONYMS["amplitude_field"], "power", "intensity", "rcs"),
+    "fields.amplitude": ("amplitude", *SYNONYMS["amplitude"], "power", "intensity", "rcs"),
     "fields.time": ("time", "time_of_detection", "t", "timestamp", "time_offset", "stamp"),
     "fields.height": ("height", "altitude"),
     "fields.sector": ("sector", "sector_number"),

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
@@ -34,7 +33,6 @@ MAX_RANGE_RATE = 5e3
 AN_INTERVAL = 1.0 + 1e-6
 # Plausible standard deviations of range rates, m/s.
 RANGE_RATE_STDS = (1e-3, 1e3)
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -71,12 +69,10 @@ class Columns:
     ----------
     distance : array
         Metres; slant ranges if there are elevations or heights.
-    azimuth : array
     elevation : array or None
         Radians above the sensor's plane.
     level : array or None
         Amplitudes.
-    time : array or None
     height : array or None
         Metres; above the world's zero plus the radar's datum.
     code, address : array or None
@@ -85,7 +81,6 @@ class Columns:
         See `Detections`.
     range_std, azimuth_std : array or None
         Metres, and in the unit of the azimuth.
-    sector : array or None
     range_rate, range_rate_std : array or None
         Metres per second, positive for a receding target.
     """

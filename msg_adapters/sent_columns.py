@@ -19,20 +19,20 @@ from . import ground_ranges, identities, plot_times
 def names_of(radar: RadarInput) -> dict[str, str]:
     """Return the radar's names of its columns, by their names in `Columns`."""
     names = {
-        "distance": radar.range_field,
-        "azimuth": radar.azimuth_field,
-        "elevation": radar.elevation_field,
-        "level": radar.amplitude_field,
-        "time": radar.time_field,
-        "sector": radar.sector_field,
-        "height": radar.height_field,
-        "code": radar.code_field,
-        "address": radar.address_field,
-        "kind": radar.kind_field,
-        "range_std": radar.range_std_field,
-        "azimuth_std": radar.azimuth_std_field,
-        "range_rate": radar.range_rate_field,
-        "range_rate_std": radar.range_rate_std_field,
+        "distance": radar.fields.range,
+        "azimuth": radar.fields.azimuth,
+        "elevation": radar.fields.elevation,
+        "level": radar.fields.amplitude,
+        "time": radar.fields.time,
+        "sector": radar.fields.sector,
+        "height": radar.fields.height,
+        "code": radar.fields.code,
+        "address": radar.fields.address,
+        "kind": radar.fields.kind,
+        "range_std": radar.fields.range_std,
+        "azimuth_std": radar.fields.azimuth_std,
+        "range_rate": radar.fields.range_rate,
+        "range_rate_std": radar.fields.range_rate_std,
     }
     return {what: name for what, name in names.items() if name}
 
@@ -58,11 +58,11 @@ def of(detections: Detections, stamp_ns: int, radar: RadarInput) -> dict[str, np
         If the radar has amplitudes or sectors and the detections do not.
     """
     slant, measured = ground_ranges.measure(detections, radar)
-    columns = {radar.range_field: slant, radar.azimuth_field: azimuth(measured, radar)}
+    columns = {radar.fields.range: slant, radar.fields.azimuth: azimuth(measured, radar)}
     # The radar may use the default name of elevations for another field.
-    columns.setdefault(radar.elevation_field or "elevation", np.zeros(len(detections)))
-    if radar.amplitude_field:
-        columns[radar.amplitude_field] = level(detections, radar)
+    columns.setdefault(radar.fields.elevation or "elevation", np.zeros(len(detections)))
+    if radar.fields.amplitude:
+        columns[radar.fields.amplitude] = level(detections, radar)
     columns.update(_particulars(detections, stamp_ns, radar))
     return columns
 
@@ -72,35 +72,35 @@ def _particulars(
 ) -> Iterator[tuple[str, npt.NDArray[Any]]]:
     """Yield the radar's optional columns besides range, azimuth and elevation."""
     count = len(detections)
-    if radar.time_field:
+    if radar.fields.time:
         time_s = np.zeros(count) if detections.time_s is None else detections.time_s
-        yield radar.time_field, plot_times.encode(time_s, stamp_ns, radar)
-    if radar.sector_field:
+        yield radar.fields.time, plot_times.encode(time_s, stamp_ns, radar)
+    if radar.fields.sector:
         if detections.coverage is None or not radar.sectors:
             raise ValueError("detections.coverage: None given, the cloud needs a sector")
         sector = sector_of(detections.coverage, radar.sectors, radar.compass)
-        yield radar.sector_field, np.full(count, sector, dtype=np.uint32)
-    if radar.height_field:
-        yield radar.height_field, ground_ranges.message_height(detections, radar)
+        yield radar.fields.sector, np.full(count, sector, dtype=np.uint32)
+    if radar.fields.height:
+        yield radar.fields.height, ground_ranges.message_height(detections, radar)
     for name, identity in (
-        (radar.code_field, detections.code),
-        (radar.address_field, detections.address),
+        (radar.fields.code, detections.code),
+        (radar.fields.address, detections.address),
     ):
         if name:
             yield name, identities.encode(identity, count)
-    if radar.kind_field:
+    if radar.fields.kind:
         kind = np.zeros(count) if detections.kind is None else np.maximum(detections.kind, 0)
-        yield radar.kind_field, kind.astype(np.uint8)
+        yield radar.fields.kind, kind.astype(np.uint8)
     own = detections.noise_std
     std = np.full((count, 2), np.nan) if own is None else own
-    if radar.range_std_field:
-        yield radar.range_std_field, std[:, 0]
-    if radar.azimuth_std_field:
+    if radar.fields.range_std:
+        yield radar.fields.range_std, std[:, 0]
+    if radar.fields.azimuth_std:
         degrees = radar.azimuth_in_degrees
-        yield radar.azimuth_std_field, np.degrees(std[:, 1]) if degrees else std[:, 1]
+        yield radar.fields.azimuth_std, np.degrees(std[:, 1]) if degrees else std[:, 1]
     for name, known in (
-        (radar.range_rate_field, detections.range_rate),
-        (radar.range_rate_std_field, detections.range_rate_std),
+        (radar.fields.range_rate, detections.range_rate),
+        (radar.fields.range_rate_std, detections.range_rate_std),
     ):
         if name:
             yield name, np.full(count, np.nan) if known is None else known

@@ -19,7 +19,6 @@ class Vertical(NamedTuple):
 
     Parameters
     ----------
-    known : bool array of shape (T,)
     state : array of shape (T, 2)
         Metres and m/s; 0 if unknown.
     covariance : array of shape (T, 2, 2)

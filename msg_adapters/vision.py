@@ -19,17 +19,7 @@ from .estimates import heading
 
 
 class Types(NamedTuple):
-    """The message classes.
-
-    Parameters
-    ----------
-    detections : type
-        ``vision_msgs.msg.Detection3DArray``.
-    detection : type
-        ``vision_msgs.msg.Detection3D``.
-    hypothesis : type
-        ``vision_msgs.msg.ObjectHypothesisWithPose``.
-    """
+    """The message classes of `message_types`."""
 
     detections: Any
     detection: Any
@@ -37,13 +27,7 @@ class Types(NamedTuple):
 
 
 def message_types() -> Types:
-    """Return the message classes.
-
-    Raises
-    ------
-    ImportError
-        If vision_msgs is not installed.
-    """
+    """Return the message classes; raise ImportError if vision_msgs is not installed."""
     return Types(
         interfaces.message_class("vision_msgs/msg/Detection3DArray"),
         interfaces.message_class("vision_msgs/msg/Detection3D"),

@@ -14,7 +14,7 @@ Not part of the installed package. The data's path::
       |
     engines     which engine the trackers have
       |
-    figures, command (table of faults) -> report, out/<command>/summary.json
+    figures, command (table of faults) -> out/<command>/summary.json
 
 All traffic stays on this machine: on loopback, or in network namespaces that are created and
 removed here. Every loop is bounded in count and time.

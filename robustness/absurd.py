@@ -1,7 +1,7 @@
-"""Numbers that are finite and absurd, in every numeric field of every message that is read.
+"""Absurd finite numbers in every numeric field of every input message.
 
-Python raises an error where the square of 1e300 is taken, and NumPy makes it infinite. Neither may
-end a node, nor go out again. So does no stamp that none can be.
+The square of 1e300 is an error in Python and infinite in NumPy. Neither may end a node or be
+published; the same holds for impossible stamps.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, Pipeline, Stepped
@@ -51,7 +51,7 @@ from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 from . import engines
-from .figures import Found, measures
+from .figures import Found, measures, result, such_as
 
 NS = 10**9
 START_NS = 1_700_000_000 * NS
@@ -60,7 +60,7 @@ WHOLE = (0, 2**31 - 1, 2**31, 2**32 - 1)
 SECONDS, NANOSECONDS = (-(2**31), -1, 0, 2**31 - 1), (0, NS, 2**32 - 1)
 PROFILE = Path(__file__).parents[1] / "config" / "air_traffic.yaml"
 INTERVAL_S = 4.0
-# The fields of a radar that says all that one may say.
+# The fields of a radar with all optional fields.
 FIELDS = {
     "time": "time",
     "height": "height",
@@ -82,7 +82,7 @@ _CODES = {PointField.FLOAT32: "f8", PointField.FLOAT64: "f8", PointField.UINT32:
     of_engines=True,
 )
 def measure() -> Found:
-    """Read every spoiled message, and make of it what a node does."""
+    """Process every spoilt message as a node does."""
     outcomes: Counter[str] = Counter()
     wrong: dict[str, str] = {}
     for what, use in cases():
@@ -90,14 +90,12 @@ def measure() -> Found:
         outcomes[fault and "wrong"] += 1
         if fault:
             wrong[what] = fault
-    text = f"{outcomes.total():,} messages: {len(wrong)} end with an error or NaN"
-    if wrong:
-        text += f", such as {next(iter(wrong.items()))}"
-    return text, not wrong, {"messages": outcomes.total(), "wrong": wrong}
+    text = f"{outcomes.total():,} messages: {len(wrong)} end with an error or NaN{such_as(wrong)}"
+    return result(text, not wrong, messages=outcomes.total(), wrong=wrong)
 
 
 def outcome(use: Callable[[], None]) -> str:
-    """Return what is wrong with what becomes of a message; empty if nothing is."""
+    """Return the fault in the processing of a message; empty without one."""
     try:
         with np.errstate(all="ignore"):
             use()
@@ -109,18 +107,18 @@ def outcome(use: Callable[[], None]) -> str:
 
 
 def cases() -> Iterator[tuple[str, Callable[[], None]]]:
-    """Yield each message in words, and what is done with it."""
+    """Yield the description of each message, and the function that processes it."""
     yield from _of_poses()
     yield from _of_radars()
     clouds = ((_hand_over, "hand_over"), (_to_asterix, "asterix"), (_evaluate, "evaluator"))
     for use, name in clouds:
-        for what, cloud in spoiled(estimates.to_msg(_estimates(START_NS), "map")):
+        for what, cloud in spoil(estimates.to_msg(_estimates(START_NS), "map")):
             yield f"estimates to {name}: {what}", partial(use, cloud)
-    for what, cloud in spoiled(truth.to_msg(_truth(START_NS), "map")):
+    for what, cloud in spoil(truth.to_msg(_truth(START_NS), "map")):
         yield f"truth: {what}", partial(_evaluate_truth, cloud)
 
 
-def spoiled(cloud: PointCloud2) -> Iterator[tuple[str, PointCloud2]]:
+def spoil(cloud: PointCloud2) -> Iterator[tuple[str, PointCloud2]]:
     """Yield a cloud with each value in each field of its first point, and with each stamp."""
     codes = [_CODES.get(field.datatype, "u1") for field in cloud.fields]
     wanted = {field.name: [*point_cloud.FLOATS, "u4", "u1"] for field in cloud.fields}
@@ -181,10 +179,14 @@ def _require_finite(*arrays: Any) -> None:
 
 
 def _of_radars() -> Iterator[tuple[str, Callable[[], None]]]:
-    """Yield clouds of a radar that says all that one may say, in one run of the tracker."""
+    """Yield clouds of a radar with all optional fields, in one run of the tracker."""
     values = from_arguments.load(PROFILE)
     values |= {f"approach.fields.{what}": name for what, name in FIELDS.items()}
-    values |= {"approach.range_rate_std": 2.0, "engine": engines.chosen(), "lag": f"{INTERVAL_S} s"}
+    values |= {
+        "approach.range_rate_std": 2.0,
+        "engine": engines.current(),
+        "lag": f"{INTERVAL_S} s",
+    }
     config = tracker_params.config(values)
     pipeline, rng = new_pipeline(config), np.random.default_rng(0)
     radar, scan = config.inputs[0], 0
@@ -200,15 +202,15 @@ def _of_radars() -> Iterator[tuple[str, Callable[[], None]]]:
 
     for _ in range(3):
         yield "radar: as usual", partial(use, plots())
-    every = [what for what, _ in spoiled(plots())]
-    # Those of absurd stamps come last: they end the run.
+    every = [what for what, _ in spoil(plots())]
+    # Absurd stamps come last, because they end the run.
     for what in sorted(every, key=lambda what: what.startswith("stamp")):
-        yield f"radar: {what}", partial(use, dict(spoiled(plots()))[what])
+        yield f"radar: {what}", partial(use, dict(spoil(plots()))[what])
     yield "radar: the end", lambda: _step(pipeline, pipeline.flush())
 
 
 def _plots(rng: np.random.Generator, stamp_ns: int, frame: str) -> PointCloud2:
-    """Return the plots of a turn; the first one is spoiled, and others go on as usual."""
+    """Return the plots of a turn; only the first one is to be spoilt."""
     count = 6
     azimuth = np.sort(rng.uniform(0.0, 2.0 * np.pi, count))
     columns = {
@@ -228,13 +230,12 @@ def _plots(rng: np.random.Generator, stamp_ns: int, frame: str) -> PointCloud2:
 
 
 def _step(pipeline: Pipeline, events: Iterator[Event] | Rejection) -> None:
-    """Step the tracker, and see that what goes out is finite."""
+    """Step the tracker, and check that its estimates are finite."""
     if isinstance(events, Rejection):
         return
     for event in events:
         step = event.step if isinstance(event, Stepped) else None
-        told = event.smoothed if step is None else (*step.filtered, *step.smoothed)
-        for own in told:
+        for own in event.smoothed if step is None else (*step.filtered, *step.smoothed):
             _publish(own)
 
 
@@ -275,7 +276,7 @@ def _truth(stamp_ns: int) -> Truth:
 
 
 def _hand_over(cloud: PointCloud2) -> None:
-    """Join the estimates of two trackers, one of which sends a spoiled cloud."""
+    """Join the estimates of two trackers, one of which sends a spoilt cloud."""
     found = estimates.from_msg(cloud)
     if checks.why_not(found) is not None:
         return
@@ -295,7 +296,7 @@ def _hand_over(cloud: PointCloud2) -> None:
 
 
 def _to_asterix(cloud: PointCloud2) -> None:
-    """Send a spoiled cloud's tracks as ASTERIX, with places on the earth and without."""
+    """Encode a spoilt cloud's tracks as ASTERIX, with places on the earth and without."""
     for plane in (None, SystemPlane([50.0, 8.0, 100.0])):
         output = TrackOutput(Source(1, 2), plane, 30.0, CallSigns())
         for each in (cloud, estimates.to_msg(_estimates(START_NS + NS), "map")):
@@ -314,13 +315,13 @@ def _evaluate_truth(cloud: PointCloud2) -> None:
     _score(found.stamp_ns, PointSet.of(found), PointSet.of(_estimates(found.stamp_ns)))
 
 
-def _score(stamp_ns: int, targets: PointSet, told: PointSet) -> None:
-    """Score a stamp between two usual ones; of other classes than there are, the node refuses."""
-    if max(targets.class_id.max(), told.class_id.max()) > 1:
+def _score(stamp_ns: int, targets: PointSet, found: PointSet) -> None:
+    """Score a stamp between two usual ones; the node refuses unknown classes."""
+    if max(targets.class_id.max(), found.class_id.max()) > 1:
         return
     evaluation = Evaluation(2, 1000.0, 2.0, 1000)
     usual = PointSet.of(_truth(START_NS)), PointSet.of(_estimates(START_NS))
-    scans = ((stamp_ns - 4 * NS, *usual), (stamp_ns, targets, told), (stamp_ns + 4 * NS, *usual))
+    scans = ((stamp_ns - 4 * NS, *usual), (stamp_ns, targets, found), (stamp_ns + 4 * NS, *usual))
     for each_ns, true, own in scans:
         scores = evaluation.add_truth(each_ns, true)
         for source in SOURCES:

@@ -22,7 +22,7 @@ from phd_jdtc_ros.asterix.writing import plots as plots_out
 from .figures import Found, measures
 
 EXAMPLES = 10_000
-# A datagram is at most 64 kB, and takes at most this long; less than what a radar sends in a turn.
+# Longest processing time and largest size of a datagram.
 MOST_S = 1.0
 LARGEST = 65_507
 NS = 10**9
@@ -64,8 +64,8 @@ def measure(examples: int = EXAMPLES) -> Found:
 
 
 def _of_datagram(stream: PlotStream, data: bytes, index: int) -> str:
-    """Return what became of a datagram; each comes a tick later from one of three senders."""
-    counted, taken = _counted(stream), _taken(stream)
+    """Return the outcome of a datagram; each comes a tick later from one of three senders."""
+    counted, taken = _fault_counts(stream), _used_count(stream)
     try:
         found = stream.feed(data, 10**18 + index * NS // 8, f"10.0.0.{index % 3} to group")
         faults = [_fault(state.settings.sectors, report) for state, report in found]
@@ -73,13 +73,13 @@ def _of_datagram(stream: PlotStream, data: bytes, index: int) -> str:
         return f"error: {type(error).__name__}: {error}"[:120]
     if any(faults):
         return "NaN"
-    if _taken(stream) > taken:
+    if _used_count(stream) > taken:
         return "used"
-    return "counted" if _counted(stream) != counted or not data else "silent"
+    return "counted" if _fault_counts(stream) != counted or not data else "silent"
 
 
 def _of_recording(data: bytes) -> str:
-    """Return what became of a recording."""
+    """Return the outcome of a recording."""
     counts: Counter[str] = Counter()
     stream = PlotStream({})
     try:
@@ -89,24 +89,24 @@ def _of_recording(data: bytes) -> str:
         return "counted"
     except Exception as error:
         return f"error: {type(error).__name__}: {error}"[:120]
-    if _taken(stream):
+    if _used_count(stream):
         return "used"
-    return "counted" if counts.total() + sum(_counted(stream)) else "silent"
+    return "counted" if counts.total() + sum(_fault_counts(stream)) else "silent"
 
 
-def _taken(stream: PlotStream) -> int:
+def _used_count(stream: PlotStream) -> int:
     """Return the number of messages that were used, or wait until their radar's clock is known."""
     return sum(s.plots + s.services + len(s.waiting) for s in stream.radars.values())
 
 
-def _counted(stream: PlotStream) -> tuple[int, int]:
-    """Return the number of counted faults, and of trailers, which had counted as faults before."""
+def _fault_counts(stream: PlotStream) -> tuple[int, int]:
+    """Return the numbers of counted faults and of known trailers."""
     of_radars = sum(state.counts.total() for state in stream.radars.values())
     return stream.counts.total() + of_radars, stream.blocks.trailers.total()
 
 
 def _fault(sectors: int, report: Any) -> bool:
-    """Return whether a number that is always known is not finite."""
+    """Return whether a mandatory number is not finite."""
     found = columns(report, sectors, -100.0, "any")
     return not all(np.isfinite(found[name]).all() for name in ("range", "azimuth", "time"))
 
@@ -130,22 +130,11 @@ def _blocks(rng: random.Random) -> list[bytes]:
 def _plot(radar: int, azimuth: float, rng: random.Random) -> Plot:
     code, address = rng.choice([NONE, 0, 0o7777]), rng.choice([NONE, 1, 2**24 - 1])
     distance, height = rng.uniform(0.0, 4e5), rng.choice([math.nan, -304.8, 12_000.0])
-    return Plot(
-        radar,
-        NONE,
-        DAY,
-        distance,
-        azimuth,
-        height,
-        code,
-        address,
-        rng.randrange(1, 8),
-        -60.0,
-        -70.0,
-    )
+    identity = code, address, rng.randrange(1, 8)
+    return Plot(radar, NONE, DAY, distance, azimuth, height, *identity, -60.0, -70.0)
 
 
-def _mutated(good: list[bytes], rng: random.Random) -> bytes:
+def _mutate(good: list[bytes], rng: random.Random) -> bytes:
     data = bytearray(rng.choice(good))
     for _ in range(rng.randrange(1, 6)):
         data[rng.randrange(len(data))] = rng.randrange(256)
@@ -158,19 +147,19 @@ def _cut(good: list[bytes], rng: random.Random) -> bytes:
     return data[:at] + rng.randbytes(rng.randrange(8)) + data[at + rng.randrange(8) :]
 
 
-def _joined(good: list[bytes], rng: random.Random) -> bytes:
-    return b"".join(_mutated(good, rng) for _ in range(rng.randrange(1, 20)))
+def _join(good: list[bytes], rng: random.Random) -> bytes:
+    return b"".join(_mutate(good, rng) for _ in range(rng.randrange(1, 20)))
 
 
-def _claimed(good: list[bytes], rng: random.Random) -> bytes:
+def _claim(good: list[bytes], rng: random.Random) -> bytes:
     """Return random bytes under the header of a category, with any length."""
     body = rng.randbytes(rng.randrange(300))
     length = rng.choice([len(body) + 3, rng.randrange(2**16), 0, 3, 2**16 - 1])
     return struct.pack(">BH", rng.choice([1, 2, 10, 34, 48, 48, 48, 62, 255]), length) + body
 
 
-def _chained(good: list[bytes], rng: random.Random) -> bytes:
-    """Return a block whose selection, or an item of it, never says that it ends."""
+def _chain(good: list[bytes], rng: random.Random) -> bytes:
+    """Return a block with an endless field specification or item."""
     size = rng.choice([20, 2000, LARGEST])
     head = rng.choice([b"", b"\x20", b"\x80\x01\x02\x20", b"\x02\x02", b"\x02\xfe"])
     body = (head + b"\xff" * size)[: size - 3]
@@ -193,9 +182,9 @@ def _noise(good: list[bytes], rng: random.Random) -> bytes:
     return rng.randbytes(rng.randrange(1, 400))
 
 
-# Half of them are near to what a radar sends.
+# Half of them resemble a radar's datagrams.
 KINDS: tuple[Callable[[list[bytes], random.Random], bytes], ...] = (
-    *(_mutated, _cut, _joined, _mutated, _cut, _joined, _mutated),
-    *(_claimed, _chained, _many_radars, _noise, _claimed, _mutated),
+    *(_mutate, _cut, _join, _mutate, _cut, _join, _mutate),
+    *(_claim, _chain, _many_radars, _noise, _claim, _mutate),
     *(_endless,),
 )

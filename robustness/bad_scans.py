@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,9 @@ from msg_adapters import detections, interfaces
 from phd_jdtc_ros.core.types import Detections
 
 from . import scans
-from .figures import Found, measures
+from .figures import Found, measures, result
 from .radars import REPLY_S, Radars
-from .rig import LIGHT, Node, Rig
+from .rig import LIGHT, Rig
 
 LARGEST = 2**32 - 1
 
@@ -30,7 +31,6 @@ class BadScan:
 
     Parameters
     ----------
-    name : str
     reason : str
         ``any`` if it may be counted under any reason.
     data : function of a stamp
@@ -38,7 +38,7 @@ class BadScan:
     count : int
         Expected count: 1, or the number of points if points are dropped.
     kept : bool
-        Whether the scan itself is used, without the dropped points.
+        Whether the tracker uses the scan without the dropped points.
     """
 
     name: str
@@ -52,7 +52,7 @@ def _good(stamp_ns: int) -> PointCloud2:
     return detections.to_msg(scans.reference()[0].detections[0], stamp_ns, "radar_1")
 
 
-def _changed(change: Change) -> Callable[[int], bytes]:
+def _change(change: Change) -> Callable[[int], bytes]:
     def make(stamp_ns: int) -> bytes:
         cloud = _good(stamp_ns)
         change(cloud)
@@ -62,11 +62,14 @@ def _changed(change: Change) -> Callable[[int], bytes]:
 
 
 def _set(**values: Any) -> Callable[[int], bytes]:
-    def change(cloud: PointCloud2) -> None:
-        for name, value in values.items():
-            setattr(cloud, name, value)
+    """Return a function that sets members of a cloud; ``__`` stands for the dot in a path."""
 
-    return _changed(change)
+    def change(cloud: PointCloud2) -> None:
+        for path, value in values.items():
+            *parents, name = path.split("__")
+            setattr(reduce(getattr, parents, cloud), name, value)
+
+    return _change(change)
 
 
 def _field(which: str, **values: Any) -> Callable[[int], bytes]:
@@ -76,36 +79,26 @@ def _field(which: str, **values: Any) -> Callable[[int], bytes]:
                 for key, value in values.items():
                     setattr(field, key, value)
 
-    return _changed(change)
+    return _change(change)
 
 
 def _without(name: str) -> Callable[[int], bytes]:
     def change(cloud: PointCloud2) -> None:
         cloud.fields = [field for field in cloud.fields if field.name != name]
 
-    return _changed(change)
+    return _change(change)
 
 
 def _frame(frame: str) -> Callable[[int], bytes]:
-    def change(cloud: PointCloud2) -> None:
-        cloud.header.frame_id = frame
-
-    return _changed(change)
+    return _set(header__frame_id=frame)
 
 
 def _data(change: Callable[[bytes], bytes]) -> Callable[[int], bytes]:
-    def changed(cloud: PointCloud2) -> None:
-        cloud.data = change(bytes(cloud.data))
-
-    return _changed(changed)
+    return _change(lambda cloud: setattr(cloud, "data", change(bytes(cloud.data))))
 
 
 def _stamp(seconds: int, nanoseconds: int) -> Callable[[int], bytes]:
-    def change(cloud: PointCloud2) -> None:
-        cloud.header.stamp.sec = seconds
-        cloud.header.stamp.nanosec = nanoseconds
-
-    return _changed(change)
+    return _set(header__stamp__sec=seconds, header__stamp__nanosec=nanoseconds)
 
 
 def _points(distance: float, azimuth: float, amplitude: float) -> Callable[[int], bytes]:
@@ -129,7 +122,7 @@ def _many(stamp_ns: int) -> bytes:
     return bytes(interfaces.encode(detections.to_msg(found, stamp_ns, "radar_1")))
 
 
-def _dropped(name: str, reason: str, *point: float) -> BadScan:
+def _points_case(name: str, reason: str, *point: float) -> BadScan:
     return BadScan(f"points: {name}", reason, _points(*point), POINTS, kept=True)
 
 
@@ -157,7 +150,7 @@ def cases() -> list[BadScan]:
         "largest row_step": _set(row_step=LARGEST),
         "two rows said": _set(height=2),
         "no rows said": _set(height=0),
-        "a point more said": _changed(lambda cloud: setattr(cloud, "width", cloud.width + 1)),
+        "a point more said": _change(lambda cloud: setattr(cloud, "width", cloud.width + 1)),
         "no data": _set(data=b""),
         "a byte short": _data(lambda data: data[:-1]),
         "a byte long": _data(lambda data: data + b"\0"),
@@ -189,16 +182,16 @@ def cases() -> list[BadScan]:
             for reason, group in groups.items()
             for name, data in group.items()
         ),
-        _dropped("NaN range", "not_finite", nan, 0.0, 5.0),
-        _dropped("NaN azimuth", "not_finite", 900.0, nan, 5.0),
-        _dropped("infinite azimuth", "not_finite", 900.0, inf, 5.0),
-        _dropped("infinite range", "not_finite", inf, 0.0, 5.0),
-        _dropped("infinite amplitude", "amplitude", 900.0, 0.0, inf),
-        _dropped("negative range", "range", -5.0, 0.0, 5.0),
-        _dropped("beyond the range", "range", 1e6, 0.0, 5.0),
-        _dropped("an azimuth that is no angle", "azimuth", 900.0, 1e30, 5.0),
-        _dropped("negative amplitude", "amplitude", 900.0, 0.0, -1.0),
-        _dropped("absurd amplitude", "amplitude", 900.0, 0.0, 1e30),
+        _points_case("NaN range", "not_finite", nan, 0.0, 5.0),
+        _points_case("NaN azimuth", "not_finite", 900.0, nan, 5.0),
+        _points_case("infinite azimuth", "not_finite", 900.0, inf, 5.0),
+        _points_case("infinite range", "not_finite", inf, 0.0, 5.0),
+        _points_case("infinite amplitude", "amplitude", 900.0, 0.0, inf),
+        _points_case("negative range", "range", -5.0, 0.0, 5.0),
+        _points_case("beyond the range", "range", 1e6, 0.0, 5.0),
+        _points_case("an azimuth that is no angle", "azimuth", 900.0, 1e30, 5.0),
+        _points_case("negative amplitude", "amplitude", 900.0, 0.0, -1.0),
+        _points_case("absurd amplitude", "amplitude", 900.0, 0.0, 1e30),
     ]
 
 
@@ -207,10 +200,7 @@ def measure(chosen: list[BadScan] | None = None) -> Found:
     """Send every case between valid scans; count exits, lost valid scans and rejects."""
     chosen = cases() if chosen is None else chosen
     with Rig() as rig:
-        tracker = rig.tracker(*LIGHT)
-        radars = rig.radars
-        if not radars.connected():
-            raise RuntimeError(f"the radars did not find the tracker:\n{tracker.text[-2000:]}")
+        tracker, radars = rig.tracking(*LIGHT)
         exits, lost, wanted = [], [], Counter()
         found: Counter[str] = Counter()
         index = 0
@@ -220,7 +210,7 @@ def measure(chosen: list[BadScan] | None = None) -> Found:
             if not tracker.alive:
                 exits.append(case.name)
                 found += _summary_counts(tracker.text)
-                tracker = _new_tracker(rig)
+                tracker, _ = rig.tracking(*LIGHT)  # its counts start from zero
                 continue
             wanted[case.reason] += case.count
             lost += [] if answered else [case.name]
@@ -234,18 +224,15 @@ def measure(chosen: list[BadScan] | None = None) -> Found:
         f"{len(exits)} exits, {not_finite} with NaN, {len(lost)} good scans lost, "
         f"{len(chosen)} cases; {'every reject counted' if whole else 'rejects not all counted'}"
     )
-    reached = whole and not not_finite and not lost
-    return (
+    return result(
         text,
-        reached,
-        {
-            "cases": len(chosen),
-            "exits": exits,
-            "good_scans_lost": lost,
-            "not_finite": not_finite,
-            "wanted": dict(wanted),
-            "counted": dict(found),
-        },
+        whole and not not_finite and not lost,
+        cases=len(chosen),
+        exits=exits,
+        good_scans_lost=lost,
+        not_finite=not_finite,
+        wanted=dict(wanted),
+        counted=dict(found),
     )
 
 
@@ -257,13 +244,6 @@ def _send(radars: Radars, case: BadScan, index: int) -> bool:
         radars.outputs[1].publish(scans.cloud(index, 1))
         return radars.spin_until(lambda: stamp_ns in radars.answered, REPLY_S)
     return radars.track(index, timeout_s=REPLY_S)
-
-
-def _new_tracker(rig: Rig) -> Node:
-    """Start another tracker after an exit; its counts start from zero."""
-    tracker = rig.tracker(*LIGHT)
-    rig.radars.connected()
-    return tracker
 
 
 def _summary_counts(text: str) -> Counter[str]:

@@ -1,4 +1,4 @@
-"""Damaged and malicious bags: what is salvaged, with which errors and how much memory."""
+"""Damaged and malicious bags: recovered messages, errors and memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Input that is made to swell: YAML, numbers and names must be refused soon, in a short line."""
+"""Expanding input: YAML, numbers and names must be refused quickly, in a short line."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ YAML = {
     "values": f"lag: [{'1,' * 200_000}]",
     "size": f"lag: {'x' * 2**20}",
 }
-# How each executable is given a file of YAML.
+# The arguments with which each executable reads a YAML file.
 WAYS: Mapping[str, tuple[str, ...]] = {
     "tracker": ("--ros-args", "--params-file", "FILE"),
     "evaluator": ("--ros-args", "--params-file", "FILE"),
@@ -46,7 +46,7 @@ WAYS: Mapping[str, tuple[str, ...]] = {
     "simulate": ("--out", "OUT", "--scenario", "FILE"),
     "monte_carlo": ("--out", "OUT", "--study", "FILE"),
 }
-# Values on command lines.
+# Command lines with long values.
 WORDS: Mapping[str, tuple[str, ...]] = {
     "tracker": ("--ros-args", "-p", f"lag:={'9' * 5000}"),
     "evaluator": ("--ros-args", "-p", f"cutoff:={'9' * 5000}"),
@@ -77,20 +77,19 @@ def measure() -> Found:
 def _longest_log_line() -> int:
     """Return the length of the longest line that a tracker logs of clouds with a huge frame_id."""
     with Rig() as rig:
-        tracker = rig.tracker(*LIGHT)
-        rig.radars.connected()
+        tracker, _ = rig.tracking(*LIGHT)
         cloud = interfaces.decode(scans.cloud(0, 0), names.CLOUD)
         cloud.header.frame_id = FRAME_ID
         rig.radars.outputs[0].publish(cloud)
         if not tracker.said("frame_id"):
-            raise RuntimeError("the tracker says nothing of the cloud")
+            raise RuntimeError("the tracker logs nothing about the cloud")
         if not all(rig.radars.track(index) for index in range(1, 5)):
             raise RuntimeError("the scans after the cloud are not tracked")
         return max(map(len, tracker.text.splitlines()))
 
 
 def _commands(directory: Path) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield what each run is, and its command line."""
+    """Yield the name and the command line of each run."""
     for bomb, text in YAML.items():
         path = directory / f"{bomb.replace(' ', '_')}.yaml"
         path.write_text(text)
@@ -102,7 +101,7 @@ def _commands(directory: Path) -> Iterator[tuple[str, tuple[str, ...]]]:
 
 
 def _fault(done: subprocess.CompletedProcess[str]) -> str:
-    """Return what is wrong with how a process ended, or an empty string."""
+    """Return the fault in the end of a process; empty without one."""
     lines = done.stderr.splitlines() or [""]
     if done.returncode != 2:
         return f"rc {done.returncode}: {lines[-1][:100]}"
@@ -111,7 +110,7 @@ def _fault(done: subprocess.CompletedProcess[str]) -> str:
 
 
 def _run(words: Sequence[str], domain: int) -> tuple[subprocess.CompletedProcess[str], float]:
-    """Run an executable to its end; return what came of it, and its CPU time in seconds."""
+    """Run an executable to its end; return its outcome and its CPU time in seconds."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
         [sys.executable, "-m", "phd_jdtc_ros", *words],

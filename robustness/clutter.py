@@ -14,12 +14,13 @@ from .rig import Rig
 
 FALSE_DETECTIONS = 1000  # per radar and scan, where 20 are expected
 MOST_RATIO = 1.1
-# In the middle of the targets' lives.
+# The burst is in the middle of the targets' lives.
 FIRST, SCANS = 24, 8
 SETTLING, COUNTED = 3, 10
 BORN_ANYWHERE = ("-p", "detection_births.rates:=[0.01, 0.01]")
 PATIENCE_S = 60.0
-# Of the tracker: ten scans of one run of particles tell OSPA to some 10 % only.
+# Several seeds of the tracker, because OSPA over ten scans of one run of particles has an error of
+# some 10 %.
 SEEDS = (0, 1, 2)
 
 
@@ -51,16 +52,15 @@ def _run(seed: int, false_detections: int, count: int) -> tuple[float, float, in
     burst = range(FIRST, FIRST + count if false_detections else FIRST)
     counted = range(FIRST + count + SETTLING, FIRST + count + SETTLING + COUNTED)
     with Rig() as rig:
-        tracker = rig.tracker("-p", f"seed:={seed}", *BORN_ANYWHERE)
-        radars, slowest = rig.radars, 0.0
-        radars.connected()
+        tracker, radars = rig.tracking("-p", f"seed:={seed}", *BORN_ANYWHERE)
+        slowest = 0.0
         for index in range(counted.stop):
             if index == FIRST:
                 before = tracker.status("VmHWM")
             sent = time.monotonic()
             if index in burst:
                 for output, cloud in zip(
-                    radars.outputs, scans.drowned(false_detections)[index], strict=True
+                    radars.outputs, scans.with_clutter(false_detections)[index], strict=True
                 ):
                     output.publish(cloud)
             else:

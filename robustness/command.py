@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
 from . import (
     absurd,
@@ -32,7 +34,6 @@ from . import (
     publishers,
     raw_bytes,
     recordings,
-    report,
     restarts,
     soak,
     stamps_and_time,
@@ -42,6 +43,8 @@ from . import (
 from .figures import Figure, all_reached
 
 Measure = Callable[[], Figure]
+REACHED = {True: "yes", False: "no", None: "-"}
+STYLE = {True: None, False: "red", None: "dim"}
 
 ELSEWHERE = (
     Figure(
@@ -97,7 +100,7 @@ FAULTS: tuple[Measure, ...] = (
 
 
 def faults(arguments: argparse.Namespace) -> Iterator[Measure]:
-    """Yield the faults' measurements: all with one engine, and those of engines with the others."""
+    """Yield all measurements with one engine, and those that depend on the engine with others."""
     asked = [each for each in FAULTS if part_of(each) in (arguments.part or PARTS)]
     for measure in asked:
         yield engines.of(arguments.engine, measure)
@@ -151,6 +154,23 @@ def run(measures: Iterator[Measure], console: Console) -> list[Figure]:
     return found
 
 
+def table(title: str, figures: Sequence[Figure]) -> Table:
+    """Return the table."""
+    found = Table(title=title, show_lines=True)
+    for heading in ("figure", "goal", "measured", "reached"):
+        found.add_column(heading, overflow="fold")
+    for figure in figures:
+        measured = f"not measured: {figure.reason}" if figure.measured is None else figure.measured
+        found.add_row(
+            escape(figure.name),
+            escape(figure.goal),
+            escape(measured),
+            REACHED[figure.reached],
+            style=STYLE[figure.reached],
+        )
+    return found
+
+
 def write(figures: Sequence[Figure], directory: Path, elapsed_s: float) -> Path:
     """Write the summary; return its path."""
     directory.mkdir(parents=True, exist_ok=True)
@@ -190,7 +210,7 @@ def main(argv: Sequence[str]) -> int:
     begin = time.monotonic()
     figures = run(COMMANDS[arguments.command](arguments), console)
     elapsed_s = time.monotonic() - begin
-    console.print(report.table(arguments.command, figures))
+    console.print(table(arguments.command, figures))
     console.print(write(figures, arguments.out, elapsed_s), highlight=False)
     console.print(
         f"{elapsed_s:.0f} s; {len(os.sched_getaffinity(0))} CPUs, load {os.getloadavg()[0]:.1f}",

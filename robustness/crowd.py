@@ -1,6 +1,6 @@
-"""Scans of very many detections, with births from detections: their cost, and what comes after.
+"""Scans of very many detections, with births from detections: their cost, and their effect.
 
-Every case has a process of its own, so that its memory is that of the tracker alone.
+Every case runs in its own process, so that the measured memory is the tracker's.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from . import engines, scans
 from .figures import Found, in_own_process, measures
 
 DETECTIONS = 100_000
-# The profile for targets that appear anywhere has motions for Gaussians; particles have their own.
+# The profile has motions for Gaussians; particles have the default ones.
 PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
 BORN_ANYWHERE = {"births": [], "detection_births.rates": [0.05, 0.05]}
 CROWDED, CROWDS, LAST = 30, 2, 45
 CUTOFF, ORDER = 1000.0, 2.0
-# The scans after a crowd are few, and the distances in them scatter by a tenth from seed to seed.
+# Several seeds, because the mean distance over the few scans afterwards varies by a tenth.
 SEEDS = 3
-# Noise is what a jammed radar reports; equal high amplitudes are those of targets. The Gaussian
-# engine has one filter.
+# A jammed radar reports noise; equal high amplitudes look like targets. The Gaussian engine has one
+# filter only.
 CASES = {
     engines.PARTICLES: (
         ("noise", "particles"),
@@ -53,7 +53,7 @@ HIGH = 30.0
 )
 def measure(detections: int = DETECTIONS, seeds: int = SEEDS) -> Found:
     """Track the reference scenario with two crowded scans of both radars in its middle."""
-    engine = engines.chosen()
+    engine = engines.current()
     cases = CASES[engine]
     found = {
         " ".join(case): in_own_process(of_case, engine, detections, *case, seeds) for case in cases
@@ -79,7 +79,7 @@ def crowd(
     return measurement, np.full(count, HIGH) if amplitudes == "equal" else noise
 
 
-def _crowded(
+def _fill(
     given: Detections, radar: RadarModel, count: int, amplitudes: str, rng: np.random.Generator
 ) -> Detections:
     """Return a report filled up to `count` detections, decoded from a message."""
@@ -112,7 +112,7 @@ def _run(
         crowded = index in range(CROWDED, CROWDED + CROWDS)
         if crowded and detections:
             reports = tuple(
-                _crowded(given, radar, detections, amplitudes, rng)
+                _fill(given, radar, detections, amplitudes, rng)
                 for given, radar in zip(reports, config.model.radars, strict=True)
             )
         begin = time.process_time()

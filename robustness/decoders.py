@@ -33,7 +33,7 @@ FIELDS = (
     *("x", "range", "azimuth", "elevation", "amplitude", "time", "sector", "height"),
     *("range_std", "azimuth_std"),
 )
-# All that a radar may say of a detection.
+# A radar with all optional fields.
 RADAR = resolve(
     {
         "radar_1.rotation_s": 4.0,
@@ -110,7 +110,7 @@ def measure(examples: int = EXAMPLES) -> Found:
     rng = random.Random(2)
     with _quiet():
         for index in range(examples - examples // 2):
-            outcomes[_decoded(raw_bytes.mutated(scans.cloud(index, 0), rng))] += 1
+            outcomes[_decode(raw_bytes.mutate(scans.cloud(index, 0), rng))] += 1
     wrong = sum(count for what, count in outcomes.items() if what.startswith(("error", "NaN")))
     rejected = sum(count for what, count in outcomes.items() if what.startswith("rejected"))
     text = (
@@ -122,7 +122,7 @@ def measure(examples: int = EXAMPLES) -> Found:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Suppress what Fast CDR prints about every message that it cannot read."""
+    """Suppress the output of Fast CDR about unreadable messages."""
     kept = os.dup(2)
     try:
         with open(os.devnull, "wb") as nowhere:
@@ -133,7 +133,7 @@ def _quiet() -> Iterator[None]:
         os.close(kept)
 
 
-def _decoded(data: bytes) -> str:
+def _decode(data: bytes) -> str:
     try:
         cloud = interfaces.decode(data, names.CLOUD)
     except RejectedMessageError as error:
@@ -154,7 +154,7 @@ def _outcome(cloud: PointCloud2) -> str:
         return f"error: {type(error).__name__}: {error}"[:120]
     if isinstance(parts, Rejection) or sum(len(part) for _, part in parts) != len(found):
         return "error: detections lost"
-    # NaN is what is unknown of an amplitude or a deviation, and nothing else.
+    # Only amplitudes and standard deviations may be NaN, where they are unknown.
     values = [found.measurement, *([] if found.time_s is None else [found.time_s])]
     unknown = [each for each in (found.amplitude, found.noise_std) if each is not None]
     finite = all(np.isfinite(value).all() for value in values)
@@ -171,7 +171,7 @@ def measure_bags(examples: int = EXAMPLES // 10) -> Found:
         every = set(BagReader(original).messages())
         whole, file = original.read_bytes(), Path(directory) / "damaged.mcap"
         for _ in range(examples):
-            file.write_bytes(_damaged(whole, rng))
+            file.write_bytes(_damage(whole, rng))
             outcomes[_read(file, every)] += 1
     wrong = sum(n for what, n in outcomes.items() if what not in ("whole", "part", "refused"))
     text = f"{examples:,} damaged bags: {wrong} other errors or false messages"
@@ -190,7 +190,7 @@ def _read(file: Path, every: set[Any]) -> str:
     return "part" if found else "refused"
 
 
-def _damaged(data: bytes, rng: random.Random) -> bytes:
+def _damage(data: bytes, rng: random.Random) -> bytes:
     for _ in range(rng.randrange(1, 6)):
         at, size = rng.randrange(len(data)), rng.randrange(1, 60)
         kind = rng.randrange(4)

@@ -21,10 +21,6 @@ class Domain:
     Each holds the lock of a file in the temporary folder, which is released when the process ends
     in any way. ROS processes that do not use these locks are detected by their ports.
 
-    Attributes
-    ----------
-    number : int
-
     Raises
     ------
     RuntimeError
@@ -36,7 +32,7 @@ class Domain:
         first = os.getpid() + 7 * next(_requests)
         for offset in range(len(DOMAINS)):
             self.number = DOMAINS[(first + offset) % len(DOMAINS)]
-            lock = _locked(self.number)
+            lock = _lock(self.number)
             if lock is None:
                 continue
             if _ports_free(self.number):
@@ -50,7 +46,7 @@ class Domain:
         os.close(self._lock)
 
 
-def _locked(domain: int) -> int | None:
+def _lock(domain: int) -> int | None:
     """Return an open file that holds the lock of a domain, or None if another process has it."""
     path = Path(tempfile.gettempdir()) / f"phd_jdtc_ros_domain_{domain}.lock"
     try:

@@ -1,4 +1,4 @@
-"""Which engine the trackers under test have."""
+"""The engine of the trackers under test."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ALL = tuple(ENGINES)
 _chosen: ContextVar[str] = ContextVar("engine", default=PARTICLES)
 
 
-def chosen() -> str:
+def current() -> str:
     """Return the engine of the trackers that are started now."""
     return _chosen.get()
 
@@ -35,7 +35,7 @@ def using(engine: str) -> Iterator[None]:
 
 def arguments() -> tuple[str, ...]:
     """Return a tracker's arguments that choose the engine."""
-    return "--ros-args", "-p", f"engine:={chosen()}"
+    return "--ros-args", "-p", f"engine:={current()}"
 
 
 def of(engine: str, measure: Callable[[], Figure]) -> Callable[[], Figure]:

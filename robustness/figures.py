@@ -22,10 +22,8 @@ class Figure:
 
     Parameters
     ----------
-    name, goal : str
     measured : str or None
         As text with numbers; None if it could not be measured.
-    reached : bool or None
     reason : str
         Why it was not measured.
     details : mapping
@@ -53,12 +51,34 @@ class Figure:
 
 
 class NotMeasurableError(Exception):
-    """A figure cannot be measured here; the message says why."""
+    """A figure cannot be measured here; the message gives the reason."""
 
 
-# What a measurement gives: text, whether the goal is reached, and the numbers behind it.
+# The result of a measurement: text, whether the goal is reached, and the numbers behind it.
 Found: TypeAlias = "tuple[str, bool, Mapping[str, Any]]"
 P = ParamSpec("P")
+
+
+def result(text: str, reached: bool, **details: Any) -> Found:
+    """Return the result of a measurement."""
+    return text, reached, details
+
+
+def wrong_counts(
+    wanted: Mapping[str, int], counted: Mapping[str, Any]
+) -> tuple[dict[str, int], dict[str, tuple[int, int]], str]:
+    """Compare the counts in diagnostics with the wanted ones.
+
+    Returns the counts, the wrong ones with the wanted ones, and a text.
+    """
+    found = {key: int(counted.get(key, 0)) for key in wanted}
+    wrong = {key: (found[key], count) for key, count in wanted.items() if found[key] != count}
+    return found, wrong, f"counted wrongly: {wrong}" if wrong else "every one counted"
+
+
+def such_as(wrong: Mapping[str, Any]) -> str:
+    """Return the first of the faults as the end of a text; empty without any."""
+    return f", such as {next(iter(wrong.items()))}" if wrong else ""
 
 
 def measures(
@@ -70,7 +90,6 @@ def measures(
 
     Parameters
     ----------
-    name : str
     goal : str or callable
         In words, or a function of the same arguments that returns it.
     of_engines : bool
@@ -80,14 +99,14 @@ def measures(
     def decorated(measure: Callable[P, Found]) -> Callable[P, Figure]:
         @wraps(measure)
         def measured(*args: P.args, **kwargs: P.kwargs) -> Figure:
-            said = goal if isinstance(goal, str) else goal(*args, **kwargs)
+            words = goal if isinstance(goal, str) else goal(*args, **kwargs)
             try:
                 text, reached, details = measure(*args, **kwargs)
             except NotMeasurableError as error:
-                return Figure(name, said, None, None, str(error))
+                return Figure(name, words, None, None, str(error))
             except Exception as error:  # of any kind, also a fault of the measurement itself
-                return Figure(name, said, f"failed: {type(error).__name__}: {error}", False)
-            return Figure(name, said, text, reached, details=details)
+                return Figure(name, words, f"failed: {type(error).__name__}: {error}", False)
+            return Figure(name, words, text, reached, details=details)
 
         measured.__dict__["of_engines"] = of_engines
         return measured

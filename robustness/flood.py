@@ -19,7 +19,7 @@ from .rig import Rig
 
 SECONDS, ANSWER_S, STOP_S, MEMORY_MB = 5.0, 2.0, 2.0, 128.0
 NODE = "/asterix_bridge"
-# A plot of a radar with a place and nothing else: the smallest record that is one.
+# The smallest record of a plot: radar, place, and nothing else.
 RECORD = b"\x90\x01\x02\x10\x00\x20\x00"
 BODY = RECORD * (60_000 // len(RECORD))
 DATAGRAM = struct.pack(">BH", 48, len(BODY) + 3) + BODY
@@ -48,7 +48,7 @@ class _Flood:
                 try:
                     sock.sendto(DATAGRAM, ("127.0.0.1", self._port))
                     self.sent += 1
-                except OSError:  # nobody listens any more
+                except OSError:  # the receiver has ended
                     time.sleep(0.01)
 
 
@@ -58,7 +58,7 @@ class _Flood:
     f"{STOP_S:g} s, {MEMORY_MB:g} MB more, drops counted",
 )
 def measure() -> Found:
-    """Flood the bridge, ask it for something all the time, and stop it in another flood."""
+    """Flood the bridge while calling a service, and stop it during another flood."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -77,7 +77,7 @@ def measure() -> Found:
             while time.monotonic() < until_s and bridge.alive:
                 answers.append(_answer_s(radars))
         answers.append(_answer_s(radars))
-        told = radars.spin_until(lambda: lost[0] > 0, 10.0)
+        counted = radars.spin_until(lambda: lost[0] > 0, 10.0)
         memory_mb = bridge.status("VmHWM") / 1024.0 - before_mb
         with _Flood(port):
             time.sleep(1.0)
@@ -88,15 +88,10 @@ def measure() -> Found:
         f"{flood.sent:,} datagrams: answers within {max(answers):.2f} s, stops in {stop_s:.2f} s "
         f"with status {status}, +{memory_mb:.0f} MB, {lost[0]:,} drops counted"
     )
-    reached = (
-        max(answers) <= ANSWER_S
-        and stop_s <= STOP_S
-        and status == 0
-        and memory_mb <= MEMORY_MB
-        and told
-    )
-    details = {"answer_s": max(answers), "stop_s": stop_s, "memory_mb": memory_mb, "lost": lost[0]}
-    return text, reached, details
+    prompt = max(answers) <= ANSWER_S and stop_s <= STOP_S and status == 0
+    reached = prompt and memory_mb <= MEMORY_MB and counted
+    figures = {"answer_s": max(answers), "stop_s": stop_s, "memory_mb": memory_mb, "lost": lost[0]}
+    return text, reached, figures
 
 
 def _answer_s(radars: Radars) -> float:

@@ -1,16 +1,15 @@
-"""Forged checkpoints: right checksums, wrong contents. Each must be a cold start with a reason.
+"""Forged checkpoints with right checksums. Each must lead to a cold start with a reason.
 
-They have a process of their own, so that its memory is that of the restart alone.
+They run in a separate process, so that the measured memory is that of the restart.
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
+import json
 import os
 import resource
 import tempfile
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -29,7 +28,7 @@ from .figures import Found, in_own_process, measures
 
 SCANS = 6
 VALUES: Mapping[str, Any] = {"seed": 0}
-# All that a radar may learn of its clutter.
+# Everything that is learned of a radar's clutter.
 LEARNING = {
     "radar_1.clutter_amplitude": "learned",
     "radar_1.clutter_map": True,
@@ -37,12 +36,10 @@ LEARNING = {
 }
 Change = Callable[[Snapshot], object]
 OLDEST, NEXT, STAMPS = "stored.0", "stored.1", "window.stamps_ns"
-# What an archive of either engine begins with.
-FIRST = (f"array.{OLDEST}.state.npy", f"array.{OLDEST}.mean.npy")
 
 
 class _Log:
-    """Keeps what is logged."""
+    """Collects log lines."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -60,7 +57,7 @@ class _Log:
 )
 def measure() -> Found:
     """Start from every forgery and track on."""
-    found = in_own_process(outcomes, engines.chosen())
+    found = in_own_process(outcomes, engines.current())
     wrong = {name: what for name, what in found["outcomes"].items() if what != "cold"}
     text = f"{len(found['outcomes'])} kinds: {len(wrong)} wrong, {found['memory_mb']:.0f} MB"
     return text, not wrong and found["memory_mb"] <= 256.0, {**found, "wrong": wrong}
@@ -113,7 +110,7 @@ def contents(engine: str, honest: Snapshot) -> dict[str, Change]:
 
 
 def _common() -> dict[str, Change]:
-    """Return changes of what is in every engine's snapshot."""
+    """Return changes that apply to the snapshots of both engines."""
     values = {
         "a scan index as a float": ("filter.scan_index", 1e9),
         "a huge scan index": ("filter.scan_index", 1 << 62),
@@ -126,8 +123,8 @@ def _common() -> dict[str, Change]:
         "no window": ("window.entries", "7"),
     }
     return {
-        **{what: _replaced(name, value) for what, (name, value) in values.items()},
-        "stamps backwards": lambda s: _replaced(STAMPS, s.arrays[STAMPS][::-1])(s),
+        **{what: _replace(name, value) for what, (name, value) in values.items()},
+        "stamps backwards": lambda s: _replace(STAMPS, s.arrays[STAMPS][::-1])(s),
         "a huge stamp": _put(STAMPS, 1 << 62),
         "a stamp as a float": _put(STAMPS, 1.0, "f8"),
         "track numbers that are none": lambda s: s.arrays.pop("numbers.number"),
@@ -138,13 +135,13 @@ def _common() -> dict[str, Change]:
     }
 
 
-def _replaced(name: str, value: Any) -> Change:
+def _replace(name: str, value: Any) -> Change:
     """Return a change that replaces an array."""
     return lambda snapshot: snapshot.arrays.update({name: np.array(value)})
 
 
 def _of_another(part: str) -> Change:
-    """Return a change after which what was learned of clutter is that of another radar."""
+    """Return a change that assigns the learned clutter to another radar."""
 
     def change(snapshot: Snapshot) -> None:
         for name in [name for name in snapshot.arrays if name.startswith(f"{part}.radar_1.")]:
@@ -179,7 +176,7 @@ def _of_mixtures(honest: Snapshot) -> dict[str, Change]:
         "means of other axes": _other_axes(f"{OLDEST}.mean"),
         "means as text": _whole(f"{OLDEST}.mean"),
         "covariances with a negative eigenvalue": _against_each_other(f"{OLDEST}.covariance"),
-        "covariances that are not symmetric": _lopsided(f"{OLDEST}.covariance"),
+        "covariances that are not symmetric": _asymmetric(f"{OLDEST}.covariance"),
         "survival above one": _put(f"{link}.survival", 1.5),
         "a share above one": _put(f"{link}.share", 3.0),
         **values,
@@ -201,7 +198,7 @@ def _whole(name: str) -> Change:
 
 
 def _against_each_other(name: str) -> Change:
-    """Return a change after which three axes are all against each other, as no three can be."""
+    """Return a change that makes the correlations of three axes impossibly negative."""
 
     def change(snapshot: Snapshot) -> None:
         matrix = np.array(snapshot.arrays[name])
@@ -213,7 +210,7 @@ def _against_each_other(name: str) -> Change:
     return change
 
 
-def _lopsided(name: str) -> Change:
+def _asymmetric(name: str) -> Change:
     def change(snapshot: Snapshot) -> None:
         matrix = np.array(snapshot.arrays[name])
         matrix[..., 0, 1] *= -0.5
@@ -223,36 +220,41 @@ def _lopsided(name: str) -> Change:
     return change
 
 
-def archives(body: bytes) -> dict[str, bytes]:
-    """Return archives that are no honest ones, by name; `body` is one that is."""
-    with zipfile.ZipFile(io.BytesIO(body)) as archive:
-        parts = {name: archive.read(name) for name in archive.namelist()}
-    first = next(name for name in parts if name in FIRST)
+def bodies(body: bytes) -> dict[str, bytes]:
+    """Return forged bodies of a file, by name; `body` is an honest one."""
+    start = checkpoint.LENGTH_SIZE
+    end = start + int.from_bytes(body[:start], "little")
+    honest, data = json.loads(body[start:end]), body[end:]
+    first = next(iter(honest["arrays"]))
 
-    def packed(changes: Mapping[str, bytes], kind: int = zipfile.ZIP_STORED) -> bytes:
-        into = io.BytesIO()
-        with zipfile.ZipFile(into, "w", kind, compresslevel=1) as archive:
-            for name, data in {**parts, **changes}.items():
-                archive.writestr(name, data)
-        return into.getvalue()
+    def packed(text: bytes, data: bytes = data) -> bytes:
+        return len(text).to_bytes(start, "little") + text + data
 
-    def header(shape: str, kind: str = "<f8") -> bytes:
-        text = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
-        return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
+    def described(kind: str, shape: Any, data: bytes = data) -> bytes:
+        arrays = {**honest["arrays"], first: [kind, shape]}
+        return packed(json.dumps({**honest, "arrays": arrays}).encode(), data)
 
-    long = b"[0" + b",0" * 29_999_999 + b"]"
-    swelling = header(f"({1 << 29},)", "|u1") + bytes(1 << 29)
+    def other(**parts: Any) -> bytes:
+        return packed(json.dumps({**honest, **parts}).encode())
+
+    text = json.dumps(honest).encode()
     return {
-        "an archive that swells": packed({"array.more.npy": swelling}, zipfile.ZIP_DEFLATED),
-        "a header of a huge shape": packed({first: header("(1000000000000, 5)")}),
-        "a header of a negative shape": packed({first: header("(-1, 5)")}),
-        "a header that is no header": packed({first: b"\x93NUMPY\x01\x00\xff\xff("}),
-        "an array of objects": packed({first: header("(1,)", "|O") + bytes(8)}),
-        "deep facts": packed({"facts.npy": header("(200000,)", "|u1") + b"[" * 200_000}),
-        "long facts": packed({"facts.npy": header("(60000001,)", "|u1") + long}),
-        "facts that are a list": packed({"facts.npy": header("(2,)", "|u1") + b"[]"}),
-        "very many members": packed({f"{k}.npy": b"" for k in range(100_000)}),
-        "no archive": b"nothing",
+        "an array of a huge shape": described("<f8", [10**12, 5]),
+        "an array of a shape beyond all integers": described("<f8", [10**30, 0]),
+        "an array of a negative shape": described("<f8", [-1, 5]),
+        "an array of a shape that is a text": described("<f8", "5"),
+        "an array of objects": described("|O", [1]),
+        "an array of no type": described("?!", [1]),
+        "arrays that are longer than the file": packed(text, data[:-1]),
+        "arrays that are shorter than the file": packed(text, data + b"0"),
+        "very many arrays": other(arrays={f"{k}": ["<f8", [0]] for k in range(90_000)}),
+        "arrays that are a list": other(arrays=[]),
+        "deep facts": packed(text.replace(b'"facts": {', b'"facts": {"x": ' + b"[" * 200_000, 1)),
+        "a long header": packed(b"[0" + b",0" * 29_999_999 + b"]"),
+        "a header that is longer than the file": b"\xff\xff\x1f\x00" + text,
+        "facts that are a list": other(facts=[]),
+        "a header that is no text": packed(b"\xff" * 99),
+        "no header": b"nothing",
         "nothing": b"",
     }
 
@@ -261,7 +263,7 @@ def _new(engine: str) -> Engine:
     return new_engine(resolve({"engine": engine, **LEARNING}))
 
 
-def _forged(kind: str) -> Iterator[tuple[str, bytes]]:
+def _forgeries(kind: str) -> Iterator[tuple[str, bytes]]:
     """Yield forged files of an engine, by name."""
     engine = _new(kind)
     for scan in scans.reference()[:SCANS]:
@@ -279,12 +281,12 @@ def _forged(kind: str) -> Iterator[tuple[str, bytes]]:
             yield name, written(snapshot)
         start = len(checkpoint.MAGIC) + checkpoint.DIGEST_SIZE
         honest = written(engine.snapshot())[start:]
-        for name, body in archives(honest).items():
+        for name, body in bodies(honest).items():
             yield name, checkpoint.MAGIC + hashlib.sha256(body).digest() + body
 
 
 def outcome(path: Path, kind: str) -> str:
-    """Start from a file and track on; return ``cold``, or what was wrong."""
+    """Start from a file and track on; return ``cold``, or the fault."""
     log, engine = _Log(), _new(kind)
     following = scans.reference()[SCANS : SCANS + 2]
     try:
@@ -303,7 +305,7 @@ def outcome(path: Path, kind: str) -> str:
 
 
 def _covariances(found: Estimates) -> bool:
-    """Return whether the estimates' covariances are ones."""
+    """Return whether the estimates' covariances are finite and positive semidefinite."""
     finite = np.isfinite(found.covariance).all()
     return bool(finite and (np.linalg.eigvalsh(found.covariance) > -1e-6).all())
 
@@ -312,9 +314,9 @@ def outcomes(kind: str) -> dict[str, Any]:
     """Return the outcomes and the memory of all starts."""
     with tempfile.TemporaryDirectory() as directory:
         paths = []
-        child = os.fork()  # what makes the forgeries takes memory of its own
+        child = os.fork()  # the forgeries are made elsewhere, because that takes memory
         if not child:
-            for index, (name, data) in enumerate(_forged(kind)):
+            for index, (name, data) in enumerate(_forgeries(kind)):
                 (Path(directory) / f"{index:03} {name}").write_bytes(data)
             os._exit(0)
         os.waitpid(child, 0)

@@ -1,8 +1,4 @@
-"""Work that grows faster than what somebody sends: seams, repeated buffers, names, forged times.
-
-What uses memory is a process of its own (``python -m robustness.hostile SPREAD``), which prints
-the CPU time, s, and the memory, MB, that it took in addition to what it had before.
-"""
+"""Input whose cost might grow faster than its size: seams, repetitions, names, forged times."""
 
 from __future__ import annotations
 
@@ -23,7 +19,7 @@ from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.tracks.region import Region
@@ -33,7 +29,7 @@ from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.tools.asterix import reading
 
 from . import engines
-from .figures import Found, in_own_process, measures
+from .figures import Found, in_own_process, measures, such_as
 
 NS = 10**9
 DAY_NS = 20_779 * 86_400 * NS
@@ -60,26 +56,26 @@ def measure_seam() -> Found:
 
 
 def join(spread: float) -> dict[str, float]:
-    """Return the most CPU time of a stamp, and the memory that a few of them take.
+    """Return the largest CPU time of a stamp, and the memory of a few stamps.
 
-    The targets at the seam are spread so far, metres.
+    `spread` is the largest distance of the targets from the seam, metres.
     """
     rng = np.random.default_rng(0)
     place = rng.uniform(-spread, spread, (TARGETS, 2))
     handover = Handover(REGIONS, 2e3)
-    # What SciPy loads the first time is no work on targets.
+    # The first call loads SciPy, and is not measured.
     handover.add({k: _tracks(0, place[:2]) for k in range(2)})
     before, step_s = _peak_mb(), 0.0
     for stamp in range(1, 5):
-        said = {k: _tracks(stamp, place + rng.normal(0.0, 20.0, place.shape)) for k in range(2)}
+        both = {k: _tracks(stamp, place + rng.normal(0.0, 20.0, place.shape)) for k in range(2)}
         begin_s = time.process_time()
-        handover.add(said)
+        handover.add(both)
         step_s = max(step_s, time.process_time() - begin_s)
     return {"step_s": step_s, "memory_mb": _peak_mb() - before}
 
 
 def _peak_mb() -> float:
-    # The kernel's own figure of a process is at first that of the one which started it.
+    # Not `getrusage`, whose figure begins with that of the parent process.
     text = Path("/proc/self/status").read_text()
     return int(text.partition("VmHWM:")[2].split()[0]) / 1024.0
 
@@ -106,10 +102,10 @@ def _tracks(stamp: int, place: np.ndarray[Any, Any]) -> Estimates:
     of_engines=True,
 )
 def measure_repeated() -> Found:
-    """Track a target whose radar's driver sends its buffer many times in some scans."""
+    """Track a target of a radar whose driver repeats its buffer many times in some scans."""
     given = from_arguments.load(PROFILE)
     of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
-    engine = engines.chosen()
+    engine = engines.current()
     config = tracker_params.config({**of_one, "sensors": ["radar_1"], "engine": engine})
     pipeline, targets, counted = new_pipeline(config), [], 0
     for scan in range(SCANS):
@@ -131,9 +127,9 @@ def measure_repeated() -> Found:
     return text, reached, {"targets": targets, "counted": counted}
 
 
-@measures("long lists of names", f"{NAMES} in each list: told, or accepted, within 2 s of CPU")
+@measures("long lists of names", f"{NAMES} in each list: refused or accepted in 2 s of CPU")
 def measure_names() -> Found:
-    """Give lists of very many names; what is wrong with them must be told soon."""
+    """Configure lists of very many names; their faults must be reported quickly."""
     seconds = {}
     for group in ("classes", "motions", "births", "sensors", "shared_codes"):
         for with_sections in (False, True):
@@ -144,10 +140,10 @@ def measure_names() -> Found:
             begin_s = time.process_time()
             try:
                 tracker_params.config(given)
-                told = "accepted"
+                outcome = "accepted"
             except ConfigError as error:
-                told = error.faults[0][:60]
-            key = f"{group}{' with sections' * with_sections}: {told}"
+                outcome = error.faults[0][:60]
+            key = f"{group}{' with sections' * with_sections}: {outcome}"
             seconds[key] = time.process_time() - begin_s
     longest_s = max(seconds.values())
     return f"{longest_s:.2f} s", longest_s <= 2.0, {"seconds": seconds}
@@ -164,21 +160,19 @@ def measure_forged_times() -> Found:
     for name, (crossings, sector, times_ns) in _forgeries().items():
         stream = PlotStream({}, finders=PlotTurns)
         empty = 0
-        for data, received_ns in _forged(crossings, sector, times_ns):
+        for data, received_ns in _datagrams(crossings, sector, times_ns):
             empty += sum(not report.plots for _, report in stream.feed(data, received_ns))
         (state,) = stream.radars.values()
         turn_s, off = state.assembler.turn_s, state.counts["time_off"]
         found[name] = {"empty": empty, "turn_s": turn_s, "off": off}
         if abs(turn_s / ROTATION_S - 1.0) > 0.01 or empty or off != FORGED:
             wrong[name] = str(found[name])
-    text = f"{len(found) + 1} captures: {len(wrong)} wrong"
-    if wrong:
-        text += f", such as {next(iter(wrong.items()))}"
+    text = f"{len(found) + 1} captures: {len(wrong)} wrong{such_as(wrong)}"
     return text, not wrong, {"wrong": wrong, **found}
 
 
 def _forged_record_times() -> dict[str, str]:
-    """Return what is wrong with the bag of a capture with the times 0 and 2^32-1 of records."""
+    """Return the faults of the bag of a capture with the record times 0 and 2^32 - 1."""
     times_ns = [0, (2**32 - 1) * NS]
     line, count = pcap_out.Line(), 3 * SECTORS
     packets = [
@@ -214,8 +208,10 @@ def _forgeries() -> Mapping[str, tuple[bool, int, Sequence[int]]]:
     return found
 
 
-def _forged(crossings: bool, sector: int, times_ns: Sequence[int]) -> Iterator[tuple[bytes, int]]:
-    """Yield the datagrams of a radar, with forged ones after a sector, and when they come."""
+def _datagrams(
+    crossings: bool, sector: int, times_ns: Sequence[int]
+) -> Iterator[tuple[bytes, int]]:
+    """Yield a radar's datagrams and their times of receipt, with forged ones after a sector."""
     azimuths = np.random.default_rng(1).uniform(0.0, 2.0 * math.pi, len(times_ns))
     for k in range(40 * SECTORS):
         yield _good(_at(k), k, crossings), _at(k)
@@ -225,12 +221,12 @@ def _forged(crossings: bool, sector: int, times_ns: Sequence[int]) -> Iterator[t
 
 
 def _at(sector: int) -> int:
-    """Return when the antenna has passed a sector, counted on over the turns."""
+    """Return the time at which the antenna has passed a sector, which are counted over turns."""
     return DAY_NS + 36_000 * NS + round(sector / SECTORS * ROTATION_S * NS)
 
 
 def _good(time_ns: int, sector: int, crossings: bool) -> bytes:
-    """Return what a radar sends of a sector: two plots, and perhaps the crossing."""
+    """Return a radar's datagram of a sector: two plots, and optionally the crossing."""
     azimuth = sector / SECTORS * 2.0 * math.pi
     plots = [(time_ns - 10**7 * k, _plot(azimuth - 0.05 * k)) for k in (1, 2)]
     crossing = plots_out.service_block(RADAR, time_ns, azimuth % (2.0 * math.pi), 0.0)

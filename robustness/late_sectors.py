@@ -1,4 +1,4 @@
-"""Sectors that come late, are lost, or come late in a burst, to a tracker that works them in."""
+"""Out-of-sequence sectors, a lost one, and a burst of late ones, with reprocessing."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import stamps
 
 from . import scans
-from .figures import Found, measures
+from .figures import Found, measures, result
 from .radars import Radars
 from .rig import Rig
 from .turning import NEAR_M, ROTATION_S, SECTORS, Antenna, how_far, send, settings
 
 WARM_UP, TURNS = 4, 8
-# Every so many sectors one is late by so many others; prime to the sectors of a turn.
+# Every 11th sector, which is prime to the sectors of a turn, is late by 5 sectors.
 EVERY, LATE_BY = 11, 5
 LOST = 6 * SECTORS + 6
-# Late clouds of stamps between those of sectors, without a sector between them.
+# Number of late clouds in a burst, with stamps between those of sectors.
 BURST = 150
-# What a late cloud is counted as; in a burst the queue overflows.
+# Diagnostics in which a late cloud is counted; in a burst the queue overflows.
 COUNTED = ("late_reworked", "dropped_late_burst", "gaps")
-# Of a burst at most so many are worked in: two windows of 32 sectors pay for them.
+# Largest number of reprocessed clouds of a burst: the budget of two windows of 32 sectors.
 MOST = 2 * (2 * SECTORS + 1)
 ROTATION_NS = round(ROTATION_S * 1e9)
-# Within this, the next sector's estimates come after a burst.
+# Longest time from a burst to the estimates of the next sector.
 ANSWER_S = 5.0
 
 
@@ -39,15 +39,12 @@ def measure() -> Found:
     """Send sectors late, leave one out, send a burst of late ones, and count what happens."""
     given = {"late_reports": "rework", "lag": f"{2.0 * ROTATION_S:g} s"}
     with Rig() as rig:
-        tracker = rig.tracker(*settings(**given))
-        radars = rig.radars
-        radars.node.destroy_publisher(radars.outputs.pop())
-        radars.connected()
+        tracker, radars = rig.tracking(*settings(**given), radars=1)
         antenna = Antenna(np.random.default_rng(2))
         late, lost, apart = _send_all(radars, antenna)
-        before = _counted(radars)
+        before = _counts(radars)
         answered = _burst(radars, antenna)
-        after = _counted(radars)
+        after = _counts(radars)
         alive, not_finite = tracker.alive, radars.not_finite
     worked_in = before["late_reworked"]
     tracked = float(np.mean(np.array(apart) < NEAR_M))
@@ -60,8 +57,8 @@ def measure() -> Found:
     )
     bounded = answered and sum(in_burst.values()) == BURST and in_burst["late_reworked"] < MOST
     reached = alive and not not_finite and worked_in == late and not lost and bounded
-    details = {"late": late, "worked_in": worked_in, "tracked": tracked, "burst": in_burst}
-    return text, reached and tracked > 0.98, details
+    reached = reached and tracked > 0.98
+    return result(text, reached, late=late, worked_in=worked_in, tracked=tracked, burst=in_burst)
 
 
 def _send_all(radars: Radars, antenna: Antenna) -> tuple[int, int, list[float]]:
@@ -98,6 +95,6 @@ def _burst(radars: Radars, antenna: Antenna) -> bool:
     return radars.spin_until(lambda: len(radars.filtered) > before, ANSWER_S)
 
 
-def _counted(radars: Radars) -> dict[str, int]:
+def _counts(radars: Radars) -> dict[str, int]:
     values = radars.values("radar_1")
     return {key: int(values.get(key, 0)) for key in COUNTED}

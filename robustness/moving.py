@@ -16,15 +16,14 @@ from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.types import Detections, Pose
 
 from . import scans
-from .figures import Found, measures
-from .radars import Radars
+from .figures import Found, measures, result, wrong_counts
 from .rig import Rig
 
 TOPIC, FRAME = "/own_ship/odometry", "map"
 INTERVAL_S, SCANS, WARM_UP = 2.0, 26, 8
-# Of a scan's interval; the poses between two scans are not at the scans' times.
+# Number of poses per scan interval; they are not at the scans' times.
 POSES = 4
-# Scans without poses before them: beyond what is extrapolated, 1 s.
+# Scans without recent poses: the gap is longer than the limit of extrapolation, 1 s.
 SILENT = (14, 15)
 # The ship's velocity, and the target's place and velocity, m and m/s.
 SHIP, PLACE, VELOCITY = np.array([6.0, 2.0]), np.array([700.0, 400.0]), np.array([-5.0, 3.0])
@@ -65,7 +64,7 @@ class Fault:
     counted : str
         The key in the diagnostics.
     shift_s : float
-        What its stamp is later than that of the last good one, seconds.
+        Difference of its stamp to the last good one's, seconds.
     change : callable
         Spoils the message.
     """
@@ -79,7 +78,7 @@ def _frame(message: Odometry) -> None:
     message.header.frame_id = "odom"
 
 
-def _unfilled(message: Odometry) -> None:
+def _zero_orientation(message: Odometry) -> None:
     turn = message.pose.pose.orientation
     turn.x = turn.y = turn.z = turn.w = 0.0
 
@@ -105,7 +104,7 @@ FAULTS: Mapping[str, Fault] = {
     "a position that is NaN": Fault("dropped_not_finite", 0.05, _at(math.nan)),
     "a position of infinity": Fault("dropped_not_finite", 0.05, _at(math.inf)),
     "a position of the other side of the earth": Fault("dropped_range", 0.05, _at(1e8)),
-    "no orientation": Fault("dropped_orientation", 0.05, _unfilled),
+    "no orientation": Fault("dropped_orientation", 0.05, _zero_orientation),
     "an absurd orientation": Fault("dropped_orientation", 0.05, _absurd),
     "a jump of 5 km": Fault("dropped_jump", 0.05, _at(5e3)),
     "late": Fault("dropped_late", -1.3, _nothing),
@@ -125,7 +124,7 @@ def _odometry(time_s: float) -> Odometry:
 
 
 def _cloud(time_s: float, rng: np.random.Generator) -> PointCloud2:
-    """Return what the radar sees of the target, and a false detection."""
+    """Return the detection of the target, and a false one."""
     pose = _ship(time_s)
     east, north = PLACE + VELOCITY * time_s - pose.position
     seen = np.array([math.hypot(east, north), math.atan2(north, east) - pose.yaw])
@@ -147,14 +146,12 @@ def measure() -> Found:
     settings = [word for name, value in PARAMETERS.items() for word in ("-p", f"{name}:={value}")]
     reliable = ("-p", f"qos_overrides.{TOPIC}.subscription.reliability:=reliable")
     with Rig() as rig:
-        tracker, radars = rig.tracker(*settings, *reliable), rig.radars
-        radars.node.destroy_publisher(radars.outputs.pop())
+        tracker, radars = rig.tracking(*settings, *reliable, radars=1)
         poses = radars.node.create_publisher(Odometry, TOPIC, 50)
-        radars.connected()
         radars.spin_until(lambda: poses.get_subscription_count() > 0, REPLY_S)
         rng, left, lost, away = np.random.default_rng(1), dict(FAULTS), [], []
         wanted = Counter[str]()
-        # So that the first scan is between two poses.
+        # The first scan must be between two poses.
         poses.publish(_odometry(-0.5 * INTERVAL_S / POSES))
         for index in range(SCANS):
             begin_s, before = index * INTERVAL_S, len(radars.filtered)
@@ -178,28 +175,15 @@ def measure() -> Found:
             if not tracker.alive:
                 raise RuntimeError(f"scan {index}: the tracker ended:\n{tracker.text[-2000:]}")
             if came and index > WARM_UP:
-                away.append(_away(radars))
-        counted, missing = radars.values("pose of radar_1"), radars.values("radar_1")
+                away.append(radars.nearest(lambda then_s: PLACE + VELOCITY * then_s))
+        counted = {**radars.values("radar_1"), **radars.values("pose of radar_1")}
         not_finite = radars.not_finite
-    found = {key: int(counted.get(key, 0)) for key in wanted}
-    found["dropped_pose_missing"] = int(missing.get("dropped_pose_missing", 0))
     wanted["dropped_pose_missing"] = len(SILENT)
-    wrong = {key: (found[key], count) for key, count in wanted.items() if found[key] != count}
+    found, wrong, said = wrong_counts(wanted, counted)
     tracked = float(np.mean(np.array(away) < NEAR_M))
     text = (
         f"0 exits, {not_finite} with NaN, {len(lost)} good scans lost, {len(FAULTS) + 1} faults; "
-        f"{'every one counted' if not wrong else f'counted wrongly: {wrong}'}; the target is "
-        f"within {NEAR_M:g} m in {100.0 * tracked:.1f} % of the estimates"
+        f"{said}; the target is within {NEAR_M:g} m in {100.0 * tracked:.1f} % of the estimates"
     )
     reached = not (lost or wrong or not_finite or left) and tracked == 1.0
-    return text, reached, {"counted": found, "wanted": dict(wanted), "tracked": tracked}
-
-
-def _away(radars: Radars) -> float:
-    """Return how far the nearest of the latest estimates is from the target, m."""
-    stamp_ns, _ = radars.filtered[-1]
-    found = radars.found[stamp_ns]
-    if found is None or not len(found):
-        return math.inf
-    place = PLACE + VELOCITY * (stamp_ns - scans.START_NS) * 1e-9
-    return float(np.hypot(*(found.position - place).T).min())
+    return result(text, reached, counted=found, wanted=dict(wanted), tracked=tracked)

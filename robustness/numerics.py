@@ -1,6 +1,6 @@
-"""Scans at the edge of what numbers hold: hardly any noise or time, an hour's gap, range zero.
+"""Scans at the limits of floating point: hardly any noise or time, an hour's gap, range zero.
 
-A covariance that is not one must never leave an engine, and what it holds must be restorable.
+An engine must never publish an invalid covariance, and its state must stay restorable.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
 from . import engines, scans
-from .figures import Found, measures
+from .figures import Found, measures, result, such_as
 
 PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
 HOUR_S = 3600.0
 USUAL_S = 6.0
-# The least variance of a place or a velocity; a target that is one particle has none.
+# Smallest variance of a position or a velocity; it is 0 for a target with a single particle.
 LEAST_VARIANCE = {engines.PARTICLES: 0.0, engines.GAUSSIAN: 1e-12}
-# Largest negative eigenvalue of a correlation matrix, by rounding.
+# Rounding error of the eigenvalues of a correlation matrix.
 ROUNDING = 1e-9
 LONG_GAPS = {"max_gap_scans": 1e5}
 EXACT = {
@@ -49,7 +49,6 @@ class Case:
 
     Parameters
     ----------
-    scans : function of the configuration
     values : mapping
         Added to the profile's.
     """
@@ -71,12 +70,12 @@ def _at(*intervals_s: float) -> Callable[[TrackerConfig], Run]:
     return run
 
 
-def _simulated(config: TrackerConfig) -> Run:
+def _simulate(config: TrackerConfig) -> Run:
     """Return scans with the configuration's noise."""
     return [scan for _, scan in simulate(paper_scenario(config.model.radars), 0)]
 
 
-def _changed(change: Callable[[Detections], Detections]) -> Callable[[TrackerConfig], Run]:
+def _change(change: Callable[[Detections], Detections]) -> Callable[[TrackerConfig], Run]:
     def run(_: TrackerConfig) -> Run:
         return [
             Scan(scan.stamp_ns, tuple(None if d is None else change(d) for d in scan.detections))
@@ -86,7 +85,7 @@ def _changed(change: Callable[[Detections], Detections]) -> Callable[[TrackerCon
     return run
 
 
-def _repeated(found: Detections) -> Detections:
+def _repeat(found: Detections) -> Detections:
     """Return every detection three times."""
     amplitude = None if found.amplitude is None else np.repeat(found.amplitude, 3)
     return Detections(np.repeat(found.measurement, 3, axis=0), amplitude)
@@ -108,12 +107,12 @@ CASES: Mapping[str, Case] = {
     "1 us": Case(_at(1e-6)),
     "an hour's gap": Case(_at(*[USUAL_S] * 40, HOUR_S), LONG_GAPS),
     "1 ms and an hour": Case(_at(*[USUAL_S] * 5, 1e-3, HOUR_S), {**LONG_GAPS, "spawn.rate": 0.0}),
-    "hardly any noise": Case(_simulated, EXACT),
-    "hardly any noise of radars and motions": Case(_simulated, {**EXACT, **STILL}),
+    "hardly any noise": Case(_simulate, EXACT),
+    "hardly any noise of radars and motions": Case(_simulate, {**EXACT, **STILL}),
     "less noise assumed than there is": Case(_at(USUAL_S), EXACT),
-    "every detection three times": Case(_changed(_repeated)),
-    "at the radar": Case(_changed(_at_the_radar)),
-    "no detections": Case(_changed(_nothing)),
+    "every detection three times": Case(_change(_repeat)),
+    "at the radar": Case(_change(_at_the_radar)),
+    "no detections": Case(_change(_nothing)),
 }
 
 
@@ -128,18 +127,16 @@ def measure(cases: Mapping[str, Case] = CASES) -> Found:
     seconds = {}
     for name, case in cases.items():
         begin = time.process_time()
-        fault = outcome(case, engines.chosen())
+        fault = outcome(case, engines.current())
         seconds[name] = time.process_time() - begin
         if fault:
             wrong[name] = fault
-    text = f"{len(cases)} kinds: {len(wrong)} wrong"
-    if wrong:
-        text += f", such as {next(iter(wrong.items()))}"
-    return text, not wrong, {"wrong": wrong, "seconds": seconds}
+    text = f"{len(cases)} kinds: {len(wrong)} wrong{such_as(wrong)}"
+    return result(text, not wrong, wrong=wrong, seconds=seconds)
 
 
 def outcome(case: Case, engine: str) -> str:
-    """Return what is wrong with what an engine makes of a case; empty if nothing is."""
+    """Return the fault in an engine's estimates of a case; empty without one."""
     values = {**from_arguments.load(PROFILE), **case.values, "engine": engine}
     config = tracker_params.config(values)
     tracker, restored = new_engine(config), new_engine(config)
@@ -161,7 +158,7 @@ def outcome(case: Case, engine: str) -> str:
 
 
 def fault_of(found: Estimates, least_variance: float) -> str:
-    """Return what is wrong with estimates; empty if nothing is."""
+    """Return the fault of estimates; empty without one."""
     for name in ("state", "covariance", "weight", "class_probability"):
         if not np.isfinite(getattr(found, name)).all():
             return f"{name} is not finite"
@@ -175,7 +172,7 @@ def _faults_of_covariances(covariance: FloatArray, least_variance: float) -> Ite
     if (apart > ROUNDING * np.abs(covariance).max(axis=(1, 2), keepdims=True)).any():
         yield "a covariance is not symmetric"
     variance = np.diagonal(covariance, axis1=1, axis2=2)
-    # A target that cannot turn has no deviation of its turn rate.
+    # The turn rate of a target without a turning motion has no variance.
     if (variance[:, :4] < least_variance).any() or (variance < 0.0).any():
         yield "a variance is not positive"
     std = np.sqrt(np.where(variance > 0.0, variance, 1.0))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from . import engines, scans
-from .figures import Found, measures
+from .figures import Found, measures, result
 from .radars import Radars
 from .rig import Node, Rig
 
@@ -21,7 +21,7 @@ SAID_SCANS = 2000
 ADVICE = "turn down"
 
 
-# Parameters of each engine with which steps are slow enough.
+# Parameters with which an engine's steps are slow enough.
 SLOW = {
     engines.PARTICLES: ("-p", "particles_per_target:=3000"),
     engines.GAUSSIAN: ("-p", "lag:=60"),
@@ -34,7 +34,7 @@ SLOW = {
     of_engines=True,
 )
 def measure_said(count: int = SAID_SCANS) -> Found:
-    """Send scans at ten times the sustainable rate, and read what the diagnostics say of it."""
+    """Send scans at ten times the sustainable rate, and read the diagnostics."""
     usual = FACTOR * WARM_UP
     clouds = scans.often(usual + count, FACTOR)
     with Rig() as rig:
@@ -46,17 +46,17 @@ def measure_said(count: int = SAID_SCANS) -> Found:
             _publish(radars, pair)
             radars.spin(max(0.0, begin + index * period - time.monotonic()))
         found = [line for at, lines in radars.health if at > begin for line in lines.values()]
-    said = {line.message for line in found if line.level != DiagnosticStatus.OK}
-    advice = sorted(text for text in said if ADVICE in text)
-    silent = sorted(text for text in said if "silent" in text)
+    warnings = {line.message for line in found if line.level != DiagnosticStatus.OK}
+    advice = sorted(text for text in warnings if ADVICE in text)
+    silent = sorted(text for text in warnings if "silent" in text)
     text = f"{advice[0]!r}" if advice else "nothing above OK says what to turn down"
     text += f"; {'silent: ' + silent[0] if silent else 'no radar silent'}"
-    return text, bool(advice) and not silent, {"said": sorted(said)}
+    return result(text, bool(advice) and not silent, said=sorted(warnings))
 
 
 def _slow_tracker(rig: Rig) -> Node:
     """Start a tracker with a user's QoS, best effort and ten deep, but with steps slow enough."""
-    tracker = rig.start("tracker", "--ros-args", *SLOW[engines.chosen()])
+    tracker = rig.start("tracker", "--ros-args", *SLOW[engines.current()])
     tracker.said("tracking")
     rig.radars.connected()
     return tracker
@@ -84,15 +84,12 @@ def measure(count: int = SCANS) -> Found:
         f"{sent} clouds at {factor:.1f}x: {received} received + {lost} gaps = {received + lost}; "
         f"memory +{growth * 1024 / 1e6:.1f} MB"
     )
-    details = {
-        "sent": sent,
-        "received": received,
-        "gaps": lost,
-        "factor": factor,
-        "sustainable_hz": 1.0 / (period * FACTOR),
-        "memory_kib": growth,
-    }
-    return text, received + lost == sent and lost > 0 and growth <= MOST_KIB, details
+    return result(
+        text,
+        received + lost == sent and lost > 0 and growth <= MOST_KIB,
+        **{"sent": sent, "received": received, "gaps": lost, "factor": factor},
+        **{"sustainable_hz": 1.0 / (period * FACTOR), "memory_kib": growth},
+    )
 
 
 def _keeping_up(radars: Radars, clouds: Sequence[tuple[bytes, bytes]]) -> float:

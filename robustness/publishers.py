@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import diagnostics, names
 
 from . import scans
-from .figures import Found, measures
+from .figures import Found, measures, result
 from .radars import TOPICS, Radars
 from .rig import LIGHT, Rig
 from .stamps_and_time import BAG
@@ -18,7 +18,7 @@ from .stamps_and_time import BAG
 MOST_SCANS = 6
 PERIOD_S = 0.5
 RESTARTS = 4
-# Of the bag's own rate: five scans per second, which a tracker keeps up with on a busy machine too.
+# Multiple of the bag's rate: five scans per second, which a tracker sustains on a busy machine.
 RATE = 30
 # Time between restarts; a killed publisher stays in the graph for 20 s.
 RUN_S = 8.0
@@ -31,31 +31,24 @@ RUN_S = 8.0
 def measure(restarts: int = RESTARTS, run_s: float = RUN_S) -> Found:
     """Publish on one topic from two publishers, then kill and restart a driver repeatedly."""
     needed, gaps = _side_by_side()
-    levels, listed, gaps_of_restarted = _restarted(restarts, run_s)
+    levels, listed, gaps_of_restarted = _restart_driver(restarts, run_s)
     errors = levels.count(DiagnosticStatus.ERROR)
     noticed = f"ERROR after {needed} scans" if needed else f"no ERROR within {MOST_SCANS} scans"
     text = (
         f"{noticed}; {errors} in {len(levels)} reports over {restarts} restarts, up to {listed} "
         f"publishers listed; {gaps + gaps_of_restarted} gaps counted"
     )
-    details = {
-        "scans": needed,
-        "reports": len(levels),
-        "errors": errors,
-        "publishers_listed": listed,
-        "gaps": gaps + gaps_of_restarted,
-    }
     # Unless both publishers were listed, the restarts prove nothing.
-    found = needed is not None and errors == 0 and listed > 1 and gaps + gaps_of_restarted == 0
-    return text, found, details
+    reached = needed is not None and errors == 0 and listed > 1 and gaps + gaps_of_restarted == 0
+    counts = {"scans": needed, "reports": len(levels), "errors": errors}
+    gaps += gaps_of_restarted
+    return result(text, reached, **counts, publishers_listed=listed, gaps=gaps)
 
 
 def _side_by_side() -> tuple[int | None, int]:
     """Return the number of scans until two publishers are an ERROR, and the gaps counted."""
     with Rig() as rig:
-        rig.tracker(*LIGHT)
-        radars = rig.radars
-        radars.connected()
+        _, radars = rig.tracking(*LIGHT)
         for index in range(MOST_SCANS):
             radars.track(index)
         other = radars.node.create_publisher(PointCloud2, TOPICS[0], 50)
@@ -71,7 +64,7 @@ def _side_by_side() -> tuple[int | None, int]:
         return needed, int(radars.values("radar_1")["gaps"])
 
 
-def _restarted(restarts: int, run_s: float) -> tuple[list[bytes], int, int]:
+def _restart_driver(restarts: int, run_s: float) -> tuple[list[bytes], int, int]:
     """Return both radars' levels, the largest number of publishers listed, and the gaps counted."""
     with Rig() as rig:
         rig.tracker(*LIGHT)
@@ -84,7 +77,7 @@ def _restarted(restarts: int, run_s: float) -> tuple[list[bytes], int, int]:
                 raise RuntimeError(f"no estimate of the driver's scans:\n{driver.text[-2000:]}")
             radars.spin(run_s)
             driver.kill()
-            # The state after each kill counts too, and is not taken for the next publisher's.
+            # Receive the reports of the state after the kill before the next publisher starts.
             radars.spin(1.0)
         lines = [
             _line(found, radar) for _, found in radars.health for radar in ("radar_1", "radar_2")

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 
+import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
@@ -14,52 +15,35 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, estimates, names, stamps
 from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.evaluation.metrics import ospa
 
 from . import scans
 
-# On a busy machine; a tracker that answers does so within milliseconds.
+# Time for a reply on a busy machine; a tracker usually replies within milliseconds.
 REPLY_S = 20.0
-# That one side has discovered the other does not mean that the other has too.
+# Time from the discovery by one side to that by the other.
 SETTLE_S = 0.5
 CUTOFF_M, ORDER = 1000.0, 2.0
 TOPICS = tuple(names.detections(radar) for radar in ("radar_1", "radar_2"))
 
 
-class Radars:
-    """Two radars and a listener in one node.
+class Peer:
+    """A ROS node with its own context, which is spun while its owner waits.
 
-    Attributes
+    Parameters
     ----------
-    filtered : list of (int, float)
-        Stamp and time of arrival (monotonic seconds) of all filtered estimates.
-    answered : set of int
-        Their stamps.
-    found : dict of stamp to Estimates
-        None for a cloud that cannot be decoded.
-    not_finite : int
-        Number of estimates and figures with values that are not finite.
-    health : list of (float, dict)
-        Time of arrival and statuses by name of every health report of the tracker.
+    domain : int or None
+        ROS domain; None takes it from the environment.
     """
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self, name: str, domain: int | None = None) -> None:
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain)
-        self.node = rclpy.create_node("robustness_radars", context=self._context)
+        self.node = rclpy.create_node(name, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
-        self.outputs = [self.node.create_publisher(PointCloud2, topic, 50) for topic in TOPICS]
-        self.filtered: list[tuple[int, float]] = []
-        self.answered: set[int] = set()
-        self.found: dict[int, Estimates | None] = {}
-        self.not_finite = 0
-        self.health: list[tuple[float, dict[str, DiagnosticStatus]]] = []
-        for source, callback in (("filtered", self._on_filtered), ("smoothed", self._on_smoothed)):
-            self.node.create_subscription(PointCloud2, names.estimates(source), callback, 1000)
-        self.node.create_subscription(DiagnosticArray, names.cardinality(), self._on_figures, 1000)
-        self.node.create_subscription(DiagnosticArray, names.DIAGNOSTICS, self._on_health, 100)
 
     def close(self) -> None:
         """End the node."""
@@ -80,6 +64,37 @@ class Radars:
     def spin(self, seconds: float) -> None:
         """Receive messages for a time."""
         self.spin_until(lambda: False, seconds)
+
+
+class Radars(Peer):
+    """Two radars and a listener in one node.
+
+    Attributes
+    ----------
+    filtered : list of (int, float)
+        Stamp and time of arrival (monotonic seconds) of all filtered estimates.
+    answered : set of int
+        Stamps of the filtered estimates.
+    found : dict of stamp to Estimates
+        None for a cloud that cannot be decoded.
+    not_finite : int
+        Number of estimates and figures with values that are not finite.
+    health : list of (float, dict)
+        Time of arrival and statuses by name of every health report of the tracker.
+    """
+
+    def __init__(self, domain: int) -> None:
+        super().__init__("robustness_radars", domain)
+        self.outputs = [self.node.create_publisher(PointCloud2, topic, 50) for topic in TOPICS]
+        self.filtered: list[tuple[int, float]] = []
+        self.answered: set[int] = set()
+        self.found: dict[int, Estimates | None] = {}
+        self.not_finite = 0
+        self.health: list[tuple[float, dict[str, DiagnosticStatus]]] = []
+        for source, callback in (("filtered", self._on_filtered), ("smoothed", self._on_smoothed)):
+            self.node.create_subscription(PointCloud2, names.estimates(source), callback, 1000)
+        self.node.create_subscription(DiagnosticArray, names.cardinality(), self._on_figures, 1000)
+        self.node.create_subscription(DiagnosticArray, names.DIAGNOSTICS, self._on_health, 100)
 
     def connected(self, timeout_s: float = 20.0) -> bool:
         """Wait until both directions to a tracker are connected; return whether they are."""
@@ -116,6 +131,18 @@ class Radars:
             raise RuntimeError(f"the estimates of scan {index} cannot be decoded")
         true, estimated = (each.position for each in (scans.truth()[index], found))
         return ospa(true, estimated, CUTOFF_M, ORDER).distance
+
+    def nearest(self, place: Callable[[float], FloatArray]) -> float:
+        """Return the distance of the latest estimates from a target, metres; infinite without any.
+
+        `place` returns the target's position, metres, at a time since `scans.START_NS`, seconds.
+        """
+        stamp_ns, _ = self.filtered[-1]
+        found = self.found[stamp_ns]
+        if found is None or not len(found):
+            return math.inf
+        apart = found.position - place((stamp_ns - scans.START_NS) * 1e-9)
+        return float(np.hypot(*apart.T).min())
 
     def flush(self) -> bool:
         """Let the tracker publish the scans it holds back; return whether it answered."""

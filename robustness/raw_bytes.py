@@ -5,12 +5,11 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Callable
-from typing import Any
 
 from . import scans
-from .figures import Found, measures
-from .radars import REPLY_S, Radars
-from .rig import LIGHT, Node, Rig
+from .figures import Found, measures, result
+from .radars import REPLY_S
+from .rig import LIGHT, Rig
 
 SECONDS = 30.0
 # Mutated messages between two good scans.
@@ -28,8 +27,9 @@ def measure(seconds: float = SECONDS, seed: int = 5) -> Found:
     rng = random.Random(seed)
     exits, lost, good, bad = 0, [], 0, 0
     with Rig() as rig:
-        tracker, radars = _connected(rig)
-        fuzzer = radars.node.create_publisher(*_like(radars))
+        tracker, radars = rig.tracking(*LIGHT)
+        output = radars.outputs[0]
+        fuzzer = radars.node.create_publisher(output.msg_type, output.topic_name, 50)
         radars.spin(1.0)
         index = 0
         radars.track(index)
@@ -37,46 +37,34 @@ def measure(seconds: float = SECONDS, seed: int = 5) -> Found:
         while time.monotonic() < deadline:
             for _ in range(BURST):
                 # A mutation that is still a valid scan is then a duplicate.
-                fuzzer.publish(mutated(scans.cloud(index, 0), rng))
+                fuzzer.publish(mutate(scans.cloud(index, 0), rng))
                 bad += 1
             index += 1
             good += 1
             answered = radars.track(index, timeout_s=REPLY_S)
             if not tracker.alive:
                 exits += 1
-                tracker = rig.tracker(*LIGHT)
-                radars.connected()
+                tracker, _ = rig.tracking(*LIGHT)
             elif not answered:
                 lost.append(index)
         not_finite = radars.not_finite
         tracebacks = tracker.text.count("Traceback")
     text = f"{exits} exits, {len(lost)} of {good} good scans lost, {bad} mutated messages"
     reached = not exits and not lost and not not_finite and not tracebacks and good > 0
-    return text, reached, {"good": good, "bad": bad, "exits": exits, "lost": lost}
+    return result(text, reached, good=good, bad=bad, exits=exits, lost=lost)
 
 
-def _connected(rig: Rig) -> tuple[Node, Radars]:
-    tracker = rig.tracker(*LIGHT)
-    rig.radars.connected()
-    return tracker, rig.radars
-
-
-def _like(radars: Radars) -> tuple[Any, str, int]:
-    output = radars.outputs[0]
-    return output.msg_type, output.topic_name, 50
-
-
-def mutated(data: bytes, rng: random.Random) -> bytes:
+def mutate(data: bytes, rng: random.Random) -> bytes:
     """Return a message with some bytes changed, cut off, added or moved, but with its stamp kept.
 
     A changed stamp could make it a valid scan of another time.
     """
-    change: Callable[[bytes, random.Random], bytes] = rng.choice((_flipped, _cut, _spliced, _sized))
+    change: Callable[[bytes, random.Random], bytes] = rng.choice((_flip, _cut, _splice, _resize))
     found = change(data, rng)
     return found[: STAMP.start] + data[STAMP] + found[STAMP.stop :]
 
 
-def _flipped(data: bytes, rng: random.Random) -> bytes:
+def _flip(data: bytes, rng: random.Random) -> bytes:
     found = bytearray(data)
     # The header determines how the rest is read, so it is changed more often.
     reach = 300 if rng.random() < 0.7 else len(found)
@@ -89,12 +77,12 @@ def _cut(data: bytes, rng: random.Random) -> bytes:
     return data[: rng.randrange(STAMP.stop, len(data))]
 
 
-def _spliced(data: bytes, rng: random.Random) -> bytes:
+def _splice(data: bytes, rng: random.Random) -> bytes:
     at, size = rng.randrange(STAMP.stop, len(data)), rng.randrange(1, 200)
     return data[:at] + rng.randbytes(size) + data[at + rng.choice((0, size)) :]
 
 
-def _sized(data: bytes, rng: random.Random) -> bytes:
+def _resize(data: bytes, rng: random.Random) -> bytes:
     """Put an extreme number where a length or a step may be."""
     at = ENCAPSULATION + 4 * rng.randrange(2, 75)
     number = rng.choice((0, 1, 2**16, 2**24, 2**31 - 1, 2**31, 2**32 - 1))

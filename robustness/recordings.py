@@ -13,12 +13,12 @@ from .rig import LIGHT, Node, Rig
 
 GOAL = "one clear error, tracking goes on"
 SCANS = 60
-# After so many the disk must be full.
+# Number of scans after which the disk must be full.
 MOST_SCANS = 600
 DISK = "400k"
 
 
-def _mounted(directory: Path, options: str) -> Sequence[str]:
+def _mount(directory: Path, options: str) -> Sequence[str]:
     """Return the prefix of a command that has a small disk of its own at `directory`.
 
     Raises
@@ -42,13 +42,13 @@ def measure_full() -> Found:
     """Record onto a small disk until it is full."""
     with Rig() as rig:
         disk = rig.directory / "disk"
-        recorder = _evaluator(rig, _mounted(disk, f"size={DISK}"), disk)
-        _connect(rig)
+        recorder = _evaluator(rig, _mount(disk, f"size={DISK}"), disk)
+        rig.tracking(*LIGHT)
         index = 0
         while "No space left" not in recorder.text and index < MOST_SCANS:
             rig.radars.track(index)
             index += 1
-        # It writes what has been tracked some time later, on a busy machine seconds.
+        # The recorder writes with a delay, seconds on a busy machine.
         recorder.said("No space left")
         answered = _track(rig, index)
         alive = recorder.alive
@@ -64,8 +64,8 @@ def measure_read_only() -> Found:
     """Record into a directory that cannot be written."""
     with Rig() as rig:
         disk = rig.directory / "disk"
-        recorder = _evaluator(rig, _mounted(disk, "ro"), disk)
-        _connect(rig)
+        recorder = _evaluator(rig, _mount(disk, "ro"), disk)
+        rig.tracking(*LIGHT)
         answered = _track(rig)
         alive = recorder.alive
         status = recorder.stop()
@@ -77,14 +77,9 @@ def measure_read_only() -> Found:
 
 def _evaluator(rig: Rig, prefix: Sequence[str], disk: Path) -> Node:
     node = rig.start("evaluator", "--ros-args", "-p", f"record:={disk / 'bag'}", prefix=prefix)
-    # Only then it records what is tracked; on a disk that is read-only it ends instead.
+    # Only then does it record; on a read-only disk it ends instead.
     node.said("waiting for")
     return node
-
-
-def _connect(rig: Rig) -> None:
-    rig.tracker(*LIGHT)
-    rig.radars.connected()
 
 
 def _track(rig: Rig, first: int = 0) -> int:

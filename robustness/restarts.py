@@ -10,7 +10,7 @@ from statistics import median
 
 from phd_jdtc_ros.nodes.tracker.name_claim import NEWCOMER_S
 
-from .figures import Found, measures
+from .figures import Found, measures, result
 from .radars import Radars
 from .rig import LIGHT, RELIABLE, Node, Rig
 from .stamps_and_time import BAG
@@ -99,7 +99,7 @@ def measure_stops(phases: tuple[float, ...] = PHASES) -> Found:
             for phase in phases:
                 with Rig() as rig:
                     node = rig.start(name, *arguments)
-                    seconds, fault = _stopped(node, number, phase)
+                    seconds, fault = _stop(node, number, phase)
                 took.append(seconds)
                 if fault:
                     failures.append(f"{name} {word} at {phase:g} s: {fault}")
@@ -110,7 +110,7 @@ def measure_stops(phases: tuple[float, ...] = PHASES) -> Found:
     return text, not failures, {"failures": failures, "seconds": took}
 
 
-def _stopped(node: Node, number: int, phase: float) -> tuple[float, str]:
+def _stop(node: Node, number: int, phase: float) -> tuple[float, str]:
     """Stop a node; return the seconds taken and the fault, if any."""
     deadline = time.monotonic() + 30.0
     while not node.text and node.alive and time.monotonic() < deadline:
@@ -119,7 +119,7 @@ def _stopped(node: Node, number: int, phase: float) -> tuple[float, str]:
     begin = time.monotonic()
     if node.alive:
         node.process.send_signal(number)
-    status = _ended(node)
+    status = _exit_status(node)
     seconds = time.monotonic() - begin
     if status != 0:
         return seconds, f"rc {status}"
@@ -128,7 +128,7 @@ def _stopped(node: Node, number: int, phase: float) -> tuple[float, str]:
     return seconds, "" if seconds <= STOP_S else f"took {seconds:.2f} s"
 
 
-def _ended(node: Node) -> int | None:
+def _exit_status(node: Node) -> int | None:
     deadline = time.monotonic() + 10.0
     while node.alive and time.monotonic() < deadline:
         time.sleep(0.002)
@@ -144,24 +144,18 @@ def measure_second() -> Found:
         first = rig.tracker(*LIGHT)
         second = rig.start("tracker", "--ros-args", *RELIABLE, *LIGHT)
         begin = time.monotonic()
-        status = _ended(second)
+        status = _exit_status(second)
         seconds = time.monotonic() - begin
         message = second.text.strip().splitlines()[-1:] or [""]
         alive = first.alive
         first.kill()
-        third = rig.tracker(*LIGHT)
-        radars = rig.radars
-        radars.connected()
+        third, radars = rig.tracking(*LIGHT)
         _send_until_answered(radars, 0)
-        # For as long as a newcomer gives way, while the graph still lists the killed one.
+        # A newcomer gives way for this time, while the graph still lists the killed tracker.
         radars.spin(NEWCOMER_S)
         restarted = third.alive and bool(radars.answered)
     outcome = "goes on beside the first" if status is None else f"rc {status}: {message[0]}"
     text = f"{outcome}; restarted after kill -9: {'tracks' if restarted else 'held up'}"
-    details = {
-        "status": status,
-        "seconds": seconds,
-        "first_goes_on": alive,
-        "restarted": restarted,
-    }
-    return text, status == 2 and alive and restarted, details
+    times = {"status": status, "seconds": seconds}
+    reached = status == 2 and alive and restarted
+    return result(text, reached, **times, first_goes_on=alive, restarted=restarted)

@@ -19,12 +19,12 @@ from .domains import Domain
 if TYPE_CHECKING:
     from .radars import Radars
 
-# How long a node may take to start where nothing else runs; see `start_limit_s`.
+# Longest start of a node on an idle machine, and longest stop; see `start_limit_s`.
 START_S, STOP_S = 30.0, 10.0
 
 
 def start_limit_s() -> float:
-    """Return how long a node may take to start, s: longer the more else waits for the CPUs."""
+    """Return the longest start of a node, seconds, which grows with the load of the machine."""
     return START_S * max(1.0, os.getloadavg()[0] / len(os.sched_getaffinity(0)))
 
 
@@ -42,11 +42,8 @@ class Node:
 
     Parameters
     ----------
-    command : sequence of str
-    log : Path
-    domain : int
     environment : mapping
-        Added to that of this process.
+        Variables in addition to those of this process.
     """
 
     def __init__(
@@ -81,7 +78,7 @@ class Node:
         return True
 
     def why_not(self, text: str) -> str:
-        """Return why the output does not contain `text`, after `said` has waited for it."""
+        """Return why the output does not contain `text`, after waiting for it."""
         if self.alive:
             load = f"load {os.getloadavg()[0]:.1f} on {len(os.sched_getaffinity(0))} CPUs"
             reason = f"runs, but has not said {text!r} within {start_limit_s():.0f} s, {load}"
@@ -145,7 +142,7 @@ class Rig:
     ) -> Node:
         """Start an executable, with a prefix such as ``ip netns exec NAME`` if one is given.
 
-        A tracker has the engine that `engines.chosen` names.
+        A tracker has the engine that `engines.current` names.
         """
         engine = engines.arguments() if name == "tracker" else ()
         module = ("phd_jdtc_ros", name, *map(str, arguments), *engine)
@@ -172,6 +169,15 @@ class Rig:
         if not node.said("tracking"):
             raise RuntimeError(node.why_not("tracking"))
         return node
+
+    def tracking(self, *arguments: object, radars: int = 2) -> tuple[Node, Radars]:
+        """Start a tracker as `tracker` does, and connect one or two radars with it."""
+        tracker = self.tracker(*arguments)
+        while len(self.radars.outputs) > radars:
+            self.radars.node.destroy_publisher(self.radars.outputs.pop())
+        if not self.radars.connected():
+            raise RuntimeError(f"the radars did not find the tracker:\n{tracker.text[-2000:]}")
+        return tracker, self.radars
 
     @property
     def radars(self) -> Radars:

@@ -1,4 +1,4 @@
-"""The reference scenario's scans as serialised clouds whose stamps can be set."""
+"""The reference scenario's scans as serialised clouds, whose stamps can be set."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ _STAMP_OFFSET = 4
 
 
 @cache
-def _simulated() -> tuple[tuple[Truth, Scan], ...]:
+def _simulate() -> tuple[tuple[Truth, Scan], ...]:
     return tuple(simulate(paper_scenario(resolve({}).model.radars), 0))
 
 
 def reference() -> tuple[Scan, ...]:
     """Return the scans of the reference scenario."""
-    return tuple(scan for _, scan in _simulated())
+    return tuple(scan for _, scan in _simulate())
 
 
 def truth() -> tuple[Truth, ...]:
     """Return the truth at each scan of the reference scenario."""
-    return tuple(truth for truth, _ in _simulated())
+    return tuple(truth for truth, _ in _simulate())
 
 
 def often(count: int, factor: int) -> tuple[tuple[bytes, bytes], ...]:
     """Return both radars' clouds, with `factor` times the reference scenario's scan rate.
 
-    The targets are slower, so that they exist all the time. Stamps are those of the scans.
+    The targets are slower, so that they exist all the time.
     """
     usual = paper_scenario(resolve({}).model.radars)
     targets = tuple(
@@ -63,7 +63,7 @@ def _clouds(scan: Scan, stamp_ns: int) -> tuple[bytes, bytes]:
 
 
 @cache
-def drowned(clutter_rate: float) -> tuple[tuple[bytes, bytes], ...]:
+def with_clutter(clutter_rate: float) -> tuple[tuple[bytes, bytes], ...]:
     """Return both radars' clouds of every scan, with this many false detections in each."""
     radars = [replace(radar, clutter_rate=clutter_rate) for radar in resolve({}).model.radars]
     run = simulate(paper_scenario(radars), 0)
@@ -71,7 +71,7 @@ def drowned(clutter_rate: float) -> tuple[tuple[bytes, bytes], ...]:
 
 
 @cache
-def serialised() -> tuple[tuple[bytes, bytes], ...]:
+def serialise() -> tuple[tuple[bytes, bytes], ...]:
     """Return both radars' clouds of every scan of the reference scenario."""
     return tuple(_clouds(scan, START_NS) for scan in reference())
 
@@ -86,7 +86,7 @@ def stamp_of_scan(index: int) -> int:
     return START_NS + index * interval_ns()
 
 
-def stamped(data: bytes, stamp_ns: int) -> bytes:
+def restamp(data: bytes, stamp_ns: int) -> bytes:
     """Return a serialised message with another stamp."""
     begin, end = _STAMP_OFFSET, _STAMP_OFFSET + _STAMP.size
     return data[:begin] + _STAMP.pack(*divmod(stamp_ns, SECOND_NS)) + data[end:]
@@ -94,6 +94,6 @@ def stamped(data: bytes, stamp_ns: int) -> bytes:
 
 def cloud(index: int, radar: int, stamp_ns: int | None = None) -> bytes:
     """Return a radar's serialised cloud of a scan; the scenario repeats itself."""
-    templates = serialised()
+    templates = serialise()
     stamp = stamp_of_scan(index) if stamp_ns is None else stamp_ns
-    return stamped(templates[index % len(templates)][radar], stamp)
+    return restamp(templates[index % len(templates)][radar], stamp)

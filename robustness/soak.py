@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from .figures import Found, measures
+from .figures import Found, measures, result
 from .rig import Rig
 
 SCANS = 14_400
@@ -32,9 +32,7 @@ def measure(count: int = SCANS) -> Found:
     """Send `count` scans, each when the fourth one before it has been answered."""
     samples = []
     with Rig() as rig:
-        tracker = rig.tracker()
-        radars = rig.radars
-        radars.connected()
+        tracker, radars = rig.tracking()
         begin = time.monotonic()
         every = max(1, count // SAMPLES)
         for index in range(count):
@@ -72,14 +70,10 @@ def measure(count: int = SCANS) -> Found:
         and threads <= 0
         and seconds <= LIMIT_S
     )
-    details = {
-        "scans": answered,
-        "seconds": seconds,
-        "growth_kib": growth,
-        "descriptors": descriptors,
-        "threads": threads,
-        "not_finite": not_finite,
-        "load_average": os.getloadavg()[0],
-        "resident_kib": {str(index): resident for index, resident, *_ in samples},
-    }
-    return text, reached, details
+    return result(
+        text,
+        reached,
+        **{"scans": answered, "seconds": seconds, "growth_kib": growth, "not_finite": not_finite},
+        **{"descriptors": descriptors, "threads": threads, "load_average": os.getloadavg()[0]},
+        resident_kib={str(index): resident for index, resident, *_ in samples},
+    )

@@ -12,14 +12,14 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from msg_adapters import names
 
 from . import scans
-from .figures import Found, measures
+from .figures import Found, measures, result
 from .radars import REPLY_S, Radars
 from .rig import LIGHT, Rig
 
 GAP_SCANS, SHORT_GAP_SCANS = 600, 10
 BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
 LOOPS = 3
-# Relative to the bag: about 17 scans per second.
+# Multiple of the bag's rate: about 17 scans per second.
 RATE = 100
 SHUFFLED = 40
 PERIOD_S = 0.25
@@ -34,31 +34,26 @@ REGULAR = 12
 )
 def measure_time_faults(loops: int = LOOPS, duration_s: float = 0.0) -> Found:
     """Loop a bag or its first `duration_s`, then shuffle scans; count the resets."""
-    back_jumps, looped = _looped(loops, duration_s)
-    shuffled, dropped, _ = _shuffled()
-    ordered, late, answered = _shuffled("-p", "late_reports:=rework")
+    back_jumps, looped = _loop_bag(loops, duration_s)
+    shuffled, dropped, _ = _shuffle()
+    ordered, late, answered = _shuffle("-p", "late_reports:=rework")
     text = (
         f"{looped} resets at {back_jumps} returns to the bag's start; "
         f"{shuffled} resets in {SHUFFLED} shuffled scans ({dropped} dropped as late), with "
         f"late_reports rework {ordered} ({late} dropped, {answered} answered in order)"
     )
-    details = {
-        "jumps_back": back_jumps,
-        "resets": looped,
-        "resets_of_shuffled": shuffled,
-        "resets_of_ordered": ordered,
-        "late_of_ordered": late,
-        "answered_of_ordered": answered,
-    }
-    in_order = ordered == late == 0
-    return text, looped == back_jumps == loops and shuffled == 0 and in_order, details
+    return result(
+        text,
+        looped == back_jumps == loops and shuffled == ordered == late == 0,
+        **{"jumps_back": back_jumps, "resets": looped, "resets_of_shuffled": shuffled},
+        **{"resets_of_ordered": ordered, "late_of_ordered": late, "answered_of_ordered": answered},
+    )
 
 
-def _looped(loops: int, duration_s: float) -> tuple[int, int]:
+def _loop_bag(loops: int, duration_s: float) -> tuple[int, int]:
     """Play a bag `loops` times; return the jumps back in the estimates' stamps and the resets."""
     with Rig() as rig:
-        rig.tracker(*LIGHT)
-        radars = rig.radars
+        _, radars = rig.tracking(*LIGHT)
         replay = rig.start(
             "sensor_replay",
             *(BAG, "--rate", RATE, "--loop", "--duration", duration_s),
@@ -75,20 +70,18 @@ def _jumps_back(radars: Radars) -> int:
     return sum(later < earlier for earlier, later in pairwise(stamps))
 
 
-def _shuffled(*options: str) -> tuple[int, int, int]:
+def _shuffle(*options: str) -> tuple[int, int, int]:
     """Swap scans with their neighbours.
 
     Return the number of resets, of dropped reports, and of estimates in order before the first that
     is not.
     """
     with Rig() as rig:
-        rig.tracker(*LIGHT, *options)
-        radars = rig.radars
-        radars.connected()
+        _, radars = rig.tracking(*LIGHT, *options)
         radars.send(0)
         for first in range(1, SHUFFLED, 2):
             pair = {radars.send(first + 1), radars.send(first)}
-            # No faster than a tracker on a busy machine; which of them comes is what is tested.
+            # Wait for either of them, so that a busy tracker keeps up.
             radars.spin_until(lambda pair=pair: bool(pair & radars.answered), REPLY_S)
         dropped = int(radars.values("radar_1").get("dropped_late", 0))
         epoch = int(radars.values("step time")["epoch"])
@@ -101,9 +94,7 @@ def _shuffled(*options: str) -> tuple[int, int, int]:
 def measure_gap() -> Found:
     """Insert short and long gaps into both radars' stamps; count the resets."""
     with Rig() as rig:
-        tracker = rig.tracker()
-        radars = rig.radars
-        radars.connected()
+        tracker, radars = rig.tracking()
         whole = all(radars.track(index) for index in range(SHUFFLED))
         index = SHUFFLED + SHORT_GAP_SCANS
         whole &= radars.track(index)
@@ -121,23 +112,16 @@ def measure_gap() -> Found:
         f"{GAP_SCANS}, {seconds:.2f} s for the scan after, "
         f"memory +{growth / 1024:.0f} MiB{'' if whole else ', scans lost'}"
     )
-    details = {
-        "resets": epoch - short,
-        "resets_of_short": short,
-        "seconds": seconds,
-        "memory_kib": growth,
-    }
     reached = whole and short == 0 and epoch == 5 and growth <= 10_000_000 / 1024
-    return text, reached, details
+    resets = {"resets": epoch - short, "resets_of_short": short}
+    return result(text, reached, **resets, seconds=seconds, memory_kib=growth)
 
 
 @measures("silent radar alarm", "2 scans + 0.5 s")
 def measure_silence(repeats: int = 3) -> Found:
     """Stop one radar of two; measure the time until diagnostics report it."""
     with Rig() as rig:
-        rig.tracker(*LIGHT)
-        radars = rig.radars
-        radars.connected()
+        _, radars = rig.tracking(*LIGHT)
         found, index, going_on = [], 0, True
         for _ in range(repeats):
             _at_rate(radars, index, REGULAR, (0, 1))
@@ -146,7 +130,7 @@ def measure_silence(repeats: int = 3) -> Found:
             before = len(radars.filtered)
             _at_rate(radars, index, REGULAR, (0,))
             index += REGULAR
-            found.append(_noticed(radars, stopped))
+            found.append(_silence_delay(radars, stopped))
             # Two scans wait for the silent radar; all others are answered.
             going_on &= len(radars.filtered) - before >= REGULAR - 3
     if None in found:
@@ -167,7 +151,7 @@ def _at_rate(radars: Radars, index: int, count: int, sending: tuple[int, ...]) -
         radars.spin(begin + (step + 1) * PERIOD_S - time.monotonic())
 
 
-def _noticed(radars: Radars, stopped: float) -> float | None:
+def _silence_delay(radars: Radars, stopped: float) -> float | None:
     """Return the time from the second radar's last scan to its first status of silence."""
     for arrived, lines in radars.health:
         line = lines[names.health("radar_2")]

@@ -1,4 +1,4 @@
-"""Faults of a radar that turns: what its detections say beside where they are, and its sectors."""
+"""Faults of a turning radar: in the optional fields of its detections, and in its sectors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from msg_adapters import point_cloud
 from phd_jdtc_ros.core.arrays import FloatArray
 
 from . import scans
-from .figures import Found, measures
+from .figures import Found, measures, result, wrong_counts
 from .radars import REPLY_S, Radars
 from .rig import Rig
 
@@ -25,7 +25,7 @@ WARM_UP, TURNS = 5, 20
 # East and north of the target and its velocity, m and m/s; its height.
 PLACE, VELOCITY, HEIGHT = np.array([9e3, 6e3]), np.array([-100.0, 60.0]), 2000.0
 CLUTTER_PER_SECTOR = 3
-# How far the estimate may be off, m.
+# Largest distance of an estimate from the target, m.
 NEAR_M = 250.0
 PARAMETERS = {
     "sensors": "[radar_1]",
@@ -71,11 +71,10 @@ class Fault:
 
     Parameters
     ----------
-    name, counted : str
-        `counted` is the key in the diagnostics, empty if nothing is to be counted.
+    counted : str
+        Key in the diagnostics, empty if nothing is to be counted.
     change : callable
-        Spoils the columns of a good cloud, the target's detection excepted.
-    count : int
+        Spoils the columns of a good cloud, except the target's detection.
     """
 
     name: str
@@ -85,7 +84,7 @@ class Fault:
 
 
 def _values(name: str, value: float) -> Change:
-    """Return what gives the clutter of a cloud another value; the target comes last."""
+    """Return a change of the clutter's values; the target comes last."""
 
     def change(columns: Columns) -> None:
         columns[name][:CLUTTER_PER_SECTOR] = value
@@ -100,7 +99,7 @@ def _all(name: str, value: Callable[[FloatArray], FloatArray]) -> Change:
     return change
 
 
-def _reversed(columns: Columns) -> None:
+def _reverse(columns: Columns) -> None:
     columns.update({name: column[::-1] for name, column in columns.items()})
 
 
@@ -118,7 +117,7 @@ def faults() -> list[Fault]:
         Fault("time before the turn", "dropped_time", _values("time", -50.0)),
         Fault("time NaN", "dropped_time", _values("time", math.nan)),
         Fault("time infinite", "dropped_time", _values("time", math.inf)),
-        Fault("times not in order", "", _reversed),
+        Fault("times not in order", "", _reverse),
         Fault("times of the turn before", "detections_late", _values("time", -ROTATION_S)),
         Fault("no time", "time_missing", _without("time"), 1),
         Fault("height 1e9", "dropped_height", _values("height", 1e9)),
@@ -149,7 +148,7 @@ def faults() -> list[Fault]:
 
 @dataclass
 class Antenna:
-    """The radar's side: makes the clouds of one sector after the other."""
+    """Makes the clouds of one sector after the other."""
 
     rng: np.random.Generator
     time_s: float = 0.0
@@ -203,10 +202,7 @@ def settings(**changes: object) -> list[str]:
 def measure() -> Found:
     """Send every fault in a sector of its own between valid ones."""
     with Rig() as rig:
-        tracker = rig.tracker(*settings())
-        radars = rig.radars
-        radars.node.destroy_publisher(radars.outputs.pop())
-        radars.connected()
+        tracker, radars = rig.tracking(*settings(), radars=1)
         antenna = Antenna(np.random.default_rng(1))
         wanted, lost, away = Counter[str](), [], []
         left = faults()
@@ -231,17 +227,15 @@ def measure() -> Found:
                 raise RuntimeError(f"{name}: the tracker ended:\n{tracker.text[-2000:]}")
         counted = radars.values("radar_1")
         not_finite = radars.not_finite
-    wanted = +Counter({key: count for key, count in wanted.items() if key})
-    found = {key: int(counted.get(key, 0)) for key in wanted}
-    missing = {key: (found[key], count) for key, count in wanted.items() if found[key] != count}
+    del wanted[""]
+    found, wrong, said = wrong_counts(wanted, counted)
     tracked = float(np.mean(np.array(away) < NEAR_M))
     text = (
         f"0 exits, {not_finite} with NaN, {len(lost)} clouds lost, {len(faults()) + 2} faults; "
-        f"{'every one counted' if not missing else f'counted wrongly: {missing}'}; the target is "
-        f"within {NEAR_M:g} m in {100.0 * tracked:.1f} % of the estimates"
+        f"{said}; the target is within {NEAR_M:g} m in {100.0 * tracked:.1f} % of the estimates"
     )
-    reached = not (lost or missing or not_finite) and tracked > 0.98
-    return text, reached, {"counted": found, "wanted": dict(wanted), "tracked": tracked}
+    reached = not (lost or wrong or not_finite) and tracked > 0.98
+    return result(text, reached, counted=found, wanted=dict(wanted), tracked=tracked)
 
 
 def send(radars: Radars, cloud: PointCloud2) -> bool:
@@ -252,14 +246,8 @@ def send(radars: Radars, cloud: PointCloud2) -> bool:
 
 
 def how_far(radars: Radars, time_s: float) -> float:
-    """Return how far the nearest of the latest estimates is from the target, m."""
-    stamp_ns, _ = radars.filtered[-1]
-    found = radars.found[stamp_ns]
-    if found is None or not len(found):
-        return math.inf
-    then_s = (stamp_ns - scans.START_NS) * 1e-9
-    place = PLACE + VELOCITY * min(then_s, time_s)
-    return float(np.hypot(*(found.position - place).T).min())
+    """Return the distance of the latest estimates from the target, which has been seen so far."""
+    return radars.nearest(lambda then_s: PLACE + VELOCITY * min(then_s, time_s))
 
 
 @measures(

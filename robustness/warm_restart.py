@@ -26,7 +26,7 @@ EVERY = 5
 def measure(last_before: tuple[int, ...] = LAST_BEFORE, compare_cold: bool = True) -> Found:
     """Kill a tracker several times in a run; restart it with a checkpoint and, if asked, without.
 
-    Nothing is demanded of the restarts without one: they tell what a checkpoint is worth.
+    Restarts without a checkpoint have no goal; they show the benefit of one.
     """
     first_after = [last + 1 + LOST + SETTLING for last in last_before]
     counted = [index for first in first_after for index in range(first, first + COUNTED)]
@@ -51,20 +51,18 @@ def _run(kills: Sequence[int], counted: Sequence[int], checkpoints: bool) -> flo
         if checkpoints:
             path = rig.directory / "tracker.checkpoint"
             options += ["-p", f"checkpoint.path:={path}", "-p", f"checkpoint.every:={EVERY}"]
-        tracker, radars, index = rig.tracker(*options), rig.radars, 0
-        radars.connected()
+        (tracker, radars), index = rig.tracking(*options), 0
         while index <= counted[-1]:
-            if not _tracked(radars, index):
+            if not _track(radars, index):
                 raise RuntimeError(f"scan {index} was not answered:\n{tracker.text[-2000:]}")
             if index in kills:
                 tracker.kill()
-                tracker = rig.tracker(*options)
-                radars.connected()
+                tracker, _ = rig.tracking(*options)
                 index += LOST
             index += 1
         return float(np.mean([radars.ospa(index) for index in counted]))
 
 
-def _tracked(radars: Radars, index: int) -> bool:
+def _track(radars: Radars, index: int) -> bool:
     """Send a scan until it is answered, because a restarted tracker is not connected at once."""
     return any(radars.track(index, timeout_s=2.0) for _ in range(10))

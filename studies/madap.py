@@ -72,7 +72,6 @@ class Figure(NamedTuple):
     ----------
     name, unit, form : str
         Name, unit and Python format specification.
-    value : callable of Errors
     multi_radar, single_radar : float or None
         Published results of the operational multi-radar tracker, and of one radar.
     goal : str
@@ -148,7 +147,6 @@ def errors_of(truth: Sequence[Truth], found: Sequence[PointSet]) -> Errors:
 
     Parameters
     ----------
-    truth : sequence of Truth
     found : sequence of PointSet
         With velocities.
 

@@ -22,10 +22,9 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.calibration.registration.filtering import KINDS
 from phd_jdtc_ros.calibration.registration.result import Registration
 from phd_jdtc_ros.calibration.registration.sensors import RegistrationError, sensor
-from phd_jdtc_ros.calibration.registration.solution import registered
+from phd_jdtc_ros.calibration.registration.solution import register
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.configuration.radar_build import bias_parameters
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.metrics import assign
@@ -80,7 +79,7 @@ def registration_of(scenario: Scenario, config: TrackerConfig, seed: int) -> Reg
     for index, radar in enumerate(scenario.radars):
         own = [(each.stamp_ns, each.detections) for each in reports if each.radar == index]
         sensors.append(sensor(plots_of(own), radar, scenario.start_ns, moving=False))
-    return registered(sensors, scenario.radars[0].name)
+    return register(sensors, scenario.radars[0].name)
 
 
 def rows_of(scenario: Scenario, found: Registration) -> list[Row]:
@@ -101,9 +100,9 @@ def errors_of_tracks(
     """Return the tracker's root mean square error, metres, by run (`RUNS`) and source."""
     given = {**parameters, "seed": seed}
     plain = resolve(given)
-    corrections: dict[str, float] = {}
+    corrections: dict[str, Any] = {}
     for layout, each in zip(plain.inputs, found.radars, strict=True):
-        corrections |= bias_parameters(layout, each.bias)
+        corrections |= layout.bias_parameters(each.bias)
     runs = (
         (replace(scenario, biases=()), plain),
         (scenario, plain),

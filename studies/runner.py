@@ -39,7 +39,6 @@ class Study:
 
     Parameters
     ----------
-    name : str
     purpose : str
         One sentence for the command's help.
     measure : callable

@@ -21,8 +21,8 @@ from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
-from phd_jdtc_ros.tools import recorded_plots
-from phd_jdtc_ros.tools.tune import SECONDS, seconds_of
+from phd_jdtc_ros.tools import command, recorded_plots
+from phd_jdtc_ros.tools.tune import SECONDS
 
 from .runner import Figures, Study, table
 
@@ -156,7 +156,8 @@ def _detection_times(
 
 def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("bag", nargs="+", help="simulated bags")
-    parser.add_argument("--seconds", type=seconds_of, default=SECONDS, help="%(default)s of each")
+    seconds = command.at_least(1.0, "s")
+    parser.add_argument("--seconds", type=seconds, default=SECONDS, help="%(default)s of each")
 
 
 def _measure(arguments: argparse.Namespace, seed: int) -> Figures:

@@ -30,7 +30,7 @@ NEVER_LIVE = {
 
 
 def pytest_collection_modifyitems(items):
-    """Mark what starts nodes or talks to them by a fixture, so that nobody has to think of it."""
+    """Mark tests whose fixtures start nodes or talk to them as live."""
     for item in items:
         # A launch test has no fixtures.
         if LIVE & {*getattr(item, "fixturenames", ())}:

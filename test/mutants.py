@@ -4,9 +4,9 @@ mutmut changes one operator, number, name or argument at a time, and runs the un
 module that it changed: a mutant that passes them all survives. What numba compiles is
 interpreted here, because a mutant of a compiled one would be compiled for every test.
 
-A mutant that no test can tell from the original is equivalent, and is listed with the reason in
-``equivalent_mutants.yaml``. The share is that of the others, and the goal is for each part. Names
-of parts may be given.
+A mutant that no test can distinguish from the original is equivalent, and is listed with the
+reason in ``equivalent_mutants.yaml``. The share is that of the others, and the goal is for each
+part. Names of parts may be given.
 """
 
 import ast

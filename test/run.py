@@ -1,11 +1,11 @@
-"""Run all tests: each file of live ones in a pytest of its own, beside the others in two halves.
+"""Run all tests: the live ones in several pytests, beside the others in two halves.
 
 Live tests wait for other processes most of the time, so several take hardly longer than one. Each
-process has a ROS domain of its own (see conftest.py), and one that crashes takes nothing else with
-it. A file whose process was ended by a signal is run once again, and that is told: once in many
-runs the native libraries of ROS crash where a test destroys its own node. Whatever is over makes
-place for the next. Arguments go to every pytest. The last line is the sum of all of theirs, in
-pytest's form, with the number of files that were run again.
+pytest has a ROS domain of its own (see conftest.py), and one that crashes takes nothing else with
+it. A pytest that was ended by a signal is run once again, with a notice: once in many runs the
+native libraries of ROS crash where a test destroys its own node. Whatever is over makes place for
+the next. Arguments go to every pytest. The last line is the sum of all of theirs, in pytest's
+form, with the number of pytests that were run again.
 """
 
 import os
@@ -21,7 +21,8 @@ ROOT = Path(__file__).parents[1]
 # The halves of what is not live and three files of live ones keep two processors busy, and so do
 # five of these; more would only wait for one another.
 AT_A_TIME = 5
-# Live files that take longest, which begin first so that none of them is left over at the end.
+# Live files that take longest, which begin first so that none of them is left over at the end,
+# each in a pytest of its own.
 LONGEST = (
     "test/robustness/test_live_faults.py",
     "test/robustness/test_full_tracker.py",
@@ -32,12 +33,20 @@ LONGEST = (
     "test/study/test_benchmarks.py",
     "test/nodes/test_asterix_bridge_node.py",
 )
+# Files with nodes in pytest's own process, whose graph keeps them after their end: run alone too.
+OWN_NODES = (
+    "test/nodes/test_parameter_sections.py",
+    "test/nodes/test_poses_before_clouds.py",
+    "test/nodes/test_runtime.py",
+)
+# So many of the other live files share a pytest: each pytest spends 3 s on imports.
+TOGETHER = 5
 # Two halves that take about as long as each other.
 HALF = (
     *("test/calibration", "test/configuration", "test/core", "test/evaluation", "test/handover"),
     *("test/simulation", "test/study"),
 )
-# Most of all tests, of which none is live: conftest.py refuses them there.
+# Folders without live tests, most of all: conftest.py refuses live ones there.
 NEVER_LIVE = [
     f"test/{folder}"
     for folder in (
@@ -73,26 +82,33 @@ def pytest(*arguments):
     return done.returncode, done.stdout
 
 
-def live(file, *arguments):
-    """Run the live tests of a file, once again after a crash; return as `pytest` does."""
-    status, text = pytest("-m", "live", file, *arguments)
+def live(files, *arguments):
+    """Run the live tests of files, once again after a crash; return as `pytest` does."""
+    status, text = pytest("-m", "live", *files, *arguments)
     if status < 0:
-        print(f"{file}: ended by signal {-status}, and run again\n{text}", flush=True)
-        status, text = pytest("-m", "live", file, *arguments)
-        # As a plugin of pytest's would say it; the last line is what is counted.
+        names = " ".join(files)
+        print(f"{names}: ended by signal {-status}, and run again\n{text}", flush=True)
+        status, text = pytest("-m", "live", *files, *arguments)
+        # In the words of pytest's plugin; the last line is what is counted.
         *lines, last = text.rstrip().split("\n")
         text = "\n".join([*lines, f"1 rerun, {last}"])
     return status, text
 
 
 def live_files(arguments):
-    """Return the files that have live tests, the longest first."""
+    """Return the files that have live tests, those of each pytest together, the longest first."""
     where = [] if arguments else [f"--ignore={folder}" for folder in NEVER_LIVE]
     status, text = pytest("--collect-only", "-q", "-m", "live", *where, *arguments)
     if status not in (0, NOTHING):
         sys.exit(text)
     found = sorted(set(re.findall(r"^(\S+\.py)::", text, re.MULTILINE)))
-    return [*(file for file in LONGEST if file in found), *(f for f in found if f not in LONGEST)]
+    others = [file for file in found if file not in (*LONGEST, *OWN_NODES)]
+    count = -(-len(others) // TOGETHER)
+    return [
+        *([file] for file in LONGEST if file in found),
+        *(others[k::count] for k in range(count)),
+        *([file] for file in OWN_NODES if file in found),
+    ]
 
 
 def others(arguments):
@@ -117,8 +133,8 @@ def counts(status, text):
     return found
 
 
-def told(name, status, text):
-    """Return what there is to say of a run: its skips and its last line, or all if it failed."""
+def report(name, status, text):
+    """Return the summary of a run: its skips and its last line, or all if it failed."""
     if status not in (0, NOTHING):
         return f"{name}: exit status {status}\n{text}"
     *lines, last = text.rstrip().splitlines()
@@ -140,12 +156,12 @@ def main(arguments):
             pool.submit(pytest, "-m", "not live", *own): name
             for name, own in others(arguments).items()
         }
-        for file in live_files(arguments):
-            running[pool.submit(live, file, *arguments)] = file
+        for files in live_files(arguments):
+            running[pool.submit(live, files, *arguments)] = " ".join(files)
         try:
             for run in as_completed(running):
                 status, text = run.result()
-                print(told(running[run], status, text), flush=True)
+                print(report(running[run], status, text), flush=True)
                 found += counts(status, text)
                 failed |= status not in (0, NOTHING)
         except KeyboardInterrupt:  # those that run have been told too

@@ -1,4 +1,4 @@
-"""What the import contracts of `pyproject.toml`, which `make check` runs, do not say."""
+"""Layering beyond the import contracts of `pyproject.toml`, which `make check` runs."""
 
 import ast
 import re

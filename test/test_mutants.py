@@ -14,7 +14,7 @@ def test_modules_and_tests_of_a_part_exist(part):
     assert [name for name in part.tests if not (ROOT / "test" / "core" / name).exists()] == []
 
 
-def test_known_equivalents_are_told_from_survivors(tmp_path):
+def test_listed_equivalents_are_separated_from_survivors(tmp_path):
     module = tmp_path / MUTANTS["CORE"] / "one.py"
     module.parent.mkdir(parents=True)
     bodies = {"orig": "a = 1; return a + b", "1": "a = 1; return a - b", "2": "a = 2; return a + b"}

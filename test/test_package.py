@@ -93,7 +93,7 @@ def test_reference_scenario_file_is_the_built_in_one():
     assert scenario_file.resolve(document, radars) == paper_scenario(radars)
 
 
-def test_one_file_says_the_licence_of_all():
+def test_one_file_states_the_licence_of_all():
     # As REUSE 3.3 has it, in the place of a header in every file.
     said = (ROOT / "REUSE.toml").read_text()
     licence = ElementTree.parse(ROOT / "package.xml").getroot().findtext("license")

@@ -1,4 +1,4 @@
-"""Fills the tables of docs/study.md and docs/performance.md with the figures of the last runs.
+"""Fills the tables of the pages on the study and on performance with the figures of the last runs.
 
 A table stands between ``<!-- table: {...} -->`` and ``<!-- end -->``. The braces say what it has:
 
@@ -28,7 +28,7 @@ from phd_jdtc_ros.study.monte_carlo.definition import METRICS
 
 ROOT = Path(__file__).parents[2]
 
-PAGES = ("study.md", "performance.md")
+PAGES = ("study.md", "study_details.md", "performance.md")
 SUMMARIES = {"study": "out/study/summary.json", "bench": "out/bench/summary.json"}
 TABLE = re.compile(r"(?<=<!-- table: )(\{.*?\})( -->\n)(.*?)(?=<!-- end -->)", re.DOTALL)
 ABSENT = ""
@@ -129,7 +129,7 @@ def _metric_rows(shown: Mapping[str, Any], cases: Mapping[str, Any]) -> Iterator
 
 
 def main() -> int:
-    """Fill the tables of both pages; say which stay as they are."""
+    """Fill the tables of the pages; say which stay as they are."""
     found = {
         name: json.loads((ROOT / path).read_text())
         for name, path in SUMMARIES.items()

@@ -1,7 +1,8 @@
 """A hook of mkdocs: tables that fit narrow columns.
 
 Every cell is given its column's heading, which ``site.css`` shows beside the cell where a table is
-too wide to be one, as on a phone. Long names may break after their separators.
+too wide to be one, as on a phone. Long names may break after their separators; a number and its
+unit stay on one line, and so do a mean and its interval.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ LONG_CODE = re.compile(r"(?<=<code>)[^<]{20,}(?=</code>)")
 TAG = re.compile(r"<[^>]+>")
 # After these a name may go on in the next line.
 SEPARATOR = re.compile(r"([/.,_]|:=)(?=\w)")
+SPACE_IN_FIGURE = re.compile(r"(?<=\d) (?=(?:%|°|kt|k?m|m?s|NM|MB)(?!\w)|±)|(?<=±) (?=\d)")
 
 
 def on_page_content(page_html: str, **_: Any) -> str:
@@ -35,6 +37,7 @@ def _prepared(table: str) -> str:
         )
 
     table = ROW.sub(labelled, table)
+    table = SPACE_IN_FIGURE.sub("\N{NO-BREAK SPACE}", table)
     return LONG_CODE.sub(lambda code: SEPARATOR.sub(r"\1<wbr>", code[0]), table)
 
 

@@ -11,8 +11,7 @@ from typing import Any
 from phd_jdtc_ros.calibration.tuning import proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.configuration.parameters import schema
-from phd_jdtc_ros.configuration.radar_parameters import RADAR
+from phd_jdtc_ros.configuration.parameters import GROUPS, schema
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments
@@ -96,7 +95,7 @@ class Parameters:
         """
         values = self.values(columns)
         faults = [] if self.whole or blank else self._needed(values, columns)
-        of_radars = {parameter.name for parameter in RADAR}
+        of_radars = {parameter.name for parameter in GROUPS["sensors"]}
         faults += [
             f"{name}: unknown parameter, is {self.radars[0]}.{name} meant?"
             for name in self.given

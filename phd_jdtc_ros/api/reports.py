@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_geometry import LEAST_RANGE
 
-from .tables import Columns, numbers, require_column, stamps_ns
+from .tables import Columns, numbers, require_column, rows_by_stamp, stamps_ns
 
 # Columns of positions, and of their standard deviation, which replace ranges and azimuths.
 POSITION, POSITION_STD = ("x", "y"), "position_std"
@@ -56,19 +57,16 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
     found = []
     for index, rows in enumerate(_rows_of_radars(columns, config.inputs)):
         radar, model = config.inputs[index], config.model.radars[index]
-        stamp_ns = _ends_ns(time_ns[rows], radar) if radar.time_field == TIME else time_ns[rows]
+        stamp_ns = _ends_ns(time_ns[rows], radar) if radar.fields.time == TIME else time_ns[rows]
         own = {name: column[rows] for name, column in columns.items()}
         if not len(rows):
             continue
         read = _Reader(radar, model.position, model.yaw, float(model.noise_std[0]))
         sent = read.columns(own)
-        order = np.argsort(stamp_ns, kind="stable")
-        starts = np.flatnonzero(np.diff(stamp_ns[order], prepend=-1))
-        for part in np.split(order, starts[1:]):
-            report = read.report(int(stamp_ns[part[0]]), sent, part)
-            found.append(RadarReport(index, report))
-        if radar.time_field == TIME:
-            quiet = _quiet_ns(stamp_ns[order][starts], _step_ns(radar))
+        parts = {int(stamp_ns[part[0]]): part for part in rows_by_stamp(stamp_ns)}
+        found += [RadarReport(index, read.report(ns, sent, part)) for ns, part in parts.items()]
+        if radar.fields.time == TIME:
+            quiet = _quiet_ns([*parts], _step_ns(radar))
             none = np.arange(0)
             found += [RadarReport(index, read.report(each, sent, none)) for each in quiet]
     return sorted(found, key=lambda each: (each.report.stamp_ns, each.radar))
@@ -122,10 +120,10 @@ def _ends_ns(time_ns: IntArray, radar: RadarInput) -> IntArray:
     return ends
 
 
-def _quiet_ns(ends_ns: IntArray, step_ns: int) -> list[int]:
+def _quiet_ns(ends_ns: Sequence[int], step_ns: int) -> list[int]:
     """Return the ends of the parts without detections; gaps longer than a turn are left out."""
     quiet: list[int] = []
-    for begin, end in zip(ends_ns[:-1].tolist(), ends_ns[1:].tolist(), strict=True):
+    for begin, end in pairwise(ends_ns):
         if end - begin < PARTS_OF_A_TURN * step_ns:
             quiet += range(begin + step_ns, end, step_ns)
     return quiet
@@ -154,7 +152,7 @@ class _Reader:
         """Return the columns in the radar's convention."""
         radar = self._radar
         names = sent_columns.names_of(radar)
-        if radar.time_field == TIME:
+        if radar.fields.time == TIME:
             # Reports are split by time here, and not by the radar's sectors.
             names.pop("sector", None)
         found = {
@@ -162,7 +160,7 @@ class _Reader:
             for what, name in names.items()
             if name in columns
         }
-        if radar.range_field not in columns and {*POSITION} <= columns.keys():
+        if radar.fields.range not in columns and {*POSITION} <= columns.keys():
             found |= self._of_positions(columns)
         for what in ("distance", "azimuth"):
             if what not in found:
@@ -174,7 +172,7 @@ class _Reader:
         radar = self._radar
         if radar.site is not None:
             raise ValueError(
-                f"x, y: given, must be {radar.range_field} and {radar.azimuth_field} for "
+                f"x, y: given, must be {radar.fields.range} and {radar.fields.azimuth} for "
                 f"{radar.name}, because it has geodetic"
             )
         x, y = (

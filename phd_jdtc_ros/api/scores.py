@@ -13,7 +13,16 @@ from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet
 from phd_jdtc_ros.evaluation.run_scores import RunScores
 from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
-from .tables import STATES, Columns, Table, columns_of, numbers, require_column, stamps_ns
+from .tables import (
+    STATES,
+    Columns,
+    Table,
+    columns_of,
+    numbers,
+    require_column,
+    rows_by_stamp,
+    stamps_ns,
+)
 
 
 def evaluate(
@@ -61,12 +70,10 @@ def evaluate(
     known = TrueTracks()
     for stamp_ns, points in samples.items():
         known.add(stamp_ns, points)
-    due = (
-        sorted(samples)
-        if times is None
-        else np.unique(stamps_ns({"times": _array(times)}, "times"))
-    )
-    stamps = [int(stamp_ns) for stamp_ns in due]
+    stamps = sorted(samples)
+    if times is not None:
+        column = {"times": np.atleast_1d(np.asarray(times))}
+        stamps = np.unique(stamps_ns(column, "times")).tolist()
     astray = sorted(estimates.keys() - {*stamps})
     if astray:
         raise ValueError(
@@ -83,10 +90,6 @@ def evaluate(
     return {**run.figures()[ALL], "scans": run.scans}
 
 
-def _array(times: npt.ArrayLike) -> npt.NDArray[Any]:
-    return np.atleast_1d(np.asarray(times))
-
-
 def _class_names(*tables: Columns) -> list[str]:
     """Return the names of all classes; a single name if a table has no classes."""
     if not all("class" in table for table in tables):
@@ -99,10 +102,7 @@ def _by_stamp(table: Columns, class_names: list[str]) -> dict[int, PointSet]:
     """Return the points of a table by stamp."""
     stamp_ns = stamps_ns(table)
     points = _points(table, class_names)
-    order = np.argsort(stamp_ns, kind="stable")
-    starts = np.flatnonzero(np.diff(stamp_ns[order], prepend=-1))
-    parts = np.split(order, starts[1:]) if len(order) else []
-    return {int(stamp_ns[part[0]]): points.only(part) for part in parts}
+    return {int(stamp_ns[rows[0]]): points.only(rows) for rows in rows_by_stamp(stamp_ns)}
 
 
 def _points(table: Columns, class_names: list[str]) -> PointSet:

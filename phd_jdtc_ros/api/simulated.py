@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -61,10 +62,6 @@ def simulate(
     seed : int
         Equal seeds give equal tables, which match the output of the executable ``simulate``.
 
-    Returns
-    -------
-    Simulated
-
     Raises
     ------
     ConfigError
@@ -104,7 +101,7 @@ def _document(scenario: Mapping[str, Any] | str | os.PathLike[str] | None) -> An
 def _config(parameters: Mapping[str, Any]) -> TrackerConfig:
     """Return a configuration with absolute detection times, as in tables."""
     config = resolve(parameters, SystemPlane)
-    timed = [radar.name for radar in config.inputs if radar.time_field]
+    timed = [radar.name for radar in config.inputs if radar.fields.time]
     return resolve(
         {
             **config.values,
@@ -128,14 +125,8 @@ def _detections(
     reports: Sequence[tuple[int, int, Detections]], inputs: Sequence[RadarInput]
 ) -> Column:
     """Return reports as a table with the columns of all radars."""
-    names = list(
-        dict.fromkeys(
-            name
-            for radar in inputs
-            for name in sent_columns.names_of(radar).values()
-            if name != TIME
-        )
-    )
+    own = [sent_columns.names_of(radar).values() for radar in inputs]
+    names = [name for name in dict.fromkeys(chain.from_iterable(own)) if name != TIME]
     dtype = [
         (TIME, np.float64),
         ("radar", f"U{max(len(radar.name) for radar in inputs)}"),
@@ -149,11 +140,10 @@ def _detections(
         begin += len(rows)
         if len(found):
             sent = sent_columns.of(found, stamp_ns, radar)
-        rows[TIME] = sent[TIME] if radar.time_field and sent else stamp_ns / 1e9
+        rows[TIME] = sent[TIME] if radar.fields.time and sent else stamp_ns / 1e9
         rows["radar"] = radar.name
-        own = sent_columns.names_of(radar).values()
         for name in names:
-            rows[name] = _number(sent[name]) if name in own and sent else np.nan
+            rows[name] = _number(sent[name]) if name in own[index] and sent else np.nan
     return table
 
 

@@ -142,6 +142,13 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
     return stamps
 
 
+def rows_by_stamp(stamps: IntArray) -> list[IntArray]:
+    """Return the rows of each stamp, by ascending stamp."""
+    order = np.argsort(stamps, kind="stable")
+    starts = np.flatnonzero(np.diff(stamps[order], prepend=-1))
+    return np.split(order, starts[1:]) if len(order) else []
+
+
 def _since_1970(value: Any) -> Any:
     """Convert a date of Python or pandas to seconds since 1970; the default time zone is UTC."""
     if not isinstance(value, datetime):
@@ -195,11 +202,7 @@ def table_of(found: Sequence[Estimates], class_names: Sequence[str]) -> Column:
             ("class_probability", np.float64),
             ("probability", np.float64),
             ("state", f"U{max(map(len, STATES.values()))}"),
-            ("x", np.float64),
-            ("y", np.float64),
-            ("vx", np.float64),
-            ("vy", np.float64),
-            ("height", np.float64),
+            *((name, np.float64) for name in ("x", "y", "vx", "vy", "height")),
             ("code", np.int64),
             ("address", np.int64),
             ("covariance", np.float64, (4, 4)),

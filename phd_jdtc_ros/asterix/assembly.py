@@ -13,21 +13,22 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 
 from .messages import Plot, ServiceMessage
-from .slices import MAX_PENDING, Lateness, SectorReport, Slicer, TurnFinder, Unknown
+from .slices import MAX_PENDING, NoTurnFinder, RecentMaximum, SectorReport, Slicer, TurnFinder
 
 FULL_TURN = 2.0 * math.pi
-# A sector counts as passed from half of the unit of sector crossings before its end.
+# A sector counts as passed once the azimuth is within TOLERANCE of its end: half the resolution of
+# sector-crossing messages, radians.
 TOLERANCE = 0.5 * FULL_TURN / 2**8
 # Upper bounds between consecutive sector crossings: a quarter of a turn, and seconds. North marks
 # alone are not sector crossings.
 LARGEST_STEP, LONGEST_STEP_S = 0.25 * FULL_TURN + TOLERANCE, 15.0
 # After this many turns without a crossing the antenna's azimuth is unknown.
 TURNS_LOST = 1.5
-# Value of `Assembler.hold` for learning it: at most a quarter of a turn and initially an eighth, as
-# the maximum over MEMORY_NS.
+# LEARNED as `Assembler.hold` means: hold for the largest plot delay of the last MEMORY_NS, in
+# sectors; an eighth of a turn at first, a quarter at most.
 LEARNED = -1
 MEMORY_NS = 60 * 10**9
-# Plausible times of a turn, seconds.
+# Plausible rotation periods, seconds.
 SHORTEST_TURN_S, LONGEST_TURN_S = 0.3, 60.0
 
 
@@ -40,20 +41,20 @@ class Assembler:
     sectors : int
         Number of sectors per turn, for radars with sector crossings.
     rotation_s : float
-        Configured time of a turn, seconds; 0 if unknown. Service messages and plots override it.
+        Configured rotation period, seconds; 0 if unknown. Service messages and plots override it.
     hold : int
-        Number of sectors by which the antenna must have passed a sector before its report, for
-        radars whose plots arrive after their sector crossings; `LEARNED` to learn it.
+        Number of sectors for which a report is held back after its sector has ended, because plots
+        may arrive after the sector crossing; `LEARNED` to estimate it.
     finder : TurnFinder
-        Estimates the turn of radars without sector crossings.
+        Estimates the rotation period of radars without sector crossings.
 
     Attributes
     ----------
     counts : Counter
         ``late_plots``: plots that arrived after the report of their sector or slice, and go with
-        the next. ``turns_lost``: times at which the antenna's azimuth was unknown for longer than a
-        turn. ``overflow``: plots dropped because too many waited. ``sectors_bridged``: sectors
-        whose crossing is missing.
+        the next. ``turns_lost``: how often the antenna's azimuth was lost, after `TURNS_LOST` turns
+        without a sector crossing. ``overflow``: plots dropped because too many waited.
+        ``sectors_bridged``: sectors whose crossing is missing.
     by_sector, by_time : int
         Numbers of reports by sector and by time.
     """
@@ -62,14 +63,14 @@ class Assembler:
     rotation_s: float = 0.0
     hold: int = 0
     counts: Counter[str] = field(default_factory=Counter)
-    finder: TurnFinder = field(default_factory=Unknown)
+    finder: TurnFinder = field(default_factory=NoTurnFinder)
     by_sector: int = field(init=False, default=0)
     by_time: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
         self._slicer = Slicer(self.rotation_s, self.counts, self.finder)
         quarter = self.sectors // 4
-        self._lateness = Lateness(quarter, max(quarter // 2, 1), MEMORY_NS)
+        self._delay = RecentMaximum(quarter, max(quarter // 2, 1), MEMORY_NS)
         # Plots of sectors that are not reported yet: number of the sector's end, time, plot.
         self._pending: list[tuple[int, int, Plot]] = []
         # Azimuth and time of the latest service message, NaN if there is none. With sector
@@ -88,21 +89,21 @@ class Assembler:
 
     @property
     def turn_s(self) -> float:
-        """Time of a turn, s, from crossings, else plots, else the configuration; 0 if unknown."""
-        if self._seen_turn_s:
-            return self._seen_turn_s
+        """Rotation period, s, by crossings, else plots, else the configuration; 0 if unknown."""
+        if self._measured_turn_s:
+            return self._measured_turn_s
         found_s = self.finder.turn_s
         return found_s if _is_turn(found_s) else self.rotation_s
 
     @property
-    def _seen_turn_s(self) -> float:
-        """Time of a turn, seconds, from sector crossings; 0 if unknown."""
+    def _measured_turn_s(self) -> float:
+        """Rotation period by sector crossings, seconds; 0 if unknown."""
         phase, begin_ns = self._begin or (math.nan, 0)
         turned = self._phase - phase
         if turned >= 0.5 * FULL_TURN:
-            seen_s = (self._phase_ns - begin_ns) * 1e-9 * FULL_TURN / turned
-            if _is_turn(seen_s):
-                return seen_s
+            turn_s = (self._phase_ns - begin_ns) * 1e-9 * FULL_TURN / turned
+            if _is_turn(turn_s):
+                return turn_s
         return 0.0
 
     def add_plot(self, plot: Plot, time_ns: int) -> list[SectorReport]:
@@ -113,7 +114,7 @@ class Assembler:
         if self._begin is None:
             return lost + self._record_slices(self._slicer.add(plot, time_ns))
         number = self._keep(plot, time_ns)
-        self._lateness.take(max(self._passed + 1 - number, 0), self._phase_ns)
+        self._delay.add(max(self._passed + 1 - number, 0), self._phase_ns)
         return []
 
     def keep_plot(self, plot: Plot, time_ns: int) -> None:
@@ -177,7 +178,7 @@ class Assembler:
         if self._begin is None or abs(time_ns - self._phase_ns) <= TURNS_LOST * turn_s * 1e9:
             return []
         self.counts["turns_lost"] += 1
-        # Keep the last known time of a turn.
+        # Keep the last known rotation period.
         self.rotation_s = self._slicer.rotation_s = self.turn_s
         found = self.finish()
         self._slicer.begin(self._stamp_ns)
@@ -204,15 +205,15 @@ class Assembler:
             self._ends_ns.append(
                 before_ns + round(min(max(part, 0.0), 1.0) * (time_ns - before_ns))
             )
-        hold = self._lateness.value if self.hold == LEARNED else self.hold
+        hold = self._delay.value if self.hold == LEARNED else self.hold
         return [self._close() for _ in range(len(self._ends_ns) - hold)]
 
     def _step(self, azimuth: float, time_ns: int) -> float:
         """Return the angle by which the antenna has turned, radians."""
         step = (azimuth - self._phase) % FULL_TURN
-        # Whole turns are added only if crossings have measured the turn. A configured or estimated
-        # turn that is too short would add turns and so confirm itself.
-        if not (turn_s := self._seen_turn_s):
+        # Whole turns are added only if crossings have measured the rotation period. A configured or
+        # estimated period that is too short would add turns and so confirm itself.
+        if not (turn_s := self._measured_turn_s):
             return step if step < FULL_TURN - TOLERANCE else 0.0
         expected = (time_ns - self._phase_ns) * 1e-9 / turn_s * FULL_TURN
         return step + round((expected - step) / FULL_TURN) * FULL_TURN
@@ -252,7 +253,7 @@ class Assembler:
 
 
 def _is_turn(time_s: float) -> bool:
-    """Return whether a time of a turn is plausible, seconds."""
+    """Return whether a rotation period is plausible, seconds."""
     return SHORTEST_TURN_S <= time_s <= LONGEST_TURN_S
 
 

@@ -11,8 +11,9 @@ from collections import Counter
 from collections.abc import Iterator
 
 from . import records
+from .item_rules import MalformedError
 from .messages import Message
-from .specification import MalformedError, layouts
+from .specification import layouts
 from .transport.framing import CATEGORIES
 
 HEADER = 3

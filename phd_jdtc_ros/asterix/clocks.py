@@ -23,7 +23,7 @@ FIRST = 15
 LAST_NS = (2**31 - 1) * 10**9 - NS_PER_DAY
 
 
-def possible(time_ns: int) -> bool:
+def fits_stamp(time_ns: int) -> bool:
     """Return whether a time fits a stamp."""
     return 0 <= time_ns <= LAST_NS
 
@@ -37,7 +37,8 @@ class StreamClock:
     midnight_ns : int
         Beginning of the day of the first message; used if its time of receipt is unknown.
     max_offset_s : float
-        Clock error that is tolerated. The times of a radar with a larger error are shifted by it.
+        Largest tolerated clock error, seconds. A larger error is estimated and removed from the
+        radar's times.
 
     Attributes
     ----------
@@ -54,17 +55,20 @@ class StreamClock:
     _last_ns: dict[int, int] = field(init=False, default_factory=dict)
     _latest_ns: int | None = field(init=False, default=None)
     # Latest consecutive errors of each radar's clock beyond its present shift.
-    _off: dict[int, list[int]] = field(init=False, default_factory=dict)
+    _recent_errors: dict[int, list[int]] = field(init=False, default_factory=dict)
+    # Clock errors of the first messages of each radar that is not decided yet.
     _first_ns: dict[int, list[int]] = field(init=False, default_factory=dict)
-    _settled: set[int] = field(init=False, default_factory=set)
+    _decided: set[int] = field(init=False, default_factory=set)
 
-    def settles(self, radar: int, time_of_day: int, period: int, received_ns: int | None) -> bool:
+    def can_decide(
+        self, radar: int, time_of_day: int, period: int, received_ns: int | None
+    ) -> bool:
         """Return whether a radar's first messages suffice to decide about its clock error.
 
         A single message with a correct time suffices; otherwise the median of `FIRST` errors
         decides. Calls of `time_ns` should wait for this, so that all messages get the same shift.
         """
-        if radar in self._settled:
+        if radar in self._decided:
             return True
         if received_ns is None:
             # If other messages have times of receipt, this one waits for the decision on them.
@@ -76,12 +80,12 @@ class StreamClock:
         right = abs(found[-1]) <= self.max_offset_s * 1e9
         return right or len(found) >= FIRST
 
-    def settle(self, radar: int, counts: Counter[str]) -> None:
+    def decide(self, radar: int, counts: Counter[str]) -> None:
         """Decide about a radar's clock error from the messages so far."""
         found = sorted(self._first_ns.pop(radar, ()))
-        if radar in self._settled or not found:
+        if radar in self._decided or not found:
             return
-        self._settled.add(radar)
+        self._decided.add(radar)
         shift_ns = found[len(found) // 2]
         if min(map(abs, found)) > self.max_offset_s * 1e9:
             self.shift_ns[radar] = shift_ns
@@ -115,9 +119,9 @@ class StreamClock:
             return received_ns if received_ns is not None else known or self.midnight_ns
         time_ns = self._nearest(radar, time_of_day, period, received_ns)
         if received_ns is not None and check_clock:
-            self._judge(radar, received_ns - time_ns, counts)
+            self._update_shift(radar, received_ns - time_ns, counts)
         shift_ns = 0 if received_ns is None else self.shift_ns.get(radar, 0)
-        if not possible(time_ns + shift_ns):
+        if not fits_stamp(time_ns + shift_ns):
             counts["time_impossible"] += 1
             return None
         self._last_ns[radar] = self._latest_ns = time_ns
@@ -144,19 +148,19 @@ class StreamClock:
         )
         return min(times_ns, key=lambda time_ns: abs(time_ns - near_ns))
 
-    def _judge(self, radar: int, offset_ns: int, counts: Counter[str]) -> None:
+    def _update_shift(self, radar: int, offset_ns: int, counts: Counter[str]) -> None:
         """Change the radar's shift if its times persistently differ from the receipts."""
         self.offset_s[radar] = offset_ns * 1e-9
         limit_ns = self.max_offset_s * 1e9
         if abs(offset_ns - self.shift_ns.get(radar, 0)) <= limit_ns:
-            self._off.pop(radar, None)
+            self._recent_errors.pop(radar, None)
             return
-        off = [*self._off.get(radar, []), offset_ns][-LEAST_OFF:]
-        self._off[radar] = off
+        errors = [*self._recent_errors.get(radar, []), offset_ns][-LEAST_OFF:]
+        self._recent_errors[radar] = errors
         # A clock error is constant. Scattered errors do not come from a clock.
-        if len(off) < LEAST_OFF or max(off) - min(off) > limit_ns:
+        if len(errors) < LEAST_OFF or max(errors) - min(errors) > limit_ns:
             return
-        del self._off[radar]
+        del self._recent_errors[radar]
         self.shift_ns[radar] = offset_ns if abs(offset_ns) > limit_ns else 0
         counts["clock_off"] += 1
 
@@ -164,7 +168,8 @@ class StreamClock:
 def _in_day(begin_ns: int, time_of_day: int, period: int, near_ns: int) -> int:
     """Return the time of a day that is nearest to another time, given the time modulo a period.
 
-    The counter restarts at midnight, because shorter periods do not divide the day.
+    A truncated time also restarts at midnight, since its period does not divide the day; the last
+    period of a day is therefore short.
     """
     own_ns, length_ns = time_of_day * NS_PER_TICK, period * NS_PER_TICK
     last = (NS_PER_DAY - 1 - own_ns) // length_ns

@@ -1,4 +1,4 @@
-"""The whole input path: datagrams of several radars to sectors or slices of time of each radar."""
+"""Converts the datagrams of several radars to reports: sectors or time slices of each radar."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 from .assembly import LEARNED, Assembler
 from .blocks import BlockReader
 from .call_signs import CallSigns
-from .clocks import StreamClock, possible
+from .clocks import StreamClock, fits_stamp
 from .messages import DAY, NONE, Message, Plot
-from .slices import SectorReport, TurnFinder, Unknown
+from .slices import NoTurnFinder, SectorReport, TurnFinder
 
 # Upper bound of a radar's messages that wait until its clock error is known.
 MAX_WAITING = 1000
@@ -31,7 +31,7 @@ class RadarSettings:
     sectors : int
         Number of sectors per turn; a multiple of 4.
     rotation_s : float
-        Time of a turn, seconds; 0 if unknown.
+        Rotation period, seconds; 0 if unknown.
     hold_sectors : int
         See `Assembler`.
     site : tuple of three floats or None
@@ -46,7 +46,7 @@ class RadarSettings:
 
 
 @dataclass(slots=True)
-class Seen:
+class PlotStatistics:
     """Statistics of a radar's plots.
 
     Attributes
@@ -98,8 +98,6 @@ class RadarState:
         The latest refused source.
     time_ns : int
         Time of the latest message.
-    seen : Seen
-        Statistics of its plots.
     site : tuple of three floats or None
         Position of the radar, from its configuration or else from I034/120.
     """
@@ -113,10 +111,10 @@ class RadarState:
     sources: dict[type, str] = field(default_factory=dict)
     other_source: str | None = None
     time_ns: int = 0
-    seen: Seen = field(default_factory=Seen)
+    statistics: PlotStatistics = field(default_factory=PlotStatistics)
     site: tuple[float, float, float] | None = None
     waiting: list[tuple[Message, int | None]] = field(default_factory=list)
-    _heard_ns: dict[type, int] = field(default_factory=dict)
+    _received_ns: dict[type, int] = field(default_factory=dict)
 
     def belongs(self, kind: type, source: str | None, now_ns: int) -> bool:
         """Return whether messages of this kind are accepted from this source.
@@ -127,17 +125,17 @@ class RadarState:
         if source is None:
             return True
         own = self.sources.get(kind, source)
-        if source != own and abs(now_ns - self._heard_ns[kind]) < SOURCE_TIMEOUT_S * 1e9:
+        if source != own and abs(now_ns - self._received_ns[kind]) < SOURCE_TIMEOUT_S * 1e9:
             self.other_source = source
             self.counts["second_source"] += 1
             return False
         self.counts["source_changed"] += source != own
-        self.sources[kind], self._heard_ns[kind] = source, now_ns
+        self.sources[kind], self._received_ns[kind] = source, now_ns
         return True
 
 
 class PlotStream:
-    """Converts datagrams to the reports of radars: sectors, or slices of time.
+    """Converts datagrams to the reports of radars.
 
     Parameters
     ----------
@@ -147,7 +145,7 @@ class PlotStream:
     others : RadarSettings
         Configuration of the radars that are not in `radars`.
     finders : callable
-        Creates an estimator of the turn of a radar without sector crossings.
+        Creates an estimator of the rotation period of a radar without sector crossings.
 
     Attributes
     ----------
@@ -164,7 +162,7 @@ class PlotStream:
         radars: Mapping[int, RadarSettings],
         others: RadarSettings | None = None,
         clock: StreamClock | None = None,
-        finders: Callable[[], TurnFinder] = Unknown,
+        finders: Callable[[], TurnFinder] = NoTurnFinder,
     ) -> None:
         self.counts: Counter[str] = Counter()
         self.blocks = BlockReader(self.counts)
@@ -188,9 +186,9 @@ class PlotStream:
         source : str or None
             Sender of the datagram; None if unknown.
         """
-        return [each for found in self.work(data, received_ns, source) for each in found]
+        return [each for found in self.iter_reports(data, received_ns, source) for each in found]
 
-    def work(
+    def iter_reports(
         self, data: bytes, received_ns: int | None = None, source: str | None = None
     ) -> Iterator[list[tuple[RadarState, SectorReport]]]:
         """Yield the reports that each message of a datagram completes; parameters as in `feed`.
@@ -198,7 +196,7 @@ class PlotStream:
         A datagram may hold thousands of messages. The caller can do other work between them.
         """
         self.datagrams += 1
-        if received_ns is not None and not possible(received_ns):
+        if received_ns is not None and not fits_stamp(received_ns):
             self.counts["receipt_time"] += 1
             received_ns = None
         for message in self.blocks.read(data):
@@ -214,7 +212,7 @@ class PlotStream:
         """Return all pending reports at the end of a recording or when the radars are silent."""
         found: list[tuple[RadarState, SectorReport]] = []
         for number, state in self.radars.items():
-            found += self._settle(number, state)
+            found += self._decide(number, state)
             found += self._with_state(state, state.assembler.finish())
         return found
 
@@ -223,17 +221,16 @@ class PlotStream:
     ) -> list[tuple[RadarState, SectorReport]]:
         """Process a message, or keep it until its radar's clock error is known."""
         period = message.period if isinstance(message, Plot) else DAY
-        settles = self.clock.settles(message.radar, message.time_of_day, period, received_ns)
-        settles |= len(state.waiting) >= MAX_WAITING
-        if not settles:
+        ready = self.clock.can_decide(message.radar, message.time_of_day, period, received_ns)
+        if not ready and len(state.waiting) < MAX_WAITING:
             state.waiting.append((message, received_ns))
             return []
-        found = self._settle(message.radar, state)
+        found = self._decide(message.radar, state)
         return found + self._with_state(state, self._assemble(state, message, received_ns))
 
-    def _settle(self, number: int, state: RadarState) -> list[tuple[RadarState, SectorReport]]:
-        """Process the messages that waited for the clock error."""
-        self.clock.settle(number, state.counts)
+    def _decide(self, number: int, state: RadarState) -> list[tuple[RadarState, SectorReport]]:
+        """Decide about the clock error, and process the messages that waited for it."""
+        self.clock.decide(number, state.counts)
         waiting, state.waiting = state.waiting, []
         reports = [report for entry in waiting for report in self._assemble(state, *entry)]
         return self._with_state(state, reports)
@@ -262,7 +259,7 @@ class PlotStream:
         state.counts["time_off"] += not plausible
         if isinstance(message, Plot):
             state.plots += 1
-            state.seen.add(message)
+            state.statistics.add(message)
             self.call_signs.take(message.address, message.call_sign)
             if plausible:
                 return state.assembler.add_plot(message, time_ns)

@@ -49,12 +49,7 @@ class RecordReader(ABC):
     def read(
         self, data: bytes, at: int, limit: int, counts: Counter[str]
     ) -> tuple[Message | None, int]:
-        """Return the message of the record at `at`, None if it is skipped, and the record's end.
-
-        Raises
-        ------
-        MalformedError
-        """
+        """Return the message of the record at `at`, None if it is skipped, and the record's end."""
         begins, end = self._layout.walk(data, at, limit)
         return self._message(data, begins, counts), end
 

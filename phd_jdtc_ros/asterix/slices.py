@@ -1,7 +1,7 @@
 """Cuts the plots of one radar into slices of time, each sent when its plots are complete.
 
-The delay of plots is learned from the plots: it is the lead of the radar's latest message over a
-plot's own time when the plot arrives.
+The delay is estimated from the plots: on arrival, a plot's delay is the time of the radar's latest
+message minus the plot's own time.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ BACK_NS = 60 * 10**9
 PARTS, SHORTEST_NS = 8, 250_000_000
 # After this time without plots the radar counts as off, and no empty slices are sent.
 SILENCE_NS = 15 * 10**9
-# Upper bound and initial value of the plots' delay, and the time over which its maximum is kept.
-LATEST_NS, MEMORY_NS = 2 * 10**9, 60 * 10**9
+# Largest accepted plot delay, which is also the time that the first slice waits, and the time over
+# which the maximum delay is kept.
+MAX_DELAY_NS, MEMORY_NS = 2 * 10**9, 60 * 10**9
 # Factor on the delay of plots for which a slice waits.
 MARGIN = 1.25
 
@@ -48,7 +49,7 @@ class SectorReport(NamedTuple):
 
 
 @dataclass
-class Lateness:
+class RecentMaximum:
     """Maximum of recent values, over one to two spans of time.
 
     Parameters
@@ -74,8 +75,8 @@ class Lateness:
         """The current maximum."""
         return max(self._before, self._now)
 
-    def take(self, value: int, time_ns: int) -> None:
-        """Add a value at a time."""
+    def add(self, value: int, time_ns: int) -> None:
+        """Add a value that was observed at `time_ns`."""
         if self._since_ns is None:
             self._since_ns = time_ns
         if abs(time_ns - self._since_ns) >= self.memory_ns:
@@ -85,22 +86,22 @@ class Lateness:
 
 
 class TurnFinder(Protocol):
-    """Estimates the time of a turn from plots."""
+    """Estimates the rotation period from plots."""
 
     @property
     def turn_s(self) -> float:
-        """Time of a turn, seconds; 0 if unknown."""
+        """Rotation period, seconds; 0 if unknown."""
 
     def add(self, azimuth: float, time_ns: int) -> None:
         """Add a plot's azimuth, radians clockwise from north, and its time."""
 
     def begin_again(self) -> None:
-        """Forget the plots because times have gone back, but keep the turn."""
+        """Forget the plots because times have gone back, but keep the rotation period."""
 
 
 @dataclass
-class Unknown:
-    """A turn finder for radars whose turn remains unknown."""
+class NoTurnFinder:
+    """A turn finder for radars whose rotation period remains unknown."""
 
     turn_s: float = 0.0
 
@@ -118,7 +119,7 @@ class Slicer:
     Parameters
     ----------
     rotation_s : float
-        Time of a turn, seconds, until it is estimated from plots; 0 if unknown.
+        Rotation period, seconds, until it is estimated from plots; 0 if unknown.
     counts : Counter
         Gains ``late_plots``, plots that arrived after their slice was sent and go with the next
         one, and ``overflow``, plots dropped because too many waited.
@@ -126,11 +127,11 @@ class Slicer:
 
     rotation_s: float
     counts: Counter[str]
-    finder: TurnFinder = field(default_factory=Unknown)
-    _lateness: Lateness = field(init=False)
+    finder: TurnFinder = field(default_factory=NoTurnFinder)
+    _delay: RecentMaximum = field(init=False)
 
     def __post_init__(self) -> None:
-        self._lateness = Lateness(LATEST_NS, round(LATEST_NS / MARGIN), MEMORY_NS)
+        self._delay = RecentMaximum(MAX_DELAY_NS, round(MAX_DELAY_NS / MARGIN), MEMORY_NS)
         self._pending: list[tuple[int, Plot]] = []
         # Plots with implausible times, which go with the next slice.
         self._aside: list[tuple[int, Plot]] = []
@@ -149,13 +150,13 @@ class Slicer:
         """Add a plot, and return the slices that it completes."""
         found = self.advance(time_ns)
         self.finder.add(plot.azimuth, time_ns)
-        self._lateness.take(max(self._latest_ns - time_ns, 0), self._latest_ns)
+        self._delay.add(max(self._latest_ns - time_ns, 0), self._latest_ns)
         self.counts["late_plots"] += time_ns < self._sent_ns
         self.keep(plot, time_ns)
         return found
 
     def keep(self, plot: Plot, time_ns: int) -> None:
-        """Add an earlier plot, which completes no slice."""
+        """Add a plot without advancing the time, so that no slice is completed."""
         insort(self._pending, (time_ns, plot), key=_time_of)
         if len(self._pending) > MAX_PENDING:
             # Plots far ahead would wait forever and displace all others.
@@ -183,7 +184,7 @@ class Slicer:
             self.finder.begin_again()
             return found
         self._latest_ns = max(self._latest_ns, min(last_ns, time_ns))
-        return self._until(self._latest_ns - round(MARGIN * self._lateness.value))
+        return self._until(self._latest_ns - round(MARGIN * self._delay.value))
 
     def take(self) -> list[tuple[int, Plot]]:
         """Remove and return the pending plots, sorted by time."""

@@ -7,216 +7,26 @@ cached. Walking a record then takes a few microseconds, and only the needed item
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, TypeAlias
 
+from .item_rules import (
+    Compound,
+    Explicit,
+    Extended,
+    Fixed,
+    MalformedError,
+    RandomFieldSequence,
+    Repetitive,
+    RepetitiveFx,
+    Rule,
+    read_fspec,
+)
+
 # Upper bound of cached plans. A radar uses a few dozen; hostile data would fill the memory.
 MAX_PLANS = 4096
-
-
-class MalformedError(ValueError):
-    """A record that does not conform to its specification.
-
-    Parameters
-    ----------
-    reason : str
-        ``truncated``, ``fspec``, ``undefined_item``, ``extension``, ``explicit_length`` or
-        ``empty_record``.
-    """
-
-    def __init__(self, reason: str) -> None:
-        super().__init__(reason)
-        self.reason = reason
-
-
-class Rule(ABC):
-    """Finds the end of an item."""
-
-    size: int | None = None
-    """Length in bytes if it is always the same."""
-
-    @abstractmethod
-    def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return the end of the item that begins at `at`; it may be beyond `limit`.
-
-        Raises
-        ------
-        MalformedError
-            If the bytes that give the length are beyond `limit` or violate the specification.
-        """
-
-
-@dataclass(frozen=True)
-class Fixed(Rule):
-    """An item of fixed length."""
-
-    size: int
-
-    def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return the item's end."""
-        return at + self.size
-
-
-@dataclass(frozen=True)
-class Extended(Rule):
-    """Parts, each with a bit (FX) that announces the next part.
-
-    Parameters
-    ----------
-    parts : tuple of int
-        Lengths in bytes.
-    last_extends : bool
-        Whether the last part has such a bit, which must then be zero.
-    """
-
-    parts: tuple[int, ...]
-    last_extends: bool
-
-    def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return the item's end."""
-        last = len(self.parts) - 1
-        for index, size in enumerate(self.parts):
-            at += size
-            if at > limit:
-                raise MalformedError("truncated")
-            if index == last and not self.last_extends:
-                return at
-            if not data[at - 1] & 1:
-                return at
-        raise MalformedError("extension")
-
-
-@dataclass(frozen=True)
-class Counted(Rule):
-    """A count, followed by that number of entries of one length."""
-
-    count_size: int
-    entry_size: int
-
-    def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return the item's end."""
-        begin = at + self.count_size
-        if begin > limit:
-            raise MalformedError("truncated")
-        return begin + int.from_bytes(data[at:begin], "big") * self.entry_size
-
-
-@dataclass(frozen=True)
-class Chained(Rule):
-    """Entries of one length, each with a bit (FX) that announces the next entry."""
-
-    entry_size: int
-
-    def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return the item's end."""
-        at += self.entry_size
-        while at <= limit:
-            if not data[at - 1] & 1:
-                return at
-            at += self.entry_size
-        raise MalformedError("truncated")
-
-
-@dataclass(frozen=True)
-class Explicit(Rule):
-    """Bytes preceded by their number, which counts itself."""
-
-    def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return the item's end."""
-        if at >= limit:
-            raise MalformedError("truncated")
-        if not data[at]:
-            raise MalformedError("explicit_length")
-        return at + data[at]
-
-
-@dataclass(frozen=True)
-class Compound(Rule):
-    """A selection of subitems, followed by the selected subitems.
-
-    Parameters
-    ----------
-    rules : tuple of (Rule or None)
-        Rules of the subitems in the order of the selection's bits; None for a spare bit.
-    """
-
-    rules: tuple[Rule | None, ...]
-    # Cached length by the selection's single byte, if all selected subitems have fixed lengths.
-    _sizes: dict[int, int] = field(default_factory=dict, repr=False, compare=False)
-
-    def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return the item's end."""
-        first = data[at] if at < limit else 1
-        if first in self._sizes:
-            return at + self._sizes[first]
-        chosen, end = selection(data, at, limit, len(self.rules))
-        fixed = not first & 1
-        for index in chosen:
-            rule = self.rules[index]
-            if rule is None:
-                raise MalformedError("undefined_item")
-            end = rule.end(data, end, limit)
-            if end > limit:
-                raise MalformedError("truncated")
-            fixed = fixed and rule.size is not None
-        if fixed:
-            self._sizes[first] = end - at
-        return end
-
-
-@dataclass(frozen=True)
-class RandomSequence(Rule):
-    """A count, followed by that number of items in any order, each after its item number."""
-
-    rules: Sequence[Rule | None] = field(repr=False)
-
-    def end(self, data: bytes, at: int, limit: int) -> int:
-        """Return the item's end."""
-        if at >= limit:
-            raise MalformedError("truncated")
-        count, at = data[at], at + 1
-        for _ in range(count):
-            if at >= limit:
-                raise MalformedError("truncated")
-            number = data[at] - 1
-            rule = self.rules[number] if 0 <= number < len(self.rules) else None
-            if rule is None or isinstance(rule, RandomSequence):
-                raise MalformedError("undefined_item")
-            at = rule.end(data, at + 1, limit)
-        return at
-
-
-def selection(data: bytes, at: int, limit: int, most: int) -> tuple[list[int], int]:
-    """Return the positions of the bits that a field specification (FSPEC) sets, and its end.
-
-    Parameters
-    ----------
-    most : int
-        Number of defined items.
-
-    Raises
-    ------
-    MalformedError
-    """
-    chosen, place = [], 0
-    while True:
-        if at >= limit:
-            raise MalformedError("truncated")
-        byte, at = data[at], at + 1
-        for bit in range(7):
-            if byte & (0x80 >> bit):
-                chosen.append(place + bit)
-        place += 7
-        if not byte & 1:
-            break
-        if place >= most:
-            raise MalformedError("fspec")
-    if chosen and chosen[-1] >= most:
-        raise MalformedError("undefined_item")
-    return chosen, at
 
 
 Segment: TypeAlias = "tuple[tuple[tuple[int, int], ...], int, Rule | None, int]"
@@ -239,12 +49,14 @@ class Plan:
 
 @dataclass
 class Layout:
-    """The items of one kind of record.
+    """The items of one kind of record: its user application profile (UAP).
 
     Parameters
     ----------
-    Names in the order of the bits of a record's field specification; None for spare bits.
-        bits.
+    names : tuple of (str or None)
+        Item names in the order of the FSPEC bits; None for a spare bit.
+    rules : tuple of (Rule or None)
+        The rule of each item; None for a spare bit.
     """
 
     names: tuple[str | None, ...]
@@ -289,7 +101,7 @@ class Layout:
         ------
         MalformedError
         """
-        chosen, at = selection(data, at, limit, len(self.rules))
+        chosen, at = read_fspec(data, at, limit, len(self.rules))
         for index in chosen:
             if index == self.place[name]:
                 return at if at < limit else -1
@@ -298,7 +110,7 @@ class Layout:
 
     def _plan(self, key: bytes) -> Plan:
         """Return the cached plan of a selection of items."""
-        chosen, _ = selection(key, 0, len(key), len(self.rules))
+        chosen, _ = read_fspec(key, 0, len(key), len(self.rules))
         if not chosen:
             raise MalformedError("empty_record")
         segments: list[Segment] = []
@@ -354,16 +166,16 @@ def _layout(record: Any) -> Layout:
             names.append(None)
             # The rules of a random sequence include those of the items after it, so the list is
             # shared.
-            rules.append(RandomSequence(rules) if issubclass(item, base.UapItemRFS) else None)
+            rules.append(RandomFieldSequence(rules) if issubclass(item, base.UapItemRFS) else None)
     return Layout(tuple(names), tuple(rules))
 
 
 def _rule(rule: Any) -> Rule:
     """Return the rule of an item; alternatives that depend on another item have equal lengths."""
-    return _of_variation(getattr(rule, "cv_variation", None) or rule.cv_default_variation)
+    return _rule_of_variation(getattr(rule, "cv_variation", None) or rule.cv_default_variation)
 
 
-def _of_variation(kind: Any) -> Rule:
+def _rule_of_variation(kind: Any) -> Rule:
     from asterix import base
 
     if issubclass(kind, base.Element | base.Group):
@@ -373,8 +185,8 @@ def _of_variation(kind: Any) -> Rule:
         return Extended(tuple(parts), kind.cv_items_list[-1][-1] is None)
     if issubclass(kind, base.Repetitive):
         if kind.cv_rep_bytes is None:
-            return Chained((kind.cv_variation.cv_bit_size + 1) // 8)
-        return Counted(kind.cv_rep_bytes, kind.cv_variation.cv_bit_size // 8)
+            return RepetitiveFx((kind.cv_variation.cv_bit_size + 1) // 8)
+        return Repetitive(kind.cv_rep_bytes, kind.cv_variation.cv_bit_size // 8)
     if issubclass(kind, base.Explicit):
         return Explicit()
     if issubclass(kind, base.Compound):

@@ -41,117 +41,112 @@ class OfAnyRadar:
 
     sectors: int = parameter(
         32,
-        "Number of clouds to a turn, where the radar sends sector crossings; a multiple of 4, and "
-        "no more than the radar's own sectors if clouds are to come as evenly as those.",
-        4,
-        256,
+        "Number of clouds per turn, a multiple of 4, for a radar with sector crossings. For "
+        "clouds at even intervals set at most the radar's own number of sectors.",
+        (4, 256),
     )
     rotation_s: float = parameter(
         0.0,
-        "Time of a turn of the antenna, s, about; 0 to find it out. Without sector crossings a "
-        "cloud is of an eighth of it.",
-        0.0,
-        60.0,
+        "Approximate time of a turn of the antenna, s; 0 to estimate it. Without sector "
+        "crossings a cloud covers an eighth of a turn.",
+        (0.0, 60.0),
     )
     hold_sectors: int = parameter(
         LEARNED,
-        "Number of further sectors that a sector waits for late plots, where the radar sends "
-        "sector crossings; late_plots in the diagnostics counts those that came later. -1: as many "
-        "as they need.",
-        LEARNED,
-        32,
+        "Number of further sectors for which a sector waits for late plots, for a radar with "
+        "sector crossings; -1 to learn it. Set 0 for a radar that sends its plots before the "
+        "crossing.",
+        (LEARNED, 32),
     )
     amplitude: str = parameter(
         "any",
-        "Where amplitudes are from. primary: PAM of I048/130; secondary: SAM; any: PAM if there "
-        "is one, or else SAM.",
+        "Source of amplitudes: primary (PAM of I048/130), secondary (SAM), or any (PAM if there "
+        "is one, else SAM).",
         choices=AMPLITUDES,
     )
     amplitude_offset_db: float = parameter(
         100.0,
-        "What is added to an amplitude in dBm to give the SNR in dB: the receiver's noise level "
-        "with the opposite sign. The envelope is then sqrt(2 * 10^(SNR / 10)).",
-        -200.0,
-        300.0,
+        "Offset from an amplitude in dBm to an SNR in dB: the receiver's noise level with the "
+        "opposite sign.",
+        (-200.0, 300.0),
     )
 
 
 @dataclass(frozen=True)
 class OfRadar(OfAnyRadar):
-    """What each radar has."""
+    """Parameters of each radar."""
 
     source: list[float] = parameter(
-        [0, 0], "System area and identification code (SAC and SIC) of the radar.", 0, 255, length=2
+        [0, 0],
+        "System area and identification code (SAC and SIC) of the radar.",
+        (0, 255),
+        length=2,
     )
     geodetic: list[float] = parameter(
         [],
-        "Latitude and longitude (degrees, WGS84) and height (m) of its antenna, for the "
-        "parameters that are written beside a bag; empty if they are not known, or if it says them "
-        "(I034/120).",
+        "Latitude and longitude (WGS84, degrees) and height (m) of the antenna, for the "
+        "parameters beside a bag. Empty if the radar reports them (I034/120) or they are "
+        "unknown.",
     )
 
 
 @dataclass(frozen=True)
 class In(OfAnyRadar):
-    """What is told of the plots that come in."""
+    """Parameters of incoming plots."""
 
     radars: list[str] = parameter(
         [],
-        "Names of the radars, each with its source; all others are left out. If empty every "
-        "radar is taken, as radar_SAC_SIC.",
+        "Names of the radars, each with its source; plots of other radars are dropped. Empty for "
+        "every radar, named radar_SAC_SIC.",
         element=str,
         most=MAX_RADARS,
     )
     max_clock_offset_s: float = parameter(
         10.0,
-        "A radar whose times differ by more from those of their receipt has a wrong clock; its "
-        "times are then shifted by the difference, s.",
-        0.5,
-        86400.0,
+        "Difference between a radar's times and the times of receipt, s, above which its clock "
+        "counts as wrong. Its times are then shifted by the difference.",
+        (0.5, 86400.0),
     )
 
 
 @dataclass(frozen=True)
 class Out:
-    """What is told of the tracks that go out."""
+    """Parameters of outgoing tracks."""
 
     output_period_s: float = parameter(
         1.0,
-        "Time between outputs of all tracks, predicted to the time of output, s; 0 for one with "
-        "each cloud of estimates.",
-        0.0,
-        60.0,
+        "Period of track output, s, with all tracks predicted to the time of output; 0 for "
+        "output with each cloud of estimates.",
+        (0.0, 60.0),
     )
     output_source: list[float] = parameter(
         [0, 1, 1],
         "System area and identification code of the tracker, and number of the service (I062/015).",
-        0,
-        255,
+        (0, 255),
         length=3,
     )
     world_origin: list[float] = parameter(
         [],
-        "Latitude (degrees), longitude (degrees) and height (m) of the map's zero, as the tracker "
-        "has it; empty for tracks without latitudes and longitudes, whose heights are above the "
-        "map's zero.",
+        "Latitude and longitude (degrees) and height (m) of the map's origin, as in the tracker. "
+        "Empty for tracks without latitudes and longitudes.",
     )
     output_heights: str = parameter(
         "pressure",
-        "What heights of tracks are. pressure: of the standard atmosphere, as flight levels are "
-        "(I062/136 and 135); geometric: I062/130.",
+        "Kind of the tracks' heights: pressure, as flight levels (I062/136 and 135), or "
+        "geometric (I062/130).",
         choices=("pressure", "geometric"),
     )
 
 
 @dataclass(frozen=True)
 class OfNode:
-    """What is told to the node only."""
+    """Parameters of the node only."""
 
-    autostart: bool = parameter(True, "Configure and activate the node by itself at the start.")
+    autostart: bool = parameter(True, "Configure and activate the node at the start.")
     inputs: list[str] = parameter(
         ["127.0.0.1:8600"],
-        "What to receive: addresses of this machine or of multicast groups, with ports; empty for "
-        "nothing.",
+        "Addresses to receive from, HOST:PORT of this machine or of multicast groups; empty for "
+        "none.",
         element=str,
         most=MOST_INPUTS,
     )
@@ -162,11 +157,11 @@ class OfNode:
     )
     replayed: bool = parameter(
         False,
-        "What comes is a recording that is played. Times of receipt are then not used: the first "
-        "message is of 1970-01-01, as for a file without --date.",
+        "Whether the input is a replayed recording, whose times of receipt are ignored. The "
+        "first message is then of 1970-01-01, as for a file without --date.",
     )
     output: str = parameter(
-        "", "Where to send tracks: an address or a group, with a port; empty for nowhere."
+        "", "Address to send tracks to, HOST:PORT of a host or a group; empty for none."
     )
 
 
@@ -218,13 +213,7 @@ def output_of(bridge: Bridge, monosensor: bool, call_signs: CallSigns) -> TrackO
     get = bridge.values
     origin = get["world_origin"]
     sac, sic, service = map(int, get["output_source"])
-    source = Source(
-        sac,
-        sic,
-        service,
-        monosensor,
-        get["output_heights"] == "geometric",
-    )
+    source = Source(sac, sic, service, monosensor, get["output_heights"] == "geometric")
     plane = SystemPlane(origin) if origin else None
     return TrackOutput(source, plane, MAX_PREDICTION_S, call_signs)
 

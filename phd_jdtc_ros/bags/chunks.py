@@ -33,7 +33,6 @@ def unpack(stream: BinaryIO, offset: int, length: int) -> list[Any]:
 
     Parameters
     ----------
-    stream : BinaryIO
     offset, length : int
         Bounds of the whole piece, including record headers.
 

@@ -6,6 +6,7 @@ import heapq
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,15 +27,7 @@ _MESSAGE_COST = 2**8  # bytes of a waiting message in addition to its data
 
 @dataclass(frozen=True)
 class BagMessage:
-    """One recorded message.
-
-    Parameters
-    ----------
-    topic : str
-    log_time_ns : int
-    data : bytes
-        CDR.
-    """
+    """One recorded message; its data is CDR."""
 
     topic: str
     log_time_ns: int
@@ -52,10 +45,6 @@ class BagMessage:
 
 class BagReader:
     """Reads a bag: a rosbag2 directory with one MCAP file, or such a file alone.
-
-    Parameters
-    ----------
-    path : Path
 
     Attributes
     ----------
@@ -77,7 +66,7 @@ class BagReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file = _mcap_file(path)
-        with self._guard(), self._file.open("rb") as stream:
+        with _guard(self._file), self._file.open("rb") as stream:
             self._index = mcap_index.index(stream)
         self.start_ns, self.end_ns = self._index.start_ns, self._index.end_ns
         self.types: dict[str, str] = {}
@@ -139,7 +128,7 @@ class BagReader:
         lost: list[str] = []
         read: Counter[int] = Counter()
         waiting = 0
-        with self._guard(), self._file.open("rb") as stream:
+        with _guard(self._file), self._file.open("rb") as stream:
             # The queue holds pieces, ordered by their earliest message, and messages, ordered by
             # time.
             queue: list[tuple[int, int, int, Any]] = [
@@ -172,20 +161,13 @@ class BagReader:
                         f"{self._file}: its messages are too far out of order: more than "
                         f"{MAX_WAITING // 2**20} MiB of them would have to wait at once"
                     )
-        # The statistics cannot be checked if chunks were left unread.
         self._require_all(read, lost, partly=until_ns is not None and until_ns < self.end_ns)
 
     def _require_all(self, read: Counter[int], lost: Sequence[str], partly: bool) -> None:
         """Raise `BagError` if messages were lost.
 
-        Parameters
-        ----------
-        read : Counter
-            Messages read, by channel id.
-        lost : sequence of str
-            Reasons of the lost chunks.
-        partly : bool
-            Whether chunks were left unread on purpose, so that the statistics cannot be checked.
+        `read` are the messages by channel id, and `lost` the reasons of the lost chunks. The
+        statistics cannot be checked if chunks were left unread on purpose (`partly`).
         """
         damage = lost[-1] if lost else self._index.damage
         # The number of messages per channel is optional in a file.
@@ -214,33 +196,27 @@ class BagReader:
         channel = self._index.channels[message.channel_id]
         return channel.topic in self.types if topics is None else channel.topic in topics
 
-    def _guard(self) -> _CorruptionGuard:
-        return _CorruptionGuard(self._file)
 
-
-class _CorruptionGuard:
-    """Converts every exception of the MCAP reader on damaged bytes to one `BagError`.
+@contextmanager
+def _guard(path: Path) -> Iterator[None]:
+    """Convert every exception of the MCAP reader on damaged bytes to one `BagError`.
 
     There are many types, among them struct, zlib, Unicode and key errors.
     """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: type | None, error: BaseException | None, _: object) -> None:
+    try:
+        yield
+    except BagError:
+        raise
+    except Exception as error:
         if isinstance(error, OSError) and error.errno is not None:
-            raise BagError(f"{self._path}: cannot be read: {error.strerror}") from error
-        if isinstance(error, Exception) and not isinstance(error, BagError):
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise BagError(f"{self._path}: is damaged: {reason}", corrupt=True) from error
+            raise BagError(f"{path}: cannot be read: {error.strerror}") from error
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise BagError(f"{path}: is damaged: {reason}", corrupt=True) from error
 
 
 def _mcap_file(path: Path) -> Path:
     """Return the MCAP file of a bag."""
-    with _CorruptionGuard(path):
+    with _guard(path):
         is_file, is_directory = path.is_file(), path.is_dir()
     if is_file:
         if path.suffix != ".mcap":
@@ -259,5 +235,5 @@ def _mcap_file(path: Path) -> Path:
 
 
 def _foreign_fault(path: Path) -> str:
-    with _CorruptionGuard(path):
+    with _guard(path):
         return foreign.file_fault(path)

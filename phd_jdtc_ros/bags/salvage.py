@@ -134,7 +134,6 @@ def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> int:
 
     Parameters
     ----------
-    stream : BinaryIO
     begin, end : int
         Bounds of the data section, or of a part of it.
     found : Index

@@ -29,12 +29,10 @@ class Topic:
 
     Parameters
     ----------
-    name : str
     type_name : str
         A type name such as ``sensor_msgs/msg/PointCloud2``.
     depth : int
         Offered history depth.
-    transient_local : bool
     definition, type_hash : str
         Definition and hash of the type as MCAP and rosbag2 store them; empty for those of the
         installed package.

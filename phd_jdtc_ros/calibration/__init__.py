@@ -1,1 +1,1 @@
-"""What recordings say of the radars: their errors (registration) and parameters (tuning)."""
+"""Estimates the biases of radars (registration) and tracker parameters (tuning) from recordings."""

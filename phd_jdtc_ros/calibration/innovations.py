@@ -46,7 +46,6 @@ class Fit(NamedTuple):
 
     Parameters
     ----------
-    radar : str
     seen : int
         Number of innovations, at most `MEMORY`.
     expected : float
@@ -69,12 +68,7 @@ class Fit(NamedTuple):
 
 
 class InnovationMonitor:
-    """Keeps the innovations of each radar's detections; it changes no estimate.
-
-    Parameters
-    ----------
-    model : TrackerModel
-    """
+    """Keeps the innovations of each radar's detections; it changes no estimate."""
 
     def __init__(self, model: TrackerModel) -> None:
         self._kept: list[deque[FloatArray]] = [deque(maxlen=MEMORY) for _ in model.radars]
@@ -144,7 +138,7 @@ class InnovationMonitor:
     def fits(self) -> list[Fit]:
         """Return the comparison of each radar's innovations with its noise."""
         self._fits = [
-            _judged(_fit(radar, kept), before)
+            _judge(_fit(radar, kept), before)
             for radar, kept, before in zip(self._model.radars, self._kept, self._fits, strict=True)
         ]
         return self._fits
@@ -187,7 +181,7 @@ def _fit(radar: Sensor, kept: Sequence[FloatArray] | deque[FloatArray]) -> Fit:
     return Fit(radar.name, len(squares), float(np.median(squares[:, 0])) / TWO, alone, axes)
 
 
-def _judged(fit: Fit, before: Fit) -> Fit:
+def _judge(fit: Fit, before: Fit) -> Fit:
     """Return a fit with its verdict, which has hysteresis."""
     share = BACK if before.larger else 1.0
     larger = fit.alone > share * BEYOND

@@ -3,8 +3,11 @@
 ::
 
     dotted names and values
-      |  type and bounds of each             schema (a parameter), parameters, radar_parameters
+      |  type and bounds of each             schema (a parameter), forms (its notation)
+      |  dataclasses that declare them       parameters, radar_input
       |  consistency with each other         checks
-      |  units, matrices, models             build, radar_build
-    TrackerConfig
+      |  units, matrices, models             models
+    TrackerConfig                            build
+      |                                      engines
+    engine, pipeline
 """

@@ -1,7 +1,7 @@
-"""The engines by their names in a configuration.
+"""The engines by their names, and the pipeline of a configuration.
 
-Each is imported when the first one of its kind is made, because that loads numba and what it has
-compiled, and compiles what is new.
+Each engine is imported when the first one of its kind is made, because that loads numba and
+compiled code, and compiles new code.
 """
 
 from __future__ import annotations
@@ -11,6 +11,11 @@ from typing import TYPE_CHECKING
 
 from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.engine import Engine
+from phd_jdtc_ros.core.intake.input_checks import ResultWatch
+from phd_jdtc_ros.core.intake.out_of_sequence import LATE_REPORTS
+from phd_jdtc_ros.core.intake.turn_history import TurnHistory
+from phd_jdtc_ros.core.pipeline import EVERYWHERE, Pipeline, start_cold
+from phd_jdtc_ros.core.tracks.common_stamp import Schedule
 
 from .build import TrackerConfig
 from .schema import ConfigError
@@ -27,7 +32,7 @@ def new_engine(config: TrackerConfig) -> Engine:
     Raises
     ------
     ConfigError
-        If the environment asks for a backend that is not available, see `backend`.
+        If the environment variable names a backend that is not available, see `backend`.
     """
     try:
         backend.load(COMPILED[config.engine])
@@ -45,7 +50,7 @@ def particle_engine(config: TrackerConfig) -> ParticleEngine:
     return ParticleEngine(
         forward=particle_filter(config),
         lag=config.lag,
-        schedule=config.schedule,
+        schedule=Schedule(round(config.estimates_period_s * 1e9)),
         death_term=DEATH_TERMS[config.recursion.death_term],
         extraction=EXTRACTIONS[config.recursion.extraction],
         rule=config.rule,
@@ -73,7 +78,7 @@ def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
     return GaussianEngine(
         forward=GaussianFilter(config.model, config.bounds),
         lag=config.lag,
-        schedule=config.schedule,
+        schedule=Schedule(round(config.estimates_period_s * 1e9)),
         rule=config.rule,
     )
 
@@ -87,3 +92,26 @@ ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {
     "particles": particle_engine,
     "gaussian": gaussian_engine,
 }
+
+
+def new_pipeline(
+    config: TrackerConfig, begin: Callable[[Engine, int], None] = start_cold
+) -> Pipeline:
+    """Return a pipeline with a new engine; see `Pipeline` for `begin`."""
+    engine, turns, platforms = new_engine(config), config.turns(), config.platforms()
+    histories = {}
+    if config.late_reports == "rework" and not any(platforms):
+        histories = {index: TurnHistory(own) for index, own in enumerate(turns)}
+    return Pipeline(
+        config.grouper(),
+        engine,
+        begin,
+        turns,
+        config.watches(),
+        ResultWatch(config.model.modes.interval_s),
+        platforms,
+        LATE_REPORTS[config.late_reports](engine, len(turns)),
+        histories,
+        config.region or EVERYWHERE,
+        (config.model, config.rule),
+    )

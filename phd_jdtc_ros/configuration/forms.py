@@ -1,104 +1,133 @@
-"""Values that are written as more than one plain number, text or list."""
+"""Notations of values that are not plain numbers, words or lists."""
 
 from __future__ import annotations
 
+import math
 import re
-from typing import Any
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
 
-import numpy as np
+from phd_jdtc_ros.core.engine import Lag
+from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.tracks.region import Region
 
-from .schema import Form
+from .schema import Form, number, numbers
 
-# The value of a radar's parameter `pose` for one that stands.
+# A target with a detection probability of 1 would be deleted at its first missed detection.
+MOST_PROBABILITY = 0.999
+MOST_LAG_SCANS, MOST_LAG_S = 100, 1e5
+_LAG = re.compile(r"\s*([0-9]+)\s*|\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*s\s*")
+
+
+def _lag(text: str) -> Lag:
+    found = _LAG.fullmatch(text)
+    if found is None:
+        raise ValueError(f"{text!r} is not a lag")
+    return Lag(int(found[1])) if found[1] else Lag(0, float(found[2]))
+
+
+def _read_lag(value: Any) -> str | None:
+    plain = number(value)
+    if plain is not None:
+        value = str(int(plain)) if plain.is_integer() else ""
+    try:
+        lag = _lag(value) if isinstance(value, str) else Lag(-1)
+    except ValueError:
+        return None
+    if lag.seconds is not None:
+        return f"{lag.seconds:.10g} s" if 0.0 < lag.seconds <= MOST_LAG_S else None
+    return str(lag.scans) if 0 <= lag.scans <= MOST_LAG_SCANS else None
+
+
+LAG = Form(
+    f"a whole number of scans from 0 to {MOST_LAG_SCANS}, or seconds above 0 as in '20 s'",
+    _read_lag,
+    _lag,
+)
+
+
+def _read_probability(value: Any) -> float | list[float] | None:
+    plain = number(value, 0.0, MOST_PROBABILITY)
+    listed = numbers(value)
+    if plain is not None or not listed or len(listed) % 2:
+        return plain
+    ranges, probabilities = listed[::2], listed[1::2]
+    rising = all(near < far for near, far in pairwise(ranges))
+    return listed if rising and all(0.0 < p <= MOST_PROBABILITY for p in probabilities) else None
+
+
+def _over_range(given: float | list[float]) -> tuple[tuple[float, float], ...]:
+    """Return pairs of range and probability; none if the probability is not given."""
+    if isinstance(given, list):
+        return tuple(zip(given[::2], given[1::2], strict=True))
+    return ((0.0, given),) if given else ()
+
+
+PROBABILITY = Form(
+    f"a number from 0 to {MOST_PROBABILITY}, or pairs of range (m, ascending) and probability "
+    f"(above 0 and at most {MOST_PROBABILITY}) in one list",
+    _read_probability,
+    _over_range,
+)
+
+# The value of a radar's parameter `pose` if the radar does not move.
 FIXED = "fixed"
 # nav_msgs/Odometry and geometry_msgs/PoseStamped.
 POSE_MESSAGES = ("odometry", "pose_stamped")
 STABILISED = "stabilised"
-# A target that cannot be missed would be lost for good with its first miss.
-MOST_PROBABILITY = 0.999
-MOST_LAG_SCANS, MOST_LAG_S = 100, 1e5
-CLUTTER_LAWS = ("rayleigh", "log_normal", "learned")
-_LAG = re.compile(r"\s*([0-9]+)\s*|\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*s\s*")
 
 
-def _number(value: Any) -> float | None:
-    plain = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-    # Bounds first: a whole number may be too large for a float.
-    return float(value) if plain and -1e300 <= value <= 1e300 else None
+class PoseSource(NamedTuple):
+    """The topic of the poses of a radar's platform, and their use.
+
+    Parameters
+    ----------
+    topic : str
+        Empty for a radar that does not move.
+    message : str
+        One of `POSE_MESSAGES`.
+    yaw : bool
+        Whether the platform's orientation turns the radar.
+    """
+
+    topic: str
+    message: str
+    yaw: bool
 
 
-def lag_of(text: str) -> tuple[int, float | None]:
-    """Return a lag's scans, and its seconds if it is one in seconds."""
-    found = _LAG.fullmatch(text)
-    if found is None:
-        raise ValueError(f"{text!r} is not a lag")
-    return (int(found[1]), None) if found[1] else (0, float(found[2]))
-
-
-def _lag(value: Any) -> str | None:
-    number = _number(value)
-    if number is not None:
-        value = str(int(number)) if number.is_integer() else ""
-    try:
-        scans, seconds = lag_of(value) if isinstance(value, str) else (-1, None)
-    except ValueError:
-        return None
-    if seconds is not None:
-        return f"{seconds:.10g} s" if 0.0 < seconds <= MOST_LAG_S else None
-    return str(scans) if 0 <= scans <= MOST_LAG_SCANS else None
-
-
-LAG = Form(
-    f"a whole number of scans from 0 to {MOST_LAG_SCANS}, or seconds above 0 as in '20 s'", _lag
-)
-
-
-def _probability(value: Any) -> float | list[float] | None:
-    number = _number(value)
-    if number is not None:
-        return number if 0.0 <= number <= MOST_PROBABILITY else None
-    if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
-        return None
-    found = [_number(entry) for entry in value]
-    numbers = [entry for entry in found if entry is not None]
-    return numbers if numbers and len(numbers) == len(found) else None
-
-
-PROBABILITY = Form(
-    f"a number from 0 to {MOST_PROBABILITY}, or a list of ranges (m) and probabilities in turn",
-    _probability,
-)
-
-
-def pose_of(text: str) -> tuple[str, str, bool]:
-    """Return the topic of a platform's poses, their message, and whether they turn the radar."""
+def _pose(text: str) -> PoseSource:
     topic, *words = text.split() or [""]
     message = next((word for word in words if word in POSE_MESSAGES), POSE_MESSAGES[0])
-    return ("" if topic == FIXED else topic), message, STABILISED not in words
+    return PoseSource("" if topic == FIXED else topic, message, STABILISED not in words)
 
 
-def _pose(value: Any) -> str | None:
-    words = value.split()[1:] if isinstance(value, str) else [""]
-    return value if set(words) <= {*POSE_MESSAGES, STABILISED} and len(words) <= 2 else None
+def _read_pose(value: Any) -> str | None:
+    topic, *words = value.split() or [""] if isinstance(value, str) else [""]
+    known = set(words) <= {*POSE_MESSAGES, STABILISED} and len(words) <= 2
+    moving = topic.lower() not in ("", "tf", FIXED) and known
+    return value if moving or value == FIXED else None
 
 
 POSE = Form(
-    f"{FIXED}, or a topic's name, with {POSE_MESSAGES[1]} after it for geometry_msgs/PoseStamped "
-    f"and {STABILISED} for azimuths that the platform does not turn",
+    f"{FIXED} or the topic of the platform's poses in the world frame (transforms are not read), "
+    f"with {POSE_MESSAGES[1]} after it for geometry_msgs/PoseStamped and {STABILISED} for azimuths "
+    "that the platform does not turn",
+    _read_pose,
     _pose,
 )
 
+CLUTTER_LAWS = ("rayleigh", "log_normal", "learned")
 
-def clutter_of(text: str) -> tuple[str, float]:
-    """Return the law of clutter's amplitudes and its level, dB."""
+
+def _clutter(text: str) -> tuple[str, float]:
+    """Return the law of clutter amplitudes and its level, dB."""
     law, *level = text.split()
     return law, float(level[0]) if level else 0.0
 
 
-def _clutter(value: Any) -> str | None:
-    if not isinstance(value, str) or not value.split():
-        return None
-    law, *level = value.split()
+def _read_clutter(value: Any) -> str | None:
+    law, *level = value.split() if isinstance(value, str) and value.split() else [""]
     if law not in CLUTTER_LAWS or len(level) > (law != "learned"):
         return None
     try:
@@ -108,15 +137,83 @@ def _clutter(value: Any) -> str | None:
 
 
 CLUTTER = Form(
-    "rayleigh, log_normal or learned; after the first two a level in dB from -100 to 200", _clutter
+    "rayleigh, log_normal or learned; after the first two a level in dB from -100 to 200",
+    _read_clutter,
+    _clutter,
 )
 
 
-def _position(value: Any) -> list[float] | None:
-    if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
+def _read_position(value: Any) -> list[float] | None:
+    found = numbers(value)
+    return found if found and len(found) in (2, 3) else None
+
+
+POSITION = Form("a list of 2 or 3 finite numbers", _read_position, lambda given: (*given, 0.0)[:3])
+
+
+def _read_place(value: Any) -> list[float] | None:
+    found = numbers(value)
+    if found == [] or (found and len(found) == 3 and abs(found[0]) <= 90 and abs(found[1]) <= 360):
+        return found
+    return None
+
+
+PLACE = Form(
+    "empty or a latitude from -90 to 90 degrees, a longitude from -360 to 360 degrees and a height "
+    "in metres",
+    _read_place,
+)
+
+
+def _read_height(value: Any) -> list[float] | None:
+    found = numbers(value, -1e4, 1e5)
+    return found if found is not None and len(found) <= 1 else None
+
+
+HEIGHT = Form(
+    "empty or one height from -10000 to 100000",
+    _read_height,
+    lambda given: given[0] if given else math.nan,
+)
+
+
+def is_region(region: Sequence[float]) -> bool:
+    """Return whether these are two corners of a rectangle, with or without a margin."""
+    return (
+        len(region) in (4, 5)
+        and region[0] < region[2]
+        and region[1] < region[3]
+        and all(margin >= 0.0 for margin in region[4:])
+    )
+
+
+def _read_region(value: Any) -> list[float] | None:
+    found = numbers(value, -1e6, 1e6)
+    return found if found is not None and (not found or is_region(found)) else None
+
+
+REGION = Form(
+    "empty or [x_min, y_min, x_max, y_max], and a margin of at least 0, with the third above the "
+    "first and the fourth above the second, all from -1e6 to 1e6",
+    _read_region,
+    lambda given: Region(*given) if given else None,
+)
+
+# Largest biases: range, m; range gain, m per m; azimuth, degrees; time, s.
+MOST_BIAS = (1e5, 0.5, 180.0, 60.0)
+
+
+def _read_biases(value: Any) -> list[float] | None:
+    found = numbers(value)
+    if found is None or len(found) != len(MOST_BIAS):
         return None
-    found = [entry for entry in map(_number, value) if entry is not None]
-    return found if len(found) == len(value) and len(found) in (2, 3) else None
+    within = (abs(bias) <= most for bias, most in zip(found, MOST_BIAS, strict=True))
+    return found if all(within) else None
 
 
-POSITION = Form("a list of 2 or 3 finite numbers", _position)
+BIASES = Form(
+    "4 numbers: range within 100000 m, gain within 0.5, azimuth within 180 degrees, time within "
+    "60 s",
+    _read_biases,
+    lambda given: RadarBias(given[0], given[1], math.radians(given[2]), given[3]),
+)

@@ -1,48 +1,48 @@
 """The parameters of the tracker: names, defaults, units and bounds.
 
-Parameters are flat dotted names with plain values, as in ROS. Four lists name the parts
-(`sensors`, `classes`, `motions`, `births`), and every name in them has its own parameters, such as
+Parameters are flat dotted names with plain values, as in ROS. Four lists name the parts (`sensors`,
+`classes`, `motions`, `births`), and every name in them has parameters of its own, such as
 ``radar_1.range_std``. The defaults are the reference scenario. Units are SI unless a suffix names
 another.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
+from phd_jdtc_ros.core.engine import Lag
 from phd_jdtc_ros.core.targets.motion import MOTIONS
+from phd_jdtc_ros.core.tracks.region import Region
 
 from . import forms
-from .radar_parameters import USUAL_FIELDS, Radar
-from .schema import SMALL, Parameter, Value, parameter, table
+from .radar_input import RadarInput
+from .schema import INFINITY, POSITIVE, SMALL, Parameter, build, expand, parameter, table
 
-# Every class has rates of its own, found by a matrix logarithm, and every name has parameters: with
-# many of them a start would take longer than anybody waits to hear what is wrong.
+# Largest numbers of names: every class needs a matrix logarithm and every name has parameters, so
+# that more names would delay the start by seconds.
 MOST_SENSORS, MOST_CLASSES, MOST_MOTIONS, MOST_BIRTHS = 100, 50, 50, 1000
-# Those of particles are the PHD filter's two; see `engines`.
 ENGINES = ("gaussian", "particles", "phd", "phd_as_printed")
+# The engines whose estimates have labels; the others are PHD filters of particles.
 LABELLED = ("gaussian", "particles")
-ACCURACIES = ("fast", "normal", "high")
 
 
 @dataclass(frozen=True)
 class Tracking:
-    """What the whole tracker has."""
+    """The parameters of the whole tracker."""
 
     world_frame: str = parameter("map", "Frame of the estimates (ENU, metres).")
     world_origin: list[float] = parameter(
         [],
-        "Latitude and longitude, degrees (WGS84), of the world frame's zero, and the height, m, of "
-        "its z = 0; x and y are then in the stereographic plane about it. Empty: the world is a "
-        "plane anywhere.",
-        -1e4,
-        1e4,
+        "Latitude and longitude of the world frame's origin (WGS84, degrees) and height of its "
+        "zero (m): x and y are then in the stereographic plane about it. Empty for a world without "
+        "a place on the earth.",
+        form=forms.PLACE,
     )
     sensors: list[str] = parameter(
         ["radar_1", "radar_2"],
-        "Names of the sensors, in the order of updates.",
+        "Names of the sensors, in the order in which their reports update the targets.",
         element=str,
         most=MOST_SENSORS,
     )
@@ -60,247 +60,235 @@ class Tracking:
     )
     interval_s: float = parameter(
         6.0,
-        "Nominal interval, s: the one that rates, probabilities and mode matrices are given for; "
-        "they are converted to the true interval.",
-        1e-3,
-        1e4,
+        "Nominal interval of rates, probabilities and mode matrices, s. They are converted to the "
+        "true intervals between scans.",
+        (1e-3, 1e4),
     )
     max_gap_scans: float = parameter(
         15.0,
-        "Longest gap between scans that is predicted over, in intervals, or in turns where they "
-        "are longer; after a longer one a new run begins.",
-        2.0,
-        1e6,
+        "Longest gap between scans within a run, in intervals or in turns if these are longer. A "
+        "longer gap starts a new run.",
+        (2.0, 1e6),
     )
     reorder_s: float = parameter(
         0.0,
-        "Longest time that detections are held back for those of other radars that are as old, s; "
-        "0 for none. For radars that report whole turns and are not synchronous: their rotation_s.",
-        0.0,
-        1e3,
+        "Longest time for which detections wait for other radars' detections of the same time, s. "
+        "Set it to rotation_s for unsynchronised radars that report whole turns.",
+        (0.0, 1e3),
     )
     late_reports: str = parameter(
         "drop",
-        "What becomes of reports of closed scans. drop: they are dropped and counted; rework: as "
-        "long as smoothed estimates of their time are to come, the scans since are stepped again "
-        "with them.",
+        "Treatment of out-of-sequence reports: drop and count them, or rework, which processes the "
+        "scans since then again while their smoothed estimates are pending.",
         choices=("drop", "rework"),
     )
-    region: list[float] = parameter(
+    region: Region | None = parameter(
         [],
-        "What the tracker is for where several part an area: [x_min, y_min, x_max, y_max, margin] "
-        "in the world frame, m. What is farther from it than the margin, the overlap with its "
-        "neighbours in which tracks are handed over, is neither taken in nor reported. Empty for "
-        "everything.",
-        -1e6,
-        1e6,
+        "Region of a tracker that shares an area with others: [x_min, y_min, x_max, y_max, margin] "
+        "in the world frame, m. Detections and tracks beyond the margin are ignored; empty for no "
+        "bounds.",
+        form=forms.REGION,
     )
     estimates_period_s: float = parameter(
         0.0,
-        "Time between estimates, s: all targets are predicted to one stamp. 0: estimates with "
-        "every scan, at its stamp.",
-        0.0,
-        1e4,
+        "Period of estimates, s, all predicted to a common stamp; 0 for estimates with every scan.",
+        (0.0, 1e4),
     )
     engine: str = parameter(
         "gaussian",
-        "The filter. gaussian: every target is a mixture of Gaussians, one per association "
-        "hypothesis and motion; particles: every target is weighted samples; phd: the PHD filter "
-        "of the paper, corrected; phd_as_printed: the same as it is printed.",
+        "The filter: Gaussian mixtures or particles for each target, the paper's PHD filter with "
+        "its corrections (phd), or the PHD filter as printed.",
         choices=ENGINES,
     )
     accuracy: str = parameter(
         "normal",
-        "What accuracy may cost. fast: motions are mixed with every scan, and few particles begin "
-        "at a detection; normal: a target's hypotheses go on for each motion; high: with twice the "
-        "hypotheses and particles.",
-        choices=ACCURACIES,
+        "Accuracy against CPU time: fast mixes the motion models in every scan and starts targets "
+        "with fewer particles, high doubles the numbers of hypotheses and particles.",
+        choices=("fast", "normal", "high"),
     )
-    lag: str = parameter(
+    lag: Lag = parameter(
         "5", "Smoothing lag: a number of scans, or a time as in '20 s'.", form=forms.LAG
     )
     confirm_probability: float = parameter(
         0.0,
-        "Existence probability above which a track is confirmed, and reported from then on; 0: it "
-        "follows from the classes' detection probabilities. With engine phd, which has no tracks, "
-        "the one above which a target is reported; 0: 0.5.",
-        0.0,
-        1.0,
+        "Existence probability above which a track is confirmed and reported, and above which a "
+        "PHD filter reports a target. 0 derives it from the detection probabilities (0.5 for a PHD "
+        "filter).",
+        (0.0, 1.0),
         mutable=True,
     )
     delete_probability: float = parameter(
         0.0,
-        "Existence probability below which a confirmed track is no longer reported; 0: it "
-        "follows from the classes' detection probabilities, and from how often the track was "
-        "missed before. Not used with engine phd.",
-        0.0,
-        1.0,
+        "Existence probability below which a confirmed track is deleted; not used by PHD filters. "
+        "0 derives it from the detection probabilities and the track's missed detections.",
+        (0.0, 1.0),
         mutable=True,
     )
     coasting_scans: float = parameter(
         10.0,
-        "Intervals, or turns where they are longer, for which a track is reported after its last "
-        "detection where no radar can see it: beyond their ranges or in blind sectors. It has its "
-        "number again when it is detected later. Not used with engine phd.",
-        0.0,
-        1e6,
+        "Time for which a track outside all coverage is reported, in intervals or in turns if "
+        "these are longer; not used by PHD filters. It keeps its number if it is detected later.",
+        (0.0, 1e6),
         mutable=True,
     )
     amplitude: str = parameter(
         "band",
-        "Use of amplitudes. band: they tell the class by its SNR band; memory: every target's own "
-        "SNR is estimated too; none: they are ignored.",
+        "Use of amplitudes: band infers the class from its SNR band, memory estimates each "
+        "target's SNR as well, none ignores amplitudes.",
         choices=("band", "memory", "none"),
     )
-    seed: int = parameter(0, "Seed of the random generator.", 0, 2**31 - 1)
+    seed: int = parameter(0, "Seed of the random generator.", (0, 2**31 - 1))
     particles_per_target: int = parameter(
-        0, "Particles per target after resampling; 0: by accuracy, 1500 if it is normal.", 0, 10**6
+        0, "Particles per target after resampling; 0 for those of accuracy.", (0, 10**6)
     )
     particles_per_birth: int = parameter(
-        0,
-        "Particles per birth term, a power of two; 0: by accuracy, 2048 if it is normal.",
-        0,
-        2**20,
+        0, "Particles per birth term, a power of two; 0 for those of accuracy.", (0, 2**20)
     )
     birth_rates: list[float] = parameter(
         [],
-        "Expected births anywhere in a radar's field per interval, one number per class; such "
-        "targets are born at detections. Empty for none.",
-        0.0,
-        1e3,
+        "Expected births per interval anywhere in the coverage, one number per class; the targets "
+        "start at detections. Empty for births at the birth terms only.",
+        (0.0, 1e3),
         name="detection_births.rates",
     )
     birth_velocity_std: float = parameter(
         40.0,
-        "Standard deviation of a newborn target's velocity about zero along each axis, m/s.",
-        SMALL,
+        "Standard deviation of the velocity of a target born at a detection, per axis, m/s.",
+        POSITIVE,
         name="detection_births.velocity_std",
     )
     birth_turn_rate_std: float = parameter(
         1e-3,
-        "Standard deviation of a newborn target's turn rate about zero, rad/s.",
-        SMALL,
+        "Standard deviation of the turn rate of a target born at a detection, rad/s.",
+        POSITIVE,
         name="detection_births.turn_rate_std",
     )
     birth_particles: int = parameter(
         0,
-        "Particles per detection, a power of two; 0: by accuracy, 1024 if it is normal.",
-        0,
-        2**16,
+        "Particles per target born at a detection, a power of two; 0 for those of accuracy.",
+        (0, 2**16),
         name="detection_births.particles",
     )
     birth_least_probability: float = parameter(
         1e-4,
-        "Probability of being a new target below which a detection gets no particles; a larger one "
-        "lets fewer targets begin beside established ones.",
-        1e-12,
-        0.5,
+        "Least probability that a detection is of a new target for a birth there. A larger value "
+        "starts fewer targets near established ones.",
+        (1e-12, 0.5),
         name="detection_births.least_probability",
     )
     equipped_probability: float = parameter(
         0.9,
-        "Probability that a target has a transponder, where a radar reports codes or addresses.",
-        0.001,
-        0.999,
+        "Probability that a target has a transponder, if radars report codes or addresses.",
+        (0.001, 0.999),
         mutable=True,
     )
     shared_codes: list[str] = parameter(
         ["0000", "1000", "2000", "7000", "7500", "7600", "7700", "7777"],
-        "Codes that many targets have: four octal digits each.",
+        "Mode A codes that several targets can have, four octal digits each.",
         element=str,
         mutable=True,
     )
     height_std: float = parameter(
         7.6,
-        "Standard deviation of a detection's height, m; 7.6 is that of steps of 100 ft.",
-        1e-3,
-        1e4,
+        "Standard deviation of measured heights, m; 7.6 corresponds to steps of 100 ft.",
+        (1e-3, 1e4),
         mutable=True,
     )
     spawn_rate: float = parameter(
-        0.01, "Expected spawned targets per target and interval.", 0.0, 1.0, name="spawn.rate"
+        0.01, "Expected spawned targets per target and interval.", (0.0, 1.0), name="spawn.rate"
     )
 
 
 @dataclass(frozen=True)
 class TargetClass:
-    """What a class of targets has."""
+    """The parameters of a class of targets."""
 
     snr_band_db: list[float] = parameter(
-        [10.0, 50.0], "Lowest and highest mean SNR, dB.", -100.0, 200.0, length=2
+        [10.0, 50.0], "Lowest and highest mean SNR, dB.", (-100.0, 200.0), length=2
     )
     motions: list[str] = parameter(["cv", "ct"], "Motion models of the class.", element=str)
     mode_transition: list[float] = parameter(
         [0.95, 0.05, 0.1, 0.9],
-        "Probabilities [motion, motion one interval later], row by row. A matrix without a rate "
-        "matrix, which cannot be converted to other intervals, holds for whole ones.",
-        0.0,
-        1.0,
+        "Transition probabilities between the motion models per interval, row by row. A matrix "
+        "without a rate matrix applies to whole intervals.",
+        (0.0, 1.0),
     )
-    survival_probability: float = parameter(0.99, "Probability to survive an interval.", SMALL, 1.0)
+    survival_probability: float = parameter(
+        0.99, "Probability that a target survives an interval.", (SMALL, 1.0)
+    )
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What a motion has."""
+    """The parameters of a motion model."""
 
     model: str = parameter(
         "constant_velocity",
-        "constant_velocity: nearly straight on; coordinated_turn: with its own turn rate.",
+        "Motion model: nearly constant velocity, or a coordinated turn with an estimated turn "
+        "rate.",
         choices=tuple(MOTIONS),
     )
     noise_density: float = parameter(
-        1.0, "Spectral density of the white acceleration, m^2/s^3.", SMALL
+        1.0, "Spectral density of the white acceleration, m^2/s^3.", POSITIVE
     )
     turn_noise_density: float = parameter(
         1e-4,
-        "Spectral density of the white turn acceleration, rad^2/s^3; coordinated_turn only.",
-        1e-15,
+        "Spectral density of the white turn acceleration, rad^2/s^3; for coordinated turns only.",
+        (1e-15, INFINITY),
     )
 
 
 @dataclass(frozen=True)
 class Birth:
-    """What a birth term has."""
+    """The parameters of a birth term."""
 
     position: list[float] = parameter(
-        [0.0, 0.0], "Mean position of a newborn target in the world frame, x and y, m.", length=2
+        [0.0, 0.0], "Mean position of births in the world frame, x and y, m.", length=2
     )
     velocity: list[float] = parameter(
-        [0.0, 0.0], "Mean velocity of a newborn target in the world frame, x and y, m/s.", length=2
+        [0.0, 0.0], "Mean velocity of births in the world frame, x and y, m/s.", length=2
     )
     position_std: float = parameter(
-        200.0, "Standard deviation of a newborn target's position along each axis, m.", SMALL
+        200.0, "Standard deviation of a birth's position per axis, m.", POSITIVE
     )
     velocity_std: float = parameter(
-        40.0, "Standard deviation of a newborn target's velocity along each axis, m/s.", SMALL
+        40.0, "Standard deviation of a birth's velocity per axis, m/s.", POSITIVE
     )
     turn_rate_std: float = parameter(
-        1e-3, "Standard deviation of a newborn target's turn rate about zero, rad/s.", SMALL
+        1e-3, "Standard deviation of a birth's turn rate, rad/s.", POSITIVE
     )
     rates: list[float] = parameter(
         [0.005, 0.005],
         "Expected births per interval, one number per class.",
-        0.0,
-        1e3,
+        (0.0, 1e3),
         mutable=True,
     )
 
 
+class Parts(NamedTuple):
+    """The parameters of the tracker and of its parts, by name."""
+
+    tracking: Tracking
+    radars: dict[str, RadarInput]
+    classes: dict[str, TargetClass]
+    motions: dict[str, Motion]
+    births: dict[str, Birth]
+
+
 TOP = table(Tracking)
-GROUPS: dict[str, tuple[Parameter, ...]] = {
-    "sensors": table(Radar),
+GROUPS = {
+    "sensors": table(RadarInput),
     "classes": table(TargetClass),
     "motions": table(Motion),
     "births": table(Birth),
 }
 # Values of the reference scenario that differ from the defaults of their group.
-REFERENCE: dict[str, Value] = {
+REFERENCE: dict[str, Any] = {
     "radar_1.position": [1000.0, 0.0],
     "class_0.snr_band_db": [30.0, 50.0],
     "class_1.snr_band_db": [10.0, 30.0],
-    # With the mode matrices and the noise of turns, found on seeds from 9000 on of the reference
-    # scenario and of targets that turn; config/paper_scenario.yaml has the paper's.
+    # Tuned, with the mode matrices and the noise of turns, on seeds from 9000 on of the reference
+    # scenario and of turning targets; config/paper_scenario.yaml has the paper's values.
     "cv.noise_density": 0.2,
     "ct.model": "coordinated_turn",
     "start_1.position": [-10e3, 10e3],
@@ -315,41 +303,38 @@ def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:
 
     Faulty lists are replaced by their defaults; `resolve` reports them.
     """
-    found = {parameter.name: parameter for parameter in TOP}
-    for group, members in GROUPS.items():
-        names = found[group].coerce(given.get(group, found[group].default))
-        if names is None:
-            names = found[group].default
-        for name in names if isinstance(names, list) else []:
-            for member in members:
-                found.update(_own(str(name), member, given))
-    return found
+    return expand(TOP, GROUPS, given, lambda name, member: REFERENCE.get(name, member.default))
 
 
-def every_name(table: Collection[str], given: Mapping[str, Any]) -> set[str]:
-    """Return the names of all parameters, of those too that a mapping may have."""
-    entries = [member for member in GROUPS["sensors"] if member.keys]
-    listed = next(each for each in TOP if each.name == "sensors")
-    names = listed.coerce(given.get("sensors", listed.default))
-    return {*table} | {
-        f"{name}.{member.name}.{key}"
-        for name in (names if isinstance(names, list) else ())
-        for member in entries
-        for key in member.keys
-    }
+def parts_of(values: Mapping[str, Any]) -> Parts:
+    """Return checked values as the dataclasses that declare them."""
+    return Parts(
+        build(Tracking, values),
+        {name: _radar(values, name) for name in values["sensors"]},
+        {name: build(TargetClass, values, f"{name}.") for name in values["classes"]},
+        {name: build(Motion, values, f"{name}.") for name in values["motions"]},
+        {name: build(Birth, values, f"{name}.") for name in values["births"]},
+    )
+
+
+def _radar(values: Mapping[str, Any], name: str) -> RadarInput:
+    addresses = {key: name_or(values, name, key) for key in ("topic", "frame")}
+    return build(RadarInput, values, f"{name}.", name=name, **addresses)
+
+
+def name_or(values: Mapping[str, Any], radar: str, key: str) -> str:
+    """Return a radar's topic or frame, or its default if it is empty."""
+    return str(values[f"{radar}.{key}"] or {"topic": f"/{radar}/detections", "frame": radar}[key])
+
+
+def entries(given: Mapping[str, Any]) -> set[str]:
+    """Return the names of all entries that the sensors' mappings may have."""
+    listed = next(own for own in TOP if own.name == "sensors")
+    names = listed.coerce(given.get("sensors", listed.default)) or ()
+    mappings = [member for member in GROUPS["sensors"] if member.keys]
+    return {f"{name}.{own.name}.{key}" for name in names for own in mappings for key in own.keys}
 
 
 def engine_of(values: Mapping[str, Any]) -> str:
-    """Return what represents targets: gaussian or particles, of which are those of a PHD filter."""
+    """Return the representation of targets: gaussian, or particles with or without labels."""
     return "gaussian" if values["engine"] == "gaussian" else "particles"
-
-
-def _own(name: str, member: Parameter, given: Mapping[str, Any]) -> Iterator[tuple[str, Parameter]]:
-    """Yield a parameter of one name, or the entries of a mapping that are given."""
-    full = f"{name}.{member.name}"
-    if not member.keys:
-        yield full, replace(member, name=full, default=REFERENCE.get(full, member.default))
-    for key in member.keys:
-        if f"{full}.{key}" in given:
-            usual = USUAL_FIELDS.get(key, "")
-            yield f"{full}.{key}", Parameter(f"{full}.{key}", usual, member.description)

@@ -1,119 +1,296 @@
-"""The layout of one radar's messages: topic, fields, units and conventions."""
+"""One radar: its parameters, which are declared here, and how its messages are read."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
-from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.clutter.rate import START_RATE
+from phd_jdtc_ros.core.sensors.bias import RadarBias
 from phd_jdtc_ros.core.sensors.site import Site
+
+from . import forms
+from .schema import NOT_NEGATIVE, POSITIVE, SMALL, parameter
+
+# The clutter rate of a radar that learns it.
+AUTO = "auto"
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Names of a cloud's fields by quantity; empty for a quantity that is not used."""
+
+    range: str = "range"
+    azimuth: str = "azimuth"
+    elevation: str = ""
+    amplitude: str = "amplitude"
+    time: str = ""
+    sector: str = ""
+    height: str = ""
+    code: str = ""
+    address: str = ""
+    kind: str = ""
+    range_std: str = ""
+    azimuth_std: str = ""
+    range_rate: str = ""
+    range_rate_std: str = ""
+
+
+QUANTITIES = tuple(entry.name for entry in fields(Fields))
 
 
 @dataclass(frozen=True)
 class RadarInput:
-    """The layout of one radar's messages, by default that of the package's own clouds.
+    """The parameters of a radar, with its name and its place on the earth.
 
     Parameters
     ----------
-    name, topic, frame : str
-    message : str
-        ``point_cloud`` or ``radar_scan``.
-    range_field, azimuth_field, elevation_field, amplitude_field : str
-        Names of the point cloud's fields. `amplitude_field` is empty if there is none, and
-        `elevation_field` is empty if the ranges are ground ranges.
-    amplitude_in_db : bool
-        Whether the amplitude field is an SNR in dB and not a linear envelope.
-    amplitude_offset_db : float
-    compass : bool
-        Whether azimuths are clockwise from north.
-    azimuth_in_degrees : bool
-        Whether azimuths are in degrees and not in radians.
-    max_range : float
-        Metres; detections beyond it are dropped.
-    time_field : str
-        Name of the field with each detection's own time; empty if there is none.
-    time_unit_s : float
-        Unit of that field, seconds.
-    time_since_epoch : bool
-        Whether times are since the epoch and not relative to the stamp.
-    sector_field : str
-        Name of the field with the number of the sector; empty if there is none.
-    height_field : str
-        Name of the field with each target's height above the world's zero, metres; empty if there
-        is none. Where there is one, ranges are slant ranges.
-    height : float
-        Of the antenna above the world's zero, metres.
-    datum : float
-        Height of the world's zero, as messages count heights, metres.
+    name : str
     site : Site or None
-        Where it stands on the round earth; None if it measures over a plane. Its heights are as
-        messages count them.
-    assumed_height : float
-        Of targets whose height is not known, as messages count heights, metres; NaN for that of
-        the antenna. Only with a site.
-    code_field, address_field : str
-        Names of the fields with each detection's Mode A code and Mode S address; empty if there are
-        none.
-    kind_field : str
-        Name of the field with what saw each detection; empty if there is none.
-    range_std_field, azimuth_std_field : str
-        Names of the fields with each detection's own deviations, in metres and in the unit of the
-        azimuth; empty if there are none.
-    range_rate_field, range_rate_std_field : str
-        Names of the fields with each range rate and its own deviation, metres per second; empty if
-        there are none.
-    range_rate_ambiguity : float
-        The interval modulo which range rates are measured, metres per second; 0 for none.
-    rotation_s : float
-        Time of one turn of the antenna, seconds; 0 if it does not turn.
-    sectors : int
-        Number of clouds to a turn; 0 if a cloud is a whole turn.
-    pose_topic : str
-        Topic of the poses of what carries it; empty if it stands.
-    pose_message : str
-        ``odometry`` or ``pose_stamped``.
-    pose_yaw : bool
-        Whether the orientation of what carries it turns it too.
-    pose_max_age_s : float
-        Farthest that a detection may be from the nearest pose, seconds.
-    bias : RadarBias
-        What its measurements are corrected for as they are read.
+        Place on the round earth; None for a radar that measures over a plane.
+    datum : float
+        Height of the world's zero as messages count heights, metres.
     """
 
-    name: str
-    topic: str
-    frame: str
-    message: str = "point_cloud"
-    range_field: str = "range"
-    azimuth_field: str = "azimuth"
-    elevation_field: str = ""
-    amplitude_field: str = "amplitude"
-    amplitude_in_db: bool = False
-    amplitude_offset_db: float = 0.0
-    compass: bool = False
-    azimuth_in_degrees: bool = False
-    max_range: float = math.inf
-    time_field: str = ""
-    time_unit_s: float = 1.0
-    time_since_epoch: bool = False
-    sector_field: str = ""
-    height_field: str = ""
-    height: float = 0.0
-    datum: float = 0.0
+    kind: str = parameter("radar", "Kind of the sensor.", choices=("radar",))
+    message: str = parameter(
+        "point_cloud",
+        "Type of the messages: sensor_msgs/PointCloud2, or radar_msgs/RadarScan, whose definition "
+        "fixes fields, units and conventions.",
+        choices=("point_cloud", "radar_scan"),
+    )
+    topic: str = parameter("", "Topic of the detections; empty for /NAME/detections.")
+    frame: str = parameter("", "frame_id of the messages; empty for the radar's name.")
+    position: tuple[float, ...] = parameter(
+        [0.0, 0.0],
+        "Position of the radar in the world frame, x and y, and optionally the height of its "
+        "antenna above the world's zero, m.",
+        form=forms.POSITION,
+    )
+    geodetic: list[float] = parameter(
+        [],
+        "Latitude and longitude of the radar (WGS84, degrees) and height of its antenna (m), "
+        "instead of position. Set it, with world_origin, for slant ranges over the round earth and "
+        "azimuths from true north.",
+        form=forms.PLACE,
+    )
+    yaw_deg: float = parameter(
+        0.0,
+        "Direction of the radar's x axis, degrees counter-clockwise from the x axis of the world "
+        "frame, or from true east with geodetic.",
+        (-360.0, 360.0),
+    )
+    pose: forms.PoseSource = parameter(
+        forms.FIXED,
+        "Topic of the poses of a moving radar's platform in the world frame; position and yaw_deg "
+        "are then in the platform's frame. Add stabilised if azimuths do not turn with the "
+        "platform.",
+        form=forms.POSE,
+    )
+    pose_max_age_s: float = parameter(
+        1.0,
+        "Longest time between a detection and the nearest pose, s: the platform is extrapolated "
+        "and detections wait for a pose for at most this long.",
+        (0.0, 60.0),
+    )
+    range_std: float = parameter(
+        300.0, "Standard deviation of measured ranges, m.", POSITIVE, mutable=True
+    )
+    azimuth_std_deg: float = parameter(
+        1.0, "Standard deviation of measured azimuths, degrees.", (SMALL, 180.0), mutable=True
+    )
+    range_std_growth: float = parameter(
+        0.0,
+        "Standard deviation of the range per metre of range, m/m, added in quadrature to "
+        "range_std. Set it if errors grow with the range.",
+        (0.0, 1.0),
+        mutable=True,
+    )
+    max_range: float = parameter(
+        17e3, "Range beyond which targets and detections are ignored, m.", POSITIVE
+    )
+    min_range: float = parameter(
+        0.0, "Range below which the radar detects no targets, m.", NOT_NEGATIVE, mutable=True
+    )
+    fov_deg: list[float] = parameter(
+        [0.0, 360.0],
+        "First and last azimuth of the field of view, degrees, counted as the radar counts "
+        "azimuths.",
+        (-360.0, 720.0),
+        length=2,
+    )
+    blind_sectors_deg: list[float] = parameter(
+        [],
+        "First and last azimuth of each blind sector in the field of view, degrees, counted as in "
+        "fov_deg.",
+        (-360.0, 720.0),
+    )
+    detection_probability: tuple[tuple[float, float], ...] = parameter(
+        0.0,
+        "Probability that a target is detected in a scan or a turn, constant or linear between the "
+        "given ranges. 0 derives it from the classes' SNR bands and false_alarm_probability.",
+        form=forms.PROBABILITY,
+        mutable=True,
+    )
+    rotation_s: float = parameter(
+        0.0,
+        "Approximate time of a turn of the antenna, s; 0 for an antenna that does not turn, or to "
+        "estimate it.",
+        (0.0, 1e3),
+    )
+    sectors: int = parameter(
+        0,
+        "Number of clouds per turn; 0 if a cloud is a whole turn or detections have times of their "
+        "own.",
+        (0, 256),
+    )
+    cluster_distance: float = parameter(
+        0.0,
+        "Distance within which detections of a scan with consistent range rates are merged, m. Set "
+        "it for radars with several detections per vehicle; 0 merges none.",
+        (0.0, 1e4),
+        mutable=True,
+    )
+    clutter_rate: float | str = parameter(
+        START_RATE,
+        "Expected false detections per scan or turn, with clutter_map those outside the map. auto "
+        f"estimates it from the last 30 scans, starting from {START_RATE:g}.",
+        (0.0, 1e6),
+        words=(AUTO,),
+        mutable=True,
+    )
+    clutter_max_range: float = parameter(
+        15e3,
+        "Range up to which false detections are uniformly distributed in range and azimuth, m.",
+        POSITIVE,
+        mutable=True,
+    )
+    clutter_map: bool = parameter(
+        False,
+        "Learn a map of false detections, so that fixed reflectors do not become targets. The map "
+        "of a moving radar is in the world frame and needs engine: gaussian.",
+    )
+    clutter_map_speed: float = parameter(
+        2.5,
+        "Speed below which targets are not reported and count as clutter of the map, m/s; 0 keeps "
+        "stationary targets.",
+        (0.0, 1e3),
+        mutable=True,
+    )
+    clutter_amplitude: tuple[str, float] = parameter(
+        "rayleigh",
+        "Distribution of false detections' amplitudes: rayleigh with its level above the noise, "
+        "dB, log_normal with its median SNR, dB, and a standard deviation of 6 dB, or learned.",
+        form=forms.CLUTTER,
+    )
+    false_alarm_probability: float = parameter(
+        1e-3,
+        "Probability that noise exceeds the detection threshold; it determines the threshold.",
+        (1e-30, 0.999),
+        mutable=True,
+    )
+    fields: Fields = parameter(
+        Fields(),
+        "Names of the cloud's fields by quantity, such as fields.time; empty for an unused "
+        "quantity. The tracker's page gives their units; an elevation or a height makes ranges "
+        "slant ranges.",
+        keys=QUANTITIES,
+    )
+    time_unit: str = parameter("s", "Unit of the field with times.", choices=tuple(TIME_UNITS))
+    time_reference: str = parameter(
+        "stamp",
+        "Zero of the field with times: the message's stamp, or the zero of the stamps (epoch).",
+        choices=("stamp", "epoch"),
+    )
+    assumed_height: float = parameter(
+        [],
+        "Height of targets without a measured height, m, counted as in world_origin; only with "
+        "geodetic. Empty for the antenna's height.",
+        form=forms.HEIGHT,
+    )
+    range_rate_std: float = parameter(
+        0.1, "Standard deviation of range rates, m/s.", (1e-3, 1e3), mutable=True
+    )
+    range_rate_ambiguity: float = parameter(
+        0.0,
+        "Interval modulo which range rates are measured, m/s; 0 for unambiguous range rates.",
+        (0.0, 1e4),
+        mutable=True,
+    )
+    amplitude_unit: str = parameter(
+        "linear",
+        "Unit of amplitudes: linear for an envelope in standard deviations of the noise per "
+        "quadrature, db for an SNR in dB.",
+        choices=("linear", "db"),
+    )
+    amplitude_offset_db: float = parameter(
+        0.0,
+        "Correction added to every amplitude, dB. Set it if the driver's reference level is not "
+        "the noise.",
+        (-300.0, 300.0),
+        mutable=True,
+    )
+    azimuth_convention: str = parameter(
+        "enu_ccw",
+        "Zero and direction of azimuths: enu_ccw from the sensor's x axis counter-clockwise, "
+        "compass_cw from north clockwise.",
+        choices=("enu_ccw", "compass_cw"),
+    )
+    azimuth_unit: str = parameter("rad", "Unit of azimuths.", choices=("rad", "deg"))
+    biases: RadarBias = parameter(
+        [0.0, 0.0, 0.0, 0.0],
+        "Biases that are subtracted from range (m), range per range, azimuth (degrees, in the "
+        "radar's direction) and time (s; positive for late stamps). register estimates them.",
+        form=forms.BIASES,
+    )
+    name: str = ""
     site: Site | None = None
-    assumed_height: float = math.nan
-    code_field: str = ""
-    address_field: str = ""
-    kind_field: str = ""
-    range_std_field: str = ""
-    azimuth_std_field: str = ""
-    range_rate_field: str = ""
-    range_rate_std_field: str = ""
-    range_rate_ambiguity: float = 0.0
-    rotation_s: float = 0.0
-    sectors: int = 0
-    pose_topic: str = ""
-    pose_message: str = "odometry"
-    pose_yaw: bool = True
-    pose_max_age_s: float = 1.0
-    bias: RadarBias = NO_BIAS
+    datum: float = 0.0
+
+    @property
+    def compass(self) -> bool:
+        """Whether azimuths are clockwise from north."""
+        return self.azimuth_convention == "compass_cw"
+
+    @property
+    def azimuth_in_degrees(self) -> bool:
+        """Whether azimuths are in degrees and not in radians."""
+        return self.azimuth_unit == "deg"
+
+    @property
+    def amplitude_in_db(self) -> bool:
+        """Whether amplitudes are SNRs in dB and not linear envelopes."""
+        return self.amplitude_unit == "db"
+
+    @property
+    def time_unit_s(self) -> float:
+        """Unit of the field with times, seconds."""
+        return TIME_UNITS[self.time_unit]
+
+    @property
+    def time_since_epoch(self) -> bool:
+        """Whether times are since the epoch and not relative to the stamp."""
+        return self.time_reference == "epoch"
+
+    @property
+    def height(self) -> float:
+        """Height of the antenna above the world's zero, metres."""
+        return self.position[2] if self.site is None else self.site.geodetic[2] - self.datum
+
+    @property
+    def sense(self) -> float:
+        """Direction of the radar's azimuths: -1 clockwise, 1 counter-clockwise."""
+        return -1.0 if self.compass and self.message == "point_cloud" else 1.0
+
+    @cached_property
+    def bias(self) -> RadarBias:
+        """Biases that are removed from its measurements, azimuths counter-clockwise."""
+        return replace(self.biases, azimuth=self.biases.azimuth * self.sense)
+
+    def bias_parameters(self, bias: RadarBias) -> dict[str, list[float]]:
+        """Return the parameter for these biases, by dotted name."""
+        azimuth_deg = math.degrees(bias.azimuth) * self.sense
+        found = [bias.range_bias, bias.range_gain, azimuth_deg, bias.time_offset_s]
+        return {f"{self.name}.biases": found}

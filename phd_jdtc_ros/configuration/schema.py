@@ -1,15 +1,15 @@
 """Definition of a parameter: name, default, which fixes the type, and allowed values.
 
-A parameter is declared once, as a field of a dataclass: `parameter` gives it a default, a
-description and bounds. `table` returns the parameters of such a class, from which the checks, the
-documentation and the descriptors of ROS follow, and `build` makes an instance of checked values.
+A parameter is declared once, as a field of a dataclass: `parameter` gives it a default, a help text
+and bounds. `table` returns the parameters of such a class, from which the checks, the documentation
+and the descriptors of ROS follow; `build` makes an instance of the class from checked values.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any, TypeAlias, TypeVar
@@ -22,25 +22,49 @@ Value: TypeAlias = "bool | int | float | str | list[float] | list[str]"
 INFINITY = math.inf
 # Lower bound of parameters that must be positive.
 SMALL = 1e-9
-# How much a misspelt name is like the one that is meant, and how many are looked for: more than
-# these are another program's, and each takes time.
+POSITIVE, NOT_NEGATIVE, UNBOUNDED = (SMALL, INFINITY), (0.0, INFINITY), (-INFINITY, INFINITY)
+# Similarity above which a name is taken for a misspelt one, and the number of unknown names up to
+# which similar names are looked for: each takes time, and more belong to another program.
 LIKENESS, MISSPELT = 0.8, 20
+_NO_NAMES: Mapping[str, str] = MappingProxyType({})
+# Key of a parameter in the metadata of its field.
+_DECLARED = "parameter"
+T = TypeVar("T")
+
+
+def number(value: Any, low: float = -INFINITY, high: float = INFINITY) -> float | None:
+    """Return a finite number from `low` to `high` as a float; None for anything else."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+        return None
+    # Bounds first: a whole number may be too large for a float.
+    return float(value) if max(low, -1e300) <= value <= min(high, 1e300) else None
+
+
+def numbers(value: Any, low: float = -INFINITY, high: float = INFINITY) -> list[float] | None:
+    """Return a list of finite numbers from `low` to `high`; None for anything else."""
+    if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
+        return None
+    found = [each for each in (number(entry, low, high) for entry in value) if each is not None]
+    return found if len(found) == len(value) else None
 
 
 @dataclass(frozen=True)
 class Form:
-    """A way to write a value that is no plain number, text or list.
+    """A notation for values that are not plain numbers, words or lists.
 
     Parameters
     ----------
     allowed : str
         The allowed values in words.
     read : callable
-        Returns a given value as it is kept, or None if it is not allowed.
+        Returns the canonical notation of a given value, or None if it is not allowed.
+    value : callable
+        Returns what the canonical notation stands for, as the field of the dataclass has it.
     """
 
     allowed: str
     read: Callable[[Any], Any]
+    value: Callable[[Any], Any] = lambda notation: notation
 
 
 @dataclass(frozen=True)
@@ -61,22 +85,22 @@ class Parameter:
     length : int or None
         Required length of a list.
     element : type
-        Of a list: float or str.
+        Type of a list's entries, float or str.
     most : int or None
-        How many names a list may have; None for any number.
+        Largest number of names in a list; None for any number.
     words : tuple of str
-        Words that are allowed in the place of a number.
+        Words that are allowed instead of a number.
     mutable : bool
         Whether it may change between two scans. The other parameters determine the structure of
-        the tracker or of what it keeps from scan to scan.
+        the tracker or of its state.
     form : Form or None
-        How a value is written that is no plain number, text or list.
+        Notation of a value that is not a plain number, word or list.
     keys : tuple of str
-        Those of a mapping: each has a parameter of its own, ``NAME.KEY``, where it is given.
+        Keys of a mapping: the given ones are parameters ``NAME.KEY``, with a name as their value.
     """
 
     name: str
-    default: Value
+    default: Any
     description: str
     low: float = -INFINITY
     high: float = INFINITY
@@ -94,84 +118,65 @@ class Parameter:
         """The allowed values in words."""
         if self.form is not None:
             return self.form.allowed
-        if self.choices and isinstance(self.default, list):
-            return "a list of some of " + ", ".join(self.choices)
+        if self.keys:
+            return "names by " + ", ".join(self.keys)
+        of_list = isinstance(self.default, list)
         if self.choices:
-            return "one of " + ", ".join(self.choices)
+            return ("a list of some of " if of_list else "one of ") + ", ".join(self.choices)
         if isinstance(self.default, bool):
             return "true or false"
         if isinstance(self.default, str):
             return "a string"
-        if isinstance(self.default, list) and self.element is str:
+        if of_list and self.element is str:
             return "a list of distinct names" + (f", at most {self.most}" if self.most else "")
         noun = "a whole number" if isinstance(self.default, int) else "a finite number"
-        if isinstance(self.default, list):
-            noun = (
-                "finite numbers"
-                if self.length is None
-                else f"a list of {self.length} finite numbers"
-            )
-        bounds = [
-            f"at least {self.low:g}" if self.low > -INFINITY else "",
-            f"at most {self.high:g}" if self.high < INFINITY else "",
-        ]
-        allowed = ", ".join([noun, *(bound for bound in bounds if bound)])
-        return " or ".join([allowed, *self.words])
+        if of_list:
+            noun = f"a list of {self.length} finite numbers" if self.length else "finite numbers"
+        low = f", at least {self.low:g}" if self.low > -INFINITY else ""
+        high = f", at most {self.high:g}" if self.high < INFINITY else ""
+        return " or ".join([noun + low + high, *self.words])
 
-    def coerce(self, value: Any) -> Value | None:
+    def coerce(self, value: Any) -> Any:
         """Return `value` as the parameter's type, or None if it is not allowed."""
         if self.form is not None:
-            found: Value | None = self.form.read(value)
-            return found
+            return self.form.read(value)
         if isinstance(self.default, bool):
             return value if isinstance(value, bool) else None
         if isinstance(self.default, str):
             valid = isinstance(value, str) and (not self.choices or value in self.choices)
             return value if valid else None
         if isinstance(self.default, list):
-            return self._coerce_list(value)
+            if self.element is str:
+                return self._names(value)
+            listed = numbers(value, self.low, self.high)
+            return listed if self.length in (None, len(listed or ())) else None
         if self.words and isinstance(value, str):
             return value if value in self.words else None
-        return self._coerce_number(value)
+        found = number(value, self.low, self.high)
+        if found is None or not isinstance(self.default, int):
+            return found
+        return int(value) if found.is_integer() else None
 
-    def _coerce_number(self, value: Any) -> int | float | None:
-        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
-            return None
-        # Bounds first: a whole number may be too large for a float.
-        if not max(self.low, -1e300) <= value <= min(self.high, 1e300):
-            return None
-        if isinstance(self.default, int):
-            return int(value) if float(value).is_integer() else None
-        return float(value)
+    def fault(self, value: Any) -> str:
+        """Return the fault of a value that is not allowed."""
+        return f"{self.name}: {value!r} given, must be {self.allowed}"
 
-    def _coerce_list(self, value: Any) -> Value | None:
+    def _names(self, value: Any) -> list[str] | None:
         if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
             return None
-        if self.most is not None and len(value) > self.most:
+        if len(value) > (self.most or INFINITY):
             return None
-        entries = list(value)
-        if self.length is not None and len(entries) != self.length:
+        names = list(value)
+        if not all(isinstance(name, str) and name for name in names):
             return None
-        if self.element is str:
-            valid = all(isinstance(entry, str) and entry for entry in entries)
-            valid = valid and len(set(entries)) == len(entries)
-            return entries if valid and set(entries) <= set(self.choices or entries) else None
-        number = Parameter("", 0.0, "", self.low, self.high)
-        found = [number._coerce_number(entry) for entry in entries]
-        valid_numbers = [float(value) for value in found if value is not None]
-        return valid_numbers if len(valid_numbers) == len(entries) else None
-
-
-# Where a field's metadata has its parameter.
-_DECLARED = "parameter"
-T = TypeVar("T")
+        distinct = len(set(names)) == len(names)
+        return names if distinct and set(names) <= set(self.choices or names) else None
 
 
 def parameter(
     default: Any,
     description: str,
-    low: float = -INFINITY,
-    high: float = INFINITY,
+    bounds: tuple[float, float] = UNBOUNDED,
     name: str = "",
     **more: Any,
 ) -> Any:
@@ -179,36 +184,103 @@ def parameter(
 
     The parameter has the name of the field, unless it is given: a dotted one.
     """
-    declared = Parameter(name, default, description, low, high, **more)
-    return field(default_factory=lambda: default, metadata={_DECLARED: declared})
+    declared = Parameter(name, default, description, *bounds, **more)
+    usual = default if declared.form is None else declared.form.value(default)
+    return field(default_factory=lambda: usual, metadata={_DECLARED: declared})
+
+
+def _parameters_of(declared: Any) -> Iterator[tuple[str, Parameter]]:
+    """Yield each field of a dataclass that is a parameter, with the parameter."""
+    for entry in fields(declared):
+        own = entry.metadata.get(_DECLARED)
+        if own is not None:
+            yield entry.name, replace(own, name=own.name or entry.name)
 
 
 def table(declared: type) -> tuple[Parameter, ...]:
     """Return the parameters that a dataclass declares, in their order."""
-    return tuple(
-        replace(entry.metadata[_DECLARED], name=entry.metadata[_DECLARED].name or entry.name)
-        for entry in _entries(declared)
-    )
+    return tuple(own for _, own in _parameters_of(declared))
 
 
-def _entries(declared: type) -> tuple[Field[Any], ...]:
-    return fields(declared)
+def build(declared: type[T], values: Mapping[str, Any], prefix: str = "", /, **others: Any) -> T:
+    """Return an instance of a dataclass that declares parameters.
 
-
-def build(declared: type[T], values: Mapping[str, Any], prefix: str = "") -> T:
-    """Return an instance of a dataclass that declares parameters; `prefix` ends with a dot."""
+    Parameters
+    ----------
+    values : mapping of dotted name to value
+        Checked.
+    prefix : str
+        Of the parameters' names, with a dot at its end.
+    **others
+        Fields that are not parameters, and fields whose value is not the parameter's.
+    """
     given: dict[str, Any] = {}
-    for entry in _entries(declared):
-        own: Parameter = entry.metadata[_DECLARED]
-        name = f"{prefix}{own.name or entry.name}"
+    for attribute, own in _parameters_of(declared):
+        name = f"{prefix}{own.name}"
         if own.keys:
-            own_keys = {
-                key: values[f"{name}.{key}"] for key in own.keys if f"{name}.{key}" in values
-            }
-            given[entry.name] = own_keys
+            named = {key: values[f"{name}.{key}"] for key in own.keys if f"{name}.{key}" in values}
+            given[attribute] = replace(own.default, **named)
         else:
-            given[entry.name] = values[name]
-    return declared(**given)
+            given[attribute] = own.form.value(values[name]) if own.form else values[name]
+    return declared(**{**given, **others})
+
+
+def expand(
+    top: Iterable[Parameter],
+    groups: Mapping[str, Iterable[Parameter]],
+    given: Mapping[str, Any],
+    usual: Callable[[str, Parameter], Any],
+) -> dict[str, Parameter]:
+    """Return a table with the parameters of every name in its lists.
+
+    Parameters
+    ----------
+    top : iterable of Parameter
+        The parameters without a prefix, the lists of names among them.
+    groups : mapping of str to iterable of Parameter
+        By the list's name, the parameters ``NAME.PARAMETER`` of each name in it.
+    given : mapping of dotted name to value
+        Instead of a faulty list its default is used.
+    usual : callable of (full name, Parameter)
+        Returns the default of a member's parameter.
+    """
+    found = {parameter.name: parameter for parameter in top}
+    for group, members in groups.items():
+        listed = found[group]
+        names = listed.coerce(given.get(group, listed.default))
+        for name in listed.default if names is None else names:
+            for member in members:
+                full = f"{name}.{member.name}"
+                if not member.keys:
+                    found[full] = replace(member, name=full, default=usual(full, member))
+                for key in (key for key in member.keys if f"{full}.{key}" in given):
+                    entry, default = f"{full}.{key}", getattr(member.default, key)
+                    found[entry] = Parameter(entry, default, member.description)
+    return found
+
+
+def with_members(
+    top: Iterable[Parameter], group: str, members: Iterable[Parameter], given: Mapping[str, Any]
+) -> dict[str, Parameter]:
+    """Return a table with the parameters of each name of one list; see `expand`.
+
+    A member's parameter that is in `top` too has the value given there as its default.
+
+    Raises
+    ------
+    ConfigError
+        If the list is faulty: the other parameters cannot be checked then.
+    """
+    by_name = {parameter.name: parameter for parameter in top}
+    if group in given and by_name[group].coerce(given[group]) is None:
+        raise ConfigError([by_name[group].fault(given[group])])
+
+    def usual(_: str, member: Parameter) -> Any:
+        of_all = by_name.get(member.name, member)
+        found = of_all.coerce(given.get(member.name, of_all.default))
+        return of_all.default if found is None else found
+
+    return expand(by_name.values(), {group: members}, given, usual)
 
 
 def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -220,28 +292,20 @@ def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield f"{prefix}{key}", value
 
 
-def unknown(given: Iterable[str], known: Collection[str]) -> list[str]:
-    """Return a fault for each parameter that there is not, with the one that was probably meant.
+class ConfigError(ValueError):
+    """Every fault of a configuration at once: a line each with name, value and allowed values."""
 
-    Parameters
-    ----------
-    given : iterable of str
-        Dotted names.
-    known : collection of str
-        Dotted names of all parameters.
-    """
-    names = [name for name in given if name not in known]
-    if len(names) > MISSPELT:
-        return [f"{name}: unknown parameter" for name in names]
-    return [f"{name}: unknown parameter{_meant(name, known)}" for name in names]
+    def __init__(self, faults: Sequence[str]) -> None:
+        self.faults = tuple(map(short, faults))
+        super().__init__("\n".join(self.faults))
 
 
-def refused(
+def name_faults(
     given: Iterable[str],
-    table: Collection[str],
     known: Collection[str],
-    old: Mapping[str, str],
-    old_members: Mapping[str, str],
+    old: Mapping[str, str] = _NO_NAMES,
+    old_members: Mapping[str, str] = _NO_NAMES,
+    similar: Iterable[str] = (),
 ) -> list[str]:
     """Return a fault for each parameter that is no longer there or never was.
 
@@ -249,97 +313,39 @@ def refused(
     ----------
     given : iterable of str
         Dotted names.
-    table : collection of str
-        Names of all parameters; none of them is a fault.
     known : collection of str
-        Those that may be meant.
-    old, old_members : mapping of a name of before to what takes its place
-        Of the whole, and of each name in a list.
+        Names of all parameters.
+    old, old_members : mapping of former name to its replacement in words
+        Without a prefix, and after the name of a list's member.
+    similar : iterable of str
+        Names that may be meant in addition to the known ones.
     """
-    others = [name for name in given if name not in table]
+    others = [name for name in given if name not in known]
     instead = {name: old.get(name) or old_members.get(name.partition(".")[2]) for name in others}
     faults = [f"{name}: no longer a parameter, {text}" for name, text in instead.items() if text]
-    return faults + unknown((name for name in others if not instead[name]), known)
+    unknown = [name for name in others if not instead[name]]
+    candidates = {*known, *similar} if len(unknown) <= MISSPELT else ()
+    return faults + [f"{name}: unknown parameter{_question(name, candidates)}" for name in unknown]
 
 
-def _meant(name: str, known: Iterable[str]) -> str:
+def _question(name: str, known: Iterable[str]) -> str:
     """Return a question for the most similar name of the same group, empty without one."""
     group = name.rpartition(".")[0]
     near = [each for each in known if each.rpartition(".")[0] == group]
-    found = get_close_matches(name, near, 1, LIKENESS)
+    found = get_close_matches(name, sorted(near), 1, LIKENESS)
     return f", is {found[0]} meant?" if found else ""
-
-
-class ConfigError(ValueError):
-    """Every fault of a configuration at once.
-
-    Attributes
-    ----------
-    faults : tuple of str
-        One line each: dotted name, value, what is allowed; without the middle of what is too long.
-    """
-
-    def __init__(self, faults: Sequence[str]) -> None:
-        self.faults = tuple(map(short, faults))
-        super().__init__("\n".join(self.faults))
 
 
 def check(
     table: Iterable[Parameter],
-    found: Mapping[str, Any],
-    old: Mapping[str, str] = MappingProxyType({}),
-    old_members: Mapping[str, str] = MappingProxyType({}),
-) -> tuple[dict[str, Any], list[str]]:
-    """Return the values of a plain table's parameters, and every fault of the given ones.
-
-    `old` and `old_members` are those of `replaced.faults`.
-    """
-    by_name = {parameter.name: parameter for parameter in table}
-    faults = refused(found, by_name, by_name, old, old_members)
-    values = {}
-    for name, parameter in by_name.items():
-        value = found.get(name, parameter.default)
-        values[name] = parameter.coerce(value)
-        if values[name] is None:
-            faults.append(f"{name}: {value!r} given, must be {parameter.allowed}")
-    return values, faults
-
-
-def with_members(
-    top: Iterable[Parameter],
-    group: str,
-    members: Iterable[Parameter],
     given: Mapping[str, Any],
-) -> dict[str, Parameter]:
-    """Return a table with what each name of a list has of its own.
-
-    Parameters
-    ----------
-    top : iterable of Parameter
-        Those of all, the list among them.
-    group : str
-        Which of them is the list of names.
-    members : iterable of Parameter
-        What each name has, as ``NAME.PARAMETER``. What is not given of one that is in `top` too is
-        as for all.
-    given : mapping of dotted name to value
-
-    Raises
-    ------
-    ConfigError
-        If the list cannot be one of names: nothing can be said of the rest then.
-    """
-    table = {parameter.name: parameter for parameter in top}
-    listed = table[group]
-    found = listed.coerce(given.get(group, listed.default))
-    if not isinstance(found, list):
-        raise ConfigError([f"{group}: {given[group]!r} given, must be {listed.allowed}"])
-    own = {}
-    for parameter in members:
-        of_all = table.get(parameter.name, parameter)
-        shared = of_all.coerce(given.get(parameter.name, of_all.default))
-        default = of_all.default if shared is None else shared
-        for name in found:
-            full = f"{name}.{parameter.name}"
-            own[full] = replace(parameter, name=full, default=default)
-    return table | own
+    old: Mapping[str, str] = _NO_NAMES,
+    old_members: Mapping[str, str] = _NO_NAMES,
+    similar: Iterable[str] = (),
+) -> tuple[dict[str, Any], list[str]]:
+    """Return the values of all parameters, and every fault of the given ones; see `name_faults`."""
+    by_name = {parameter.name: parameter for parameter in table}
+    found = {name: given.get(name, own.default) for name, own in by_name.items()}
+    values = {name: own.coerce(found[name]) for name, own in by_name.items()}
+    faults = [by_name[name].fault(found[name]) for name in by_name if values[name] is None]
+    return values, faults + name_faults(given, by_name, old, old_members, similar)

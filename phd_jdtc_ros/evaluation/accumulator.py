@@ -29,7 +29,6 @@ class Group(NamedTuple):
 
     Parameters
     ----------
-    title : str
     of_sets : bool
         Whether the metrics exist for every class too, and not for all targets only.
     """
@@ -58,10 +57,8 @@ class Metric:
         Heading of the column.
     unit, form : str
         Unit, empty if there is none, and Python format specification.
-    of_run : callable of Totals
     definition : str
         One or two sentences.
-    group : Group
     headline : bool
         Whether the figure of all smoothed estimates is repeated at the top of `metrics.json`.
     """
@@ -115,7 +112,6 @@ class Accumulator(ABC):
         Names of the values.
     published, plotted : tuple of str
         Names that the evaluator publishes per scan and set, and as single numbers.
-    metrics : tuple of Metric
     """
 
     names: ClassVar[tuple[str, ...]]

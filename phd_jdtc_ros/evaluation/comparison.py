@@ -116,8 +116,6 @@ class PairedScan:
 
     Parameters
     ----------
-    stamp_ns : int
-    truth, estimate : PointSet
     pairs : tuple of two int arrays of shape (P,)
         Result of `metrics.assign`.
     """
@@ -141,7 +139,6 @@ class Comparison:
 
     Parameters
     ----------
-    truth, estimate : PointSet
     pairs : tuple of two int arrays of shape (P,)
         Indices in the scan of the set's paired targets, by position alone, and of their estimates.
     paired_truth, paired_estimate : PointSet

@@ -19,8 +19,8 @@ from .true_tracks import TrueTracks, without_slow
 
 __all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
 
-# A repeated stamp of the truth that is earlier than more than this many others begins a new pass,
-# as a tracker begins a new run; see RESET_THRESHOLD_SCANS.
+# A repeated stamp of the truth begins a new pass if more than JUMP_SCANS known stamps are later;
+# otherwise it is ignored as a duplicate. RESET_THRESHOLD_SCANS is the tracker's counterpart.
 JUMP_SCANS = 3
 
 Key = TypeVar("Key")
@@ -35,7 +35,6 @@ class Evaluation:
 
     Parameters
     ----------
-    classes : int
     cutoff : float
         c of OSPA and GOSPA, metres.
     order : float

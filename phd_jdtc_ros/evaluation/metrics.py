@@ -24,7 +24,8 @@ class Ospa:
 
 def distances(truth: FloatArray, estimate: FloatArray) -> FloatArray:
     """Return the distance of each of T positions from each of E, shape (T, E)."""
-    # Imported here, as in `_assignment`, to shorten the start of a tracker, which reads only names.
+    # Imported here and in `_assignment`: a tracker needs only the metric names, and starts faster
+    # without scipy.
     from scipy.spatial.distance import cdist
 
     found: FloatArray = cdist(truth, estimate)
@@ -116,7 +117,6 @@ class Gospa:
 
     Parameters
     ----------
-    distance : float
     localization : float
         Part of the assigned pairs, not divided by their number.
     missed, false : int

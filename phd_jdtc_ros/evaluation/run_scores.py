@@ -27,8 +27,6 @@ class ScanScore:
     ----------
     source : str
         ``filtered`` or ``smoothed``.
-    stamp_ns : int
-    values : ScanValues
     """
 
     source: str
@@ -41,7 +39,6 @@ class ScanComparer:
 
     Parameters
     ----------
-    classes : int
     accumulators : sequence of Accumulator
         New accumulators, which keep the state they need from earlier scans.
     """
@@ -80,7 +77,6 @@ class RunScores:
 
     Parameters
     ----------
-    classes : int
     cutoff, order : float
         c, metres, and p.
     """

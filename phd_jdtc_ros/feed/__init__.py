@@ -1,12 +1,12 @@
-"""What drives the core's pipeline: the live node, the offline tracker, the tables and the study.
+"""Feeds the core's pipeline, for the live node, the offline tracker, the tables and the study.
 
 ::
 
     a message, its bytes or a row of a table
       |  decoded by the caller                 msg_adapters, api
     Report, or a pose
-      |  pipeline; what is not used is noticed      feed
-    events: scans that were stepped, runs that ended
+      |  pipeline; notices of unused input     feed
+    events: stepped scans, and ended runs
 
-`tally` counts what was noticed, for those that report it in the end.
+`tally` counts the notices, for callers that report them at the end.
 """

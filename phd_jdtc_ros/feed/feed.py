@@ -8,8 +8,8 @@ from typing import Protocol
 
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.selection import Report
-from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Rejection
@@ -18,31 +18,31 @@ from phd_jdtc_ros.core.types import Estimates, Pose, Scan
 
 
 class Notices(Protocol):
-    """Gets what of the messages is not used, or does not look as it is configured."""
+    """Receives notices of input that is not used or contradicts its configuration."""
 
     def unreadable(self, radar: int, error: RejectedMessageError) -> None:
-        """Take a message that is no report."""
+        """Take a message that is not a valid report."""
 
     def read(self, radar: int, report: Report) -> None:
         """Take a report before it is used."""
 
     def rejected(self, radar: int, reason: str, report: Report) -> None:
-        """Take a report of which no part belongs to any scan."""
+        """Take a report of which no part belongs to a scan."""
 
     def lost_later(self, radar: int, reasons: Counter[str]) -> None:
-        """Take how many reports that waited for their poses are not used."""
+        """Take the numbers of reports that waited for poses in vain, by reason."""
 
     def warn(self, radar: int, counts: Counter[str]) -> None:
-        """Take how often something does not look as it is configured; see `doubts`."""
+        """Take the numbers of contradictions of the configuration; see `doubts`."""
 
     def turning(self, radar: int, turn_s: float) -> None:
-        """Take the time of a turn that is not set and was found out, seconds, or 0."""
+        """Take the estimated time of a turn, seconds; 0 if it is configured or unknown."""
 
     def pose_unreadable(self, topic: str, error: RejectedMessageError) -> None:
-        """Take a message that is no pose."""
+        """Take a message that is not a valid pose."""
 
     def posed(self, topic: str, faults: Sequence[PoseFault]) -> None:
-        """Take a pose, and why some of the radars that it carries do not use it."""
+        """Take a pose, with the reasons for which some of its radars do not use it."""
 
 
 class Monitor(Protocol):
@@ -64,7 +64,7 @@ class Feed:
     Parameters
     ----------
     begin : callable
-        That of `Pipeline`.
+        See `Pipeline`.
     """
 
     def __init__(
@@ -79,14 +79,7 @@ class Feed:
         self._notices, self._monitors = notices, monitors
 
     def message(self, radar: int, read: Callable[[], Report]) -> Iterator[Event] | None:
-        """Take in a message, which `read` decodes.
-
-        Returns
-        -------
-        iterator of Event
-        None
-            If nothing of it is used.
-        """
+        """Take in a message, which `read` decodes; return None if no part of it is used."""
         try:
             report = read()
         except RejectedMessageError as error:
@@ -103,10 +96,10 @@ class Feed:
         if isinstance(events, Rejection):
             self._notices.rejected(radar, events.value, report)
             return None
-        return self._watched(events)
+        return self._monitor(events)
 
     def pose(self, topic: str, read: Callable[[], tuple[int, Pose]]) -> Iterator[Event]:
-        """Take in a pose of what carries radars, which `read` decodes, and what waited for it."""
+        """Take in a platform's pose, which `read` decodes, and the reports that waited for it."""
         try:
             stamp_ns, pose = read()
         except RejectedMessageError as error:
@@ -118,16 +111,16 @@ class Feed:
             if isinstance(events, PoseFault):
                 faults.append(events)
             else:
-                yield from self._watched(events)
+                yield from self._monitor(events)
         self._notices.posed(topic, faults)
 
     def close_scans(self) -> Iterator[Event]:
         """Close all scans, complete or not."""
-        return self._watched(self.pipeline.close_scans())
+        return self._monitor(self.pipeline.close_scans())
 
     def flush(self) -> Iterator[Event]:
         """Close all scans, and end the run."""
-        return self._watched(self.pipeline.flush())
+        return self._monitor(self.pipeline.flush())
 
     def reset(self) -> None:
         """Discard all scans and begin a new run."""
@@ -135,8 +128,8 @@ class Feed:
         for monitor in self._monitors:
             monitor.forget_tracks()
 
-    def _watched(self, events: Iterable[Event]) -> Iterator[Event]:
-        """Yield events, with the monitors ahead; in the end, notice what of reports waited."""
+    def _monitor(self, events: Iterable[Event]) -> Iterator[Event]:
+        """Yield events after the monitors have taken them; then give notice of lost reports."""
         for event in events:
             for monitor in self._monitors:
                 if isinstance(event, RunEnded):

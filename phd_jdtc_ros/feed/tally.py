@@ -1,4 +1,4 @@
-"""Counts what of the messages was not used, or does not look as it is configured."""
+"""Counts input that is not used or contradicts its configuration."""
 
 from __future__ import annotations
 
@@ -35,37 +35,37 @@ class Tally:
         self._targets_seen, self._overdue = False, 0
 
     def unreadable(self, radar: int, error: RejectedMessageError) -> None:
-        """Count a message that is no report."""
+        """Count a message that is not a valid report."""
         self.dropped[error.reason] += 1
         self.used.unreadable(error.reason)
 
     def read(self, radar: int, report: Report) -> None:
-        """Count a report's detections, and those that were dropped."""
+        """Count a report's detections, used and dropped."""
         self.dropped.update(report.dropped)
         self.used.read(len(report.detections), report.dropped)
         if report.detections.amplitude is None:
             self._without_amplitude.add(radar)
 
     def rejected(self, radar: int, reason: str, report: Report) -> None:
-        """Count the detections of a report of which no part belongs to any scan."""
+        """Count the detections of a report of which no part belongs to a scan."""
         self.dropped[reason] += 1
-        self.used.refused(reason, len(report.detections))
+        self.used.refuse(reason, len(report.detections))
 
     def lost_later(self, radar: int, reasons: Counter[str]) -> None:
-        """Count the reports that waited for their poses and are not used."""
+        """Count the reports that waited for poses in vain."""
         self.dropped.update(reasons)
-        self.used.reports_lost(reasons)
+        self.used.lose_reports(reasons)
 
     def warn(self, radar: int, counts: Counter[str]) -> None:
-        """Count what does not look as it is configured."""
+        """Count contradictions of the configuration."""
         self._warned[radar].update(counts)
 
     def turning(self, radar: int, turn_s: float) -> None:
-        """Keep the time of a turn that was found out, seconds."""
+        """Keep the estimated time of a turn, seconds."""
         self._turns_s[radar] = turn_s
 
     def pose_unreadable(self, topic: str, error: RejectedMessageError) -> None:
-        """Count a message that is no pose."""
+        """Count a message that is not a valid pose."""
         self.dropped[f"pose_{error.reason}"] += 1
 
     def posed(self, topic: str, faults: Sequence[PoseFault]) -> None:
@@ -73,18 +73,18 @@ class Tally:
         self.dropped.update({f"pose_{fault.value}" for fault in faults})
 
     def stepped(self, event: Stepped) -> None:
-        """Take in whether targets were found."""
+        """Record whether targets were found."""
         self._targets_seen |= event.step.targets > 0
         self._overdue = event.overdue or self._overdue
 
     def about_radars(self) -> Iterator[tuple[int, str]]:
-        """Yield what does not look as it is configured, with the radar's index, each once."""
+        """Yield each contradiction of the configuration once, with the radar's index."""
         for index, radar in enumerate(self._config.inputs):
             for text in doubts.of(radar, self._warned[index]):
                 yield index, text
 
     def about_targets(self) -> Iterator[str]:
-        """Yield that no target was ever reported, if some are overdue."""
+        """Yield the warning that no target was ever reported, if some are overdue."""
         if self._overdue and not self._targets_seen:
             yield doubts.no_targets(self._overdue)
 

@@ -1,4 +1,4 @@
-"""How many of a recording's detections the tracker could use, and what the others failed by."""
+"""The share of a recording's detections that the tracker used, and the reasons for the others."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-# Less than this share of the detections is no result that may count as one.
+# Least share of used detections for a result that counts as a success.
 LEAST_USED = 0.5
-# Reasons that are named, and what they depend on: parameters of a radar, or of the tracker.
-NAMED = 3
+# Largest number of reasons in a message, and the parameters to check for each reason.
+MAX_LISTED = 3
 PARAMETERS = {
     "amplitude": "amplitude_unit",
     "azimuth": "azimuth_unit",
@@ -27,14 +27,14 @@ PARAMETERS = {
 
 @dataclass
 class UsedDetections:
-    """Counts detections, by what became of them.
+    """Counts the detections of a recording, and the unused ones.
 
     Attributes
     ----------
     offered : int
-        All; a message that cannot be read counts as one, for nothing says how many it has.
+        All detections; an unreadable message counts as one, because its number is unknown.
     lost : Counter
-        Those that were not used, by reason.
+        Unused detections by reason.
     """
 
     offered: int = 0
@@ -47,29 +47,29 @@ class UsedDetections:
         self.lost[reason] += 1
 
     def read(self, kept: int, dropped: Mapping[str, int]) -> None:
-        """Count a message's detections that were kept, and those that were not, by reason."""
+        """Count a message's detections: the kept ones, and the dropped ones by reason."""
         self.offered += kept + sum(dropped.values())
         self.lost.update(dropped)
         self._reports += 1
 
-    def refused(self, reason: str, count: int) -> None:
-        """Count detections that were kept at first as lost."""
+    def refuse(self, reason: str, count: int) -> None:
+        """Count detections of a refused report as lost."""
         self.lost[reason] += count
 
-    def reports_lost(self, reports: Mapping[str, int]) -> None:
-        """Count reports that were lost later, each with as many detections as the others."""
+    def lose_reports(self, reports: Mapping[str, int]) -> None:
+        """Count reports that were lost later, each with the mean number of detections."""
         each = self.offered / max(self._reports, 1)
         for reason, count in reports.items():
             self.lost[reason] += round(count * each)
 
     def fault(self) -> str | None:
-        """Return what is to be said if too few could be used; None if enough were."""
+        """Return an error message if too few detections were used, else None."""
         lost = min(self.lost.total(), self.offered)
         if self.offered - lost >= LEAST_USED * self.offered:
             return None
         listed = ", ".join(
             f"{reason} {count}" + (f" ({PARAMETERS[reason]})" if reason in PARAMETERS else "")
-            for reason, count in self.lost.most_common(NAMED)
+            for reason, count in self.lost.most_common(MAX_LISTED)
         )
         return (
             f"{self.offered - lost} of {self.offered} detections could be used; dropped most by: "

@@ -1,4 +1,4 @@
-"""Checks whether estimates can be joined with those of other trackers."""
+"""Checks whether estimates can be joined with other trackers' estimates."""
 
 from __future__ import annotations
 

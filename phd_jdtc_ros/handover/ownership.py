@@ -66,23 +66,23 @@ class Handover:
         """Forget all tracks; their numbers are not reused."""
         self._number, self._tracks, self._owner, self._together = {}, {}, {}, {}
 
-    def add(self, said: Mapping[int, Estimates]) -> Estimates:
+    def add(self, gathered: Mapping[int, Estimates]) -> Estimates:
         """Return the joint estimates of a stamp.
 
         Parameters
         ----------
-        said : mapping of tracker to Estimates
-            At least one, all of one stamp. Stamps must increase. The tracks of a tracker that is
-            missing keep their numbers.
+        gathered : mapping of tracker to Estimates
+            At least one entry, all of one stamp. Stamps must increase. The tracks of a missing
+            tracker keep their numbers.
 
         Returns
         -------
         Estimates
             Numbers are assigned in the order in which targets are first reported.
         """
-        found = self._of_all(said)
+        found = self._complete(gathered)
         depth = self._depths(found)
-        self._pair(found, depth, said.keys())
+        self._pair(found, depth, gathered.keys())
         rows: dict[int, dict[int, int]] = {}
         for tracker, estimates in enumerate(found):
             for row, number in enumerate(estimates.track_id.tolist()):
@@ -93,11 +93,11 @@ class Handover:
                     rows.setdefault(joint, {})[tracker] = row
         parts: list[list[tuple[int, int]]] = [[] for _ in found]
         for joint, by_tracker in rows.items():
-            owner = self._owned(
+            owner = self._choose_owner(
                 joint, {k: float(depth[k][k][row]) for k, row in by_tracker.items()}
             )
             parts[owner].append((by_tracker[owner], joint))
-        self._forget(found, said.keys())
+        self._forget(found, gathered.keys())
         return _joint(found, parts)
 
     @property
@@ -105,12 +105,14 @@ class Handover:
         """A copy of the joint number of each current track."""
         return dict(self._number)
 
-    def numbered(self, said: Mapping[int, Estimates], numbers: Mapping[Track, int]) -> Estimates:
+    def join_numbered(
+        self, gathered: Mapping[int, Estimates], numbers: Mapping[Track, int]
+    ) -> Estimates:
         """Return the joint estimates of a stamp whose tracks have numbers already; see `add`.
 
         Among estimates with one number, the one deepest in its tracker's core region is reported.
         """
-        found = self._of_all(said)
+        found = self._complete(gathered)
         best: dict[int, tuple[float, int, int]] = {}
         for tracker, estimates in enumerate(found):
             depth = self.regions[tracker].depth(estimates.position).tolist()
@@ -123,10 +125,10 @@ class Handover:
             parts[tracker].append((row, joint))
         return _joint(found, parts)
 
-    def _of_all(self, said: Mapping[int, Estimates]) -> list[Estimates]:
-        """Return the estimates of every tracker, empty ones for those that are missing."""
-        nothing = next(iter(said.values())).take(_NO_ROWS)
-        return [said.get(tracker, nothing) for tracker in range(len(self.regions))]
+    def _complete(self, gathered: Mapping[int, Estimates]) -> list[Estimates]:
+        """Return the estimates of every tracker, empty ones for missing trackers."""
+        nothing = next(iter(gathered.values())).take(_NO_ROWS)
+        return [gathered.get(tracker, nothing) for tracker in range(len(self.regions))]
 
     def _depths(self, found: Sequence[Estimates]) -> list[list[FloatArray]]:
         """Return the depths of each tracker's estimates in each region, [tracker][region]."""
@@ -141,7 +143,7 @@ class Handover:
         self,
         found: Sequence[Estimates],
         depth: Sequence[Sequence[FloatArray]],
-        heard: Collection[int],
+        present: Collection[int],
     ) -> None:
         """Find the tracks of neighbours that belong to one target, and give them one number."""
         near: set[tuple[Track, Track]] = set()
@@ -159,7 +161,7 @@ class Handover:
             if self._together[pair] >= TOGETHER:
                 self._join(*pair)
         for pair in sorted(self._together.keys() - near):
-            if not all(tracker in heard for tracker, _ in pair):
+            if not all(tracker in present for tracker, _ in pair):
                 continue
             self._together[pair] = min(self._together[pair], 0) - 1
             if self._together[pair] <= -APART:
@@ -208,7 +210,7 @@ class Handover:
         lost = theirs if self._owner.get(joint, mine[0]) == mine[0] else mine
         self._take_number(lost)
 
-    def _owned(self, joint: int, depth: Mapping[int, float]) -> int:
+    def _choose_owner(self, joint: int, depth: Mapping[int, float]) -> int:
         """Return the tracker whose estimate is reported, given the depth of each."""
         before = owner = self._owner.get(joint)
         if owner is None or owner not in depth:
@@ -220,9 +222,9 @@ class Handover:
         self._owner[joint] = owner
         return owner
 
-    def _forget(self, found: Sequence[Estimates], heard: Collection[int]) -> None:
+    def _forget(self, found: Sequence[Estimates], present: Collection[int]) -> None:
         """Forget tracks that have ended; a tracker does not reuse a number."""
-        there = {tracker: set(found[tracker].track_id.tolist()) for tracker in heard}
+        there = {tracker: set(found[tracker].track_id.tolist()) for tracker in present}
 
         def stays(track: Track) -> bool:
             tracker, number = track
@@ -240,13 +242,13 @@ class Handover:
 
 def _joint(found: Sequence[Estimates], parts: Sequence[Sequence[tuple[int, int]]]) -> Estimates:
     """Return rows of several trackers' estimates in one, with joint numbers."""
-    told = any(estimates.attributes is not None for estimates in found)
+    attributed = any(estimates.attributes is not None for estimates in found)
     own = []
     for estimates, rows in zip(found, parts, strict=True):
         index = np.array([row for row, _ in rows], dtype=np.int64)
         number = np.array([joint for _, joint in rows], dtype=np.int64)
         part = replace(estimates.take(index), track_id=number)
-        if told and part.attributes is None:
+        if attributed and part.attributes is None:
             part = replace(part, attributes=Attributes.unknown(len(part)))
         own.append(part)
     # The lag of empty estimates is unknown, because messages carry it with each estimate.

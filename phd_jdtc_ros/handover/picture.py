@@ -38,9 +38,6 @@ class _Run:
 
     Parameters
     ----------
-    gathered : mapping of source to Gathering
-    series : SeriesOfAll
-    numbers : Numbers
     smoothed : list of Gathered
         Smoothed estimates that wait for their numbers.
     reached_ns : float
@@ -164,11 +161,11 @@ class JointPicture:
         if isinstance(closed, Refused):
             return closed
         if source == FILTERED:
-            return done + self._filtered(closed)
+            return done + self._join_filtered(closed)
         self._run.smoothed += closed
         if all(self._run.gathered[SMOOTHED].latest_ns(k) is not None for k in self._trackers):
             done += self._close_before()
-        return done + self._numbered(self._run)
+        return done + self._join_smoothed(self._run)
 
     def close_all(self) -> list[Joint]:
         """Return all pending estimates, and begin a new run; numbers are not reused."""
@@ -176,7 +173,7 @@ class JointPicture:
         # Stamps may go on: estimates after the newest stamp belong to the new run.
         done = self._begin(gathered.expected_ns(gathered.newest_ns))
         self._before.smoothed += self._before.gathered[SMOOTHED].close_all()
-        return done + self._numbered(self._before)
+        return done + self._join_smoothed(self._before)
 
     def begin_again(self) -> list[Joint]:
         """Return all pending estimates, and begin a new run with the next ones at any stamp.
@@ -188,12 +185,12 @@ class JointPicture:
     def _begin(self, until_ns: Mapping[int, float]) -> list[Joint]:
         """Begin a new run; the current one accepts no more filtered estimates."""
         over = self._run
-        done = self._close_before() + self._filtered(over.gathered[FILTERED].close_all())
+        done = self._close_before() + self._join_filtered(over.gathered[FILTERED].close_all())
         over.reached_ns, over.until_ns = math.inf, until_ns
         self._overflow += sum(one.overflow for one in over.gathered.values())
         self._before, self._run = over, self._new_run()
         self._handover.forget()
-        return done + self._numbered(over)
+        return done + self._join_smoothed(over)
 
     def _is_of_before(self, tracker: int, source: str, stamp_ns: int) -> bool:
         """Return whether estimates belong to the previous run.
@@ -222,16 +219,16 @@ class JointPicture:
         if source == FILTERED or before.closed:
             return Refused.LATE
         before.smoothed += closed
-        return self._numbered(before)
+        return self._join_smoothed(before)
 
     def _close_before(self) -> list[Joint]:
         """Return the pending estimates of the previous run, which accepts no more."""
         before = self._before
         before.smoothed += before.gathered[SMOOTHED].close_all()
         before.closed = True
-        return self._numbered(before)
+        return self._join_smoothed(before)
 
-    def _filtered(self, closed: Sequence[Gathered]) -> list[Joint]:
+    def _join_filtered(self, closed: Sequence[Gathered]) -> list[Joint]:
         """Return the joint filtered estimates of stamps, and the smoothed ones that are now due."""
         run, done = self._run, []
         live = set(self._trackers) - self.silent
@@ -242,10 +239,10 @@ class JointPicture:
             run.numbers.add(stamp_ns, self._handover.numbers)
             run.reached_ns = stamp_ns
             done.append((FILTERED, joint))
-            done += self._numbered(run)
+            done += self._join_smoothed(run)
         return done
 
-    def _numbered(self, run: _Run) -> list[Joint]:
+    def _join_smoothed(self, run: _Run) -> list[Joint]:
         """Return a run's smoothed estimates that the filtered picture is far enough ahead of."""
         done: list[Joint] = []
         while run.smoothed:
@@ -254,7 +251,7 @@ class JointPicture:
             if early and not too_many(run.smoothed, self._most_waiting):
                 break
             gathered = run.series.apart(run.smoothed.pop(0))
-            joint = self._handover.numbered(gathered, run.numbers.at(stamp_ns))
+            joint = self._handover.join_numbered(gathered, run.numbers.at(stamp_ns))
             done.append((SMOOTHED, joint))
         # The previous run's estimates come first.
         return self._close_before() + done if done and run is self._run else done

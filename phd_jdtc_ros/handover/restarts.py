@@ -82,22 +82,22 @@ class SeriesOfAll:
         self._each = [TrackSeries() for _ in range(trackers)]
 
     def take(self, stamp_ns: int, gathered: Gathered) -> Gathered:
-        """Take in the filtered estimates of a stamp, and return them with numbers told apart."""
+        """Take in the filtered estimates of a stamp, and return them with unique track numbers."""
         for tracker, series in enumerate(self._each):
             series.take(stamp_ns, gathered.get(tracker))
         return self.apart(gathered)
 
     def apart(self, gathered: Gathered) -> Gathered:
-        """Return estimates of a stamp with numbers told apart."""
+        """Return estimates of a stamp with unique track numbers."""
         return {tracker: self._each[tracker].apart(own) for tracker, own in gathered.items()}
 
 
 def _goes_on(before: Estimates, found: Estimates) -> bool:
-    """Return whether most tracks that have a number of the stamp before are near where it was."""
+    """Return whether most tracks are near the earlier track with the same number."""
     _, old, new = np.intersect1d(before.track_id, found.track_id, return_indices=True)
     moved = np.hypot(*(found.position[new] - before.position[old]).T)
     speed = np.maximum(np.hypot(*before.velocity[old].T), np.hypot(*found.velocity[new].T))
     flown = speed * (found.stamp_ns - before.stamp_ns) * 1e-9
     near = np.count_nonzero(moved <= REACH + flown)
-    # Where the same targets get numbers again, one of them may get its earlier one by chance.
+    # After a restart, a target may get its earlier number by chance.
     return bool(2 * near > len(moved))

@@ -9,8 +9,9 @@ from typing import Any
 
 from msg_adapters import names
 from phd_jdtc_ros.configuration import replaced
-from phd_jdtc_ros.configuration.checks import is_region
+from phd_jdtc_ros.configuration.forms import is_region
 from phd_jdtc_ros.configuration.schema import (
+    NOT_NEGATIVE,
     ConfigError,
     Parameter,
     check,
@@ -22,8 +23,9 @@ from phd_jdtc_ros.core.tracks.region import Region
 
 # Default distance beyond a seam at which a target changes over, as a share of the smallest margin.
 HYSTERESIS = 0.2
-# How much later than a smoothed estimate's stamp its track may have got its number, seconds: the
-# smoother knows a target before the filter is sure of it. Up to the trackers' lag nothing waits.
+# A smoothed estimate waits until the filtered picture is SMOOTHED_WAIT_S seconds ahead of it,
+# because the smoother reports a target before the filter has confirmed and numbered it. If the
+# smoother's lag is longer than this, no estimate has to wait.
 SMOOTHED_WAIT_S = 8.0
 # Upper bound of every waiting time, seconds.
 LONGEST_S = 600.0
@@ -33,7 +35,7 @@ MOST_TRACKERS = 50
 
 @dataclass(frozen=True)
 class OfTracker:
-    """What each tracker has."""
+    """Parameters of each tracker."""
 
     node: str = parameter("", "Full name of the tracker's node; /NAME/tracker if empty.")
     region: list[float] = parameter(
@@ -43,26 +45,25 @@ class OfTracker:
 
 @dataclass(frozen=True)
 class HandOver:
-    """What the node is told."""
+    """Parameters of the hand-over node."""
 
     trackers: list[str] = parameter(
         [],
-        "Names of the trackers that part the area, two or more, each with its region.",
+        "Names of the trackers that share the area, two or more, each with its region.",
         element=str,
         most=MOST_TRACKERS,
     )
     hysteresis: float = parameter(
         0.0,
-        "How far beyond a seam a target changes over, m; at most the smallest margin, and 0 for a "
-        "fifth of that.",
-        0.0,
+        "Distance beyond a seam at which a target changes over, m; at most the smallest margin; 0 "
+        "for a fifth of it.",
+        NOT_NEGATIVE,
     )
     max_delay_s: float = parameter(
         5.0,
-        "How long a stamp waits for a tracker, by the stamps of the others, s. Once the newest is "
-        "later by more the picture goes on without those that have not reached it.",
-        0.1,
-        LONGEST_S,
+        "Longest time that a stamp waits for a tracker, measured by the other trackers' stamps, s. "
+        "A tracker that is further behind the newest stamp is left out until it has caught up.",
+        (0.1, LONGEST_S),
     )
 
 

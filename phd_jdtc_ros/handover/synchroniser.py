@@ -126,7 +126,7 @@ class Gathering:
         stamp = found.stamp_ns
         if stamp == self._latest.get(tracker) or tracker in self._pending.get(stamp, {}):
             return Refused.DUPLICATE
-        self._hear(tracker, stamp)
+        self._record(tracker, stamp)
         if self._closed_ns is not None and stamp <= self._closed_ns:
             return Refused.LATE
         self._pending.setdefault(stamp, {})[tracker] = found
@@ -143,7 +143,7 @@ class Gathering:
         """Close all stamps, oldest first."""
         return self._close(max(self._pending, default=0))
 
-    def _hear(self, tracker: int, stamp: int) -> None:
+    def _record(self, tracker: int, stamp: int) -> None:
         """Record a tracker's stamp, and update the silent trackers."""
         before = self._latest.get(tracker, stamp)
         if stamp > before:

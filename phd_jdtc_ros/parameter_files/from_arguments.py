@@ -14,17 +14,9 @@ _NODE = "tracker"
 
 
 def load(path: Path, node: str = _NODE) -> dict[str, Any]:
-    """Return a node's parameters in a ROS parameter file, by dotted name.
+    """Return a node's parameters in a ROS parameter file, by dotted name; later values override.
 
-    As in ROS, a section is for all nodes whose name it matches (``*`` matches one part of a name,
-    ``**`` any number of parts), and a later value overrides an earlier one. The node may be in any
-    namespace.
-
-    Parameters
-    ----------
-    path : Path
-    node : str
-        Without its namespace.
+    `node` is a name without a namespace: the node may be in any.
 
     Raises
     ------
@@ -53,11 +45,7 @@ def load(path: Path, node: str = _NODE) -> dict[str, Any]:
 def scenario_parameters(document: Any) -> dict[str, Any]:
     """Return the parameters in a scenario document, by dotted name.
 
-    Parameters
-    ----------
-    document : mapping
-        Its ``parameters``, nested or dotted, are those of the radars and the tracker that differ
-        from the defaults; none if the key is absent. Its ``sites`` give places of radars.
+    They are its ``parameters``, nested or dotted, and the places of radars in its ``sites``.
 
     Raises
     ------
@@ -85,11 +73,9 @@ def from_arguments(
             faults += error.faults
     for assignment in assignments:
         name, separator, value = assignment.partition(":=")
-        if not separator:
-            faults.append(f"-p {assignment}: must be NAME:=VALUE")
-            continue
         if not value:
-            faults.append(f"-p {assignment}: must be NAME:=VALUE{yaml_files.EMPTY_STRING}")
+            hint = yaml_files.EMPTY_STRING if separator else ""
+            faults.append(f"-p {assignment}: must be NAME:=VALUE{hint}")
             continue
         try:
             found[name] = yaml_files.parse(value, f"-p {yaml_files.one_line(assignment)}")

@@ -1,27 +1,58 @@
-"""A parameter file with a comment beside every value that a recording has told."""
+"""Writes parameter files: beside recordings, and with a comment behind each proposed value."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
+
+import yaml
 
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration.parameters import schema
-from phd_jdtc_ros.configuration.schema import flatten
-from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.configuration.schema import ConfigError, flatten
 
-# Column in which comments begin where lines are shorter.
+from . import yaml_files
+
+# The section of the shipped profiles: a tracker in any namespace.
+ANY_TRACKER = "/**/tracker"
+# Column in which comments begin behind shorter lines.
 COLUMN = 44
+_NO_COMMENTS: Mapping[str, str] = MappingProxyType({})
 
 
-def nested(values: Mapping[str, Any]) -> dict[str, Any]:
+class _Dumper(yaml.SafeDumper):
+    """Writes plain YAML, with quotes for text that the package's loader would not read as text."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Write every value in full."""
+        return True
+
+
+def _text(dumper: _Dumper, text: str) -> yaml.Node:
+    try:
+        plain = yaml_files.parse(text, "") == text
+    except ConfigError:
+        plain = False
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=None if plain else '"')
+
+
+_Dumper.add_representer(str, _text)
+
+
+def scalar(value: Any) -> str:
+    """Return a number, a text or a list on one line of YAML."""
+    text = yaml.dump(value, Dumper=_Dumper, default_flow_style=True, width=10**6)
+    return text.removesuffix("\n").removesuffix("\n...")
+
+
+def _tree(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return parameters by dotted name as nested mappings, in the order of the tables."""
     given = dict(flatten(values))
-    order = [name for name in schema(given) if name in given]
-    order += [name for name in given if name not in order]
+    order = [*(name for name in schema(given) if name in given), *given]
     tree: dict[str, Any] = {}
-    for name in sorted(order, key=lambda name: ("." in name, order.index(name))):
+    for name in sorted(given, key=lambda name: ("." in name, order.index(name))):
         place = tree
         *parents, last = name.split(".")
         for parent in parents:
@@ -30,7 +61,12 @@ def nested(values: Mapping[str, Any]) -> dict[str, Any]:
     return tree
 
 
-def lines(head: str, values: Mapping[str, Any], comments: Mapping[str, str]) -> Iterator[str]:
+def lines(
+    head: str,
+    values: Mapping[str, Any],
+    comments: Mapping[str, str] = _NO_COMMENTS,
+    section: str = ANY_TRACKER,
+) -> Iterator[str]:
     """Yield the lines of a parameter file.
 
     Parameters
@@ -40,26 +76,34 @@ def lines(head: str, values: Mapping[str, Any], comments: Mapping[str, str]) -> 
     values : mapping of dotted name to value
     comments : mapping of dotted name to str
         Of parameters, and of sections (a radar's name).
+    section : str
+        The tracker's full name; wildcards are allowed.
     """
     yield from (f"# {line}".rstrip() for line in head.splitlines())
-    yield f"{bag_parameters.ANY_TRACKER}:"
+    yield f"{scalar(section)}:"
     yield "  ros__parameters:"
-    yield from _block(nested(values), comments, "", 4)
+    yield from _block(_tree(values), comments, "", 4)
 
 
 def _block(
     tree: Mapping[str, Any], comments: Mapping[str, str], prefix: str, indent: int
 ) -> Iterator[str]:
     for key, value in tree.items():
-        name, text = f"{prefix}{key}", " " * indent + f"{key}:"
+        name, text = f"{prefix}{key}", " " * indent + f"{scalar(key)}:"
         if not isinstance(value, Mapping):
-            text += f" {bag_parameters.scalar(value)}"
+            text += f" {scalar(value)}"
         comment = comments.get(name)
         yield f"{text:{COLUMN}} # {comment}" if comment else text
         if isinstance(value, Mapping):
             yield from _block(value, comments, f"{name}.", indent + 2)
 
 
-def write(path: Path, head: str, values: Mapping[str, Any], comments: Mapping[str, str]) -> None:
+def write(
+    path: Path,
+    head: str,
+    values: Mapping[str, Any],
+    comments: Mapping[str, str] = _NO_COMMENTS,
+    section: str = ANY_TRACKER,
+) -> None:
     """Write a parameter file; see `lines`."""
-    output_files.write(path, "\n".join(lines(head, values, comments)) + "\n")
+    output_files.write(path, "\n".join(lines(head, values, comments, section)) + "\n")

@@ -1,7 +1,7 @@
-"""ROS parameter files: their sections, and which of them are for a node.
+"""Sections of ROS parameter files, and their match with a node's name.
 
-rclpy merges files silently: a file without a section for a node leaves it with its defaults. So the
-files that a node was given are read here too.
+rclpy merges files silently: with a file without a section for it a node has its defaults. Therefore
+the files of a node's command line are read here too.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.schema import ConfigError, flatten
 from phd_jdtc_ros.parameter_files import yaml_files
 
-# Name of the file of a tracker's parameters in a bag's directory.
+# Name of the file with a tracker's parameters in a bag's directory.
 BAG_PARAMETERS = "parameters.yaml"
-# Regular expressions for the wildcards in a section's name, with the preceding slash.
+# Regular expressions for the wildcards of a section's name, with the preceding slash.
 _WILDCARDS = {"**": "(/[^/]+)*", "*": "/[^/]+"}
 
 
@@ -29,7 +29,6 @@ class ParameterFile:
 
     Parameters
     ----------
-    path : Path
     sections : tuple of (str, dict)
         Full name, which may have wildcards, and parameters by dotted name, in the file's order.
     """
@@ -38,12 +37,7 @@ class ParameterFile:
     sections: tuple[tuple[str, dict[str, Any]], ...]
 
     def values(self, node: str) -> dict[str, Any]:
-        """Return the parameters of a node; a later section overrides an earlier one.
-
-        Parameters
-        ----------
-        node : str
-            Its fully qualified name.
+        """Return the parameters of a node, by its full name; later sections override earlier ones.
 
         Raises
         ------
@@ -52,18 +46,14 @@ class ParameterFile:
         """
         matching = [given for section, given in self.sections if is_for(section, node)]
         if not matching:
-            names = ", ".join(dict.fromkeys(section for section, _ in self.sections))
-            raise ConfigError(
-                [
-                    f"{self.path}: has no section for this node, {node}; "
-                    f"it has {yaml_files.one_line(names) or 'none'}"
-                ]
-            )
+            names = yaml_files.one_line(", ".join(dict.fromkeys(dict(self.sections)))) or "none"
+            fault = f"{self.path}: has no section for this node, {node}; it has {names}"
+            raise ConfigError([fault])
         return {name: value for given in matching for name, value in given.items()}
 
 
 def is_for(section: str, node: str) -> bool:
-    """Return whether a section's name matches a node's: ``*`` one part, ``**`` any number."""
+    """Return whether a section is for a node: ``*`` matches one part, ``**`` any number."""
     parts = section.split("/")[1:]
     pattern = "".join(_WILDCARDS.get(part, "/" + re.escape(part)) for part in parts)
     return re.fullmatch(pattern, node) is not None
@@ -95,7 +85,7 @@ def read(path: Path) -> ParameterFile:
 
 
 def _scenario_fault(path: Path) -> str:
-    """Return what to give in the place of a scenario file."""
+    """Return the fault of a scenario file, with the file to use instead."""
     shipped = resources.find(Path("bags", path.stem, BAG_PARAMETERS))
     instead = shipped if shipped.is_file() else f"the {BAG_PARAMETERS} that simulate writes"
     return (
@@ -105,7 +95,7 @@ def _scenario_fault(path: Path) -> str:
 
 
 def given_in(argv: Sequence[str]) -> tuple[ParameterFile, ...]:
-    """Return the parameter files that a command line names among its ROS arguments.
+    """Return the parameter files among the ROS arguments of a command line.
 
     Raises
     ------
@@ -120,7 +110,7 @@ def given_in(argv: Sequence[str]) -> tuple[ParameterFile, ...]:
         except ConfigError as error:
             faults += error.faults
             continue
-        # rclpy would say no more than the line at which it gave up.
+        # The error of rclpy would give only a line number.
         if not file.sections:
             faults.append(f"{path}: has no ros__parameters under a node's name")
         found.append(file)

@@ -2,37 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from msg_adapters import names
-from phd_jdtc_ros.configuration.schema import ConfigError, parameter, table
+from phd_jdtc_ros.configuration.schema import (
+    NOT_NEGATIVE,
+    ConfigError,
+    Form,
+    number,
+    parameter,
+    table,
+)
 from phd_jdtc_ros.exit_status import ArgumentParser
 
 _PURPOSE = (
     "Plays a bag's detections, truth and other topics, at a rate or in lock-step with a tracker."
 )
-SLOWEST_RATE = 0.1
+SLOWEST_RATE, FASTEST_RATE = 0.1, 1000.0
+
+
+def _rate(value: Any) -> float | None:
+    found = number(value, 0.0, FASTEST_RATE)
+    return None if found is not None and 0.0 < found < SLOWEST_RATE else found
+
+
+BAG = Form(
+    "the path of a bag or the name of a shipped one",
+    lambda value: value if isinstance(value, str) and value else None,
+)
+RATE = Form(f"0, or a number from {SLOWEST_RATE:g} to {FASTEST_RATE:g}", _rate)
 
 
 @dataclass(frozen=True)
 class Replay:
-    """What the replay is told at the start."""
+    """Parameters that are set at the start."""
 
     bag: str = parameter(
-        "", "Path of the bag: a rosbag2 directory or an MCAP file; or the name of a shipped bag."
+        "", "Path of a rosbag2 directory or an MCAP file, or a shipped bag's name."
     )
     rate: float = parameter(
         1.0,
-        "Speed relative to the recording, at least 0.1; 0 is lock-step: a scan is published once "
-        "the estimate of the previous scan has come back.",
-        0.0,
-        1000.0,
+        "Speed relative to the recording; 0 is lock-step, in which a scan is published once the "
+        "estimate of the previous scan has been received.",
+        form=RATE,
     )
     loop: bool = parameter(False, "Start again at the end.")
-    start_s: float = parameter(0.0, "Length of the bag's beginning to skip, s.", 0.0)
-    duration_s: float = parameter(0.0, "Length of the part to play, s; 0 for all.", 0.0)
+    start_s: float = parameter(0.0, "Length of the bag's beginning to skip, s.", NOT_NEGATIVE)
+    duration_s: float = parameter(0.0, "Length of the part to play, s; 0 for all.", NOT_NEGATIVE)
     start_paused: bool = parameter(False, "Start paused and wait for ~/resume or ~/step.")
     topics: list[str] = parameter(
         [],
@@ -42,42 +59,34 @@ class Replay:
     )
     subscribers: int = parameter(
         1,
-        "Number of subscribers of each topic of detections or of truth to wait for. As many as "
-        "there will be, no one misses the beginning.",
-        1,
-        100,
+        "Number of subscribers to wait for on each topic of detections or truth, so that none of "
+        "them misses the beginning.",
+        (1, 100),
     )
     subscriber_timeout_s: float = parameter(
-        5.0, "Longest wait for subscribers of the detections, s.", 0.0, 3600.0
-    )
-    truth_timeout_s: float = parameter(
-        1.0,
-        "Longest further wait for subscribers of the truth, which a tracker does not need, s.",
-        0.0,
-        3600.0,
-    )
-    estimates_topic: str = parameter(
-        names.estimates("filtered"), "Topic of the estimates that lock-step waits for."
+        5.0,
+        "Longest wait for subscribers of the detections, s, and a fifth of it for those of the "
+        "truth, which a tracker does not need.",
+        (0.0, 3600.0),
     )
     answer_delay_s: float = parameter(
         0.0,
-        "For a tracker of turning radars, whose scans have stamps of their own, s: lock-step waits "
-        "for the figures of a scan that is at most this much older than the cloud.",
-        0.0,
-        1e3,
+        "Largest age of the tracker's last scan relative to a published cloud, s, in lock-step "
+        "with a tracker of turning radars, whose scans have stamps of their own.",
+        (0.0, 1e3),
     )
     flush_service: str = parameter("", "Service called at the end, such as /tracker/flush.")
 
 
 @dataclass(frozen=True)
 class Seek:
-    """What may be set while it runs."""
+    """The parameter that is set during the replay."""
 
     seek_s: float = parameter(
         0.0,
-        "Set while it runs, not before: go on from here, s from the bag's start; refused outside "
-        "the part that is played.",
-        0.0,
+        "Position to continue from, s from the bag's start, set during the replay; rejected "
+        "outside the part that is played.",
+        NOT_NEGATIVE,
     )
 
 
@@ -86,24 +95,8 @@ AT_THE_START = table(Replay)
 TABLE = (*AT_THE_START, SEEK)
 
 
-def check(values: Mapping[str, Any]) -> None:
-    """Check what the table cannot express.
-
-    Raises
-    ------
-    ConfigError
-        With every fault.
-    """
-    faults = []
-    if not values["bag"]:
-        faults.append("bag: '' given, must be the path of a bag or the name of a shipped one")
-    faults += _rate_faults(values["rate"])
-    if faults:
-        raise ConfigError(faults)
-
-
 def rate(given: Any) -> float:
-    """Return a rate that is given to something that starts the replay.
+    """Return the rate given to a program that starts the replay.
 
     Raises
     ------
@@ -113,20 +106,12 @@ def rate(given: Any) -> float:
     (own,) = (entry for entry in AT_THE_START if entry.name == "rate")
     value = own.coerce(given)
     if not isinstance(value, float):
-        raise ConfigError([f"rate: {given!r} given, must be {own.allowed}"])
-    if faults := _rate_faults(value):
-        raise ConfigError(faults)
+        raise ConfigError([own.fault(given)])
     return value
 
 
-def _rate_faults(value: float) -> list[str]:
-    if 0.0 < value < SLOWEST_RATE:
-        return [f"rate: {value:g} given, must be 0 or at least {SLOWEST_RATE:g}"]
-    return []
-
-
 def flags(argv: Sequence[str]) -> dict[str, Any]:
-    """Return the parameters that are set by plain command-line flags, without ROS arguments."""
+    """Return the parameters set by plain command-line flags, without ROS arguments."""
     parser = ArgumentParser("sensor_replay", description=_PURPOSE)
     parser.add_argument(
         "bag", nargs="?", help="rosbag2 directory, MCAP file, or the name of a shipped bag"

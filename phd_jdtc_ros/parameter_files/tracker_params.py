@@ -11,12 +11,12 @@ from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import sections
 
-# Parameters that rclpy gives every node.
-_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
+# The node's own parameters, and the parameters that rclpy gives every node.
+_OF_NODE = tracker_node.NAMES.union(("use_sim_time", "start_type_description_service"))
 
 
 def config(given: Mapping[str, Any]) -> TrackerConfig:
-    """Return the configuration of the tracker that a live node's parameters describe.
+    """Return the configuration of a tracker from a live node's parameters.
 
     The node's own parameters are ignored.
 
@@ -25,15 +25,8 @@ def config(given: Mapping[str, Any]) -> TrackerConfig:
     ConfigError
         With every fault.
     """
-    of_node = tracker_node.NAMES.union(_OF_EVERY_NODE)
-    return resolve(
-        {
-            name: value
-            for name, value in given.items()
-            if name not in of_node and not name.startswith("qos_overrides.")
-        },
-        SystemPlane,
-    )
+    ignored = {name for name in given if name in _OF_NODE or name.startswith("qos_overrides.")}
+    return resolve({k: given[k] for k in given if k not in ignored}, SystemPlane)
 
 
 def load(path: Path, tracker: str) -> TrackerConfig:
@@ -42,7 +35,6 @@ def load(path: Path, tracker: str) -> TrackerConfig:
     Raises
     ------
     ConfigError
-        If it is not a parameter file or has no section for the tracker, or with every fault of the
-        parameters.
+        If it is not a parameter file or has no section for the tracker, or with every fault.
     """
     return config(sections.read(path).values(tracker))

@@ -1,9 +1,8 @@
-"""The one loader of all YAML that the package reads: parameter, scenario and study files, values.
+"""The loader of all YAML that the package reads: parameter, scenario and study files, values.
 
-Words and numbers are told apart as ROS does it (rcl_yaml_param_parser), which differs from YAML
-1.1 as PyYAML has it: ``1e-6`` is a number, ``12:30`` is not. A key that is given twice is a fault,
-and what a document may cost is limited: its size, its depth and the number of its values, in which
-an alias counts as what it stands for.
+Scalars have the types of ROS (rcl_yaml_param_parser), which differ from YAML 1.1 in PyYAML:
+``1e-6`` is a number, ``12:30`` is not. A repeated key is a fault. Size, depth and number of values
+of a document are limited; an alias counts as many values as its anchor.
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ import yaml
 from phd_jdtc_ros import quoting
 from phd_jdtc_ros.configuration.schema import ConfigError
 
-# Far above any file that people write, and read in less than 2 s.
+# Limits of a document, far above files written by hand; one at the limits takes less than 2 s.
 LARGEST_BYTES = 2**19
 DEEPEST = 32
 MOST_VALUES = 20_000
-# A fault quotes this much of YAML at most.
+# Largest number of characters of YAML that a fault quotes.
 _QUOTED = 240
 
-# For faults of assignments. A shell takes away a pair of quotation marks, and :="" leaves nothing.
+# Hint in faults of assignments: a shell removes quotation marks, and :="" leaves nothing.
 EMPTY_STRING = """; the value is missing: an empty string is -p "NAME:=''\""""
 
 _PREFIX = "tag:yaml.org,2002:"
@@ -46,14 +45,7 @@ _BOOLEANS = {
 
 
 class _RefusedError(yaml.YAMLError):
-    """YAML that is not accepted, with the reason.
-
-    Parameters
-    ----------
-    mark : yaml.Mark
-        Where.
-    problem : str
-    """
+    """YAML that is not accepted, with the reason."""
 
     def __init__(self, mark: yaml.Mark, problem: str) -> None:
         super().__init__(problem)
@@ -137,11 +129,11 @@ class _Loader(yaml.SafeLoader):
         return float(node.value.replace(".", "") if named in ("inf", "nan") else node.value)
 
 
-# Each scalar is read as ROS does, see below.
+# Replaced by the types of ROS below.
 _Loader.yaml_implicit_resolvers = {}
 
 
-# In this order: the first that matches decides.
+# The order is the order of precedence.
 for _kind, _pattern, _construct in (
     ("bool", re.compile(f"(?:{'|'.join(_BOOLEANS)})$"), _Loader.construct_boolean),
     ("int", _NUMBERS["int"], _Loader.construct_whole),
@@ -154,13 +146,7 @@ _Loader.add_implicit_resolver(_PREFIX + "merge", re.compile(r"<<$"), None)
 
 
 def parse(text: str, where: str) -> Any:
-    """Return the document in a text.
-
-    Parameters
-    ----------
-    text : str
-    where : str
-        What the text is, for faults.
+    """Return the document in a text; `where` is its name in faults.
 
     Raises
     ------
@@ -202,5 +188,5 @@ def load(path: Path) -> Any:
 
 
 def one_line(error: object) -> str:
-    """Return a text in one line, without its middle if it is long."""
+    """Return a text as one line, shortened in its middle."""
     return quoting.short(" ".join(str(error).split()), _QUOTED)

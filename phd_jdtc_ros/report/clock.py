@@ -15,13 +15,7 @@ from .record import Record
 
 @dataclass(frozen=True)
 class Clock:
-    """Converts stamps to the time since a run's first stamp.
-
-    Parameters
-    ----------
-    origin_ns : int
-    span_s : float
-    """
+    """Converts stamps to the time since a run's first stamp."""
 
     origin_ns: int
     span_s: float

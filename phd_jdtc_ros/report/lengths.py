@@ -21,7 +21,6 @@ class MapScale:
 
     Parameters
     ----------
-    unit : str
     metres : float
         Length of the unit.
     decimals : int

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections import defaultdict
-from collections.abc import Iterator
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.intake.posed_reports import PosedReport, PosedReports
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
@@ -36,7 +36,6 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
 
     Parameters
     ----------
-    path : Path
     config : TrackerConfig
         Provides the topics and positions of the radars.
     tracker : str
@@ -46,10 +45,6 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
     ------
     BagError
         If the bag cannot be read, or has none of the topics of a run.
-
-    Notes
-    -----
-    The fault of a damaged bag is in the record's `damage`.
     """
     bag = BagReader(path)
     sources = {names.estimates(source, tracker): source for source in (FILTERED, SMOOTHED)}
@@ -63,7 +58,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
     clutter = names.clutter_map(tracker)
     wanted[clutter] = names.GRID
     bag.require({topic: kind for topic, kind in wanted.items() if topic in present})
-    intact = _Intact(bag)
+    intact = Intact(bag)
     radars = polar_radars(config.model.radars)
     parts: dict[str, list[Any]] = defaultdict(list)
     classes = 0
@@ -80,22 +75,23 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
             else:
                 classes = max(classes, estimates.class_count(message))
                 parts[sources[topic]].append(estimates.from_msg(message))
-        found = sorted(_posed_reports(intact, config), key=lambda report: report.radar)
+        reports = posed_reports(intact, config, config.inputs, [Counter() for _ in radars])
+        found = sorted(reports, key=lambda report: report.radar)
         for report in found:
             parts["plots"] += _plots(report, radars[report.radar])
     except RejectedMessageError as error:
         raise BagError(f"{path}: {error}") from error
     return Record(
-        truth=_by_stamp(parts["truth"]),
-        plots=_by_stamp(parts["plots"]),
-        filtered=_by_stamp(parts[FILTERED]),
-        smoothed=_by_stamp(parts[SMOOTHED]),
+        truth=by_stamp(parts["truth"]),
+        plots=by_stamp(parts["plots"]),
+        filtered=by_stamp(parts[FILTERED]),
+        smoothed=by_stamp(parts[SMOOTHED]),
         classes=classes or len(config.model.modes.classes),
         step_ms=np.array(parts["step_ms"], dtype=float),
         radars=tuple(
             RadarSite(radar.name, radar.position, source.height)
             for radar, source in zip(radars, config.inputs, strict=True)
-            if not source.pose_topic
+            if not source.pose.topic
         ),
         damage=intact.damage,
         clutter=next(iter(parts["clutter"]), None),
@@ -105,53 +101,71 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
     )
 
 
-class _Intact:
-    """Reads the intact messages of a bag and keeps its damage.
-
-    Attributes
-    ----------
-    damage : BagError or None
-    """
+class Intact:
+    """Reads the intact messages of a bag and keeps its damage."""
 
     def __init__(self, bag: BagReader) -> None:
         self._bag = bag
         self.damage: BagError | None = None
 
-    def messages(self, topics: list[str]) -> Iterator[BagMessage]:
-        """Yield the intact messages of the given topics that are in the bag."""
+    def messages(self, topics: list[str], until_ns: int | None = None) -> Iterator[BagMessage]:
+        """Yield the intact messages of the given topics that are in the bag, up to a time."""
         present = [topic for topic in topics if topic in self._bag.types]
         if not present:
             return
         try:
-            yield from self._bag.messages(present)
+            yield from self._bag.messages(present, until_ns)
         except BagError as error:
             if not error.corrupt:
                 raise
             self.damage = error
 
 
-def _posed_reports(intact: _Intact, config: TrackerConfig) -> Iterator[PosedReport]:
+def input_types(config: TrackerConfig) -> dict[str, str]:
+    """Return the message types of the topics of the radars, and of their platforms' poses."""
+    types = {radar.topic: reader_of(radar).type_name for radar in config.inputs}
+    for topic, carried in config.carried.items():
+        types[topic] = platform_poses.TYPES[config.inputs[carried[0]].pose.message]
+    return types
+
+
+def posed_reports(
+    intact: Intact,
+    config: TrackerConfig,
+    inputs: Sequence[RadarInput],
+    dropped: Sequence[Counter[str]],
+    until_ns: int | None = None,
+) -> Iterator[PosedReport]:
     """Yield the reports of all radars, of moving ones with poses, ordered by log time.
 
-    Messages that the tracker rejects and counts are left out.
+    Parameters
+    ----------
+    inputs : sequence of RadarInput
+        Layouts of the radars' messages.
+    dropped : sequence of Counter
+        By radar, counts of rejected messages and points are added here.
+    until_ns : int or None
+        End of the part of the bag that is read.
     """
-    held, carried = PosedReports(config.platforms()), config.carried
-    radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
-    for entry in intact.messages([*radar_of, *carried]):
-        with contextlib.suppress(RejectedMessageError):
+    pending, carried = PosedReports(config.platforms()), config.carried
+    radar_of = {radar.topic: index for index, radar in enumerate(inputs)}
+    for entry in intact.messages([*radar_of, *carried], until_ns):
+        try:
             if entry.topic in carried:
-                stamp_ns, pose = platform_poses.from_cdr(
-                    entry.data, config.pose_message, config.world_frame
-                )
+                kind = inputs[carried[entry.topic][0]].pose.message
+                stamp_ns, pose = platform_poses.from_cdr(entry.data, kind, config.world_frame)
                 for index in carried[entry.topic]:
-                    held.add_pose(index, stamp_ns, pose)
+                    pending.add_pose(index, stamp_ns, pose)
             else:
                 index = radar_of[entry.topic]
-                radar = config.inputs[index]
-                report = reader_of(radar).from_cdr(entry.data, radar)
-                held.add(index, [(report.stamp_ns, report.detections)])
-        yield from held.released()
-    yield from held.released(everything=True)
+                report = reader_of(inputs[index]).from_cdr(entry.data, inputs[index])
+                dropped[index].update(report.dropped)
+                pending.add(index, [(report.stamp_ns, report.detections)])
+        except RejectedMessageError as error:
+            if entry.topic in radar_of:
+                dropped[radar_of[entry.topic]][error.reason] += 1
+        yield from pending.released()
+    yield from pending.released(everything=True)
 
 
 def _plots(report: PosedReport, model: RadarModel) -> Iterator[Plot]:
@@ -170,5 +184,6 @@ def _plots(report: PosedReport, model: RadarModel) -> Iterator[Plot]:
     )
 
 
-def _by_stamp(entries: list[Any]) -> tuple[Any, ...]:
+def by_stamp(entries: Sequence[Any]) -> tuple[Any, ...]:
+    """Return truth, plots or estimates in order of their stamps."""
     return tuple(sorted(entries, key=lambda entry: entry.stamp_ns))

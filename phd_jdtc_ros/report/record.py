@@ -23,8 +23,6 @@ class Plot:
 
     Parameters
     ----------
-    stamp_ns : int
-    radar : str
     position : array of shape (M, 2)
         Metres.
     amplitude : array of shape (M,)
@@ -60,10 +58,8 @@ class Record:
     ----------
     truth : tuple of Truth
         Empty if the truth is unknown.
-    plots : tuple of Plot
     filtered, smoothed : tuple of Estimates
         Empty if not recorded.
-    classes : int
     step_ms : array of shape (scans,)
         CPU time of each step, milliseconds; empty if not measured.
     radars : tuple of RadarSite

@@ -10,6 +10,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from msg_adapters.palette import COLOURS as COLOURS
 from msg_adapters.palette import class_colour as class_colour
@@ -36,7 +37,6 @@ def purples(weak: float, strong: float, steps: int) -> FloatArray:
     ----------
     weak, strong : float
         Darkness of low and of high amplitudes, from 0 (white) to 1.
-    steps : int
     """
     shades: FloatArray = colormaps["Purples"](np.linspace(weak, strong, steps))
     return shades
@@ -57,3 +57,31 @@ def plain_axes(axes: Axes) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color=FAINT, linewidth=0.6)
     axes.set_axisbelow(True)
+
+
+def rows_over_time(
+    rows: int, label: str, time_label: str, span: float
+) -> tuple[Figure, list[Axes]]:
+    """Return rows of axes that share both scales, over a span of time."""
+    figure = Figure(figsize=(WIDTH_IN, 0.7 + 1.75 * rows), dpi=DPI, layout="constrained")
+    column = list(figure.subplots(rows, 1, sharex=True, sharey=True, squeeze=False)[:, 0])
+    for axes in column:
+        plain_axes(axes)
+        axes.set_ylabel(label)
+    column[-1].set_xlabel(time_label)
+    column[-1].set_xlim(-0.01 * span, 1.01 * span)
+    return figure, column
+
+
+def row_header(axes: Axes, title: str) -> None:
+    """Place the row's title and its legend above it."""
+    axes.set_title(title, loc="left", fontsize=10, fontweight="bold")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncol=2,
+            frameon=False,
+            fontsize=9,
+            borderaxespad=0.1,
+        )

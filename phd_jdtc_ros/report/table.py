@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES
 from phd_jdtc_ros.evaluation.accumulator import (
     CLASSES,
     GOSPA,
@@ -36,7 +36,6 @@ def metrics(
 
     Parameters
     ----------
-    evaluation : Evaluation
     step_ms : array of shape (scans,)
         CPU time of each step, milliseconds; empty if not measured.
     engine : str or None
@@ -67,23 +66,14 @@ def unscored_note(summary: Mapping[str, Any]) -> str:
 def score_tables(summary: dict[str, Any]) -> Group:
     """Return the figures of filter and smoother, for all targets and for each class, as tables.
 
-    A single class is shown once, and figures of covariances only if estimates have any.
-
-    Parameters
-    ----------
-    summary : dict
-        Result of `metrics`.
-
-    Returns
-    -------
-    rich.console.Group
-        OSPA, GOSPA, the surveillance figures, the consistency of the covariances, and the confusion
-        matrix of the classes.
+    The tables are OSPA, GOSPA, the surveillance figures, the consistency of the covariances if
+    there are any, and the confusion matrix if there are several classes. `summary` is the result
+    of `metrics`.
     """
     distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
     gaps = f"long gaps: over {summary['long_gap_s']:g} s between estimates\n{_of_tracks(summary)}"
     title = f"means over {_scans(summary)} scans (OSPA: {distance})"
-    tables = [_table_with_reduction(GROUPS[OSPA], summary, title)]
+    tables = [_table(GROUPS[OSPA], summary, title, _headline(summary), reduced=True)]
     # These tables are shown even without any value.
     titles = {
         GOSPA: f"means over the scans (GOSPA: {distance})",
@@ -91,7 +81,7 @@ def score_tables(summary: dict[str, Any]) -> Group:
     }
     captions = {SURVEILLANCE: gaps, NEES: _bands(summary)}
     tables += [
-        _plain(metrics, summary, titles.get(group, group.title), captions.get(group))
+        _table(metrics, summary, titles.get(group, group.title), captions.get(group))
         for group, metrics in GROUPS.items()
         if group.of_sets and group != OSPA and (group in titles or _any_known(metrics, summary))
     ]
@@ -106,12 +96,23 @@ def score_tables(summary: dict[str, Any]) -> Group:
 
 def _engines(summary: dict[str, Any], compared: dict[str, Any]) -> Table:
     """Return a table of both engines: the live one, and the other one offline."""
-    table = Table(title="both engines on these detections: OSPA of all targets")
-    table.add_column("engine")
-    for heading in ("filter", "smoother", "reduction", "right\nclass", "CPU per\nscan"):
-        table.add_column(heading, justify="right")
-    for row in engine_rows(summary, compared):
-        table.add_row(*row)
+    headings = ("engine", "filter", "smoother", "reduction", "right\nclass", "CPU per\nscan")
+    title = "both engines on these detections: OSPA of all targets"
+    return simple_table(title, headings, engine_rows(summary, compared))
+
+
+def simple_table(
+    title: str,
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str]] = (),
+    caption: str | None = None,
+) -> Table:
+    """Return a table of plain texts, the first column aligned left and the others right."""
+    table = Table(title=escape(title), caption=caption and escape(caption))
+    for index, heading in enumerate(headings):
+        table.add_column(escape(heading), justify="right" if index else "left")
+    for row in rows:
+        table.add_row(*map(escape, row))
     return table
 
 
@@ -145,25 +146,27 @@ def _scans(summary: dict[str, Any]) -> str:
     return str(scored) if known in (None, scored) else f"{scored} of {known}"
 
 
-def _table_with_reduction(columns: Columns, summary: dict[str, Any], title: str) -> Table:
-    """Return a table of both sources and of the reduction by smoothing."""
-    table, sets = _table(columns, title, _headline(summary)), Sets.of_summary(summary)
+def _table(
+    columns: Columns,
+    summary: dict[str, Any],
+    title: str,
+    caption: str | None,
+    reduced: bool = False,
+) -> Table:
+    """Return a table of both sources, if asked for with the reduction by smoothing."""
+    table, sets = Table(title=title, caption=caption), Sets.of_summary(summary)
+    table.add_column("targets", no_wrap=True)
+    table.add_column("source", no_wrap=True)
+    for metric in columns:
+        table.add_column(metric.heading.replace(" ", "\n", 1), justify="right", no_wrap=True)
     for key in sets.keys:
         before, after = summary[FILTERED][key], summary[SMOOTHED][key]
-        table.add_row(_name(sets, key), "filter", *_cells(columns, before))
-        table.add_row("", "smoother", *_cells(columns, after))
-        change = [_reduction(before[metric.key], after[metric.key]) for metric in columns]
-        table.add_row("", "reduction", *change, style="bold", end_section=True)
-    return table
-
-
-def _plain(columns: Columns, summary: dict[str, Any], title: str, caption: str | None) -> Table:
-    """Return a table of both sources."""
-    table, sets = _table(columns, title, caption), Sets.of_summary(summary)
-    for key in sets.keys:
-        before, after = summary[FILTERED][key], summary[SMOOTHED][key]
-        table.add_row(_name(sets, key), "filter", *_cells(columns, before))
-        table.add_row("", "smoother", *_cells(columns, after), end_section=True)
+        name = escape(sets.title(key, everything="all"))
+        table.add_row(name, "filter", *_cells(columns, before))
+        table.add_row("", "smoother", *_cells(columns, after), end_section=not reduced)
+        if reduced:
+            change = [_reduction(before[metric.key], after[metric.key]) for metric in columns]
+            table.add_row("", "reduction", *change, style="bold", end_section=True)
     return table
 
 
@@ -177,15 +180,21 @@ def _any_known(columns: Columns, summary: dict[str, Any]) -> bool:
     )
 
 
-def _bands(summary: dict[str, Any]) -> str:
-    """Return the NEES bands of all targets and ages, one line per source."""
-    lines = []
-    for source, name in ((FILTERED, "filter"), (SMOOTHED, "smoother")):
-        found = summary["consistency"][source]
-        if found["pairs"]:
+def nees_bands(summary: Mapping[str, Any]) -> Iterator[tuple[str, int, str]]:
+    """Yield source, number of pairs and 95 % band of the NEES; nothing without covariances."""
+    for source in SOURCES:
+        found = (summary.get("consistency") or {}).get(source) or {}
+        if found.get("pairs"):
             low, high = found["nees_band_95"]
-            lines.append(f"95 % band of {found['pairs']} pairs, {name}: {low:.2f} to {high:.2f}")
-    return "\n".join(lines)
+            yield source, found["pairs"], f"{low:.2f} to {high:.2f}"
+
+
+def _bands(summary: dict[str, Any]) -> str:
+    names = {FILTERED: "filter", SMOOTHED: "smoother"}
+    return "\n".join(
+        f"95 % band of {pairs} pairs, {names[source]}: {band}"
+        for source, pairs, band in nees_bands(summary)
+    )
 
 
 def _of_tracks(summary: dict[str, Any]) -> str:
@@ -205,32 +214,25 @@ def _of_tracks(summary: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def confusion_rows(
+    matrix: Sequence[Sequence[int]], sets: Sets, false: str
+) -> tuple[list[str], list[list[str]]]:
+    """Return headings and rows of the confusion matrix.
+
+    The last column has missed targets, and the last row, with the title `false`, false estimates.
+    """
+    titles = [sets.class_title(k) for k in range(len(matrix) - 1)]
+    rows = [
+        [title, *map(str, counts)] for title, counts in zip([*titles, false], matrix, strict=True)
+    ]
+    rows[-1][-1] = ""
+    return ["target", *titles, "missed"], rows
+
+
 def _confusion(matrix: Sequence[Sequence[int]], sets: Sets) -> Table:
     """Return the smoother's confusion matrix, counts over the run."""
-    classes = len(matrix) - 1
-    table = Table(title="smoother: true against estimated class")
-    table.add_column("target")
-    for heading in (*(escape(sets.class_title(k)) for k in range(classes)), "missed"):
-        table.add_column(heading, justify="right")
-    for k, row in enumerate(matrix):
-        false = k == classes
-        counts = [str(count) for count in row[:classes]] + ["" if false else str(row[classes])]
-        table.add_row("none (false)" if false else escape(sets.class_title(k)), *counts)
-    return table
-
-
-def _table(columns: Columns, title: str, caption: str | None) -> Table:
-    """Return a table without rows."""
-    table = Table(title=title, caption=caption)
-    table.add_column("targets", no_wrap=True)
-    table.add_column("source", no_wrap=True)
-    for metric in columns:
-        table.add_column(metric.heading.replace(" ", "\n", 1), justify="right", no_wrap=True)
-    return table
-
-
-def _name(sets: Sets, key: str) -> str:
-    return escape(sets.title(key, everything="all"))
+    title = "smoother: true against estimated class"
+    return simple_table(title, *confusion_rows(matrix, sets, "none (false)"))
 
 
 def _cells(columns: Columns, figures: dict[str, Any]) -> list[str]:

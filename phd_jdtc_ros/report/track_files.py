@@ -28,15 +28,12 @@ class Fix(NamedTuple):
 
     Parameters
     ----------
-    stamp_ns : int
-    number : int
     x, y, vx, vy : float
         In the world frame, metres and metres per second.
     latitude, longitude : float
         Degrees; NaN if the position of the world frame on the earth is unknown.
     height, speed, course : float
         Metres, metres per second and degrees from true north; NaN where unknown.
-    class_name, state : str
     code, address : str
         Four octal and six hexadecimal digits; empty where unknown.
     flight_level : str

@@ -17,16 +17,15 @@ STEPS = 12
 
 @dataclass(frozen=True)
 class Antenna:
-    """The rotation of a radar's antenna: sense, evenness, and direction at scan 0.
+    """The rotation of a radar's antenna: sense, uniformity, and direction at scan 0.
 
     Parameters
     ----------
     bearing : float
         Direction at scan 0: radians from the sensor's y axis in the sense of rotation, from 0 to
         2 pi. A turn, and its first sector, begins at the y axis.
-    clockwise : bool
     wobble : float
-        Largest relative deviation from the mean speed, as by wind; below 1.
+        Largest relative deviation from the mean rotation rate, as by wind; below 1.
     wobble_period_s : float
         Period of the deviation, seconds.
     lowest, highest : float
@@ -53,14 +52,14 @@ class Antenna:
         return np.where(part < 1.0, part, 0.0)  # rounding may reach 1
 
     def turns_at(self, time_s: FloatArray, rotation_s: float) -> FloatArray:
-        """Return the turns at times after scan 0, counted from the begin of scan 0's turn.
+        """Return the turns at times after scan 0, counted from the start of scan 0's turn.
 
         Parameters
         ----------
         time_s : array
             Seconds.
         rotation_s : float
-            Mean time of a turn.
+            Mean rotation period.
         """
         turns: FloatArray = (time_s + self.ahead_s(time_s)) / rotation_s + self.begin
         return turns
@@ -74,9 +73,10 @@ class Antenna:
         return time_s
 
     def ahead_s(self, time_s: FloatArray) -> FloatArray:
-        """Return the lead over an even rotation at times after scan 0, seconds; same shape."""
-        pulsatance = FULL_TURN / self.wobble_period_s
-        ahead: FloatArray = self.wobble / pulsatance * np.sin(pulsatance * time_s)
+        """Return the lead over a uniform rotation at times after scan 0, seconds; same shape."""
+        angular_frequency = FULL_TURN / self.wobble_period_s
+        amplitude_s = self.wobble / angular_frequency
+        ahead: FloatArray = amplitude_s * np.sin(angular_frequency * time_s)
         return ahead
 
 

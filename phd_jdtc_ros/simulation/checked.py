@@ -22,11 +22,8 @@ def take(
 
     Parameters
     ----------
-    table : tuple of Parameter
-    given : mapping
     prefix : str
         Prefix of the names in faults.
-    faults : list of str
     optional : tuple of str
         Names that have defaults and may be missing.
     also : tuple of str

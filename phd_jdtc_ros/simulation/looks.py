@@ -58,9 +58,6 @@ def passes(
 
     Parameters
     ----------
-    flight : Flight
-    radar : RadarModel
-    antenna : Antenna
     until_s : float
         Later passes are left out.
     carrier : MovingPlatform or None
@@ -157,7 +154,6 @@ def slant(layout: RadarInput | None, measured: FloatArray, height: FloatArray) -
 
     Parameters
     ----------
-    layout : RadarInput or None
     measured : array of shape (N, 2)
         Range and azimuth in the plane.
     height : array of shape (N,)

@@ -19,8 +19,8 @@ from .checked import mapping, take
 from .traffic.flight import Flight
 
 PLATFORM = (
-    Parameter("radars", [], "Names of the radars that it carries.", element=str),
-    Parameter("pose_interval_s", 0.5, "Interval between its poses, s.", 1e-3, 60.0),
+    Parameter("radars", [], "Names of the radars on the platform.", element=str),
+    Parameter("pose_interval_s", 0.5, "Interval between poses, s.", 1e-3, 60.0),
     Parameter("position", [0.0, 0.0], "Position at scan 0, world frame, m.", length=2),
     Parameter("velocity", [0.0, 0.0], "Velocity at scan 0, world frame, m/s.", length=2),
 )
@@ -90,11 +90,8 @@ def platform(
 
     Parameters
     ----------
-    document : mapping
-    radars : tuple of RadarModel
     legs : callable of (mapping, prefix, faults)
         Returns the legs of a block.
-    faults : list of str
     """
     given = mapping(document, "platform", faults)
     if not given:
@@ -109,7 +106,8 @@ def platform(
         if name not in known
     ]
     found += [
-        f"platform.radars: {radar.name!r} has range rates, which are simulated of radars that stand"
+        f"platform.radars: {radar.name!r} has range rates, which can be simulated only for "
+        "stationary radars"
         for radar in radars
         if radar.range_rate is not None and radar.name in (values.get("radars") or [])
     ]

@@ -57,7 +57,6 @@ class TargetScript:
 
     Parameters
     ----------
-    class_id : int
     snr : float
         Mean signal-to-noise ratio, linear.
     position : tuple of two floats
@@ -148,12 +147,9 @@ class Scenario:
     ----------
     start_ns : int
         Stamp of scan 0; not zero, which marks an unset time.
-    interval_s : float
     scans : int
         Number of scans, each with the truth. Staring radars report every scan; turning radars
         report at their own times until the last scan.
-    targets : tuple of TargetScript or Flight
-    radars : tuple of RadarModel
     antennas : tuple of Antenna
         One per radar.
     most_radars : int
@@ -229,7 +225,6 @@ class Scenario:
 
         Parameters
         ----------
-        radar : int
         state : array of shape (N, D)
         time_s : array of shape (N,)
             Seconds after scan 0.

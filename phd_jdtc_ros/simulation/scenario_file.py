@@ -33,7 +33,7 @@ TIMING = (
     Parameter(
         "most_radars",
         0,
-        "Largest number of radars that see a target at a time, the nearest ones; 0 for all.",
+        "Largest number of turning radars that detect a target at a time, the nearest; 0 for all.",
         0,
         1000,
     ),
@@ -42,18 +42,18 @@ HEIGHT = Parameter("height", 0.0, "Height above the world's zero, m.", -1e4, 3e4
 TARGET = (
     Parameter("class_id", 0, "Class, from 0.", 0, 1000),
     Parameter("snr_db", 30.0, "Mean signal-to-noise ratio, dB.", -100.0, 200.0),
-    Parameter("position", [0.0, 0.0], "Position at its first scan, world frame, m.", length=2),
-    Parameter("velocity", [0.0, 0.0], "Velocity at its first scan, world frame, m/s.", length=2),
-    Parameter("first_scan", 0, "First scan in which it exists.", 0, 10**6),
-    Parameter("last_scan", 0, "Last scan in which it exists.", 0, 10**6),
+    Parameter("position", [0.0, 0.0], "Position at the first scan, world frame, m.", length=2),
+    Parameter("velocity", [0.0, 0.0], "Velocity at the first scan, world frame, m/s.", length=2),
+    Parameter("first_scan", 0, "First scan in which the target exists.", 0, 10**6),
+    Parameter("last_scan", 0, "Last scan in which the target exists.", 0, 10**6),
     HEIGHT,
 )
 FLIGHT = (
     Parameter("class_id", 0, "Class, from 0.", 0, 1000),
     generators.SNR,
-    Parameter("start_s", 0.0, "When it appears, s after scan 0.", 0.0, 1e7),
-    Parameter("position", [0.0, 0.0], "Position at its start, world frame, m.", length=2),
-    Parameter("velocity", [0.0, 0.0], "Velocity at its start, world frame, m/s.", length=2),
+    Parameter("start_s", 0.0, "Time of appearance, s after scan 0.", 0.0, 1e7),
+    Parameter("position", [0.0, 0.0], "Position at the start, world frame, m.", length=2),
+    Parameter("velocity", [0.0, 0.0], "Velocity at the start, world frame, m/s.", length=2),
     HEIGHT,
 )
 LEG = (
@@ -67,27 +67,29 @@ ANTENNA = (
     Parameter(
         "bearing_deg",
         0.0,
-        "Where it points at scan 0, from the radar's y axis in its sense of turning, degrees.",
+        "Direction at scan 0: angle from the radar's y axis in the sense of rotation, degrees.",
         0.0,
         360.0,
     ),
-    Parameter("clockwise", True, "Whether it turns clockwise."),
-    Parameter("wobble", 0.0, "Largest share by which it is faster or slower.", 0.0, 0.5),
-    Parameter("wobble_period_s", 600.0, "In which it is faster and slower, s.", SMALL, 1e6),
-    Parameter("lowest_deg", -90.0, "Lowest elevation of its beam, degrees.", -90.0, 90.0),
-    Parameter("highest_deg", 90.0, "Highest elevation of its beam, degrees.", -90.0, 90.0),
+    Parameter("clockwise", True, "Whether the antenna turns clockwise."),
+    Parameter(
+        "wobble", 0.0, "Largest relative deviation of the rotation rate from its mean.", 0.0, 0.5
+    ),
+    Parameter("wobble_period_s", 600.0, "Period of this deviation, s.", SMALL, 1e6),
+    Parameter("lowest_deg", -90.0, "Lowest elevation of the beam, degrees.", -90.0, 90.0),
+    Parameter("highest_deg", 90.0, "Highest elevation of the beam, degrees.", -90.0, 90.0),
 )
 BIAS = (
-    Parameter("range_bias", 0.0, "What ranges are too long by, m.", -1e5, 1e5),
-    Parameter("range_gain", 0.0, "What they are too long by per m of range, m.", -0.5, 0.5),
+    Parameter("range_bias", 0.0, "Range bias: measured minus true range, m.", -1e5, 1e5),
+    Parameter("range_gain", 0.0, "Range scale error: bias per metre of range.", -0.5, 0.5),
     Parameter(
         "azimuth_bias_deg",
         0.0,
-        "What azimuths are too large by, clockwise, degrees.",
+        "Azimuth bias: measured minus true azimuth, clockwise, degrees.",
         -180.0,
         180.0,
     ),
-    Parameter("time_offset_s", 0.0, "What times are late by, s.", -60.0, 60.0),
+    Parameter("time_offset_s", 0.0, "Time bias: reported minus true time, s.", -60.0, 60.0),
 )
 TURN = (
     Parameter("first_scan", 0, "Scan at which the turn begins.", 0, 10**6),
@@ -135,7 +137,6 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         see `gaps`, and ``mirrors`` surfaces that reflect replies, see `mirrors`. ``parameters`` (of
         the tracker and the radars), ``sites`` and ``sending`` (timing of messages) are ignored
         here.
-    radars : tuple of RadarModel
 
     Raises
     ------

@@ -11,11 +11,11 @@ from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from .checked import mapping, names_of, take
 
 SENDING = (
-    Parameter("sectors", 32, "Plots are sent by this part of a turn.", 1, 1024),
+    Parameter("sectors", 32, "Number of sectors per turn in which plots are sent.", 1, 1024),
     Parameter("plots", 10, "Largest number of plots in a data block.", 1, 100),
-    Parameter("delay_s", 0.3, "Time from the end of a sector until its plots come, s.", 0.0, 60.0),
+    Parameter("delay_s", 0.3, "Delay of plots after the end of their sector, s.", 0.0, 60.0),
     Parameter("services", True, "Whether north marks and sector crossings are sent."),
-    Parameter("clock_ahead_s", 0.0, "What the radar's clock is ahead of time, s.", -86400, 86400),
+    Parameter("clock_ahead_s", 0.0, "Lead of the radar's clock over true time, s.", -86400, 86400),
 )
 
 

@@ -37,8 +37,6 @@ def detect(
         T targets.
     snr : array of shape (T,)
         Mean signal-to-noise ratio of each target, linear.
-    radar : RadarModel
-    rng : numpy.random.Generator
     law : ClutterLaw
         Law of the clutter's envelopes.
     echoes : Echoes or None
@@ -94,8 +92,6 @@ def range_rates(
         States of the detected targets, or of the sources of their echoes.
     clutter : int
         Number of false detections.
-    radar : RadarModel
-    rng : numpy.random.Generator
 
     Notes
     -----
@@ -120,8 +116,6 @@ def observe(
         True range and azimuth, metres and radians.
     snr : array of shape (N,)
         Mean signal-to-noise ratio, linear.
-    radar : RadarModel
-    rng : numpy.random.Generator
 
     Returns
     -------

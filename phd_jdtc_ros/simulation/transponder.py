@@ -20,20 +20,28 @@ from .checked import mapping, names_of, take
 from .traffic.flight import Flight
 
 TRANSPONDERS = (
-    Parameter("share", 1.0, "Share of the targets that have one.", 0.0, 1.0),
-    Parameter("reply_probability", 0.95, "That such a target's plot has an answer.", 0.0, 1.0),
-    Parameter("mode_s_share", 1.0, "Share of these that have an address.", 0.0, 1.0),
-    Parameter("code_garbled", 0.0, "Probability that the code of an answer is any.", 0.0, 1.0),
-    Parameter("height_garbled", 0.0, "Probability that the height is any.", 0.0, 1.0),
-    Parameter("address_garbled", 0.0, "Probability that the address is any.", 0.0, 1.0),
+    Parameter("share", 1.0, "Share of the targets with a transponder.", 0.0, 1.0),
+    Parameter(
+        "reply_probability",
+        0.95,
+        "Probability that an equipped target's plot has a reply.",
+        0.0,
+        1.0,
+    ),
+    Parameter("mode_s_share", 1.0, "Share of the equipped targets with an address.", 0.0, 1.0),
+    # A garbled value is replaced by a random one.
+    Parameter("code_garbled", 0.0, "Probability that a reply's code is garbled.", 0.0, 1.0),
+    Parameter("height_garbled", 0.0, "Probability that a reply's height is garbled.", 0.0, 1.0),
+    Parameter("address_garbled", 0.0, "Probability that a reply's address is garbled.", 0.0, 1.0),
     Parameter("shared_code_share", 0.1, "Share of the targets with the code 7000.", 0.0, 1.0),
     Parameter("seed", 0, "Seed of the targets' codes and heights.", 0, 2**31 - 1),
 )
 SHARED = 0o7000
 # Heights in metres: resolution of Mode C (100 ft), range of the levels, range of garbled heights.
 MODE_C, LEVELS, GARBLED = 30.48, (1500.0, 11e3), (0.0, 14e3)
-# Climb rates in m/s and durations of a climb or descent in s; below the last two speeds, in m/s, an
-# aircraft is on the ground, and takes off or lands.
+# Ranges of the climb rate, m/s, and of the duration of a climb, s. An aircraft that begins slower
+# than GROUND_SPEED, m/s, stays on the ground; one that begins or ends slower than RUNWAY_SPEED,
+# m/s, takes off or lands.
 CLIMB, CLIMB_S, GROUND_SPEED, RUNWAY_SPEED = (3.0, 12.0), (60.0, 300.0), 20.0, 85.0
 # Third word of the seeds of the replies' generators.
 STREAM = 3
@@ -47,7 +55,7 @@ class Card(NamedTuple):
     code, address : int
         `UNKNOWN` without a transponder.
     level, climb, since_s, for_s : float
-        Initial height, metres; climb rate, metres per second; begin of the climb, seconds after
+        Initial height, metres; climb rate, metres per second; start of the climb, seconds after
         scan 0, and its duration, seconds.
     """
 
@@ -74,10 +82,8 @@ class Transponders:
 
     Parameters
     ----------
-    share, reply_probability, mode_s_share, code_garbled, height_garbled, address_garbled : float
     shared_code_share : float
         See `TRANSPONDERS`.
-    seed : int
     """
 
     share: float = 1.0
@@ -94,8 +100,6 @@ class Transponders:
 
         Parameters
         ----------
-        number : int
-        flight : Flight
         duration_s : float
             Length of the run, seconds.
         """
@@ -104,7 +108,7 @@ class Transponders:
         own, address = int(rng.integers(1, 0o7000)), int(rng.integers(1, 1 << 24))
         code = SHARED if shared else own
         level, climb = rng.uniform(*LEVELS), rng.uniform(*CLIMB)
-        # A third of the targets each keeps its level, climbs and descends.
+        # One third of the targets keep their level, one third climb and one third descend.
         sense = int(rng.integers(-1, 2))
         since_s, for_s = rng.uniform(0.0, duration_s), rng.uniform(*CLIMB_S)
         begins, ends = (np.hypot(*velocity) for velocity in (flight.velocity, flight.end_velocity))
@@ -140,8 +144,6 @@ class Transponders:
             The number of each detection's target; 0 for clutter, which does not reply.
         time_s : array of shape (M,)
             Seconds after scan 0.
-        cards : mapping of number to Card
-        rng : numpy.random.Generator
         """
         count = len(found)
         code, address = np.full(count, UNKNOWN), np.full(count, UNKNOWN)

@@ -10,7 +10,7 @@
       |  slant ranges to the plane               to_plane
     Report: stamp, detections, sources
 
-The plots of a seed do not depend on how they are reported.
+A seed gives the same plots whether they are reported by turn or by sector.
 """
 
 from __future__ import annotations
@@ -46,7 +46,6 @@ class Report(NamedTuple):
         Index in the scenario.
     stamp_ns : int
         End of the turn or of the sector.
-    detections : Detections
     source : int array of shape (M,)
         The track_id of each detection's target; 0 for clutter.
     """
@@ -63,7 +62,7 @@ class Plots(NamedTuple):
     Parameters
     ----------
     turns : array of shape (M,)
-        Turns of the antenna from the begin of scan 0's turn to the measured azimuth, ascending.
+        Turns of the antenna from the start of scan 0's turn to the measured azimuth, ascending.
     measurement : array of shape (M, 2)
         Range and azimuth; slant range and azimuth from true east for a radar with a site.
     amplitude : array of shape (M,)
@@ -97,11 +96,9 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
 
     Parameters
     ----------
-    scenario : Scenario
     inputs : sequence of RadarInput
         One per radar: number of sectors per turn, and whether its messages have times and
         amplitudes. Detections have only the fields of the messages.
-    seed : int
     """
     reports = []
     for index, (radar, layout) in enumerate(zip(scenario.radars, inputs, strict=True)):
@@ -196,7 +193,6 @@ def _plot_turns(
 
     Parameters
     ----------
-    antenna : Antenna
     turns : array of shape (N,)
         Turns at which the antenna points at the true azimuths.
     exact, found : arrays of shape (N, 2)
@@ -267,7 +263,7 @@ def reports_of(
 ) -> list[Report]:
     """Return one report per turn or sector of a radar, also without plots.
 
-    Incomplete turns at the begin and the end of the run are left out. `seed` is the seed of the
+    Incomplete turns at the start and the end of the run are omitted. `seed` is the seed of the
     replies.
     """
     radar, antenna = scenario.radars[index], scenario.antennas[index]
@@ -286,16 +282,16 @@ def reports_of(
         edge = (number + 1) / parts
         end_s = float(antenna.times_at(np.array(edge - ahead), radar.rotation_s))
         rows = slice(int(begin), int(end))
-        # Change of the antenna's lead over an even rotation between plot and stamp.
-        gained_s = antenna.ahead_s(time_s[rows]) - antenna.ahead_s(np.array(end_s))
-        own_s = (turned[rows] - edge) * radar.rotation_s - gained_s
+        # The lead over a uniform rotation at the plot, minus the lead at the stamp.
+        lead_change_s = antenna.ahead_s(time_s[rows]) - antenna.ahead_s(np.array(end_s))
+        own_s = (turned[rows] - edge) * radar.rotation_s - lead_change_s
         coverage = _coverage(antenna, number % parts, parts) if layout.sectors else None
         detections = _to_detections(plots, rows, own_s, coverage, layout)
         if scenario.transponders is not None:
             own = answers.take(np.arange(len(plots.turns))[rows])
             detections = _with_answers(detections, own, layout)
             detections = _read(detections, _heights(scenario, index, plots, rows), layout)
-        elif layout.height_field and layout.site is not None:
+        elif layout.fields.height and layout.site is not None:
             detections = replace(detections, height=_heights(scenario, index, plots, rows))
         detections = to_plane(detections, layout)
         reports.append(Report(index, scenario.ns_after(end_s), detections, plots.source[rows]))
@@ -313,8 +309,8 @@ def _to_detections(
     """Return some plots as detections with the fields of the radar's messages."""
     return Detections(
         plots.measurement[rows],
-        plots.amplitude[rows] if layout.amplitude_field else None,
-        time_s=time_s if layout.time_field else None,
+        plots.amplitude[rows] if layout.fields.amplitude else None,
+        time_s=time_s if layout.fields.time else None,
         coverage=coverage,
         range_rate=None if plots.range_rate is None else plots.range_rate[rows],
     )
@@ -343,7 +339,6 @@ def _read(found: Detections, true: FloatArray, layout: RadarInput) -> Detections
         Detections with the ground ranges of their true heights.
     true : array of shape (M,)
         True heights, metres; NaN for clutter.
-    layout : RadarInput
     """
     if layout.site is not None or found.height is None:
         return found
@@ -359,7 +354,6 @@ def to_plane(found: Detections, layout: RadarInput) -> Detections:
     found : Detections
         Slant ranges and azimuths from true east, if the radar has a site; other detections are
         returned unchanged.
-    layout : RadarInput
     """
     if layout.site is None:
         return found
@@ -382,10 +376,10 @@ def _with_answers(found: Detections, answers: Detections, layout: RadarInput) ->
     """Return detections with the replies that the radar's messages contain."""
     return replace(
         found,
-        code=answers.code if layout.code_field else None,
-        address=answers.address if layout.address_field else None,
-        height=answers.height if layout.height_field else None,
-        kind=_kind(answers) if layout.kind_field else None,
+        code=answers.code if layout.fields.code else None,
+        address=answers.address if layout.fields.address else None,
+        height=answers.height if layout.fields.height else None,
+        kind=_kind(answers) if layout.fields.kind else None,
     )
 
 
@@ -417,7 +411,7 @@ def _still_reports(
         radar = scenario.radar_at(index, scan * scenario.interval_s)
         laws = scenario.laws(index)
         found, source = detect(truth, snr, radar, rng, *laws, scenario.reflectors)
-        if not layout.amplitude_field:
+        if not layout.fields.amplitude:
             found = replace(found, amplitude=None)
         time_s = np.full(len(source), scan * scenario.interval_s)
         answers = scenario.with_replies(found, source, time_s, (seed, scan, index))

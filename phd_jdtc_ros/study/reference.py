@@ -104,7 +104,6 @@ def birth(
     ----------
     position : array of shape (2,)
         World frame, metres.
-    motion : MotionModel
     position_std, velocity_std : float
         Standard deviations along each axis, metres and metres per second.
     """
@@ -131,8 +130,6 @@ def update(
 
     Parameters
     ----------
-    prior : Gaussian
-    radar : RadarModel
     measurement : array of shape (2,)
         Range and azimuth in the radar's frame.
     iterations : int
@@ -174,11 +171,8 @@ def filter_target(
 
     Parameters
     ----------
-    run : SimulatedRun
-    track_id : int
     prior : Gaussian
         Distribution at the target's first scan, before its measurements.
-    model : MotionModel
 
     Notes
     -----
@@ -216,7 +210,6 @@ def known_association(
 
     Parameters
     ----------
-    run : SimulatedRun
     lags : sequence of int
         Lags in scans; 0 is the filter. Near the end of a target's life fewer later scans are used.
     noise_density : float

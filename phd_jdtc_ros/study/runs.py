@@ -39,8 +39,6 @@ class SimulatedRun:
 
     Parameters
     ----------
-    scenario : Scenario
-    seed : int
     truth : tuple of Truth
         Truth at every scan, or at every turn if antennas turn.
     scans : tuple of Scan
@@ -75,7 +73,6 @@ class Tracked(NamedTuple):
 
     Parameters
     ----------
-    tracks : Tracks
     cpu_ms : float
         CPU time per turn, milliseconds; NaN if not measured.
     """

@@ -37,7 +37,6 @@ class Reading(NamedTuple):
 
     Parameters
     ----------
-    label : str
     death_term : str
         One of `DEATH_TERMS`.
     extraction : str
@@ -54,11 +53,9 @@ class _Parts(NamedTuple):
 
     Parameters
     ----------
-    forward : ForwardFilter
     backward : callable of (window, death term)
         Returns the smoothed sets, newest first.
     extract : callable of (set, reading, stamp in ns, lag, threshold, generator)
-    rule : ReportingRule
     """
 
     forward: ForwardFilter[Any, Any]
@@ -121,7 +118,6 @@ def track(
         The run, whose seed is also the filter's.
     config : TrackerConfig
         Configuration, without use of its lag, seed, death term and extraction.
-    readings : sequence of Reading
     lags : sequence of int
         Lags in scans; 0 is the filter. The last scans of the run have fewer later scans.
 

@@ -155,8 +155,6 @@ def at_stamps(
 
     Parameters
     ----------
-    found : sequence of Estimates
-    stamps_ns : sequence of int
     oldest_s : float
         Largest age of the newest estimates, seconds; older ones are left out.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +14,23 @@ from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import SMALL, ConfigError
 from phd_jdtc_ros.exit_status import INTERRUPTED, USAGE, fail
-from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
+from phd_jdtc_ros.parameter_files import (
+    bag_parameters,
+    from_arguments,
+    proposed_file,
+    tracker_params,
+    yaml_files,
+)
 from phd_jdtc_ros.quoting import short
 
 # Default cut-off c (metres) and order p of OSPA.
 CUTOFF, ORDER = 1000.0, 2.0
-# What a scenario file is for, where a bag is read.
+# Help of `--scenario` for tools that read a bag.
 SCENARIO = (
     "scenario file, whose parameters are used; without one and without --params-file those beside "
     "the bag, or else the reference scenario's"
 )
-# What a bag may be given as.
+# Help of arguments that name a bag.
 BAG = "rosbag2 directory, MCAP file, or the name of a shipped bag"
 
 
@@ -78,7 +84,7 @@ def add_cutoff_argument(parser: argparse.ArgumentParser) -> None:
     """Add the argument that sets OSPA's cut-off."""
     parser.add_argument(
         "--cutoff",
-        type=_cutoff,
+        type=at_least(SMALL, "m"),
         default=CUTOFF,
         metavar="METRES",
         help=f"c of OSPA and GOSPA ({CUTOFF:g}): about the distance at which an estimate is no "
@@ -86,14 +92,60 @@ def add_cutoff_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _cutoff(text: str) -> float:
-    try:
-        cutoff = float(text)
-    except ValueError:
-        cutoff = math.nan
-    if not (math.isfinite(cutoff) and cutoff >= SMALL):
-        raise argparse.ArgumentTypeError(f"{text} given, must be a number of at least {SMALL:g} m")
-    return cutoff
+def at_least(least: float, unit: str) -> Callable[[str], float]:
+    """Return the type of an argument that is a finite number with a lower bound."""
+
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (math.isfinite(value) and value >= least):
+            bound = f"must be a number of at least {least:g} {unit}"
+            raise argparse.ArgumentTypeError(f"{text} given, {bound}")
+        return value
+
+    return number
+
+
+def add_proposal_arguments(parser: argparse.ArgumentParser, files: str, seconds: float) -> None:
+    """Add the arguments of a tool that proposes parameters from a recording.
+
+    Parameters
+    ----------
+    files : str
+        Help of the parameter file that describes the radars.
+    seconds : float
+        Default length of the part of the recording that is read.
+    """
+    parser.add_argument("bag", help=BAG)
+    parser.add_argument("--params-file", "--params", type=Path, help=files)
+    parser.add_argument("--out", type=Path, help="parameter file to write; it must not exist")
+    parser.add_argument(
+        "--seconds",
+        type=at_least(1.0, "s"),
+        default=seconds,
+        help=f"how much of the recording is read, from its beginning ({seconds:g})",
+    )
+
+
+def require_new(what: str, *paths: Path | None) -> None:
+    """Raise `BagError` if a file or a bag that is to be written exists."""
+    for path in paths:
+        if path is not None and path.exists():
+            raise BagError(f"{path}: already exists, {what} is not overwritten")
+
+
+def write_proposal(
+    path: Path | None, head: str, values: Mapping[str, Any], comments: Mapping[str, str]
+) -> None:
+    """Write a proposed parameter file if a path is given, and check that a tracker accepts it."""
+    if path is None:
+        print("nothing is written without --out FILE")
+        return
+    proposed_file.write(path, head, values, comments)
+    tracker_params.config(from_arguments.load(path))
+    print(f"{path}: written; the tracker takes it as its --params-file")
 
 
 def tracker_config(arguments: argparse.Namespace, bag: Path | None = None) -> TrackerConfig:
@@ -102,8 +154,8 @@ def tracker_config(arguments: argparse.Namespace, bag: Path | None = None) -> Tr
     Parameters
     ----------
     bag : Path or None
-        The bag that is read. The parameters beside it are those used if neither a scenario nor a
-        file is given; if others are given that do not fit its scene, warnings say so.
+        The bag that is read. The parameters beside it are used if neither a scenario nor a file
+        is given; a warning is printed for each given parameter that does not fit its scene.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Joins the estimates of trackers that part an area, with numbers that stay at the seams.
+"""Joins the estimates of trackers that divide an area; tracks keep their numbers at the seams.
 
-The bags are those of `track_bag`, each with its tracker's region in the parameters beside it.
-Without arguments: the node, which does the same live.
+The bags are from `track_bag`, each with its tracker's region in the parameters beside it.
+Without arguments, this is the node, which does the same live.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from rich.console import Console
 
 from msg_adapters import estimates, interfaces, names
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import TrackerConfig
@@ -31,7 +30,7 @@ from phd_jdtc_ros.report.record import Record
 from . import command
 
 
-def joined(
+def join(
     runs: Sequence[Record], regions: Sequence[Region], hysteresis: float, wait_s: float
 ) -> dict[str, list[Estimates]]:
     """Return the joint estimates by source; both have the same numbers.
@@ -44,7 +43,7 @@ def joined(
         See `JointPicture`.
     """
     picture = JointPicture(regions, hysteresis, wait_s, math.inf)
-    said = [
+    received = [
         (own.stamp_ns, place, tracker, source, own)
         for tracker, run in enumerate(runs)
         for place, (source, found) in enumerate(
@@ -53,7 +52,7 @@ def joined(
         for own in found
     ]
     done = []
-    for _, _, tracker, source, own in sorted(said, key=lambda entry: entry[:3]):
+    for _, _, tracker, source, own in sorted(received, key=lambda entry: entry[:3]):
         complete = picture.add(tracker, source, own)
         done += complete if isinstance(complete, list) else []
     done += picture.close_all()
@@ -72,7 +71,7 @@ def _of_bag(given: str) -> tuple[Path, TrackerConfig, Region]:
 def _require_common(
     paths: Sequence[Path], configs: Sequence[TrackerConfig], regions: Sequence[Region]
 ) -> None:
-    """Raise `ConfigError` with every fault of bags that cannot be of trackers that part an area."""
+    """Raise `ConfigError` with every reason why the bags are not of trackers of one area."""
     faults = settings.region_faults([f"{path}: " for path in paths], regions)
     first, first_path = configs[0], paths[0]
     for path, config in zip(paths[1:], configs[1:], strict=True):
@@ -90,10 +89,10 @@ def _require_common(
 
 
 def _run(path: Path, config: TrackerConfig) -> Record:
-    """Return the record of a bag, all of whose estimates can be joined."""
+    """Return the record of a bag; `ConfigError` if some of its estimates cannot be joined."""
     found = load.record(path, config)
-    for source, said in ((FILTERED, found.filtered), (SMOOTHED, found.smoothed)):
-        for own in said:
+    for source, of_source in ((FILTERED, found.filtered), (SMOOTHED, found.smoothed)):
+        for own in of_source:
             reason = checks.why_not(own)
             if reason is not None:
                 where = f"{path}: {names.estimates(source)} at {own.stamp_ns * 1e-9:.3f} s"
@@ -104,7 +103,7 @@ def _run(path: Path, config: TrackerConfig) -> Record:
 def _write(
     out: Path, found: Mapping[str, Sequence[Estimates]], config: TrackerConfig, first: Path
 ) -> None:
-    """Write joint estimates, with the truth of a bag, and the parameters of no region."""
+    """Write joint estimates with the truth of the first bag, and parameters without a region."""
     source = BagReader(first)
     with BagWriter(out) as bag:
         for kind in found:
@@ -147,18 +146,13 @@ def main(argv: Sequence[str]) -> int:
             raise ConfigError(["BAG: one given, must be two or more"])
         paths, configs, regions = zip(*map(_of_bag, arguments.bags), strict=True)
         if not 0.0 <= arguments.smoothed_wait <= settings.LONGEST_S:
-            raise ConfigError(
-                [
-                    f"--smoothed-wait: {arguments.smoothed_wait} given, must be from 0 to "
-                    f"{settings.LONGEST_S:g}"
-                ]
-            )
+            bounds = f"must be from 0 to {settings.LONGEST_S:g}"
+            raise ConfigError([f"--smoothed-wait: {arguments.smoothed_wait} given, {bounds}"])
         _require_common(paths, configs, regions)
         hysteresis = settings.hysteresis(regions, arguments.hysteresis, "--hysteresis")
-        if arguments.out.exists():
-            raise BagError(f"{arguments.out}: already exists, a bag is not overwritten")
+        command.require_new("a bag", arguments.out)
         runs = [_run(path, config) for path, config in zip(paths, configs, strict=True)]
-        found = joined(runs, regions, hysteresis, arguments.smoothed_wait)
+        found = join(runs, regions, hysteresis, arguments.smoothed_wait)
         _write(arguments.out, found, configs[0], paths[0])
         tracks = {n for own in found[FILTERED] for n in own.track_id.tolist()}
         Console().print(

@@ -16,7 +16,7 @@ from phd_jdtc_ros.configuration.parameters import TOP, schema
 from phd_jdtc_ros.configuration.schema import Parameter
 from phd_jdtc_ros.evaluation.metric_table import GROUPS, PLOTTED, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
-from phd_jdtc_ros.parameter_files import bag_parameters, evaluator, sensor_replay
+from phd_jdtc_ros.parameter_files import evaluator, proposed_file, sensor_replay
 from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
 
 # --- parameters -----------------------------------------------------------------------------------
@@ -70,8 +70,7 @@ def parameters() -> str:
     parts = [_PARAMETERS.format(count=declared())]
     for title, text, table in _SECTIONS:
         rows = [
-            (f"`{p.name}`{_mark(p)}", f"`{_shown(p.default)}`", p.allowed, p.description)
-            for p in table
+            (f"`{p.name}`{_mark(p)}", f"`{_shown(p)}`", p.allowed, p.description) for p in table
         ]
         head = ("name", "default", "allowed", "meaning")
         parts.append(_section(title, text, head, rows))
@@ -89,7 +88,10 @@ def _mark(parameter: Parameter) -> str:
     return " *" if parameter.mutable else ""
 
 
-def _shown(default: object) -> str:
+def _shown(parameter: Parameter) -> str:
+    default = parameter.default
+    if parameter.keys:
+        default = {key: getattr(default, key) for key in parameter.keys if getattr(default, key)}
     return str(default).replace("'", "") if default != "" else "(empty)"
 
 
@@ -178,7 +180,7 @@ def topics(page: str) -> str:
 _TOPICS = re.compile(
     r"( +)<topics (?:publish|subscribe)=\"ALLOW\">\n(.*?)(?= +</topics>)", re.DOTALL
 )
-# What a tracker publishes besides its outputs.
+# The tracker's topics other than its outputs.
 _OTHERS = ("/tracker/_instance", "/tracker/transition_event")
 
 
@@ -237,7 +239,7 @@ _DEFAULTS = """\
 
 
 def defaults() -> str:
-    """Return a parameter file of the tracker with all defaults, and what each of them is."""
+    """Return a parameter file of the tracker with all defaults and their descriptions."""
     lines, described, group = [_DEFAULTS.rstrip()], set(), ""
     for name, parameter in schema({}).items():
         prefix, _, last = name.rpartition(".")
@@ -250,7 +252,7 @@ def defaults() -> str:
                 parameter.description, 100, initial_indent=mark, subsequent_indent=mark
             )
         described.add(parameter.description)
-        lines.append(f"{indent}{last}: {bag_parameters.scalar(parameter.default)}")
+        lines.append(f"{indent}{last}: {proposed_file.scalar(parameter.default)}")
     return "\n".join(lines) + "\n"
 
 
@@ -264,7 +266,7 @@ LISTS = {
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write all pages into the given directory, that of the documentation."""
+    """Write all pages into the directory of the documentation."""
     (directory,) = map(Path, argv)
     for name, page in PAGES.items():
         (directory / name).write_text(page(), encoding="utf-8")

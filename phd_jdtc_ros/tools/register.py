@@ -1,8 +1,8 @@
 """Finds the systematic errors of radars in a recording: range, azimuth and time.
 
 It links each radar's detections to tracks, finds the targets that several radars see, and prints
-each error with its deviation. With --out it writes a parameter file with which the tracker removes
-them, and a picture of what was left before and after.
+each error with its standard deviation. With --out it writes a parameter file with which the tracker
+corrects them, and a picture of the residuals before and after.
 """
 
 from __future__ import annotations
@@ -21,74 +21,54 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.registration.result import Registration
 from phd_jdtc_ros.calibration.registration.sensors import RegistrationError, sensor
-from phd_jdtc_ros.calibration.registration.solution import registered
+from phd_jdtc_ros.calibration.registration.solution import register
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.configuration.radar_build import bias_parameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.bias import RadarBias
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
-from phd_jdtc_ros.parameter_files import (
-    bag_parameters,
-    from_arguments,
-    proposed_file,
-    tracker_params,
-)
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
 from phd_jdtc_ros.report.pictures import registration as picture
 
 from . import command, recorded_plots, registered_table
 from .recorded_plots import Recorded
-from .tune import SECONDS as TUNED_SECONDS
-from .tune import seconds_of
 
-# Seconds of a recording that are read unless told otherwise, and detections of each radar at most.
-SECONDS, MOST_PLOTS = 2.0 * TUNED_SECONDS, 60_000
+# Length of the part of a recording that is read by default, seconds, and the largest number of
+# detections of a radar.
+SECONDS, MOST_PLOTS = 1200.0, 60_000
 
 
 class Outcome(NamedTuple):
-    """What a recording says.
+    """The registration from a recording.
 
     Parameters
     ----------
     found : Registration
-        Beside what is removed already.
+        Errors in addition to the corrections that are set already.
     parameters : dict
-        Of the corrections, by dotted name; those that are told.
+        Corrections of the observable errors, by dotted name.
     damage : BagError or None
-        What of the bag is damaged; all intact messages were used.
+        Damage of the bag; all intact messages were used.
     """
 
     found: Registration
-    parameters: dict[str, float]
+    parameters: dict[str, list[float]]
     damage: BagError | None
 
 
 def main(argv: Sequence[str]) -> int:
     """Run the tool."""
     parser = ArgumentParser("register", description=__doc__)
-    parser.add_argument("bag", help=command.BAG)
-    parser.add_argument(
-        "--params",
-        "--params-file",
-        type=Path,
-        help="parameter file that says where the radars are and how they are read; without one "
-        "that beside the bag",
-    )
-    parser.add_argument("--out", type=Path, help="parameter file to write; it must not exist")
+    files = "parameter file with the radars' places and fields; by default the one beside the bag"
+    command.add_proposal_arguments(parser, files, SECONDS)
     parser.add_argument(
         "--picture", type=Path, help="PNG of the residuals; by default beside --out, as NAME.png"
     )
     parser.add_argument(
         "--reference",
         metavar="RADAR",
-        help="the radar that is right where a recording tells differences only, such as that of "
-        "two clocks; by default the first one",
-    )
-    parser.add_argument(
-        "--seconds",
-        type=seconds_of,
-        default=SECONDS,
-        help=f"how much of the recording is read, from its beginning ({SECONDS:g})",
+        help="the radar that is taken to be right where only differences are observable, such as "
+        "that of two clocks; by default the first one",
     )
     arguments = parser.parse_args(argv)
     return command.guarded("register", lambda: _work(arguments))
@@ -97,11 +77,9 @@ def main(argv: Sequence[str]) -> int:
 def _work(arguments: argparse.Namespace) -> int:
     out: Path | None = arguments.out
     drawn: Path | None = arguments.picture or (out.with_suffix(".png") if out else None)
-    for path in (out, drawn):
-        if path is not None and path.exists():
-            raise BagError(f"{path}: already exists, a file is not overwritten")
+    command.require_new("a file", out, drawn)
     source = resources.bag(arguments.bag)
-    given, where = _given(source, arguments.params)
+    given, where = _given(source, arguments.params_file)
     outcome = outcome_of(source, given, arguments.reference, arguments.seconds)
     now = tracker_params.config(given)
     console = Console()
@@ -115,20 +93,14 @@ def _work(arguments: argparse.Namespace) -> int:
         FigureCanvasAgg(picture.residuals(outcome.found)).print_png(drawn)
         print(f"{drawn}: residuals before and after")
     status = OK if outcome.damage is None else fail("register", outcome.damage)
-    if out is None:
-        print("nothing is written without --out FILE")
-        return status
-    proposed = {**given, **outcome.parameters}
     head = f"Registered from {source}\nand {where}.\nA comment says what a correction rests on."
-    proposed_file.write(out, head, proposed, registered_table.comments(rows))
-    # What is written is what a tracker reads.
-    tracker_params.config(from_arguments.load(out))
-    print(f"{out}: written; the tracker takes it as its --params-file")
+    values = {**given, **outcome.parameters}
+    command.write_proposal(out, head, values, registered_table.comments(rows))
     return status
 
 
 def _given(source: Path, path: Path | None) -> tuple[dict[str, Any], Path]:
-    """Return the parameters that radars are read with, and the file that they are from."""
+    """Return the parameters with which the radars are read, and their file."""
     if path is not None:
         return from_arguments.load(path), path
     beside = bag_parameters.read(source)
@@ -143,23 +115,21 @@ def _given(source: Path, path: Path | None) -> tuple[dict[str, Any], Path]:
 def outcome_of(
     source: Path, given: Mapping[str, Any], reference: str | None, seconds: float
 ) -> Outcome:
-    """Return what a recording says of the systematic errors of its radars.
+    """Return the systematic errors of the radars in a recording.
 
     Parameters
     ----------
-    source : Path
-        The bag.
     given : mapping of dotted name to value
         The tracker's parameters.
     reference : str or None
         Name of the reference radar; None for the first.
     seconds : float
-        How much of the bag is read.
+        Length of the part of the bag that is read.
 
     Raises
     ------
     BagError
-        If the bag cannot be read, or tells nothing, and why.
+        If the bag cannot be read, or if no error is observable, with the reason.
     ConfigError
         If the parameters, or the reference, are wrong.
     """
@@ -171,12 +141,12 @@ def outcome_of(
         raise BagError(f"{source}: radars: {names[0]} alone given, must be at least two to compare")
     found, recorded = _found(source, config, reference or names[0], seconds)
     parameters = _parameters(config, found)
-    if any(r.elevation_field or r.height_field or r.site is not None for r in config.inputs):
-        # Errors are those of slant ranges: what is left over ground is found in a second reading.
+    if any(r.fields.elevation or r.fields.height or r.site is not None for r in config.inputs):
+        # Errors are of slant ranges, so the residuals over ground need a second reading.
         config, first = tracker_params.config({**given, **parameters}), found
         found, recorded = _found(source, config, reference or names[0], seconds)
         parameters = {**parameters, **_parameters(config, found)}
-        found = _seen_from(first, found)
+        found = _join(first, found)
     return Outcome(found, parameters, recorded.damage)
 
 
@@ -197,30 +167,27 @@ def _found(
                     f"{f' (dropped: {said})' if said else ''}; must have some, or be left out of "
                     "radars"
                 )
-            sensors.append(sensor(plots, radar, bag.start_ns, bool(layout.pose_topic)))
-        return registered(sensors, reference), recorded
+            sensors.append(sensor(plots, radar, bag.start_ns, bool(layout.pose.topic)))
+        return register(sensors, reference), recorded
     except RegistrationError as error:
         raise BagError(f"{source}: {error}") from error
 
 
-def _seen_from(first: Registration, second: Registration) -> Registration:
-    """Return what a second reading found, with the residuals before the first."""
+def _join(first: Registration, second: Registration) -> Registration:
+    """Return the registration of a second reading, with the residuals before the first."""
     pairs = zip(second.radars, first.radars, strict=True)
     return replace(
         second, radars=tuple(replace(own, residuals=before.residuals) for own, before in pairs)
     )
 
 
-def _parameters(config: TrackerConfig, found: Registration) -> dict[str, float]:
-    """Return the parameters of the corrections that are told, with those that are set already."""
-    parameters: dict[str, float] = {}
+def _parameters(config: TrackerConfig, found: Registration) -> dict[str, list[float]]:
+    """Return the corrections of radars with observable biases, with those that are set already."""
+    parameters: dict[str, list[float]] = {}
     for layout, each in zip(config.inputs, found.radars, strict=True):
         bias: RadarBias = layout.bias.followed_by(each.bias)
-        told = registered_table.told(each)
-        own = bias_parameters(layout, bias)
-        parameters |= {
-            name: round(value, registered_table.DIGITS[name.partition(".")[2]]) + 0.0
-            for name, value in own.items()
-            if name.partition(".")[2] in told
-        }
+        for name, biases in layout.bias_parameters(bias).items():
+            chosen = registered_table.corrections(each, biases, config.values[name])
+            if chosen is not None:
+                parameters[name] = chosen
     return parameters

@@ -1,4 +1,4 @@
-"""The tables of `register`: errors with their deviations, and residuals before and after."""
+"""The tables of `register`: errors with standard deviations, and residuals before and after."""
 
 from __future__ import annotations
 
@@ -13,14 +13,11 @@ from phd_jdtc_ros.calibration.registration.filtering import KINDS
 from phd_jdtc_ros.calibration.registration.result import Found, Registration
 from phd_jdtc_ros.configuration.build import TrackerConfig
 
-# Of the tables, in characters: a line for each error.
+# Smallest width of the tables, characters, at which each error fits a line.
 WIDTH = 110
-# The parameter of each kind of error, its unit there, and the digits that it is written with.
-PARAMETERS = dict(
-    zip(KINDS, ("range_bias", "range_gain", "azimuth_bias_deg", "time_offset_s"), strict=True)
-)
-DIGITS = {"range_bias": 1, "range_gain": 6, "azimuth_bias_deg": 4, "time_offset_s": 4}
-SCALES = (1.0, 1.0, math.degrees(1.0), 1.0)
+# The entries of the parameter `biases`: their names, digits, and scales (degrees in radians).
+NAMES = dict(zip(KINDS, ("range, m", "range gain, m/m", "azimuth, deg", "time, s"), strict=True))
+DIGITS, SCALES = (1, 6, 4, 4), (1.0, 1.0, math.degrees(1.0), 1.0)
 WORDS = {
     "range_bias": "a range bias",
     "range_gain": "a range gain",
@@ -30,53 +27,65 @@ WORDS = {
 
 
 class Row(NamedTuple):
-    """An error of a radar as a parameter.
+    """An entry of a radar's parameter `biases`.
 
     Parameters
     ----------
     radar, name : str
-        The radar, and the parameter without it.
+    digits : int
+        Decimals of the value.
     value : float or None
-        What corrects the radar; None where it is not told.
+        The correction; None if the bias is unobservable.
     std : float
     source : str
-        What it is known from, or why it is not told.
+        Number of tracks and plots used, or why it is unobservable.
     now : float
-        What is set.
+        The configured value.
     """
 
     radar: str
     name: str
+    digits: int
     value: float | None
     std: float
     source: str
     now: float
 
 
-def told(found: Found) -> tuple[str, ...]:
-    """Return the parameters of the errors of a radar that are told."""
-    known = zip(PARAMETERS.values(), found.std, strict=True)
-    return tuple(name for name, std in known if np.isfinite(std))
+def corrections(found: Found, biases: Sequence[float], now: Sequence[float]) -> list[float] | None:
+    """Return the rounded `biases` of a radar; the configured ones if they are unobservable.
+
+    It is None if all of them are unobservable.
+    """
+    known = np.isfinite(found.std)
+    every = zip(known, biases, now, DIGITS, strict=True)
+    chosen = [round(bias, digits) + 0.0 if seen else old for seen, bias, old, digits in every]
+    return chosen if known.any() else None
 
 
-def rows(found: Registration, parameters: Mapping[str, float], now: TrackerConfig) -> list[Row]:
+def rows(
+    found: Registration, parameters: Mapping[str, Sequence[float]], now: TrackerConfig
+) -> list[Row]:
     """Return every error of every radar."""
     every = []
     for each in found.radars:
-        for kind, std, scale in zip(KINDS, each.std, SCALES, strict=True):
-            name = PARAMETERS[kind]
+        name = f"{each.name}.biases"
+        biases, before = parameters.get(name, now.values[name]), now.values[name]
+        entries = zip(KINDS, each.std, SCALES, DIGITS, biases, before, strict=True)
+        for kind, std, scale, digits, value, old in entries:
             source = f"{each.tracks} common tracks, {each.plots} plots"
             if not np.isfinite(std):
                 hidden = (each.name, kind) in found.hidden
-                source = "not told" if hidden else "the reference: taken to be right"
+                source = "not observable" if hidden else "the reference: taken to be right"
             every.append(
                 Row(
                     each.name,
-                    name,
-                    parameters.get(f"{each.name}.{name}") if np.isfinite(std) else None,
+                    NAMES[kind],
+                    digits,
+                    value if np.isfinite(std) else None,
                     float(std) * scale,
                     source,
-                    float(now.values[f"{each.name}.{name}"]),
+                    old,
                 )
             )
     return every
@@ -85,8 +94,8 @@ def rows(found: Registration, parameters: Mapping[str, float], now: TrackerConfi
 def table(every: Sequence[Row]) -> Table:
     """Return the errors as a table."""
     shown = Table(title="systematic errors", title_justify="left")
-    for name in ("radar", "parameter", "found", "+-", "known from", "now"):
-        shown.add_column(name, no_wrap=name == "parameter")
+    for name in ("radar", "bias", "found", "+-", "known from", "now"):
+        shown.add_column(name, no_wrap=name == "bias")
     before = ""
     for row in every:
         if before and row.radar != before:
@@ -94,7 +103,7 @@ def table(every: Sequence[Row]) -> Table:
         shown.add_row(
             row.radar if row.radar != before else "",
             row.name,
-            "-" if row.value is None else f"{row.value:.{DIGITS[row.name]}f}",
+            "-" if row.value is None else f"{row.value:.{row.digits}f}",
             "" if math.isnan(row.std) else f"{row.std:.2g}",
             row.source,
             f"{row.now:g}",
@@ -104,7 +113,7 @@ def table(every: Sequence[Row]) -> Table:
 
 
 def residuals(found: Registration) -> Table:
-    """Return how far plots are from the targets as all radars see them, before and after."""
+    """Return the residuals of each radar's plots against the common tracks, before and after."""
     shown = Table(title="residuals of plots, root mean square", title_justify="left")
     for name in ("radar", "range before, m", "after, m", "azimuth before, deg", "after, deg"):
         shown.add_column(name, justify="left" if name == "radar" else "right")
@@ -118,26 +127,28 @@ def residuals(found: Registration) -> Table:
 
 
 def remarks(found: Registration) -> Iterator[str]:
-    """Yield what a recording cannot tell, and why."""
+    """Yield which errors are not observable, and why."""
     words = ", ".join(WORDS[kind] for kind in found.common)
     yield (
-        f"{found.tracks} common tracks. Not to be seen where it is common to all radars: {words}; "
+        f"{found.tracks} common tracks. Not observable where common to all radars: {words}; "
         f"{found.reference} is taken to be right there (--reference)."
     )
     for radar in dict.fromkeys(radar for radar, _ in found.hidden):
         kinds = [kind for name, kind in found.hidden if name == radar]
-        names = ", ".join(PARAMETERS[kind] for kind in kinds)
+        names = " and ".join(NAMES[kind] for kind in kinds)
         yield (
-            f"{radar}: {names} not told: {found.hidden[radar, kinds[0]]}. What is set is taken to "
-            "be right, and the other errors rest on that."
+            f"{radar}: {names} not observable: {found.hidden[radar, kinds[0]]}. The current values "
+            "are taken to be right, and the other errors depend on them."
         )
 
 
 def comments(every: Sequence[Row]) -> dict[str, str]:
     """Return the comments of the corrections in a parameter file, by dotted name."""
-    return {
-        f"{row.radar}.{row.name}": f"+-{row.std:.2g}; {row.source}"
-        + (f"; was {row.now:g}" if row.now else "")
-        for row in every
-        if row.value is not None
-    }
+    found = {}
+    for radar in dict.fromkeys(row.radar for row in every if row.value is not None):
+        own = [row for row in every if row.radar == radar]
+        stds = ", ".join("-" if row.value is None else f"{row.std:.2g}" for row in own)
+        known = next(row.source for row in own if row.value is not None)
+        before = f"; was {[row.now for row in own]}" if any(row.now for row in own) else ""
+        found[f"{radar}.biases"] = f"+-[{stds}]; {known}{before}"
+    return found

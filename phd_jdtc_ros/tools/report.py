@@ -35,7 +35,7 @@ def write(
 ) -> int:
     """Write a bag's report into a directory, print its table and return the exit status.
 
-    The report of a damaged bag shows what is intact.
+    The report of a damaged bag shows the intact part.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def write(
     config : TrackerConfig
         Describes the radars of the bag.
     summary : dict or None
-        The run's figures if they are known; otherwise they are computed from the bag.
+        Figures of the run; None computes them from the bag.
     cutoff : float
         c of OSPA, metres.
     """
@@ -57,7 +57,7 @@ def write(
     evaluation = run.evaluate(cutoff, command.ORDER)
     if summary is None:
         summary = metrics(evaluation, run.step_ms, _engine_of(bag))
-    # The figures may be of a node that was not told the names.
+    # The figures may be those of a node without class names.
     summary = {**summary, "class_names": list(run.sets.class_names)}
     figures.write_all(run, evaluation, out)
     console = Console()
@@ -72,7 +72,7 @@ def write(
 
 
 def _engine_of(bag: Path) -> str | None:
-    """Return the engine whose estimates a bag has; None without its parameters beside it."""
+    """Return the engine that made the estimates; None without parameters beside the bag."""
     recorded = bag_parameters.read(bag)
     return None if recorded is None else tracker_params.config(recorded).engine
 

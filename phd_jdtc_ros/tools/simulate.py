@@ -24,18 +24,17 @@ from phd_jdtc_ros.simulation.turning_antenna import check_sites, simulate_report
 from . import command
 from .asterix import simulated as simulated_asterix
 
-# What is simulated if nothing else is asked for.
+# The scenario that is simulated by default.
 REFERENCE = Path("config", "scenarios", "paper_scenario.yaml")
 DEPTH = 50
-# The frame of what carries radars.
+# The frame of the platform that carries radars.
 PLATFORM = "platform"
 
 
 def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) -> None:
-    """Simulate a scenario into a new bag, with the parameters beside it that a tracker needs.
+    """Simulate a scenario into a new bag, with the tracker's parameters beside it.
 
-    Equal arguments give equal bytes. Every radar's messages have the layout that `config` says, so
-    that the same parameters read them.
+    Equal arguments give equal bytes. The layout of each radar's messages is that of `config`.
     """
     with BagWriter(directory) as bag:
         for radar in config.inputs:
@@ -58,36 +57,28 @@ def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) 
 
 
 def check_platform(run: Scenario, config: TrackerConfig) -> None:
-    """Refuse radars that move for the tracker and not in the scenario, or the other way round.
-
-    Raises
-    ------
-    ConfigError
-    """
+    """Raise `ConfigError` if radars move only in the scenario or only in the configuration."""
     faults = []
     for index, radar in enumerate(config.inputs):
         carried = run.carrier(index) is not None
-        if carried and not radar.pose_topic:
+        if carried and not radar.pose.topic:
             faults.append(f"{radar.name}.pose: fixed given, must be a topic, with a platform")
-        if radar.pose_topic and not carried:
-            faults.append(f"platform: must carry {radar.name}, whose pose is {radar.pose_topic}")
-        if carried and not radar.pose_yaw:
+        if radar.pose.topic and not carried:
+            faults.append(f"platform: must carry {radar.name}, whose pose is {radar.pose.topic}")
+        if carried and not radar.pose.yaw:
             faults.append(f"{radar.name}.pose: stabilised given, must not be: a platform turns it")
     if faults:
         raise ConfigError(faults)
 
 
 def _messages(run: Scenario, config: TrackerConfig, seed: int) -> Iterator[tuple[int, str, bytes]]:
-    """Yield stamp, topic and data of every message in the order of stamps.
-
-    Of equal stamps poses are first, and then the truth.
-    """
-    poses = _poses(run, config)
-    yield from heapq.merge(poses, _seen(run, config, seed), key=lambda message: message[0])
+    """Yield stamp, topic and data of every message by stamp; then poses, truth, detections."""
+    poses, scans = _poses(run, config), _scans(run, config, seed)
+    yield from heapq.merge(poses, scans, key=lambda message: message[0])
 
 
 def _poses(run: Scenario, config: TrackerConfig) -> Iterator[tuple[int, str, bytes]]:
-    """Yield stamp, topic and data of the poses of what carries radars."""
+    """Yield stamp, topic and data of the poses of the platform."""
     for stamp_ns, pose in run.poses():
         data = platform_poses.to_cdr(
             pose, stamp_ns, config.world_frame, config.pose_message, PLATFORM
@@ -96,7 +87,7 @@ def _poses(run: Scenario, config: TrackerConfig) -> Iterator[tuple[int, str, byt
             yield stamp_ns, topic, data
 
 
-def _seen(run: Scenario, config: TrackerConfig, seed: int) -> Iterator[tuple[int, str, bytes]]:
+def _scans(run: Scenario, config: TrackerConfig, seed: int) -> Iterator[tuple[int, str, bytes]]:
     """Yield stamp, topic and data of truth and detections in the order of stamps, truth first."""
 
     def of_truth(targets: Truth) -> tuple[int, str, bytes]:

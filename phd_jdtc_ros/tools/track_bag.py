@@ -11,7 +11,6 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -34,13 +33,14 @@ from phd_jdtc_ros.feed.feed import Feed
 from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.report import track_files
+from phd_jdtc_ros.report.load import by_stamp, input_types
 from phd_jdtc_ros.report.record import Record
 from phd_jdtc_ros.report.table import score_tables
 
 from . import command
 from .asterix.parameters import guessed
 
-# What writes tracks, by the option that asks for it.
+# Formats of track files, by option.
 WRITERS = {"geojson": track_files.to_geojson, "csv": track_files.to_csv}
 
 
@@ -55,10 +55,9 @@ class OfflineTracker:
     Attributes
     ----------
     step_ms : list of float
-        CPU time of each report that closed a scan and of those since the one before, milliseconds:
-        decoding, steps and writing.
+        CPU time per closed scan, milliseconds: decoding, step and writing.
     damage : BagError or None
-        What is wrong with the bag that was tracked, as far as it is intact.
+        Damage of the bag; its intact messages were tracked.
     """
 
     def __init__(self, config: TrackerConfig, bag: BagWriter) -> None:
@@ -77,7 +76,7 @@ class OfflineTracker:
         self._truth: list[bytes] = []
 
     def add(self, entry: BagMessage) -> None:
-        """Process one recorded message: of a radar, a pose of what carries one, or the truth."""
+        """Process a recorded message: a radar's report, a platform's pose, or the truth."""
         if entry.topic == names.TRUTH:
             self._truth.append(entry.data)
             return
@@ -88,7 +87,7 @@ class OfflineTracker:
             reader = reader_of(radar)
             self._write(self._feed.message(index, lambda: reader.from_cdr(entry.data, radar)) or ())
         else:
-            kind = self._config.inputs[self._config.carried[entry.topic][0]].pose_message
+            kind = self._config.inputs[self._config.carried[entry.topic][0]].pose.message
             frame = self._config.world_frame
             pose = partial(platform_poses.from_cdr, entry.data, kind, frame)
             self._write(self._feed.pose(entry.topic, pose))
@@ -98,7 +97,7 @@ class OfflineTracker:
             self._cpu_s = 0.0
 
     def finish(self) -> None:
-        """Close all scans, write the learned clutter, and the estimates that are held back."""
+        """Close all scans, and write the learned clutter and the pending estimates."""
         self._write(self._feed.close_scans())
         shown = self._feed.pipeline.engine.clutter_raster()
         if shown is not None:
@@ -107,12 +106,9 @@ class OfflineTracker:
         self._write(self._feed.flush())
 
     def record(self) -> Record:
-        """Return truth and estimates as they are in the new bag, without plots.
+        """Return truth and estimates as in the new bag, without plots.
 
-        Raises
-        ------
-        BagError
-            If the truth cannot be read.
+        Raises `BagError` if the truth cannot be read.
         """
         config, found = self._config, self._estimates
         try:
@@ -121,7 +117,7 @@ class OfflineTracker:
             raise BagError(f"{names.TRUTH}: {error}") from error
         class_names = tuple(kind.name for kind in config.model.modes.classes)
         return Record(
-            *(_by_stamp(known), (), _by_stamp(found[FILTERED]), _by_stamp(found[SMOOTHED])),
+            *(by_stamp(known), (), by_stamp(found[FILTERED]), by_stamp(found[SMOOTHED])),
             classes=len(class_names),
             step_ms=np.array(self.step_ms),
             class_names=class_names,
@@ -130,7 +126,7 @@ class OfflineTracker:
         )
 
     def warnings(self) -> Iterator[str]:
-        """Yield what of the radars' reports does not look as it is configured, each once."""
+        """Yield each contradiction between the radars' reports and their configuration once."""
         return self.tally.warnings(self._innovations.fits())
 
     def _write(self, events: Iterable[Event]) -> None:
@@ -159,16 +155,14 @@ def track_bag(
 ) -> OfflineTracker:
     """Track a bag and write the estimates, with the bag's detections and truth, into a new one.
 
-    The progress is shown with what is `doing`.
+    `doing` is the caption of the progress bar.
 
     Raises
     ------
     BagError
         If the bag lacks a radar's topic, or the new one cannot be written.
     """
-    types = {radar.topic: reader_of(radar).type_name for radar in config.inputs}
-    for topic, carried in config.carried.items():
-        types[topic] = platform_poses.TYPES[config.inputs[carried[0]].pose_message]
+    types = input_types(config)
     topics = list(types)
     copied = [*topics, *([names.TRUTH] if names.TRUTH in source.types else [])]
     source.require({topic: types.get(topic, names.CLOUD) for topic in copied})
@@ -198,8 +192,19 @@ def track_bag(
     return tracker
 
 
-def _by_stamp(found: Sequence[Any]) -> tuple[Any, ...]:
-    return tuple(sorted(found, key=lambda entry: entry.stamp_ns))
+def _outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
+    """Print the number of scans, drops and warnings; return the exit status."""
+    if tracker.damage is not None:
+        return fail("track_bag", tracker.damage)
+    drops = ", ".join(f"{reason} {n}" for reason, n in sorted(tracker.tally.dropped.items()))
+    print(f"{out}: {tracker.scans} scans tracked, dropped: {drops or 'none'}")
+    for warning in tracker.warnings():
+        print(f"track_bag: {warning}", file=sys.stderr)
+    fault = tracker.tally.used.fault()
+    if fault is None:
+        return OK
+    print(f"track_bag: {source}: {fault}", file=sys.stderr)
+    return CORRUPT
 
 
 def main(argv: Sequence[str]) -> int:
@@ -223,27 +228,13 @@ def main(argv: Sequence[str]) -> int:
     def work() -> int:
         source = resources.bag(arguments.bag)
         config = command.tracker_config(arguments, source)
-        status = OK
         files = {name: getattr(arguments, name) for name in WRITERS if getattr(arguments, name)}
         if "geojson" in files and config.plane is None:
             raise ConfigError(["--geojson: given without world_origin, where is the map's zero?"])
-        if arguments.out.exists():
-            raise BagError(f"{arguments.out}: already exists, a bag is not overwritten")
+        command.require_new("a bag", arguments.out)
         output_files.require_new({f"--{n}": path for n, path in files.items()}, arguments.out)
         tracker = track_bag(BagReader(source), config, arguments.out)
-        if tracker.damage is not None:
-            status = fail("track_bag", tracker.damage)
-        else:
-            drops = ", ".join(
-                f"{reason} {n}" for reason, n in sorted(tracker.tally.dropped.items())
-            )
-            print(f"{arguments.out}: {tracker.scans} scans tracked, dropped: {drops or 'none'}")
-            for warning in tracker.warnings():
-                print(f"track_bag: {warning}", file=sys.stderr)
-            fault = tracker.tally.used.fault()
-            if fault is not None:
-                print(f"track_bag: {source}: {fault}", file=sys.stderr)
-                status = CORRUPT
+        status = _outcome(tracker, source, arguments.out)
         run = tracker.record()
         if files:
             if config.plane and guessed(config.values["world_origin"]):

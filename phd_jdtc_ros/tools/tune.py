@@ -1,7 +1,7 @@
-"""Proposes a configuration from a recording: how the radars turn, their noise, detections, clutter.
+"""Proposes a configuration from a recording: rotation, noise, detection probability and clutter.
 
-It reads some minutes of a bag, links detections to tracks, and prints what it found beside what is
-set now. With --out it writes a parameter file that the tracker takes as it is.
+It reads some minutes of a bag, links detections to tracks, and prints proposed and current values
+side by side. With --out it writes a parameter file for the tracker.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from rich.console import Console
 from rich.table import Table
 
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import Findings
@@ -24,57 +23,29 @@ from phd_jdtc_ros.calibration.tuning.proposal import Row
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters import schema
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
-from phd_jdtc_ros.parameter_files import (
-    bag_parameters,
-    from_arguments,
-    proposed_file,
-    tracker_params,
-)
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
 
 from . import command, recorded_plots
 from .recorded_plots import Recorded
 
-# Seconds of a recording that are read unless told otherwise.
-SECONDS, LEAST_SECONDS = 600.0, 1.0
+# Length of the part of a recording that is read by default, seconds.
+SECONDS = 600.0
 
 
 def main(argv: Sequence[str]) -> int:
     """Run the tool."""
     parser = ArgumentParser("tune", description=__doc__)
-    parser.add_argument("bag", help=command.BAG)
-    parser.add_argument(
-        "--params-file",
-        "--params",
-        type=Path,
-        help="parameter file that names radars, topics and fields; without one that beside the "
-        "bag, or else what topics and fields are is recognised by their names",
+    files = (
+        "parameter file that names radars, topics and fields; without one, the file beside the "
+        "bag is used, or else topics and fields are recognised by their names"
     )
-    parser.add_argument("--out", type=Path, help="parameter file to write; it must not exist")
-    parser.add_argument(
-        "--seconds",
-        type=seconds_of,
-        default=SECONDS,
-        help=f"how much of the recording is read, from its beginning ({SECONDS:g})",
-    )
+    command.add_proposal_arguments(parser, files, SECONDS)
     arguments = parser.parse_args(argv)
     return command.guarded("tune", lambda: _work(arguments))
 
 
-def seconds_of(text: str) -> float:
-    """Return a number of seconds that was given as an argument."""
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not (math.isfinite(seconds) and seconds >= LEAST_SECONDS):
-        raise argparse.ArgumentTypeError(f"{text} given, must be at least {LEAST_SECONDS:g} s")
-    return seconds
-
-
 def _work(arguments: argparse.Namespace) -> int:
-    path: Path | None = arguments.out
-    if path is not None and path.exists():
-        raise BagError(f"{path}: already exists, a file is not overwritten")
+    command.require_new("a file", arguments.out)
     source = resources.bag(arguments.bag)
     bag = BagReader(source)
     given, where = _given(bag, source, arguments.params_file)
@@ -87,21 +58,16 @@ def _work(arguments: argparse.Namespace) -> int:
     for radar, each in found.items():
         topic = next(entry.topic for entry in config.inputs if entry.name == radar)
         console.print(_table(radar, topic, each, rows[radar], recorded))
-    proposed = _proposed(given, found, rows, recorded, where is not None)
+    proposed = _proposal(given, found, rows, recorded, where is not None)
     tracker_params.config(proposed)
     status = OK if recorded.damage is None else fail("tune", recorded.damage)
-    if path is None:
-        print("nothing is written without --out FILE")
-        return status
-    proposed_file.write(path, _head(source, where), proposed, _comments(rows, where is None))
-    # What is written is what a tracker reads.
-    tracker_params.config(from_arguments.load(path))
-    print(f"{path}: written; the tracker takes it as its --params-file")
+    comments = _comments(rows, where is None)
+    command.write_proposal(arguments.out, _head(source, where), proposed, comments)
     return status
 
 
 def _given(bag: BagReader, source: Path, path: Path | None) -> tuple[dict[str, Any], Path | None]:
-    """Return the parameters that radars are read with, and the file that they are from."""
+    """Return the parameters with which the radars are read, and their file."""
     if path is not None:
         return from_arguments.load(path), path
     beside = bag_parameters.read(source)
@@ -111,7 +77,7 @@ def _given(bag: BagReader, source: Path, path: Path | None) -> tuple[dict[str, A
 
 
 def _not_set(config: TrackerConfig) -> dict[str, Any]:
-    """Return those values that say how radars are read, where no file sets any."""
+    """Return the values that the tool assumed to read the radars, for want of a file."""
     names = [f"{radar.name}.azimuth_convention" for radar in config.inputs]
     return {name: config.values[name] for name in names}
 
@@ -119,7 +85,7 @@ def _not_set(config: TrackerConfig) -> dict[str, Any]:
 def _table(
     radar: str, topic: str, found: Findings, rows: Sequence[Row], recorded: Recorded
 ) -> Table:
-    """Return what was found of a radar as a table."""
+    """Return the findings of a radar as a table."""
     when = found.timing
     turns = "turns" if when.rotation_s else "looks"
     table = Table(
@@ -148,14 +114,14 @@ def _text(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value).strip("[]")
 
 
-def _proposed(
+def _proposal(
     given: Mapping[str, Any],
     found: Mapping[str, Findings],
     rows: Mapping[str, Sequence[Row]],
     recorded: Recorded,
     specified: bool,
 ) -> dict[str, Any]:
-    """Return a configuration with all that is proposed."""
+    """Return a configuration with all proposed values."""
     timed = {radar: plots is not None and plots.timed for radar, plots in recorded.plots.items()}
     values = dict(given)
     if not specified:
@@ -163,8 +129,8 @@ def _proposed(
     values["interval_s"] = proposal.interval_s(found)
     for radar, own in rows.items():
         values.update({f"{radar}.{row.name}": row.value for row in own if row.proposed})
-        # Antennas turn clockwise; azimuths that rise meanwhile count clockwise too. It is written
-        # where it is the default as well: what is wrong mirrors the world.
+        # Antennas turn clockwise, so azimuths that rise with time count clockwise. The convention
+        # is written even where it is the default, because a wrong one mirrors the world.
         convention = f"{radar}.azimuth_convention"
         when = found[radar].timing
         if not specified and convention not in values:
@@ -182,7 +148,7 @@ def _head(source: Path, where: Path | None) -> str:
 
 
 def _comments(rows: Mapping[str, Sequence[Row]], unknown_place: bool) -> dict[str, str]:
-    """Return the comments of the values that are proposed, by dotted name."""
+    """Return the comments of the proposed values, by dotted name."""
     comments = {"interval_s": "the shortest time between two looks"}
     for radar, own in rows.items():
         if unknown_place:

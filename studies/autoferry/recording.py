@@ -46,7 +46,6 @@ class Look:
     ----------
     sensor : str
         One of `SENSORS`.
-    stamp_ns : int
     own : Pose
         Pose of the ferry, with yaw 0.
     relative : array of shape (M, 2)
@@ -72,7 +71,6 @@ class Recording:
 
     Parameters
     ----------
-    scenario : int
     looks : tuple of Look
         By ascending stamp.
     targets : dict of int to array of shape (N, 3)

@@ -65,8 +65,6 @@ class Score:
 
     Parameters
     ----------
-    scenario : int
-    tracker : str
     source : str
         ``filtered`` or ``smoothed``.
     gospa : float
@@ -119,7 +117,6 @@ def scores_of(
 
     Parameters
     ----------
-    recording : Recording
     parameters : mapping
         Parameters of the tracker with the radar alone.
     with_lidar : mapping or None

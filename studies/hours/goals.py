@@ -25,7 +25,6 @@ def goals_of(hour: str, ways: Mapping[str, Mapping[str, Any]]) -> list[Goal]:
 
     Parameters
     ----------
-    hour : str
     ways : mapping
         By name of the way, ``status``, the worst exit status of the commands, ``scores`` by source
         and ``plot_kalman``, as `Scores` in JSON.

@@ -90,7 +90,6 @@ class Reader:
 
     Parameters
     ----------
-    layout : RadarInput
     radar : RadarModel
         The radar in the tracks' plane.
     read : callable of (distance, azimuth, elevation, height, layout)
@@ -112,7 +111,7 @@ class Reader:
             Slant ranges, metres; azimuths, radians counter-clockwise from true east; heights,
             metres, NaN if unknown.
         """
-        known = height if self.layout.height_field else None
+        known = height if self.layout.fields.height else None
         own = azimuth - self.radar.yaw if self.layout.site is None else azimuth
         found = self.read(distance, own, None, known, self.layout)
         return np.stack([found.distance, found.azimuth], axis=1), found.possible
@@ -124,10 +123,8 @@ class Hour:
 
     Parameters
     ----------
-    scenario : Scenario
     layout : RadarInput
         Site and message layout of the radar.
-    seed : int
     """
 
     scenario: Scenario
@@ -210,7 +207,6 @@ def tracks(
 
     Parameters
     ----------
-    hour : Hour
     found : sequence of Estimates
         Estimates of one source.
     later_s : float
@@ -254,12 +250,10 @@ def scores(hour: Hour, reader: Reader, times_s: FloatArray, found: Sequence[Poin
 
     Parameters
     ----------
-    hour : Hour
     reader : Reader
         Conversion to the tracks' plane.
     times_s : array of shape (K,)
         Seconds after scan 0, ascending.
-    found : sequence of K PointSet
     """
     sums = _Sums()
     for time_s, points in zip(times_s.tolist(), found, strict=True):

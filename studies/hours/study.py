@@ -53,7 +53,6 @@ class Run(NamedTuple):
     ----------
     status : int
         Exit status.
-    cpu_s : float
     text : str
         Its output.
     """

@@ -73,6 +73,6 @@ def test_evaluate_counts_times_without_tracks():
         ({}, {"cutoff": 0.0}, "cutoff: 0.0 given, must be a number above 0"),
     ],
 )
-def test_evaluate_says_what_does_not_fit(change, arguments, said):
+def test_evaluate_reports_what_does_not_fit(change, arguments, said):
     with pytest.raises(ValueError, match=said):
         evaluate(TRUTH, {**TRUTH, **change}, **{"cutoff": 100.0, **arguments})

@@ -85,6 +85,6 @@ def test_simulate_gives_plots_of_turning_antennas_their_own_times():
         ({"scans": -1}, "scans: -1"),
     ],
 )
-def test_simulate_says_what_does_not_fit(scenario, said):
+def test_simulate_reports_what_does_not_fit(scenario, said):
     with pytest.raises(ConfigError, match=said):
         simulate(scenario, seed=0)

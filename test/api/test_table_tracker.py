@@ -10,7 +10,7 @@ import yaml
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import Tracker, evaluate, simulate
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import RunEnded
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params, yaml_files
@@ -48,7 +48,7 @@ def test_track_finds_two_targets_that_cross():
 
 @pytest.fixture(scope="module")
 def fitted():
-    """Return a tracker that knows nothing but a recording."""
+    """Return a tracker fitted to a recording alone."""
     return Tracker().fit(DETECTIONS)
 
 
@@ -93,7 +93,7 @@ def test_fit_adds_to_a_parameter_file(tmp_path):
     assert tracker.parameters["only.azimuth_std_deg"] == 0.5
 
 
-def test_fit_says_what_a_recording_lacks():
+def test_fit_reports_what_a_recording_lacks():
     few = {name: column[:20] for name, column in DETECTIONS.items()}
 
     with pytest.raises(ValueError, match=r"radar: .* clouds .*, must be at least 10"):
@@ -129,7 +129,7 @@ def test_positions_are_in_the_world_wherever_the_sensor_is():
     assert evaluate(TRUTH, found, cutoff=50.0)["ospa"] < 8.0
 
 
-def test_azimuths_are_read_as_parameters_say():
+def test_azimuths_are_read_by_the_parameters():
     compass = {**DETECTIONS, "azimuth": 90.0 - np.degrees(DETECTIONS["azimuth"])}
     parameters = with_radar(azimuth_convention="compass_cw", azimuth_unit="deg")
 
@@ -216,7 +216,7 @@ def test_scan_without_detections_counts_as_missed(how):
     assert not tracker.dropped
 
 
-def test_amplitudes_tell_classes_where_there_are_several():
+def test_amplitudes_separate_classes_where_there_are_several():
     run = simulate(seed=2)
 
     found = Tracker(run.parameters).track(run.detections).smoothed
@@ -284,7 +284,7 @@ def test_covariance_is_of_x_y_vx_vy():
     assert evaluate(TRUTH, found, cutoff=50.0)["nees"] < 1.5
 
 
-def test_detections_that_are_not_used_are_told():
+def test_unused_detections_are_reported():
     far = {**DETECTIONS, "range": np.where(DETECTIONS["time"] < 20.0, 2000.0, DETECTIONS["range"])}
     tracker = Tracker(crossing.PARAMETERS)
 
@@ -316,7 +316,7 @@ def test_what_must_be_known_is_named_together():
         ("no_such.yaml", "no_such.yaml: cannot be read"),
     ],
 )
-def test_wrong_parameters_are_told_at_once(parameters, said):
+def test_wrong_parameters_are_reported_at_once(parameters, said):
     with pytest.raises(ConfigError, match=said):
         Tracker(parameters)
 
@@ -335,7 +335,7 @@ def test_wrong_parameters_are_told_at_once(parameters, said):
         ),
     ],
 )
-def test_wrong_tables_are_told(table, said):
+def test_wrong_tables_are_reported(table, said):
     with pytest.raises(ValueError, match=said):
         Tracker(crossing.PARAMETERS).track(table)
 
@@ -363,7 +363,7 @@ def test_parameters_go_into_a_file_of_the_node(tmp_path, fitted):
     assert_same(found.smoothed, fitted.track(DETECTIONS).smoothed)
 
 
-def test_fit_keeps_the_columns_that_it_knows():
+def test_fit_keeps_the_recognised_columns():
     table = {**DETECTIONS, "height": np.full(len(DETECTIONS["time"]), 30.0)}
     tracker = Tracker({"radar": {"position": [0.0, 0.0, 30.0]}}).fit(table)
 

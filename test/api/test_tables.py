@@ -65,7 +65,7 @@ def test_columns_of_reads_csv_without_rows(tmp_path):
         ({"time": [1.0], "range": [1.0, 2.0]}, "equal lengths"),
     ],
 )
-def test_columns_of_says_what_does_not_fit(table, said):
+def test_columns_of_reports_what_does_not_fit(table, said):
     with pytest.raises(ValueError, match=said):
         columns_of(table)
 

@@ -16,7 +16,7 @@ def plot(azimuth_deg, number=0):
 
 
 def crossing(azimuth_deg, kind=SECTOR, rotation_s=math.nan):
-    # As eight bits say it.
+    # The resolution of eight bits.
     azimuth = round(azimuth_deg % 360.0 / 360.0 * 256) % 256 * 2.0 * math.pi / 256
     return ServiceMessage(1, 0, kind, azimuth, rotation_s)
 
@@ -126,13 +126,13 @@ def test_after_a_long_gap_the_turns_are_not_invented():
     assert [r.sector for r in fed(assembler, (3701.25, crossing(101.25)))] == [8]
 
 
-def test_turn_is_what_the_crossings_say():
+def test_turn_follows_the_crossings():
     assembler = Assembler(32, rotation_s=3.9)
     fed(assembler, *crossings(0.0, 360.0))
     assert assembler.turn_s == pytest.approx(4.0)
 
 
-def test_turn_is_what_the_radar_says_until_half_of_one_was_seen():
+def test_turn_is_the_reported_one_until_half_of_one_was_seen():
     assembler = Assembler(32)
     fed(assembler, (0.0, crossing(0.0, NORTH, rotation_s=4.1)), *crossings(11.25, 90.0))
     assert assembler.turn_s == 4.1

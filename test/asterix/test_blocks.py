@@ -48,6 +48,6 @@ def test_records_are_counted_by_category_whether_read_or_not(reader):
     assert reader.counts == {"other_category": 1}
 
 
-def test_category_that_nobody_knows_is_counted_by_its_blocks(reader):
+def test_unknown_category_is_counted_by_its_blocks(reader):
     reader.messages(b"\xff\x00\x05ab" * 3)
     assert reader.categories == {255: 3}

@@ -36,7 +36,7 @@ def test_call_signs_are_the_last_of_their_addresses_and_bounded():
     assert [known.of(address) for address in (1, 2, NONE)] == [200, NONE, NONE]
     for address in range(2, MOST + 1):
         known.take(address, 7)
-    # Heard again, it is not the oldest.
+    # Received again, it is not the oldest.
     known.take(1, 200)
     known.take(MOST + 1, 7)
     assert (known.of(1), known.of(2)) == (200, NONE)

@@ -74,7 +74,7 @@ def test_amplitude_is_the_envelope_over_the_noise():
         np.testing.assert_allclose(found["amplitude"], values, rtol=1e-12)
 
 
-def test_what_is_not_known_is_said_to_be():
+def test_unknown_values_are_written_as_unknown():
     found = of(plot(), plot(code=0, address=1, height=-304.8))
     assert found["code"].tolist() == [UNKNOWN, 0]
     assert found["address"].tolist() == [UNKNOWN, 1]
@@ -175,7 +175,7 @@ def test_messages_that_wait_for_the_clock_are_not_lost_at_the_end():
     assert report.times_ns == [5000 * NS]
 
 
-def test_where_a_radar_stands_is_what_it_says_or_else_its_settings():
+def test_radar_position_is_the_reported_one_or_else_the_configured_one():
     said = made.site(50.25, -8.5, 120.0)
     stream = PlotStream(
         {0x102: RadarSettings("a"), 0x103: RadarSettings("b", site=(1.0, 2.0, 3.0))}

@@ -111,7 +111,7 @@ def test_height_is_measured_where_the_level_is_not_usable():
 
 @pytest.mark.parametrize("code", [0, 0o7777, 0o7700])
 def test_code_is_known_unless_garbled_or_not_validated(code):
-    # The last bit says that the code is the radar's own track's.
+    # The last bit marks the code of the radar's own track.
     assert one(i070=(0, 0, 0, 0, code)).code == code
     assert one(i070=(0, 0, 1, 0, code)).code == code
     assert one(i070=(1, 0, 0, 0, code)).code == NONE
@@ -149,7 +149,7 @@ def test_what_is_no_targets_plot_is_counted(change, reason):
     assert counts == {reason: 1}
 
 
-def test_service_messages_say_where_the_antenna_is():
+def test_service_messages_give_the_antenna_position():
     data = made.north(7.0, sac=3, sic=4, rotation_s=4.0) + made.sector(90.0, 8.0, sac=3, sic=4)
     (mark, crossing), counts = read(data)
     assert not counts

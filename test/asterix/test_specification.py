@@ -3,7 +3,8 @@ from asterix import base
 from asterix_records import block, category, plot, random_record, rng
 
 from phd_jdtc_ros.asterix import specification
-from phd_jdtc_ros.asterix.specification import MalformedError, layouts
+from phd_jdtc_ros.asterix.item_rules import Fixed, MalformedError
+from phd_jdtc_ros.asterix.specification import layouts
 
 CATEGORIES = (1, 2, 10, 34, 48, 62, 65)
 
@@ -69,7 +70,7 @@ def test_walk_does_not_read_beyond_its_limit():
 
 
 def test_walk_keeps_a_bounded_number_of_plans():
-    layout = specification.Layout(("a", "b"), (specification.Fixed(1),) * 2)
+    layout = specification.Layout(("a", "b"), (Fixed(1),) * 2)
     layout._plans.update({bytes([k % 256, k // 256, 1]): None for k in range(5000)})
     assert layout.walk(b"\xc0\x01\x02", 0, 3) == ([1, 2], 3)
     assert len(layout._plans) == 1

@@ -156,7 +156,7 @@ def test_estimates_without_heights_have_none():
     assert track.vertical == 3
 
 
-def test_tentative_coasting_first_and_last_are_said():
+def test_tentative_coasting_first_and_last_are_flagged():
     made = output()
     made.take(cloud([{"track_id": 1, "state": 0}, {"track_id": 2, "state": 1}]))
     tentative, confirmed = made.reports(T0)

@@ -187,7 +187,7 @@ def test_writer_refuses_what_exists_and_leaves_it_alone(tmp_path, kind):
     assert path.read_text() == "mine" if kind == "file" else not list(path.iterdir())
 
 
-def test_writer_says_why_it_cannot_make_the_directory(tmp_path):
+def test_writer_explains_why_it_cannot_make_the_directory(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(BagError, match="cannot be written: Not a directory") as caught:
         BagWriter(tmp_path / "file" / "bag")
@@ -214,7 +214,7 @@ def printed(script, path):
     return done.stdout
 
 
-def test_writer_turns_a_full_disk_into_one_error_and_says_again_why_it_was_closed(tmp_path):
+def test_writer_turns_a_full_disk_into_one_error_that_later_writes_repeat(tmp_path):
     script = """
         import resource, sys
         from pathlib import Path
@@ -322,7 +322,7 @@ def test_require_names_every_topic_that_is_missing_or_of_another_type(bag):
     )
 
 
-def test_reader_of_a_missing_path_says_so(tmp_path):
+def test_reader_rejects_a_missing_path(tmp_path):
     error = failure(tmp_path / "none")
     assert "no such bag" in str(error)
     assert not error.corrupt
@@ -338,14 +338,14 @@ def test_reader_of_a_directory_must_hold_one_file(bag, tmp_path, count):
     assert not error.corrupt
 
 
-def test_reader_of_a_file_of_another_kind_says_so(bag):
+def test_reader_rejects_a_file_of_another_kind(bag):
     error = failure(bag / "metadata.yaml")
     assert "is not an MCAP file" in str(error)
     assert not error.corrupt
 
 
 @pytest.mark.parametrize("content", [b"", b"text", b"\x00" * 1000, b"\x89MCAP0\r\n"])
-def test_reader_of_a_file_that_is_only_named_so_says_that_it_is_damaged(tmp_path, content):
+def test_reader_rejects_a_file_that_only_has_the_name_as_damaged(tmp_path, content):
     (tmp_path / "foreign.mcap").write_bytes(content)
     assert failure(tmp_path / "foreign.mcap").corrupt
 
@@ -354,7 +354,7 @@ def test_reader_of_a_file_that_is_only_named_so_says_that_it_is_damaged(tmp_path
 
 
 def summary(path):
-    """Return what a bag says of itself."""
+    """Return a bag's metadata."""
     reader = BagReader(path)
     return reader.types, reader.counts, reader.start_ns, reader.end_ns
 

@@ -158,7 +158,7 @@ def test_reader_reads_every_whole_message_of_a_truncated_file(file, messages, tm
 
 
 def assert_others_are_read(whole, index, data, path):
-    """Check that only a message may be missing or changed, and that a missing one is said."""
+    """Check that only a message may be missing or changed, and that a missing one is reported."""
     found, error = read(data, path)
     rest = iter(found)
     assert all(message in rest for message in whole[:index] + whole[index + 1 :])
@@ -245,7 +245,7 @@ def test_reader_refuses_only_the_message_that_is_too_large(messages, tmp_path, m
     assert f"a message of {20_000 + HEAD} bytes, at most 20000 are allowed" in str(error)
 
 
-def test_reader_says_that_the_summary_defines_other_channels(file, tmp_path):
+def test_reader_rejects_a_summary_with_other_channels(file, tmp_path):
     data = file.read_bytes()
     topic = names.TRUTH.encode()
     at = data.rindex(topic)

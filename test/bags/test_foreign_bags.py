@@ -123,9 +123,9 @@ def test_a_topic_of_another_encoding_is_named_and_not_called_missing(
     with pytest.raises(BagError) as required:
         reader.require({RADAR: names.CLOUD})
     with pytest.raises(BagError) as played:
-        playable.choose(reader, [])
+        playable.select(reader, [])
     with pytest.raises(BagError) as wanted:
-        playable.choose(reader, [RADAR])
+        playable.select(reader, [RADAR])
 
     for error in (required, played, wanted):
         assert f"{RADAR} is {said}" in str(error.value).replace(f"{RADAR}: is", f"{RADAR} is")
@@ -185,7 +185,7 @@ def test_a_finished_file_without_a_summary_is_whole(bag, tmp_path, use_chunking,
     assert outcome(tmp_path / "cut.mcap")[1].corrupt
 
 
-def test_a_file_that_ends_between_two_chunks_is_said_to_be_unfinished(bag, tmp_path):
+def test_a_file_that_ends_between_two_chunks_is_unfinished(bag, tmp_path):
     file = chunked(tmp_path / "small", bag)
     messages, data = list(BagReader(bag).messages()), file.read_bytes()
 
@@ -204,7 +204,7 @@ def test_a_file_that_ends_between_two_chunks_is_said_to_be_unfinished(bag, tmp_p
     )
 
 
-def test_a_file_cut_in_a_chunk_says_how_many_bytes_are_lost(bag, tmp_path):
+def test_a_file_cut_in_a_chunk_counts_the_lost_bytes(bag, tmp_path):
     file = chunked(tmp_path / "small", bag)
 
     with file.open("rb") as stream:

@@ -53,7 +53,7 @@ def test_wrong_noise_is_noticed_of_every_radar(scale, verdict):
     assert [(fit.larger, fit.smaller) for fit in fits] == [verdict, verdict]
 
 
-def test_axes_say_which_deviation_is_wrong():
+def test_axes_show_which_standard_deviation_is_wrong():
     for fit in monitored(configured(1.0, azimuth_scale=0.1))[-1]:
         assert fit.larger
         assert fit.axes[1] > 5.0 > 2.0 > fit.axes[0]
@@ -121,7 +121,7 @@ def test_verdict_stays_until_it_is_clearly_otherwise():
     ]
 
 
-def test_few_innovations_say_that_the_noise_is_too_small_and_many_that_it_is_too_large():
+def test_few_innovations_reveal_too_small_a_noise_and_many_too_large_a_noise():
     monitor = InnovationMonitor(ALONE)
     far = [(5e3 + 2000.0, 0.0)]
     assert not looks(monitor, far, times=FEW - 1).larger

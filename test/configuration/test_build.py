@@ -116,7 +116,7 @@ def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed()
         ("survival", "survival: unknown parameter"),
     ],
 )
-def test_resolve_tells_which_parameter_is_meant(given, fault):
+def test_resolve_suggests_the_parameter_that_is_meant(given, fault):
     assert faults_of({given: 1.0}) == [fault]
 
 
@@ -165,12 +165,12 @@ def test_resolve_error_reads_as_its_faults():
         (
             {"radar_1.detection_probability": [1e3, 0.9, 2e3]},
             "radar_1.detection_probability",
-            "must be pairs of range and probability",
+            "or pairs of range (m, ascending) and probability",
         ),
         (
             {"radar_1.detection_probability": [1e3, 0.9, 500.0, 0.8]},
             "radar_1.detection_probability",
-            "must rise",
+            "or pairs of range (m, ascending) and probability",
         ),
         (
             {"radar_1.detection_probability": [1e3, 0.0]},
@@ -417,10 +417,11 @@ def test_answers_of_turning_radars_are_older_than_their_reports(given, expected)
     [
         (
             {"radar_1.pose": "tf"},
-            "radar_1.pose: 'tf' given, transforms are not read; must be fixed",
+            "radar_1.pose: 'tf' given, must be fixed or the topic of the platform's poses in the "
+            "world frame (transforms are not read)",
         ),
-        ({"radar_1.pose": ""}, "radar_1.pose: '' given, must be fixed or a topic's name"),
-        ({"radar_1.pose": "Fixed"}, "radar_1.pose: 'Fixed' given, must be fixed or a topic's name"),
+        ({"radar_1.pose": ""}, "radar_1.pose: '' given, must be fixed or the topic"),
+        ({"radar_1.pose": "Fixed"}, "radar_1.pose: 'Fixed' given, must be fixed or the topic"),
         (
             {"radar_1.pose": "/radar_2/detections"},
             "radar_1.pose: '/radar_2/detections' given, radar_2 has its detections there",
@@ -431,7 +432,7 @@ def test_answers_of_turning_radars_are_older_than_their_reports(given, expected)
         ),
     ],
 )
-def test_resolve_says_what_a_radars_pose_may_be(given, expected):
+def test_resolve_lists_what_a_radars_pose_may_be(given, expected):
     (fault,) = faults_of(given)
     assert fault.startswith(expected)
 
@@ -445,7 +446,7 @@ def test_radars_on_one_platform_share_its_topic():
 
 @pytest.mark.parametrize("group", ["classes", "motions", "births", "sensors"])
 @pytest.mark.parametrize("count", [300, 3000])
-def test_resolve_tells_of_too_many_names_at_once(group, count):
+def test_resolve_refuses_too_many_names_at_once(group, count):
     begin_s = time.process_time()
     try:
         build.resolve({group: [f"n{index}" for index in range(count)]})

@@ -90,7 +90,7 @@ def test_coerce_refuses_what_is_not_allowed(parameter, value):
         (Parameter("y", 1.0, ""), "a finite number"),
     ],
 )
-def test_allowed_says_what_a_parameter_may_be(parameter, words):
+def test_allowed_describes_what_a_parameter_may_be(parameter, words):
     assert parameter.allowed == words
 
 
@@ -133,7 +133,7 @@ def test_schema_takes_the_defaults_for_a_faulty_list_of_names():
 
 
 @pytest.mark.parametrize("parameter", [*TOP, *(p for group in GROUPS.values() for p in group)])
-def test_description_says_what_the_parameter_is(parameter):
+def test_description_explains_the_parameter(parameter):
     assert parameter.description.endswith(".")
     # A unit alone, or what is left of a sentence, is none.
     assert len(parameter.description.split()) >= 3

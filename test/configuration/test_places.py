@@ -98,11 +98,11 @@ def test_resolved_values_resolve_again():
         ),
         (
             {"world_origin": [math.nan, 4.8, 0.0]},
-            "world_origin: [nan, 4.8, 0.0] given, must be finite numbers",
+            "world_origin: [nan, 4.8, 0.0] given, must be empty or a latitude",
         ),
     ],
 )
-def test_resolve_says_what_is_wrong_with_places(changes, expected):
+def test_resolve_reports_what_is_wrong_with_places(changes, expected):
     faults = faults_of({**ONE, **changes})
     assert len(faults) == 1
     assert faults[0].startswith(expected)

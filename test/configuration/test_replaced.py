@@ -3,9 +3,12 @@
 import pytest
 
 from phd_jdtc_ros.asterix_bridge import settings as bridge
-from phd_jdtc_ros.configuration import replaced, tracker_node
+from phd_jdtc_ros.configuration import build, models, replaced, tracker_node
 from phd_jdtc_ros.configuration.schema import ConfigError, check
+from phd_jdtc_ros.core.attributes.height import HeightModel
 from phd_jdtc_ros.handover import settings as hand_over
+from phd_jdtc_ros.nodes.tracker import input_health, live
+from phd_jdtc_ros.nodes.tracker import outputs as live_outputs
 from phd_jdtc_ros.parameter_files import evaluator, sensor_replay
 
 REGIONS = {
@@ -58,8 +61,52 @@ def test_the_hand_over_refuses_the_names_of_before():
 def test_changes_of_a_running_tracker_are_refused_alike():
     usual = tracker_node.resolve({})
     for change in (
-        tracker_node.changed,
-        lambda settings, c: tracker_node.edited(settings.values, c),
+        tracker_node.change,
+        lambda settings, c: tracker_node.edit(settings.values, c),
     ):
         with pytest.raises(ConfigError, match="publish_path: no longer a parameter, use outputs"):
             change(usual, {"publish_path": True})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("max_hypotheses", build.MOST_HYPOTHESES),
+        ("max_particles", build.MOST_PARTICLES),
+        ("amplitude_jitter", models.AMPLITUDE_JITTER),
+        ("reply_probability", models.REPLY_PROBABILITY),
+        ("code_garbled", models.GARBLED_PROBABILITY),
+        ("height_garbled", models.GARBLED_PROBABILITY),
+        ("shared_code_probability", models.SHARED_CODE_PROBABILITY),
+        ("code_kept_s", models.CODE_KEPT_S),
+        ("clutter_reply_probability", models.CLUTTER_REPLY_PROBABILITY),
+        ("height_noise_density", models.HEIGHT_NOISE_DENSITY),
+        ("height_climb_std", models.HEIGHT_CLIMB_STD),
+        ("height_evidence", HeightModel(1.0, 1.0, 1.0).evidence),
+        ("spawn.position_std", models.SPAWN_STD[0]),
+        ("spawn.velocity_std", models.SPAWN_STD[1]),
+        ("spawn.turn_rate_std", models.SPAWN_STD[2]),
+        ("spawn.particles_per_target", models.SPAWN_PARTICLES),
+        ("pose_max_speed", models.POSE_MAX_SPEED),
+        ("clutter_std_db", models.CLUTTER_STD_DB),
+        ("range_rate_span", models.RANGE_RATE_SPAN),
+        ("checkpoint.max_age_s", live.CHECKPOINT_MAX_AGE_S),
+        ("path_length", live_outputs.PATH_LENGTH),
+        ("silent_after_scans", input_health.SILENT_AFTER_SCANS),
+        ("step_time_limit", live.STEP_TIME_LIMIT),
+        ("max_prediction_s", bridge.MAX_PREDICTION_S),
+        ("smoothed_wait_s", hand_over.SMOOTHED_WAIT_S),
+    ],
+)
+def test_replacement_by_a_constant_gives_its_value(name, value):
+    tables = (replaced.TRACKER, replaced.RADAR, replaced.NODE, replaced.BRIDGE, replaced.HAND_OVER)
+    (text,) = (table[name] for table in tables if name in table)
+    number = text.removeprefix("it is a constant now, ").partition(" ")[0]
+    assert float(number) == value
+
+
+def test_replacements_by_constants_all_have_a_value():
+    tables = (replaced.TRACKER, replaced.RADAR, replaced.NODE, replaced.BRIDGE, replaced.HAND_OVER)
+    texts = [text for table in tables for text in table.values() if "constant" in text]
+    assert len(texts) == 25
+    assert all(text.startswith("it is a constant now, ") for text in texts)

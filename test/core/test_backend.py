@@ -1,4 +1,4 @@
-"""Which inner loops are in use, as the environment and what is installed say."""
+"""Selection of the inner loops by the environment and the installed packages."""
 
 import os
 import subprocess
@@ -23,7 +23,7 @@ def chosen_backend(environment, without_numba=False):
     return (done.stdout or done.stderr).strip().splitlines()[-1]
 
 
-def test_backend_is_numpy_if_told_so():
+def test_backend_is_numpy_if_requested():
     assert chosen_backend("numpy") == "numpy"
 
 

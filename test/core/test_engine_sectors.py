@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 PERIOD = {"estimates_period_s": ROTATION_S, "lag": 3}
 # Turns of the run with the defaults, and those after which tests go on from it.
 LONGEST = 24
-COPIED = (7, 8, 10, 12, 20, LONGEST)
+COPIED = (8, 10, 12, 20, LONGEST)
 
 
 @pytest.fixture(scope="module", params=ENGINES)

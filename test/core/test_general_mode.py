@@ -77,7 +77,7 @@ def test_splitting_a_mode_into_identical_twins_changes_nothing(one_mode):
 
 
 def test_splitting_a_mode_into_unequal_ones_does_change_the_estimates(one_mode):
-    # The comparison has power: a second mode with other noise is told from a twin.
+    # The comparison has power: a second mode with other noise differs from a twin.
     scans, expected = one_mode
     given = {**PLAIN, **TWINS, "twin.noise_density": 30.0}
     with pytest.raises(AssertionError):

@@ -136,7 +136,7 @@ def test_newborn_gaussians_are_one_hypothesis_for_each_fold():
 
 
 @pytest.mark.parametrize("engine", ["gaussian", "particles"])
-def test_range_rates_that_nobody_configured_change_nothing(engine):
+def test_range_rates_that_are_not_configured_change_nothing(engine):
     config = lone({**ROAD, "engine": engine, "radar.fields.range_rate": ""})
     found = []
     for rated in (True, False):
@@ -150,7 +150,7 @@ def test_range_rates_that_nobody_configured_change_nothing(engine):
     np.testing.assert_array_equal(*found)
 
 
-def test_a_range_rate_tells_two_targets_at_one_place_apart():
+def test_a_range_rate_separates_two_targets_at_one_place():
     config = lone({**ROAD, "engine": "gaussian", "detection_births.rates": []})
     (radar,) = config.model.radars
     state = np.array([60.0, -8.0, 3.0, 0.0, 0.0])

@@ -6,7 +6,7 @@ from phd_jdtc_ros.evaluation.evaluation import FILTERED, Evaluation
 from phd_jdtc_ros.evaluation.true_tracks import without_slow
 
 NEAR = 200.0
-# A ship that moves, one at anchor, and one at anchor that nobody has a track of.
+# A ship that moves, one at anchor, and one at anchor without a track.
 TRUTH = PointSet(
     np.array([[0.0, 0.0], [1000.0, 0.0], [5000.0, 0.0]]),
     np.zeros(3, dtype=np.int64),
@@ -49,7 +49,7 @@ def test_all_targets_are_kept_without_a_least_speed_or_velocities(truth, least_s
     assert without_slow(truth, estimate, least_speed, NEAR) == (truth, estimate)
 
 
-def test_evaluation_scores_what_is_tracked_and_says_the_rest():
+def test_evaluation_scores_tracked_targets_and_lists_the_rest():
     scores = Evaluation(1, NEAR, 2.0, least_speed=2.5)
     for stamp_ns in (0, 1):
         scores.add_truth(stamp_ns, TRUTH)

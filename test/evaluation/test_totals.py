@@ -4,7 +4,7 @@ import pytest
 from phd_jdtc_ros.evaluation.totals import Totals, ratio
 
 NAMES = ("a", "b")
-# Two runs of three scans; b is not known in one scan of the first run.
+# Two runs of three scans; b is missing in one scan of the first run.
 VALUES = np.array([[[1.0, 2.0], [3.0, np.nan], [5.0, -4.0]], [[1.0, 8.0], [1.0, -9.0], [4.0, 1.0]]])
 
 

@@ -7,10 +7,10 @@ def test_half_is_enough():
     assert used.fault() is None
 
 
-def test_less_than_half_is_said_with_the_biggest_reasons_and_their_parameters():
+def test_less_than_half_is_reported_with_the_main_reasons_and_their_parameters():
     used = UsedDetections()
     used.read(20, {"range": 10, "azimuth": 1, "not_finite": 2})
-    used.refused("late", 9)
+    used.refuse("late", 9)
     used.unreadable("schema")
     assert used.fault() == (
         "11 of 34 detections could be used; dropped most by: range 10 (max_range), late 9 "
@@ -22,7 +22,7 @@ def test_report_that_waited_for_a_pose_in_vain_counts_with_its_detections():
     used = UsedDetections()
     for _ in range(4):
         used.read(10, {})
-    used.reports_lost({"pose_missing": 3})
+    used.lose_reports({"pose_missing": 3})
     assert used.lost == {"pose_missing": 30}
 
 

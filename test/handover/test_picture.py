@@ -59,7 +59,7 @@ def test_what_the_filter_has_lost_keeps_its_number(picture):
     assert add(picture, SMOOTHED, 4, {7: -30e3}, {}, lag=3) == [(SMOOTHED, 4, [1])]
 
 
-def test_joint_lag_is_that_of_the_estimates_that_tell_it(picture):
+def test_joint_lag_is_that_of_the_estimates_with_a_lag(picture):
     for stamp in (0, 4, 8):
         add(picture, FILTERED, stamp, {}, {7: 30e3})
     picture.add(WEST, SMOOTHED, estimates(0, {}))
@@ -170,7 +170,7 @@ def test_numbers_of_a_tracker_that_starts_again_are_those_of_other_targets(pictu
     for stamp in (108, 112):
         done = add(picture, FILTERED, stamp, {1: -90e3}, {5: 30e3})
         assert done == [(FILTERED, stamp, [3, 4])]
-    # What the smoother says of the time before is of the earlier targets.
+    # The smoother's estimates of the time before are of the earlier targets.
     done = []
     for stamp, x in ((100, -30e3), (104, -30e3), (108, -90e3), (112, -90e3)):
         done += add(picture, SMOOTHED, stamp, {1: x}, {5: 30e3}, lag=2)

@@ -14,7 +14,7 @@ def estimates(stamp, tracks, speed=200.0):
 
 
 def followed(*said):
-    """Return the numbers told apart of what is said, stamp by stamp, and the series."""
+    """Return the unique numbers of all estimates, stamp by stamp, and the series."""
     series, found = TrackSeries(), []
     for stamp, tracks in said:
         own = None if tracks is None else estimates(stamp, tracks)
@@ -40,7 +40,7 @@ def test_numbers_that_begin_again_are_of_another_series():
         (0, {1: 0.0, 2: 9e3}), (4, {}), (8, {1: -40e3}), (12, {1: -39e3, 2: 0.0})
     )
     assert found == [[1, 2], [], [SERIES + 1], [SERIES + 1, SERIES + 2]]
-    # What is smoothed is told apart by its stamp.
+    # Smoothed estimates are distinguished by their stamp.
     assert series.apart(estimates(0, {2: 9e3})).track_id.tolist() == [2]
     assert series.apart(estimates(4, {1: -41e3})).track_id.tolist() == [SERIES + 1]
 

@@ -60,7 +60,7 @@ def test_a_stamp_waits_for_a_tracker_until_the_newest_is_later_by_more_than_the_
     assert add(gathering, 1, 16) == {16: [0, 1]}
 
 
-def test_one_that_never_says_anything_is_waited_for_from_the_first_stamp_on():
+def test_silent_tracker_is_waited_for_from_the_first_stamp_on():
     gathering = Gathering(2, 5.0)
     assert add(gathering, 0, 0) == {}
     assert add(gathering, 0, 5) == {}
@@ -85,7 +85,7 @@ def test_trackers_with_long_periods_wait_for_each_other(period):
         assert add(gathering, (stamp + 2) % 3, stamp) == {stamp: [0, 1, 2]}
 
 
-def test_one_with_a_long_period_that_says_nothing_more_is_silent_one_stamp_later():
+def test_tracker_with_a_long_period_counts_as_silent_one_stamp_later():
     gathering = Gathering(2, 5.0)
     add(gathering, 0, 0)
     add(gathering, 1, 0)
@@ -148,6 +148,6 @@ def test_targets_that_wait_are_bounded_in_number():
     crowded = of_tracks(dict.fromkeys(range(3 * TARGETS_OF_A_STAMP), (0.0, 0.0)))
     assert not too_many([{0: own} for own in many], 2)
     assert too_many([{0: own} for own in (*few, crowded)], 2)
-    # One stamp always may wait, whatever it says.
+    # One stamp may always wait, whatever its size.
     assert not too_many([{0: crowded}], 2)
     assert not too_many([{0: crowded}] * 100, None)

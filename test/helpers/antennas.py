@@ -16,7 +16,7 @@ GRID = np.linspace(-np.pi, np.pi, 720, endpoint=False) + 1e-4
 class Sent:
     """A report as a radar sends it, and the azimuths that the antenna passed for it.
 
-    `passed` says which azimuths of `GRID` they are.
+    `passed` marks them among the azimuths of `GRID`.
     """
 
     stamp_ns: int

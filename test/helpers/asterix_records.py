@@ -131,10 +131,10 @@ def pcapng(packets, order="<"):
 
 def random_record(layout, rng):
     """Return the bytes of a record with a random selection of random items, and their places."""
-    from phd_jdtc_ros.asterix import specification as spec
+    from phd_jdtc_ros.asterix import item_rules
 
     known = [k for k, rule in enumerate(layout.rules) if rule is not None]
-    known = [k for k in known if not isinstance(layout.rules[k], spec.RandomSequence)]
+    known = [k for k in known if not isinstance(layout.rules[k], item_rules.RandomFieldSequence)]
     chosen = sorted(rng.choice(known, size=rng.integers(1, len(known) + 1), replace=False))
     octets = bytearray(chosen[-1] // 7 + 1)
     for place in chosen:
@@ -146,20 +146,20 @@ def random_record(layout, rng):
 
 
 def _random_item(rule, rng):
-    from phd_jdtc_ros.asterix import specification as spec
+    from phd_jdtc_ros.asterix import item_rules
 
     def noise(size):
         return bytearray(rng.bytes(size))
 
-    if isinstance(rule, spec.Fixed):
+    if isinstance(rule, item_rules.Fixed):
         return bytes(noise(rule.size))
-    if isinstance(rule, spec.Counted):
+    if isinstance(rule, item_rules.Repetitive):
         count = int(rng.integers(0, 4))
         return count.to_bytes(rule.count_size, "big") + bytes(noise(count * rule.entry_size))
-    if isinstance(rule, spec.Explicit):
+    if isinstance(rule, item_rules.Explicit):
         size = int(rng.integers(1, 9))
         return bytes([size]) + bytes(noise(size - 1))
-    if isinstance(rule, spec.Compound):
+    if isinstance(rule, item_rules.Compound):
         known = [k for k, sub in enumerate(rule.rules) if sub is not None]
         chosen = [k for k in known if rng.random() < 0.5]
         octets = bytearray(max(chosen, default=0) // 7 + 1)
@@ -168,7 +168,7 @@ def _random_item(rule, rng):
         for index in range(len(octets) - 1):
             octets[index] |= 1
         return bytes(octets) + b"".join(_random_item(rule.rules[k], rng) for k in chosen)
-    chained = isinstance(rule, spec.Chained)
+    chained = isinstance(rule, item_rules.RepetitiveFx)
     parts = [rule.entry_size] * 4 if chained else list(rule.parts)
     count = int(rng.integers(1, len(parts) + 1))
     found = bytearray()

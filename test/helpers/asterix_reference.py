@@ -1,8 +1,8 @@
 """Another decoder of ASTERIX, asterix_decoder, which tests compare with.
 
 `make test` installs it into a folder of its own, because it has the import name of libasterix. Its
-library is loaded by its path; what it knows of each category is in XML files beside it. Where it is
-not installed, as in a workspace of colcon's, tests that compare with it are skipped.
+library is loaded by its path; the definitions of the categories are XML files beside it. Where it
+is not installed, as in a workspace of colcon's, tests that compare with it are skipped.
 """
 
 import importlib.util

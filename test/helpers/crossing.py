@@ -2,7 +2,7 @@
 
 import numpy as np
 
-# Known of the sensor that the detections are of.
+# The sensor of the detections.
 PARAMETERS = {
     "interval_s": 1.0,
     "radar": {"range_std": 5.0, "azimuth_std_deg": 0.5, "max_range": 1500.0, "clutter_rate": 2.0},

@@ -4,16 +4,15 @@ import numpy as np
 import yaml
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections, estimates, interfaces, names
-from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from msg_adapters import detections, estimates, names
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 
 FILTERED = names.estimates("filtered")
 
 
 def started(processes, peer, directory, given, types, node="/tracker", source="filtered", ros=()):
-    """Start a tracker with parameters and reliable inputs, and wait until all hear each other.
+    """Start a tracker with parameters and reliable inputs, and wait until all are connected.
 
     `types` has the message type of each input by its topic, and `ros` further ROS arguments.
     Returns the publishers by topic, the estimates that come, and the process.
@@ -57,12 +56,6 @@ def tracked_live(processes, peer, radar, clouds, *arguments):
     peer.meet()
     answered(peer, output, filtered, clouds)
     return [estimates.from_msg(message) for message in filtered]
-
-
-def recorded(path, source="filtered"):
-    """Return the estimates in a bag."""
-    entries = BagReader(path).messages([names.estimates(source)])
-    return [estimates.from_msg(interfaces.decode(entry.data, names.CLOUD)) for entry in entries]
 
 
 def assert_alike(clouds, expected):

@@ -23,7 +23,7 @@ SCANS = [scan for _, scan in simulate(paper_scenario(resolve({}).model.radars), 
 
 
 class Radars:
-    """Publishes clouds to a live tracker and hears what comes back."""
+    """Publishes clouds to a live tracker and receives its outputs."""
 
     def __init__(self, peer):
         self.peer = peer
@@ -33,12 +33,12 @@ class Radars:
         self.health = peer.collect(DiagnosticArray, "/diagnostics")
 
     def known(self):
-        """Return how many trackers hear each radar, and how many answer."""
+        """Return how many trackers subscribe to each radar, and how many publish."""
         answer = self.peer.node.count_publishers("/tracker/smoothed/estimates")
         return [*(output.get_subscription_count() for output in self.outputs), answer]
 
     def connect(self, before=(0, 0, 0)):
-        """Wait for one tracker more than were known before."""
+        """Wait for one tracker more than before."""
         assert self.peer.spin_until(
             lambda: all(now > then for now, then in zip(self.known(), before, strict=True))
         )

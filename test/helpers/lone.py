@@ -1,4 +1,4 @@
-"""A target alone in the field of one radar, and Gaussian engines that know where it starts."""
+"""A target alone in the field of one radar, and Gaussian engines with a prior at its start."""
 
 import inner
 import numpy as np
@@ -69,7 +69,7 @@ def mixture_of(dynamics, targets):
 
 
 def started(config, *targets):
-    """Return an engine that knows these targets, (existence, mean, std), at the start."""
+    """Return an engine that starts with these targets, (existence, mean, std)."""
     engine = new_engine(config)
     stored = mixture_of(engine.forward.dynamics, targets or [(1.0, MEAN, STD)])
     engine.forward.start_from(START_NS, stored)

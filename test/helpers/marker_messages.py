@@ -1,4 +1,4 @@
-"""Markers and poses made of message objects: what the bytes that are published must say."""
+"""Markers and poses made of message objects: the reference of the published bytes."""
 
 import itertools
 

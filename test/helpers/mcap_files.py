@@ -1,4 +1,4 @@
-"""Small MCAP files with topics of any type, known here or not."""
+"""Small MCAP files with topics of any type."""
 
 from mcap.writer import Writer
 

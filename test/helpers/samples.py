@@ -52,23 +52,32 @@ def cloud(
     )
 
 
+# Choices of a radar that tests switch off and on, by a name for the switch.
+SWITCHES = {
+    "compass": ("azimuth_convention", ("enu_ccw", "compass_cw")),
+    "azimuth_in_degrees": ("azimuth_unit", ("rad", "deg")),
+    "amplitude_in_db": ("amplitude_unit", ("linear", "db")),
+    "time_since_epoch": ("time_reference", ("stamp", "epoch")),
+}
+
+
+def layout(usual, **changes):
+    """Return how a radar's clouds are read, with changes.
+
+    ``X_field`` names the field of a quantity, and the keys of `SWITCHES` are true or false.
+    """
+    named = {key: changes.pop(key) for key in [*changes] if key.endswith("_field")}
+    fields_of = {key.removesuffix("_field"): name for key, name in named.items()}
+    for key in SWITCHES.keys() & changes:
+        parameter, choices = SWITCHES[key]
+        changes[parameter] = choices[changes.pop(key)]
+    return replace(usual, fields=replace(usual.fields, **fields_of), **changes)
+
+
 def radar(**changes):
     """Return how the reference radar's clouds are read, with some of it changed."""
-    usual = {
-        "name": "radar_1",
-        "topic": "/radar_1/detections",
-        "frame": FRAME,
-        "message": "point_cloud",
-        "range_field": "range",
-        "azimuth_field": "azimuth",
-        "elevation_field": "",
-        "amplitude_field": "amplitude",
-        "amplitude_in_db": False,
-        "amplitude_offset_db": 0.0,
-        "compass": False,
-        "max_range": 17e3,
-    }
-    return RadarInput(**{**usual, **changes})
+    usual = RadarInput(name="radar_1", topic="/radar_1/detections", frame=FRAME)
+    return layout(usual, **changes)
 
 
 def polar(points, datatype=PointField.FLOAT32, names=("range", "azimuth", "amplitude"), **layout):
@@ -124,7 +133,7 @@ def many_estimates(count):
 
 
 def as_sent(message):
-    """Return a message as its receiver has it: colours, say, are of single precision."""
+    """Return a message as received: with colours of single precision, for example."""
     return deserialize_message(serialize_message(message), type(message))
 
 

@@ -1,15 +1,16 @@
 """Small recordings, and what reading them gives."""
 
+import bag_content
 from marker_messages import marker_array, pose_array
 from mcap.writer import CompressionType
 from samples import FRAME, STAMP_NS, detections, estimates, truth
 
 from msg_adapters import detections as detections_adapter
-from msg_adapters import interfaces, names
+from msg_adapters import names
 from msg_adapters import truth as truth_adapter
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.bags.writer import Topic
 from robustness.small_chunks import rewritten
 
 RADAR = names.detections("radar_1")
@@ -39,13 +40,7 @@ def made():
 
 
 def write(directory, entries, topics=TOPICS):
-    with BagWriter(directory) as bag:
-        for topic in topics:
-            bag.add_topic(topic)
-        for topic, message, log_time in entries:
-            data = message if isinstance(message, bytes) else interfaces.encode(message)
-            bag.write(topic, data, log_time)
-    return directory
+    return bag_content.write(directory, topics, entries)
 
 
 def chunked(directory, source, chunk_size=300, compression=CompressionType.NONE):

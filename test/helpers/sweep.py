@@ -1,4 +1,4 @@
-"""A radar that turns, and what it says of targets, sector by sector."""
+"""A turning radar and its detections of targets, sector by sector."""
 
 import inner
 import numpy as np

@@ -152,7 +152,7 @@ def log_normal(point, distribution, support):
 def imm_backward(before, later, smoothed, motions):
     """Return the smoothed (probability, modes) of a step, given those of the next one.
 
-    Barber's expectation correction: the later mode's mean says how probable the earlier modes are.
+    Barber's expectation correction: the later mode's mean weighs the earlier modes.
     """
     probability, modes = smoothed
     count = range(len(motions))

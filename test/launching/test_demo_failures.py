@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_share_directory
+from bag_content import write
 
 from msg_adapters import names
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
 
 launch = pytest.importorskip("launch", reason="launch is not installed")
 actions = pytest.importorskip("launch.actions", reason="launch is not installed")
@@ -71,12 +71,9 @@ def test_demo_ends_with_a_tracker_that_cannot_start(tmp_path, monkeypatch):
 def test_demo_ends_after_a_bag_without_truth(tmp_path, monkeypatch):
     shipped = BagReader(SHARE / "bags" / "paper_scenario")
     topics = [names.detections(radar) for radar in ("radar_1", "radar_2")]
-    with BagWriter(tmp_path / "bag") as bag:
-        for topic in topics:
-            bag.add_topic(Topic(topic, names.CLOUD))
-        for message in islice(shipped.messages(topics), 10):
-            bag.write(message.topic, message.data, message.log_time_ns)
-    found = ended({"bag": tmp_path / "bag", "out": tmp_path / "out"}, monkeypatch)
+    first = islice(shipped.messages(topics), 10)
+    bag = write(tmp_path / "bag", topics, [(m.topic, m.data, m.log_time_ns) for m in first])
+    found = ended({"bag": bag, "out": tmp_path / "out"}, monkeypatch)
 
     assert found == {"tracker": 0, "evaluator": 0, "sensor_replay": 0}
 

@@ -1,4 +1,4 @@
-"""The tracker's launch file, run with executables that only say how they were started."""
+"""The tracker's launch file, run with executables that only print how they were started."""
 
 import itertools
 import json

@@ -6,23 +6,19 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.radar_build import bias_parameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import Detections
 
 STAMP_NS = 1_000_250_000_000
-ERRORS = {
-    "range_bias": 80.0,
-    "range_gain": 2e-3,
-    "azimuth_bias_deg": 0.3,
-    "time_offset_s": -0.25,
-}
+# Range, m; range gain; azimuth, degrees; time, s.
+ERRORS = [80.0, 2e-3, 0.3, -0.25]
+NONE = [0.0, 0.0, 0.0, 0.0]
 TRUE = Detections(np.array([[5000.0, 0.5], [9000.0, -2.0]]), np.array([3.0, 4.0]), np.zeros(2))
 
 
-def inputs(errors, **changes):
+def inputs(biases, **changes):
     given = {"sensors": ["mast"], **{f"mast.{name}": value for name, value in changes.items()}}
-    return resolve({**given, **{f"mast.{k}": v for k, v in errors.items()}}).inputs[0]
+    return resolve({**given, "mast.biases": biases}).inputs[0]
 
 
 LAYOUTS = {
@@ -43,14 +39,14 @@ def test_a_report_is_read_without_its_radars_errors(layout):
     report = reader.from_cdr(reader.to_cdr(wrong, stamp_ns, radar), radar)
     assert report.stamp_ns == STAMP_NS
     assert_allclose(report.detections.measurement, TRUE.measurement, rtol=1e-6)
-    if radar.time_field:
+    if radar.fields.time:
         # Relative to the stamp, which is as late as they are.
         assert_allclose(report.detections.time_s, 0.0, atol=1e-6)
     assert not report.dropped
 
 
 def test_without_errors_a_report_is_what_it_was_to_the_bit():
-    plain, zero = inputs({}), inputs(dict.fromkeys(ERRORS, 0.0))
+    (plain,), zero = resolve({"sensors": ["mast"]}).inputs, inputs(NONE)
     assert plain == zero
     data = reader_of(plain).to_cdr(TRUE, STAMP_NS, plain)
     report = reader_of(plain).from_cdr(data, zero)
@@ -69,21 +65,25 @@ def test_ranges_within_the_error_become_zero_and_impossible_ones_stay_impossible
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 def test_errors_become_the_parameters_that_they_came_from(layout):
     radar = inputs(ERRORS, **layout)
-    found = bias_parameters(radar, radar.bias)
-    assert found == pytest.approx({f"mast.{name}": value for name, value in ERRORS.items()})
+    assert radar.bias_parameters(radar.bias) == {"mast.biases": pytest.approx(ERRORS)}
 
 
-def test_absurd_errors_are_refused_with_what_is_allowed():
+@pytest.mark.parametrize(
+    "biases",
+    [
+        *([2e5, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 181.0, 0.0]),
+        *([0.0, 0.0, 0.0, 1e3], [0.0] * 3, [0.0] * 5, ["left", 0.0, 0.0, 0.0], 80.0),
+    ],
+)
+def test_absurd_errors_are_refused_with_what_is_allowed(biases):
     with pytest.raises(ConfigError) as caught:
-        inputs({"range_gain": -1.0, "time_offset_s": 1e3, "azimuth_bias_deg": "left"})
-    text = str(caught.value)
-    assert "mast.range_gain: -1.0 given, must be" in text
-    assert "mast.time_offset_s: 1000.0 given, must be" in text
-    assert "mast.azimuth_bias_deg: 'left' given, must be" in text
+        inputs(biases)
+    (fault,) = caught.value.faults
+    assert fault.startswith(f"mast.biases: {biases} given, must be 4 numbers: range within 100000")
 
 
 def test_a_replay_in_lock_step_expects_older_answers_of_a_radar_whose_clock_is_late():
     usual = resolve({"sensors": ["mast"]}).answer_delay_s
-    late = resolve({"sensors": ["mast"], "mast.time_offset_s": 0.75}).answer_delay_s
-    early = resolve({"sensors": ["mast"], "mast.time_offset_s": -0.75}).answer_delay_s
+    late = resolve({"sensors": ["mast"], "mast.biases": [0.0, 0.0, 0.0, 0.75]}).answer_delay_s
+    early = resolve({"sensors": ["mast"], "mast.biases": [0.0, 0.0, 0.0, -0.75]}).answer_delay_s
     assert (usual, late, early) == (0.0, 0.75, 0.0)

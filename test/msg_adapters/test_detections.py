@@ -80,7 +80,7 @@ def test_to_msg_writes_what_from_msg_reads_in_the_layout_of_the_radar(changes):
     report = adapter.from_msg(adapter.to_msg(given, STAMP_NS, FRAME, layout), layout)
     assert not report.dropped
     assert_allclose(report.detections.measurement, given.measurement, rtol=0.0, atol=1e-6)
-    if layout.amplitude_field:
+    if layout.fields.amplitude:
         assert_allclose(report.detections.amplitude, given.amplitude, rtol=1e-5)
     else:
         assert report.detections.amplitude is None
@@ -289,7 +289,7 @@ def test_from_msg_takes_slant_ranges_to_the_ground():
     assert_allclose(report.detections.measurement, [[500.0, 0.5], [500.0, 0.5]], rtol=1e-12)
 
 
-def test_from_msg_leaves_elevations_alone_unless_told():
+def test_from_msg_ignores_elevations_by_default():
     message = spherical([(1000.0, 0.5, np.radians(60.0))])
     report = adapter.from_msg(message, radar(amplitude_field=""))
     assert_array_equal(report.detections.measurement, [[1000.0, 0.5]])

@@ -38,7 +38,6 @@ def sited(**changes):
         "azimuth_in_degrees": True,
         "height_field": "height",
         "site": SITE,
-        "height": PLACE[2] - ORIGIN[2],
         "datum": ORIGIN[2],
         "max_range": 450e3,
     }
@@ -141,7 +140,9 @@ def test_a_height_that_is_not_known_is_the_assumed_one():
     assert report.detections.height is None
 
 
-@pytest.mark.parametrize("layout", [{}, {"assumed_height": 6000.0}, {"site": None, "height": 30.0}])
+@pytest.mark.parametrize(
+    "layout", [{}, {"assumed_height": 6000.0}, {"site": None, "position": (0.0, 0.0, 30.0)}]
+)
 @pytest.mark.parametrize("height", [1200.0, 11000.0])
 def test_a_plot_without_a_height_is_read_again_as_with_it(layout, height):
     distance = np.array([15e3, 60e3, 200e3, 400e3])

@@ -1,23 +1,18 @@
 """Codes, addresses and heights of detections, from clouds and back."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from samples import layout, radar
 
 from msg_adapters import detections as adapter
 from msg_adapters.identities import ADDRESSES, CODES, NONE, encode, read
-from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
-LAYOUT = RadarInput(
-    name="radar_1",
-    topic="/radar_1/detections",
-    frame="radar_1",
+LAYOUT = radar(
     amplitude_field="",
     height_field="height",
-    height=30.0,
+    position=(0.0, 0.0, 30.0),
     code_field="code",
     address_field="address",
 )
@@ -45,14 +40,14 @@ def test_what_is_sent_comes_back():
 
 
 def test_without_the_fields_nothing_is_known_of_them():
-    plain = replace(LAYOUT, height_field="", height=0.0, code_field="", address_field="")
+    plain = layout(LAYOUT, height_field="", code_field="", address_field="")
     report = adapter.from_msg(adapter.to_msg(found(), 0, "radar_1", plain), plain)
 
     assert report.detections.code is report.detections.address is report.detections.height is None
 
 
 def test_a_configured_field_that_a_cloud_lacks_is_a_doubt():
-    plain = replace(LAYOUT, height_field="", height=0.0, code_field="", address_field="")
+    plain = layout(LAYOUT, height_field="", code_field="", address_field="")
     report = adapter.from_msg(adapter.to_msg(found(), 0, "radar_1", plain), LAYOUT)
 
     assert report.detections.code is None
@@ -67,7 +62,7 @@ def test_a_configured_field_that_a_cloud_lacks_is_a_doubt():
         *((ADDRESSES, 0.0, 0), (ADDRESSES, 2.0**24, 1)),
     ],
 )
-def test_what_is_no_identity_is_unknown_and_counted_if_it_does_not_say_so(kind, value, unusable):
+def test_invalid_identity_is_unknown_and_counted_unless_flagged(kind, value, unusable):
     found, count = read(np.array([value, 1.0, 4095.0]), np.ones(3, dtype=bool), kind)
     assert_array_equal(found, [UNKNOWN, 1, 4095])
     assert count == unusable

@@ -144,7 +144,7 @@ def test_definition_suffices_for_an_independent_reader(message):
 
 
 @pytest.mark.parametrize("name", TYPES)
-def test_definition_says_what_an_independent_library_knows(name):
+def test_definition_agrees_with_an_independent_library(name):
     found = get_types_from_msg(interfaces.definition(name), name)
     assert (len(found) > 1) == (name != names.NUMBER)
     assert found == {held: STORE.fielddefs[held] for held in found}

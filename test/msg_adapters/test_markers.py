@@ -180,7 +180,7 @@ CASES = pytest.mark.parametrize(
 @CASES
 # Frames of several lengths, so that markers begin at every alignment.
 @pytest.mark.parametrize("frame", ["map", "world", "enu/origin"])
-def test_to_cdr_says_what_the_objects_say(found, frame):
+def test_to_cdr_equals_the_serialised_objects(found, frame):
     names = NAMES if found.class_probability.shape[1] == 2 else (*NAMES, "other")
     read = deserialize_message(markers.to_cdr(found, frame, names), MarkerArray)
     expected = as_sent(marker_array(found, frame, names))

@@ -30,7 +30,7 @@ def test_step_is_one_number_for_each_quantity_of_the_tracker():
         "particles": 1754.0,
         "effective_share": 0.5,
     }
-    assert set(found) == set(quantities.of_tracker(2))
+    assert set(found) == set(quantities.of_tracker(2, "particles"))
 
 
 def test_step_of_each_engine_has_its_own_figures():
@@ -38,7 +38,7 @@ def test_step_of_each_engine_has_its_own_figures():
     step = Step(estimates(), (), np.array([2.25, 1.5]), figures)
     found = received(plots.step_to_msgs(step, 12.5))
     assert (found["hypotheses"], found["origins"]) == (31.0, 6.0)
-    assert set(found) == set(quantities.of_tracker(2, "gaussian"))
+    assert set(found) == set(quantities.of_tracker(2))
     assert set(quantities.FIGURES) == set(ENGINES)
 
 

@@ -115,7 +115,7 @@ def test_decode_of_an_empty_cloud_with_an_absurd_step_is_empty_or_rejected():
     assert found == "schema" or [len(column) for column in found.values()] == [0, 0]
 
 
-def test_decode_rejects_a_missing_field_and_says_what_there_is():
+def test_decode_rejects_a_missing_field_and_lists_the_fields():
     reason, text = rejection(good(), {"a": point_cloud.FLOATS, "missing": point_cloud.FLOATS})
     assert reason == "schema"
     assert "'missing'" in text

@@ -22,7 +22,7 @@ def made(given, class_id, frame="map"):
 @CASES
 # Frames of several lengths, so that the poses begin at every alignment.
 @pytest.mark.parametrize("frame", ["map", "world", "enu/origin"])
-def test_to_cdr_says_what_the_objects_say(found, frame):
+def test_to_cdr_equals_the_serialised_objects(found, frame):
     for class_id in range(2):
         expected = pose_array(found, class_id, frame)
         assert made(found, class_id, frame) == as_sent(expected)

@@ -13,7 +13,7 @@ TYPES = radar_tracks.Types(RadarTracks, RadarTrack)
 RUN = uuid.UUID(int=1)
 
 
-def test_to_msg_says_where_targets_are_and_of_what_class():
+def test_to_msg_has_position_and_class_of_targets():
     given = estimates()
     message = radar_tracks.to_msg(given, "map", RUN, TYPES)
 

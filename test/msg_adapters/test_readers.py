@@ -2,11 +2,11 @@ import pytest
 
 from msg_adapters import names
 from msg_adapters.readers import READERS
-from phd_jdtc_ros.configuration.radar_parameters import RADAR
+from phd_jdtc_ros.configuration.parameters import GROUPS
 
 
 def test_readers_are_what_radars_may_be_configured_to_send():
-    (message,) = [parameter for parameter in RADAR if parameter.name == "message"]
+    (message,) = [parameter for parameter in GROUPS["sensors"] if parameter.name == "message"]
     assert message.choices == tuple(READERS)
 
 

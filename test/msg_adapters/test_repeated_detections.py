@@ -8,7 +8,7 @@ from samples import STAMP_NS, radar
 
 from msg_adapters import doubts
 from msg_adapters.selection import Columns, select
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
@@ -30,7 +30,7 @@ def test_select_counts_identical_detections_once():
     assert not report.dropped
 
 
-def test_select_says_what_a_repeating_driver_does():
+def test_select_reports_a_repeating_driver():
     report = select(STAMP_NS, radar(), columns(3))
     (text,) = doubts.of(radar(), report.doubts)
     assert text.startswith("2 detections that repeat another one")

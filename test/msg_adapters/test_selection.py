@@ -31,16 +31,16 @@ def timed(*times, datatype=F8, **changes):
     return read(["time"], points, datatype, time_field="time", **changes)
 
 
-@pytest.mark.parametrize(("unit", "scale"), [(1.0, 1), (1e-3, 1e3), (1e-6, 1e6), (1e-9, 1e9)])
+@pytest.mark.parametrize(("unit", "scale"), [("s", 1), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
 @pytest.mark.parametrize("datatype", [F4, F8])
 def test_times_relative_to_the_stamp_are_read_in_their_unit(unit, scale, datatype):
-    report = timed(-1.5 * scale, 0.25 * scale, time_unit_s=unit, datatype=datatype)
+    report = timed(-1.5 * scale, 0.25 * scale, time_unit=unit, datatype=datatype)
     assert_allclose(report.detections.time_s, [-1.5, 0.25], rtol=1e-12)
     assert not report.dropped
     assert not report.doubts
 
 
-@pytest.mark.parametrize(("unit", "scale"), [(1.0, 1), (1e-3, 1e3), (1e-6, 1e6), (1e-9, 1e9)])
+@pytest.mark.parametrize(("unit", "scale"), [("s", 1), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
 def test_times_since_the_epoch_are_exact_to_a_microsecond(unit, scale):
     expected = np.array([-3.999871, 0.0, 1e-6, 0.7311113])
     seconds, nanoseconds = divmod(STAMP_NS, 10**9)
@@ -48,7 +48,7 @@ def test_times_since_the_epoch_are_exact_to_a_microsecond(unit, scale):
     sent = [
         float((seconds * 10**9 + nanoseconds + round(t * 1e9)) * scale / 10**9) for t in expected
     ]
-    found = timed(*sent, time_unit_s=unit, time_since_epoch=True).detections.time_s
+    found = timed(*sent, time_unit=unit, time_since_epoch=True).detections.time_s
     assert_allclose(found, expected, rtol=0.0, atol=1e-6)
 
 
@@ -115,7 +115,7 @@ def test_a_sector_that_makes_no_sense_is_a_doubt(values):
     assert len(report.detections) == 2
 
 
-def test_an_empty_cloud_says_no_sector():
+def test_an_empty_cloud_has_no_sector():
     report = read(["sector"], [], sector_field="sector", rotation_s=4.0, sectors=16)
     assert report.sector is None
     assert not report.doubts
@@ -123,7 +123,7 @@ def test_an_empty_cloud_says_no_sector():
 
 def high(*heights, distance=5000.0, antenna=0.0, **changes):
     points = [(distance, 0.1, value) for value in heights]
-    return read(["height"], points, height_field="height", height=antenna, **changes)
+    return read(["height"], points, height_field="height", position=(0.0, 0.0, antenna), **changes)
 
 
 def test_heights_take_slant_ranges_to_the_ground():
@@ -197,10 +197,10 @@ def test_an_unknown_deviation_is_the_radars_and_no_doubt():
 
 LAYOUTS = {
     "relative": {"time_field": "t"},
-    "milliseconds": {"time_field": "t", "time_unit_s": 1e-3},
+    "milliseconds": {"time_field": "t", "time_unit": "ms"},
     "epoch": {"time_field": "t", "time_since_epoch": True},
-    "epoch_ns": {"time_field": "t", "time_since_epoch": True, "time_unit_s": 1e-9},
-    "height": {"height_field": "h", "height": 120.0},
+    "epoch_ns": {"time_field": "t", "time_since_epoch": True, "time_unit": "ns"},
+    "height": {"height_field": "h", "position": (0.0, 0.0, 120.0)},
     "deviations": {"range_std_field": "dr", "azimuth_std_field": "da", "azimuth_in_degrees": True},
     "sectors": {"sector_field": "s", "rotation_s": 4.0, "sectors": 16},
     "sectors_compass": {"sector_field": "s", "rotation_s": 4.0, "sectors": 7, "compass": True},
@@ -221,11 +221,11 @@ def test_to_msg_writes_what_from_msg_reads(changes):
     assert not report.dropped
     assert not report.doubts
     assert_allclose(report.detections.measurement, given.measurement, atol=1e-3)
-    if layout.time_field:
+    if layout.fields.time:
         assert_allclose(report.detections.time_s, given.time_s, rtol=0.0, atol=1e-6)
-    if layout.range_std_field:
+    if layout.fields.range_std:
         assert_allclose(report.detections.noise_std, given.noise_std, rtol=1e-6)
-    if layout.sector_field:
+    if layout.fields.sector:
         assert report.sector == 3
 
 

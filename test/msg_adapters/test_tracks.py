@@ -75,7 +75,7 @@ def test_to_odometry_covariances_are_those_of_drawn_states():
 
 
 @pytest.mark.parametrize("part", ["pose", "twist"])
-def test_to_odometry_says_what_a_planar_track_does_not_know(part):
+def test_to_odometry_flags_what_a_planar_track_lacks(part):
     found = matrix(getattr(odometry(), part))
     assert np.diag(found)[UNKNOWN].tolist() == [tracks.UNKNOWN_VARIANCE] * 3
     np.testing.assert_allclose(found, found.T, rtol=1e-12)

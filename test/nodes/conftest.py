@@ -172,7 +172,7 @@ def peer():
 
 @pytest.fixture
 def radars(processes, peer):
-    """Start a tracker; return the radars that it hears."""
+    """Start a tracker; return the radars that it receives."""
     processes.start("tracker", "--ros-args", *FAST, *RELIABLE)
     group = Radars(peer)
     group.connect()

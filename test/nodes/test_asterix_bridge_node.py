@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from asterix_reference import decoded, value
+from bag_content import messages
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
@@ -184,9 +185,7 @@ def test_clouds_of_a_radar_without_crossings_are_those_of_the_file(unicast, tmp_
     recording, bag = tmp_path / "recording.ast", tmp_path / "bag"
     recording.write_bytes(b"".join(blocks))
     assert run("asterix_bridge", [str(recording), "--out", str(bag)]) == 0
-    expected = [
-        interfaces.decode(entry.data, names.CLOUD) for entry in BagReader(bag).messages([TOPIC])
-    ]
+    expected = messages(bag, TOPIC)
     unicast.start("-p", "replayed:=true")
     radar = unicast.radar()
     for block in blocks:
@@ -201,7 +200,7 @@ def test_clouds_of_a_radar_without_crossings_are_those_of_the_file(unicast, tmp_
 
 
 def contents(message):
-    """Return what a cloud says, and nothing of how it was sent."""
+    """Return a cloud's content without its transport."""
     stamp, fields = message.header.stamp, message.fields
     layout = [(field.name, field.offset, field.datatype, field.count) for field in fields]
     return stamp.sec, stamp.nanosec, message.header.frame_id, layout, bytes(message.data)
@@ -313,7 +312,7 @@ def test_plots_go_through_the_tracker_and_come_back_as_tracks(unicast, peer, tmp
     assert {record["category"] for record in records} == {62, 65}
 
 
-def test_tracks_are_of_one_radar_until_another_is_heard(unicast, peer):
+def test_tracks_are_of_one_radar_until_another_reports(unicast, peer):
     unicast.start("-p", "output_period_s:=0.0", named=())
     topic = "/tracker/filtered/estimates"
     publisher = peer.node.create_publisher(PointCloud2, topic, 10)
@@ -349,7 +348,7 @@ def test_hostile_datagrams_are_counted_and_change_nothing(unicast):
     assert process.poll() is None
 
 
-def test_second_radar_of_a_number_and_a_wrong_clock_are_said(unicast):
+def test_second_radar_of_a_number_and_a_wrong_clock_are_reported(unicast):
     unicast.start("-p", "max_clock_offset_s:=10.0")
     blocks = [*made.turns(1, start_s=today_s(7200.0))]
     first, second = unicast.radar(), unicast.radar("127.0.0.2")

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from asterix_reference import decoded, value
+from bag_content import messages
 
-from msg_adapters import interfaces, names
+from msg_adapters import names
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.__main__ import run
@@ -70,8 +71,7 @@ def offline(recorded, tmp_path_factory):
 def clouds(path, topic):
     return [
         (cloud.header.stamp.sec, cloud.header.stamp.nanosec, bytes(cloud.data))
-        for entry in BagReader(path).messages([topic])
-        for cloud in [interfaces.decode(entry.data, names.CLOUD)]
+        for cloud in messages(path, topic)
     ]
 
 
@@ -189,7 +189,7 @@ def test_detections_on_the_round_earth_go_to_asterix_and_back(recorded, offline,
     config = tracker_params.config(bag_parameters.read(recorded))
     before = places(recorded, config, index)
     after = places(offline / "plots", config, index)
-    # The bridge knows only where the antenna is from the first sectors on.
+    # The bridge has the antenna's position only from the first sectors on.
     assert len(before) - 5 <= len(after) <= len(before)
     nearest = [np.abs(before[:, 1:] - row[1:]).max(axis=1).argmin() for row in after]
     np.testing.assert_allclose(after[:, 0], before[nearest, 0], atol=0.005)

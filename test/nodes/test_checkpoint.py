@@ -13,7 +13,12 @@ CONFIGURATION = {"lag": 5, "sensors": ["north", "south"], "seed": 0}
 
 
 def snapshot():
-    arrays = {"a.state": np.arange(10.0).reshape(2, 5), "a.mode": np.array([1, 2])}
+    arrays = {
+        "a.state": np.arange(10.0).reshape(2, 5).T,
+        "a.mode": np.array([1, 2], dtype=np.uint8),
+        "a.none": np.zeros((0, 3)),
+        "a.count": np.array(7),
+    }
     return Snapshot(42, arrays, {"big": 1 << 127})
 
 
@@ -51,7 +56,7 @@ def test_another_configuration_is_refused_by_name(path):
         checkpoint.read(path, {**CONFIGURATION, "lag": 4, "seed": 1})
 
 
-def test_no_checkpoint_is_said_so(tmp_path):
+def test_no_checkpoint_is_logged(tmp_path):
     with pytest.raises(CheckpointError, match="No such file"):
         checkpoint.read(tmp_path / "none", CONFIGURATION)
 
@@ -75,7 +80,7 @@ def test_code_in_a_checkpoint_is_not_executed(tmp_path):
 
 def test_a_checkpoint_of_another_version_is_a_cold_start_with_one_line(path):
     log = Log()
-    path.write_bytes(path.read_bytes().replace(MAGIC, b"phd_jdtc_ros checkpoint 2\n", 1))
+    path.write_bytes(path.read_bytes().replace(MAGIC, b"phd_jdtc_ros checkpoint 3\n", 1))
     checkpoint.Checkpoints(path, 0, 60.0, CONFIGURATION, log)
     (line,) = log.lines
     assert line == f"starting cold: {path}: not a checkpoint of this version"
@@ -150,7 +155,7 @@ class Log:
     error = warning
 
 
-def test_a_checkpoint_that_cannot_be_deleted_is_said_and_no_failure(path):
+def test_a_checkpoint_that_cannot_be_deleted_is_a_warning_and_no_failure(path):
     log = Log()
     kept = checkpoint.Checkpoints(path, 1, 60.0, CONFIGURATION, log)
     path.unlink()
@@ -167,7 +172,7 @@ def test_a_checkpoint_that_cannot_be_looked_for_is_a_cold_start(tmp_path):
     assert "File name too long" in log.lines[0]
 
 
-def test_the_first_start_of_all_says_nothing(tmp_path):
+def test_the_first_start_logs_nothing(tmp_path):
     log = Log()
     checkpoint.Checkpoints(tmp_path / "none", 1, 60.0, CONFIGURATION, log)
     assert log.lines == []

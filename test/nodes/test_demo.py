@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bag_content import messages, recorded, rewrite
 
-from msg_adapters import estimates, interfaces, names, outputs
+from msg_adapters import names, outputs
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.tools.demo.demo import ARTEFACTS, scores
@@ -38,9 +38,7 @@ def offline(tmp_path_factory):
 
 
 def clouds(path, topic):
-    reader = BagReader(path)
-    messages = [interfaces.decode(m.data, names.CLOUD) for m in reader.messages([topic])]
-    return {(m.header.stamp.sec, m.header.stamp.nanosec): m for m in messages}
+    return {(m.header.stamp.sec, m.header.stamp.nanosec): m for m in messages(path, topic)}
 
 
 def broken(metrics):
@@ -168,11 +166,7 @@ def test_live_estimates_equal_offline_ones(demo, offline, source):
 
 
 def test_smoothed_estimates_follow_every_target(demo):
-    reader = BagReader(demo / "estimates")
-    smoothed = [
-        estimates.from_msg(interfaces.decode(m.data, names.CLOUD))
-        for m in reader.messages([names.estimates("smoothed")])
-    ]
+    smoothed = recorded(demo / "estimates", "smoothed")
     start = min(e.stamp_ns for e in smoothed)
 
     for scan, place, class_id in (
@@ -189,7 +183,7 @@ def test_smoothed_estimates_follow_every_target(demo):
 
 def test_demo_records_everything_published(demo):
     reader = BagReader(demo / "estimates")
-    expected = set(outputs.default_topics(2)) | {
+    expected = set(outputs.default_topics(2, engine="particles")) | {
         names.TRUTH,
         *map(names.detections, ("radar_1", "radar_2")),
     }
@@ -214,13 +208,7 @@ def test_demo_refuses_a_missing_bag(tmp_path, capsys):
 
 
 def test_demo_refuses_a_bag_without_truth(tmp_path, capsys):
-    reader, blind = BagReader(BAG), tmp_path / "blind"
-    topics = [topic for topic in reader.types if topic != names.TRUTH]
-    with BagWriter(blind) as bag:
-        for topic in topics:
-            bag.add_topic(Topic(topic, reader.types[topic]))
-        for message in reader.messages(topics):
-            bag.write(message.topic, message.data, message.log_time_ns)
+    blind = rewrite(BAG, tmp_path / "blind", drop=[names.TRUTH])
     assert run("demo", ["--bag", str(blind), "--out", str(tmp_path / "out")]) == 2
     assert names.TRUTH in capsys.readouterr().err
 
@@ -315,7 +303,7 @@ def children(pid):
     return found
 
 
-def test_demo_ends_its_nodes_when_it_is_told_to_end(executables, tmp_path):
+def test_demo_ends_its_nodes_when_it_is_terminated(executables, tmp_path):
     out = tmp_path / "out"
     process = executables.start("demo", "--bag", BAG, "--out", out)
     log = out / "logs" / "tracker.log"

@@ -9,8 +9,8 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from msg_adapters import detections, diagnostics, estimates
-from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import RunEnded
 
 COUNT = 8

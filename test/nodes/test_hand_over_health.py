@@ -1,21 +1,21 @@
 """The health of the hand-over."""
 
 from collections import Counter
+from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from phd_jdtc_ros.handover.picture import LATEST_STAMPS
 from phd_jdtc_ros.handover.settings import TABLE
-from phd_jdtc_ros.nodes.common.health import Seen
 from phd_jdtc_ros.nodes.hand_over import health
 
 LIMIT_S = next(parameter.default for parameter in TABLE if parameter.name == "max_delay_s")
 
 
 def heard_at(*times):
-    """Return what was heard of a tracker with a filtered and a smoothed cloud at each time."""
-    heard = health.Heard(LIMIT_S)
+    """Return the health of a tracker with a filtered and a smoothed cloud at each time."""
+    heard = health.TrackerHealth(LIMIT_S)
     for time_s in times:
         heard.take(FILTERED, time_s)
         heard.take(SMOOTHED, time_s + 0.1)
@@ -23,9 +23,7 @@ def heard_at(*times):
 
 
 def status(heard, now_s, silent=False, behind_s=0.0):
-    return health.of_tracker(
-        "/hand_over: west", "/west/tracker", heard, behind_s, silent, now_s, Seen()
-    )
+    return heard.status("/hand_over: west", "/west/tracker", behind_s, silent, now_s)
 
 
 def test_a_tracker_of_slow_turns_is_not_silent_before_each_cloud():
@@ -56,7 +54,8 @@ def test_a_tracker_whose_clouds_are_refused_is_not_called_silent():
 
 def picture(alive=("west", "east"), parted=0, published=3):
     counts = Counter({FILTERED: published} if published else {})
-    return health.of_picture("/hand_over", counts, 4, 1, parted, alive)
+    joint = SimpleNamespace(handed_over=1, parted=parted, overflow=0)
+    return health.of_picture("/hand_over", joint, counts, 4, alive)
 
 
 def test_picture_of_trackers_that_are_all_there_is_well():

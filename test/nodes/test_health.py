@@ -1,3 +1,4 @@
+import math
 import re
 from collections import Counter
 
@@ -9,14 +10,9 @@ from msg_adapters import diagnostics
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.parameters import TOP
-from phd_jdtc_ros.nodes.common.health import STEP_S, WARNING_MEMORY_S, Lately, Rhythm
-from phd_jdtc_ros.nodes.tracker.health import (
-    LEASE_S,
-    InputHealth,
-    OutputHealth,
-    Publishers,
-    StepHealth,
-)
+from phd_jdtc_ros.nodes.common.health import WARNING_MEMORY_S, Rhythm, Rises
+from phd_jdtc_ros.nodes.tracker.health import OutputHealth, StepHealth
+from phd_jdtc_ros.nodes.tracker.input_health import LEASE_S, InputHealth, Publishers
 
 ALONE = Publishers(frozenset({"driver"}))
 TWO = Publishers(frozenset({"driver", "other"}))
@@ -35,10 +31,10 @@ def radar(interval_s=None, scans=9):
     return health
 
 
-def status(health, now_s=100.0, heard=ALONE, looked_s=None):
-    """Return the status; without `looked_s` of a tracker that is never late."""
-    looked_s = now_s if looked_s is None else looked_s
-    return health.status("/site/tracker", now_s, looked_s, 2.0, heard)
+def status(health, now_s=100.0, heard=ALONE, checked_s=None):
+    """Return the status; without `checked_s` of a tracker that is never late."""
+    checked_s = now_s if checked_s is None else checked_s
+    return health.status("/site/tracker", now_s, checked_s, heard)
 
 
 def step_status(pace, limit=1.0, lost=0, busy=0.1):
@@ -80,9 +76,9 @@ def test_rhythm_measures_no_interval_across_a_pause():
 @pytest.mark.parametrize("interval_s", [0.1, 1.0, 12.0])
 def test_radar_is_silent_within_two_of_its_own_scans_and_half_a_second(interval_s):
     health = radar(interval_s)
-    assert not health.silent(100.0 + 2.0 * interval_s, 2.0)
+    assert not health.silent(100.0 + 2.0 * interval_s)
     # A tenth of a second is left for whoever looks.
-    assert health.silent(100.0 + 2.0 * interval_s + 0.4, 2.0)
+    assert health.silent(100.0 + 2.0 * interval_s + 0.4)
     found = status(health, 100.0 + 2.0 * interval_s + 0.4)
     assert found.level == STALE
     assert found.message.startswith("silent for ")
@@ -94,7 +90,7 @@ def test_radar_that_never_reported_is_stale():
     assert "age_s" not in diagnostics.values_of(found)
 
 
-def test_radar_that_reports_is_well_and_says_how_it_does():
+def test_reporting_radar_is_ok_with_its_figures():
     found = status(radar(1.0), 100.5)
     assert (found.name, found.hardware_id) == ("/site/tracker: north", "/site/tracker/north")
     assert (found.level, found.message) == (OK, "receiving")
@@ -114,9 +110,9 @@ def test_radar_that_reports_is_well_and_says_how_it_does():
 def test_radar_in_trouble_is_a_warning_for_a_while(trouble):
     health = radar(60.0)
     if trouble == "drop":
-        health.drop("schema", 3, 100.0)
+        health.drop("schema", 3)
     else:
-        health.miss_deadline(3, 100.0)
+        health.deadlines_missed += 3
     values = diagnostics.values_of(status(health))
     assert "3" in (values["deadlines_missed"], values.get("dropped_schema"))
     assert status(health, 100.0 + 0.9 * WARNING_MEMORY_S).level == WARN
@@ -125,8 +121,8 @@ def test_radar_in_trouble_is_a_warning_for_a_while(trouble):
 
 def test_doubts_are_counted_and_a_warning_for_a_while():
     health = radar(60.0)
-    health.doubt(Counter(azimuths_beyond_a_turn=3), "3 azimuths, probably degrees", 99.0)
-    health.doubt(Counter(azimuths_beyond_a_turn=4, time_missing=1), "4 azimuths", 100.0)
+    health.warn(Counter(azimuths_beyond_a_turn=3), "3 azimuths, probably degrees")
+    health.warn(Counter(azimuths_beyond_a_turn=4, time_missing=1), "4 azimuths")
     found = status(health)
     assert (found.level, found.message) == (WARN, "4 azimuths")
     values = diagnostics.values_of(found)
@@ -174,7 +170,7 @@ def test_what_came_during_a_pause_is_neither_lost_nor_an_interval():
     assert health.gaps == 2
 
 
-def test_publishers_that_send_in_turns_are_an_error_whatever_the_graph_says():
+def test_publishers_that_alternate_are_an_error_whatever_the_graph_shows():
     health = radar(1.0)
     for k in range(4):
         health.arrived(100.0 + k, 500 + k, 0.0)
@@ -184,7 +180,7 @@ def test_publishers_that_send_in_turns_are_an_error_whatever_the_graph_says():
         ERROR,
         "several publishers on /north/plots, must be one",
     )
-    # Nobody publishes any more: that is another matter.
+    # Without a publisher the case is another one.
     assert status(health, 114.0).level == STALE
 
 
@@ -214,7 +210,7 @@ def test_silent_second_publisher_is_an_error_once_it_outlives_a_killed_one():
     assert status(health, 100.0 + LEASE_S + 1.0).level == OK
 
 
-def test_publisher_that_cannot_be_heard_is_an_error_even_before_anything_came():
+def test_publisher_of_incompatible_qos_is_an_error_before_any_message():
     found = status(radar(), heard=Publishers(frozenset({"driver"}), ("best effort and reliable",)))
     assert found.level == ERROR
     assert found.message == "incompatible QoS on /north/plots: best effort and reliable"
@@ -227,7 +223,7 @@ def test_gaps_are_counted_exactly():
     assert health.gaps == 3 + 2
 
 
-def test_gaps_are_not_counted_where_nobody_numbers():
+def test_gaps_are_not_counted_without_sequence_numbers():
     health = radar()
     for _ in range(3):
         health.arrived(0.0, None, 0.0)
@@ -238,7 +234,7 @@ def test_gaps_are_not_counted_where_nobody_numbers():
     ("worked_s", "why"),
     [(0.9, "the tracker is too slow, see its step time"), (0.1, "on the way to the tracker")],
 )
-def test_lost_messages_are_a_warning_that_says_whose_doing_it_is(worked_s, why):
+def test_lost_messages_are_a_warning_with_the_cause(worked_s, why):
     health = radar(1.0)
     health.arrived(101.0, 9, worked_s)
     assert status(health, 101.0).level == OK
@@ -247,7 +243,7 @@ def test_lost_messages_are_a_warning_that_says_whose_doing_it_is(worked_s, why):
     found = status(health, 102.0)
     assert (found.level, found.message) == (WARN, f"5 messages lost in the last 10 s: {why}")
     assert diagnostics.values_of(found)["gaps"] == "5"
-    assert health.lost_by_overload.count(102.0) == (5 if worked_s > 0.5 else 0)
+    assert health.lost_by_overload(102.0) == (5 if worked_s > 0.5 else 0)
     health.rhythm = Rhythm(60.0)
     assert status(health, 102.1 + WARNING_MEMORY_S).level == OK
 
@@ -255,10 +251,10 @@ def test_lost_messages_are_a_warning_that_says_whose_doing_it_is(worked_s, why):
 def test_radar_is_not_silent_while_the_tracker_is_too_busy_to_look():
     health = radar(0.05)
     # The tracker worked for 5 s: what waits in its queue has not been received yet.
-    assert status(health, 105.0, looked_s=100.0).level == OK
-    assert not health.silent(100.0, 2.0)
+    assert status(health, 105.0, checked_s=100.0).level == OK
+    assert not health.silent(100.0)
     # It has looked since, and there was nothing.
-    assert status(health, 105.2, looked_s=105.1).level == STALE
+    assert status(health, 105.2, checked_s=105.1).level == STALE
 
 
 @pytest.mark.parametrize(("step_ms", "level"), [(999.0, OK), (1001.0, WARN)])
@@ -273,15 +269,14 @@ def test_step_time_before_any_scan_is_stale():
     assert step_status(StepHealth(Rhythm(6.0), Rhythm(6.0))).level == STALE
 
 
-def test_overload_is_a_warning_that_says_what_to_turn_down_though_each_step_is_in_time():
+def test_overload_is_a_warning_with_advice_though_each_step_is_in_time():
     # The scans that are left after the losses are far apart, so each step is fast enough for them.
     pace = stepping(800.0)
     assert step_status(pace).level == OK
     found = step_status(pace, lost=453, busy=0.99)
     assert found.level == WARN
     assert found.message == (
-        "overloaded, 453 messages lost in the last 10 s: turn down accuracy, "
-        "particles_per_target or lag"
+        "overloaded, 453 messages lost in the last 10 s: turn down accuracy or lag"
     )
     assert diagnostics.values_of(found)["busy"] == "0.99"
 
@@ -296,7 +291,7 @@ def test_advice_on_slow_steps_names_parameters_of_the_engine(engine):
 
 
 def test_approximations_are_counted_where_the_engine_has_them():
-    pace = StepHealth(Rhythm(2.0), Rhythm(2.0), "gaussian")
+    pace = StepHealth(Rhythm(2.0), Rhythm(2.0))
     for index, count in enumerate((0, 2, 0, 1)):
         figures = {"approximate_clusters": count, "floored_covariances": 1, "origins": 9}
         pace.stepped(index * 10**9, float(index), 1.0, 1, figures)
@@ -317,17 +312,26 @@ def test_tracker_that_is_always_busy_warns_unless_a_replay_waits_for_it(wall_s, 
 def test_refused_subscription_is_a_warning_for_a_while():
     outputs = OutputHealth()
     assert outputs.status("/tracker", 0.0).level == OK
-    outputs.refuse("/tracker/markers", 2, 50.0)
+    outputs.refused["/tracker/markers"] += 2
     found = outputs.status("/tracker", 51.0)
     assert found.level == WARN
     assert diagnostics.values_of(found) == {"incompatible_qos /tracker/markers": "2"}
     assert outputs.status("/tracker", 51.0 + WARNING_MEMORY_S).level == OK
 
 
-def test_lately_counts_a_flood_in_little_memory():
-    lately = Lately()
-    for event in range(10_000):
-        lately.add(100.0 + event / 1000.0)
-    assert lately.count(109.999) == 10_000
-    assert len(lately._counts) <= WARNING_MEMORY_S / STEP_S + 1
-    assert lately.count(110.0 + WARNING_MEMORY_S) == 0
+def test_rises_sums_the_recent_ones():
+    rises = Rises()
+    assert [rises.recent("lost", count, 100.0 + count) for count in (0, 3, 5)] == [0, 3, 5]
+    assert rises.recent("lost", 5, 104.0 + WARNING_MEMORY_S) == 2
+    assert rises.recent("other", 0, 104.0) == 0
+
+
+def test_rises_takes_a_count_that_falls_for_one_that_has_begun_again():
+    rises = Rises()
+    assert [rises.recent("plots", count, 100.0) for count in (5, 0, 2)] == [5, 0, 2]
+
+
+def test_rises_measures_the_time_since_a_count_last_rose():
+    rises = Rises()
+    found = [rises.unchanged_s("plots", count, now) for count, now in ((0, 9), (4, 10), (4, 13))]
+    assert found == [math.inf, 0.0, 3.0]

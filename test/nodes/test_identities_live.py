@@ -46,7 +46,7 @@ def clouds(config, answers=SCANS):
 
 
 class Tower:
-    """A live tracker and the radar that it hears."""
+    """A live tracker and its radar."""
 
     def __init__(self, processes, peer, directory, name):
         self.peer, self.node, topic = peer, f"/{name}/tracker", f"/{name}/plots"
@@ -65,7 +65,7 @@ class Tower:
         peer.settled(self.output)
 
     def track(self, sent):
-        """Return what the tracker says of each cloud."""
+        """Return the tracker's estimates of each cloud."""
         answered(self.peer, self.output, self.found, sent)
         # A checkpoint is written after the estimates have gone out.
         self.peer.meet(self.node)
@@ -83,7 +83,7 @@ def test_codes_addresses_and_heights_are_kept_across_a_restart(processes, peer, 
     first.process.wait(10.0)
     peer.node.destroy_publisher(first.output)
     second = Tower(processes, peer, tmp_path, "again")
-    # The plots do not tell whose they are any more: only the checkpoint does.
+    # The plots have no identities any more: only the checkpoint has them.
     assert second.track(sent[4:]) == whole[4:]
     assert "going on from" in second.process.log.read_text()
     known = estimates.from_msg(second.found[0]).attributes

@@ -39,7 +39,7 @@ PARAMETERS = {
     "lag": "5 s",
     "particles_per_target": 1000,
     "particles_per_birth": 1024,
-    # Far apart, so that one report tells them apart if its unit is right.
+    # Far apart, so that one report separates them if its unit is right.
     "class_0": {"snr_band_db": [50.0, 70.0]},
     "class_1": {"snr_band_db": [10.0, 30.0]},
     "births": ["one", "two", "three"],
@@ -219,7 +219,7 @@ def stamp_of(cloud):
     return stamps.to_ns(cloud.header.stamp)
 
 
-def test_tracker_lives_and_tracks_as_its_operator_says(processes, peer, tmp_path):
+def test_tracker_follows_its_operators_transitions(processes, peer, tmp_path):
     profile = tmp_path / "radars.yaml"
     profile.write_text(yaml.safe_dump({"/**/tracker": {"ros__parameters": PARAMETERS}}))
     reliable = [
@@ -233,17 +233,17 @@ def test_tracker_lives_and_tracks_as_its_operator_says(processes, peer, tmp_path
     operator = Operator(peer)
     half = len(SCENE) // 2
 
-    # Unconfigured it has no topics and says so.
+    # Unconfigured it has no topics and reports its state.
     assert operator.state() == "unconfigured"
     assert not peer.node.count_subscribers("/drivers/north/plots")
     assert operator.levels()["/tracker: south"] == (
         DiagnosticStatus.STALE,
         "the tracker is unconfigured",
     )
-    # Not every transition is there from every state; asking for another harms nobody.
+    # Not every transition is there from every state; asking for another does no harm.
     assert not operator.change(Transition.TRANSITION_ACTIVATE)
 
-    # Inactive it hears nothing of what is sent.
+    # Inactive it receives nothing.
     assert operator.change(Transition.TRANSITION_CONFIGURE)
     operator.connect()
     for index, cloud in SCENE[:4]:

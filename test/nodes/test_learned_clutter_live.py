@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from live_and_offline import answered, assert_alike, recorded, started
+from bag_content import recorded
+from live_and_offline import answered, assert_alike, started
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2

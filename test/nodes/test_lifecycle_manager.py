@@ -44,13 +44,13 @@ def test_manager_takes_the_tracker_through_its_life_without_a_bond(processes, pe
     for command in (STARTUP, PAUSE, RESUME, RESET, STARTUP, SHUTDOWN):
         assert all(manage(peer, command)), command
     assert not peer.node.count_publishers("/site/bond")
-    # Whoever wonders why the manager gives up is told what to set.
+    # The log explains why the manager gives up and what to set.
     assert "nav2's manager needs bond_timeout: 0.0" in tracker.log.read_text()
 
 
 @pytest.fixture
 def bonds(executables, peer):
-    """Return what is heard of bonds in the namespace, and the other side of it."""
+    """Return the received bonds of the namespace, and a publisher of them."""
 
     def start(*arguments):
         return executables.start("tracker", *arguments, PYTHONPATH=str(STAND_IN))

@@ -1,4 +1,4 @@
-from phd_jdtc_ros.nodes.replay.lock_step import GIVE_UP_S, MOST_OUTSTANDING, PATIENCE_S, LockStep
+from phd_jdtc_ros.nodes.replay.lock_step import GIVE_UP_S, MAX_OUTSTANDING, PATIENCE_S, LockStep
 
 S = 1_000_000_000
 
@@ -6,63 +6,63 @@ S = 1_000_000_000
 def awaiting(*stamps_s):
     step = LockStep()
     for stamp_s in stamps_s:
-        step.published(stamp_s * S, 0.0)
+        step.expect(stamp_s * S, 0.0)
     return step
 
 
 def test_the_next_may_follow_once_the_estimate_is_back():
     step = awaiting(6)
     assert not step.may_follow(0.1)
-    step.answered(6 * S, 0.2)
+    step.receive(6 * S, 0.2)
     assert step.may_follow(0.2)
-    assert step.settled(0.2)
+    assert step.is_settled(0.2)
 
 
 def test_an_estimate_answers_the_stamps_before_it_too():
     step = awaiting(6, 12, 18)
-    step.answered(12 * S, 0.1)
+    step.receive(12 * S, 0.1)
     assert not step.may_follow(0.2)
-    step.answered(18 * S, 0.3)
+    step.receive(18 * S, 0.3)
     assert step.may_follow(0.3)
 
 
 def test_an_estimate_of_a_stamp_before_those_awaited_answers_nothing():
     step = awaiting(12)
-    step.answered(6 * S, 0.1)
+    step.receive(6 * S, 0.1)
     assert not step.may_follow(0.2)
 
 
 def test_a_late_estimate_from_before_a_jump_back_answers_nothing():
     step = awaiting(480)
     step.begin()
-    step.published(6 * S, 1.0)
-    step.answered(480 * S, 1.1)
+    step.expect(6 * S, 1.0)
+    step.receive(480 * S, 1.1)
     assert not step.may_follow(1.2)
-    step.answered(6 * S, 1.3)
+    step.receive(6 * S, 1.3)
     assert step.may_follow(1.3)
 
 
 def test_a_few_more_go_out_where_an_estimate_is_held_back():
     step = awaiting(0)
-    for stamp_s in range(1, MOST_OUTSTANDING):
+    for stamp_s in range(1, MAX_OUTSTANDING):
         assert not step.may_follow(PATIENCE_S)
         assert step.may_follow(PATIENCE_S + 0.1)
-        step.published(stamp_s * S, PATIENCE_S + 0.1)
+        step.expect(stamp_s * S, PATIENCE_S + 0.1)
     assert not step.may_follow(PATIENCE_S + 0.2)
 
 
 def test_the_end_is_settled_after_patience_where_the_last_estimate_is_held_back():
     step = awaiting(6)
-    assert not step.settled(PATIENCE_S)
-    assert step.settled(PATIENCE_S + 0.1)
+    assert not step.is_settled(PATIENCE_S)
+    assert step.is_settled(PATIENCE_S + 0.1)
 
 
 def test_it_is_hopeless_after_long_without_an_answer():
     step = awaiting(6, 12)
-    step.answered(6 * S, 5.0)
+    step.receive(6 * S, 5.0)
     assert not step.hopeless(GIVE_UP_S + 5.0)
     assert step.hopeless(GIVE_UP_S + 5.1)
-    step.answered(12 * S, GIVE_UP_S + 5.2)
+    step.receive(12 * S, GIVE_UP_S + 5.2)
     assert not step.hopeless(1000.0)
 
 
@@ -70,7 +70,7 @@ def test_a_pause_does_not_count_until_it_is_hopeless():
     step = awaiting(6)
     resumed_s = 10.0 * GIVE_UP_S
     assert step.hopeless(resumed_s)
-    step.run_on(resumed_s)
+    step.restart(resumed_s)
     assert not step.hopeless(resumed_s + GIVE_UP_S)
     assert step.hopeless(resumed_s + GIVE_UP_S + 0.1)
     # What may follow is another matter: the estimate has been held back all the same.
@@ -80,8 +80,8 @@ def test_a_pause_does_not_count_until_it_is_hopeless():
 def test_an_answer_may_be_older_by_the_delay():
     step = LockStep(delay_s=2.0)
     for stamp_s in (4, 8):
-        step.published(stamp_s * S, 0.0)
-    step.answered(round(3.9 * S), 0.1)
+        step.expect(stamp_s * S, 0.0)
+    step.receive(round(3.9 * S), 0.1)
     assert not step.may_follow(0.2)
-    step.answered(round(6.1 * S), 0.3)
+    step.receive(round(6.1 * S), 0.3)
     assert step.may_follow(0.3)

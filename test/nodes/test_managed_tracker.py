@@ -103,7 +103,7 @@ def test_silent_radar_is_noticed_while_the_other_is_tracked(processes, peer):
     assert {s.name for s in reported()} == {"/tracker: radar_2"}
     values = diagnostics.values_of(reported()[0])
     assert float(values["age_s"]) > 2.0 * float(values["interval_s"])
-    # Tracking goes on. The radar's return is noticed, though nobody waited for its scan.
+    # Tracking goes on. The radar's return is noticed, though no scan waited for it.
     assert peer.spin_until(lambda: len(group.filtered) > 8)
     group.send(index)
     assert wait_for_level(group, "radar_2", DiagnosticStatus.WARN)
@@ -166,7 +166,7 @@ def test_qos_override_is_for_its_topic_alone(processes, peer):
     ]
 
 
-def test_output_qos_can_be_overridden_and_who_is_not_served_is_told(processes, peer):
+def test_output_qos_can_be_overridden_and_incompatible_subscribers_are_logged(processes, peer):
     override = f"qos_overrides.{ESTIMATES}.publisher.reliability:=best_effort"
     start(processes, "-p", override)
     group = connected(peer)  # asks for reliable estimates
@@ -208,7 +208,7 @@ def test_messages_while_the_tracker_was_inactive_are_not_lost(processes, peer):
     assert (values["received"], values["gaps"]) == ("2", "0")
 
 
-def test_wrong_topic_is_told_with_those_that_there_are(processes, peer):
+def test_wrong_topic_is_reported_with_the_existing_ones(processes, peer):
     tracker = start(processes, "-p", "radar_2.topic:=/plots")
     group = Radars(peer)
     other = peer.publisher(String, "/plots")
@@ -219,7 +219,7 @@ def test_wrong_topic_is_told_with_those_that_there_are(processes, peer):
     peer.node.destroy_publisher(other)
     assert wait_for_level(group, "radar_2", DiagnosticStatus.STALE)
     told = (
-        "nothing received yet; nobody publishes on /plots; sensor_msgs/msg/PointCloud2 is on "
+        "nothing received yet; no publisher on /plots; sensor_msgs/msg/PointCloud2 is on "
         "/radar_2/detections"
     )
     # Its own outputs are of that type too, and the first radar has its topic.
@@ -227,7 +227,7 @@ def test_wrong_topic_is_told_with_those_that_there_are(processes, peer):
     assert peer.spin_until(lambda: told in tracker.log.read_text())
 
 
-def test_noise_that_is_set_much_too_large_is_told(processes, peer):
+def test_noise_set_much_too_large_is_reported(processes, peer):
     wide = {"range_std": 3000.0, "azimuth_std_deg": 10.0}
     start(processes, *options(**{f"radar_{k}.{n}": v for k in (1, 2) for n, v in wide.items()}))
     group = connected(peer)
@@ -490,7 +490,7 @@ def test_own_parameters_given_again_are_no_change(processes, peer):
     assert line.endswith("changed: confirm_probability 0.875")
 
 
-def test_parameters_are_described_ranged_and_say_when_structure_may_change(processes, peer):
+def test_parameters_have_descriptions_ranges_and_whether_they_may_change(processes, peer):
     start(processes)
     assert peer.spin_until(lambda: state(peer) == "active")
     asked = ["confirm_probability", "lag", "checkpoint.every"]

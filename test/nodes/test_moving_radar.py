@@ -3,9 +3,10 @@
 import moving
 import numpy as np
 import pytest
+from bag_content import recorded, write
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from live_and_offline import assert_alike, recorded, started
+from live_and_offline import assert_alike, started
 from moving_messages import CLOUDS, sent
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
@@ -13,7 +14,7 @@ from unfolded import rows_of
 
 from msg_adapters import diagnostics, estimates, names, platform_poses
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.bags.writer import Topic
 from phd_jdtc_ros.configuration.schema import flatten
 from phd_jdtc_ros.core.types import Pose
 from phd_jdtc_ros.report import load
@@ -24,12 +25,8 @@ KINDS = {"odometry": Odometry, "pose_stamped": PoseStamped}
 
 
 def write_bag(path, messages, kind="odometry"):
-    with BagWriter(path) as bag:
-        bag.add_topic(Topic(CLOUDS, names.CLOUD))
-        bag.add_topic(Topic(moving.ODOMETRY, platform_poses.TYPES[kind]))
-        for topic, data, stamp_ns in messages:
-            bag.write(topic, data, stamp_ns)
-    return path
+    topics = [Topic(CLOUDS, names.CLOUD), Topic(moving.ODOMETRY, platform_poses.TYPES[kind])]
+    return write(path, topics, messages)
 
 
 @pytest.fixture
@@ -81,7 +78,7 @@ def test_poses_of_another_frame_are_counted_and_their_scans_too(tracker, peer):
     assert peer.spin_until(lambda: values("mast").get("dropped_pose_missing") == "4")
 
 
-def test_offline_faults_of_poses_are_counted_and_said(tmp_path):
+def test_offline_faults_of_poses_are_counted_and_reported(tmp_path):
     messages = [
         (topic, data, stamp_ns)
         for topic, data, stamp_ns in sent()

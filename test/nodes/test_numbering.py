@@ -27,7 +27,7 @@ def test_what_one_publisher_lost_is_counted_exactly(steps, first):
     assert not heard(numbers).several
 
 
-# What was published before the tracker heard of the new one is not known to be lost.
+# Messages published before the tracker discovered the new one do not count as lost.
 @pytest.mark.parametrize(("alive", "missed"), [(1, 0), (2, 0), (5, 0), (5, 3), (99, 0), (99, 3)])
 def test_restart_is_neither_a_loss_nor_a_second_publisher(alive, missed):
     numbering = heard(range(1, alive + 1))

@@ -35,7 +35,7 @@ def options(values):
 
 
 def tracked(peer):
-    """Return the radars of a tracker, once it hears them."""
+    """Return the radars of a tracker, once connected."""
     group = Radars(peer)
     group.connect()
     return group
@@ -114,7 +114,7 @@ def test_frames_can_be_left_to_another_node(executables, peer, installed):
     assert not peer.node.count_publishers(names.STATIC_FRAMES)
 
 
-def test_missing_type_of_the_frames_is_said_once(executables, peer, tmp_path):
+def test_missing_type_of_the_frames_is_logged_once(executables, peer, tmp_path):
     broken = tmp_path / "packages" / "tf2_msgs"
     broken.mkdir(parents=True)
     (broken / "__init__.py").write_text("raise ImportError('not in this installation')")
@@ -135,10 +135,10 @@ def test_recording_places_detections_on_a_map(executables, peer, tmp_path, insta
     group = tracked(peer)
     scores = peer.collect(DiagnosticArray, names.OSPA)
     targets = peer.publisher(PointCloud2, names.TRUTH)
-    # The evaluator hears them for itself and for the recording.
+    # The evaluator subscribes for itself and for the recording.
     assert peer.spin_until(lambda: targets.get_subscription_count() == 2)
 
-    # A score says that the evaluator has what came before that scan's estimates. The first scans
+    # A score means that the evaluator has what came before that scan's estimates. The first scans
     # may be too early for it, as it has to find the tracker by itself.
     def scored():
         return len({stamps.to_ns(score.header.stamp) for score in scores})

@@ -13,7 +13,7 @@ RADAR = names.detections("radar_1")
 
 def choose(tmp_path, types, wanted=()):
     bag = write(tmp_path / "bag.mcap", types, [(topic, 0, b"") for topic in types])
-    return playable.choose(BagReader(bag), list(wanted))
+    return playable.select(BagReader(bag), list(wanted))
 
 
 def test_choose_takes_foreign_topics_beside_the_detections(tmp_path):

@@ -67,7 +67,7 @@ def test_clouds_do_not_overtake_poses_that_have_arrived(peer, tmp_path):
         # The last scan waits for a pose that never comes. Of each ship fewer poses are kept than
         # have arrived.
         assert peer.spin_until(done)
-        assert not any(health.dropped for health in tracker._live._inputs.radars)
+        assert not any(health.dropped for health in tracker._live.inputs.radars)
     finally:
         tracker.close()
         executor.shutdown()

@@ -35,7 +35,7 @@ def test_recorder_writes_what_arrives(peer, tmp_path):
     assert [b"note %d" % k in m.data for k, m in enumerate(bag.messages(["/note"]))] == [True] * 5
 
 
-def test_recorder_hears_drivers_that_offer_best_effort_alone(peer, tmp_path):
+def test_recorder_receives_drivers_that_offer_best_effort_alone(peer, tmp_path):
     recorder = Recorder(peer.node, tmp_path / "bag", {"/note": STRING})
     modest = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
     outputs = [peer.publisher(String, "/note", modest), peer.publisher(String, "/note")]
@@ -51,7 +51,7 @@ def test_recorder_hears_drivers_that_offer_best_effort_alone(peer, tmp_path):
     assert peer.spin_until(lambda: recorder.written["/note"] == 2)
     recorder.close()
 
-    # Each once, though one of them was heard before too.
+    # Each once, though one of them was received before too.
     assert BagReader(tmp_path / "bag").counts["/note"] == 2
 
 

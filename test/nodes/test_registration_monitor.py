@@ -18,11 +18,11 @@ from msg_adapters import (
 )
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, Drift, RegistrationMonitor
 from phd_jdtc_ros.configuration import tracker_node
-from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.sensors.bias import RadarBias
-from phd_jdtc_ros.nodes.tracker import registration_health
+from phd_jdtc_ros.nodes.tracker.health import registration_status
 
 NODE = "/tracker"
 FEW = {"engine": "gaussian", "lag": 0}
@@ -54,8 +54,8 @@ def drift(mean, sigma, count=LEAST, drifts=(False, False)):
         (drift([80.0, 0.0], [4.0, 0.0], count=3), DiagnosticStatus.OK, "judged from 60"),
     ],
 )
-def test_a_status_says_what_is_seen_and_how_sure_it_is(found, level, text):
-    status = registration_health.status(found, "/site/tracker")
+def test_a_status_lists_the_bias_and_its_standard_deviation(found, level, text):
+    status = registration_status(found, "/site/tracker")
     assert status.name == "/site/tracker: registration of mast"
     assert status.level == level
     assert text in status.message
@@ -125,8 +125,8 @@ def test_a_radar_that_is_off_is_warned_of_live_as_offline(processes, peer):
 
 @pytest.mark.live
 def test_corrections_are_made_live(processes, peer):
-    given = {**FEW, "radar_1.time_offset_s": 0.5, "radar_2.time_offset_s": 0.5}
-    given |= {"radar_1.range_bias": 1000.0, "radar_2.range_bias": 1000.0}
+    biases = [1000.0, 0.0, 0.0, 0.5]
+    given = {**FEW, "radar_1.biases": biases, "radar_2.biases": biases}
     config = resolve(given)
     outputs = [peer.publisher(PointCloud2, f"/radar_{k}/detections", 50) for k in (1, 2)]
     seen = peer.collect(PointCloud2, names.detections_in_map(), 100)

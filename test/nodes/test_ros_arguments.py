@@ -81,7 +81,7 @@ def test_broken_parameter_file_is_one_line(processes, tmp_path, name):
     assert len(text.splitlines()) == 1
 
 
-def test_file_without_any_parameters_is_told_in_words(processes, tmp_path):
+def test_file_without_any_parameters_is_an_error_in_words(processes, tmp_path):
     path = tmp_path / "p.yaml"
     path.write_text("tracker:\n  ros_parameters:\n    sensors: [a, b]\n")
     status, text = processes.run("tracker", "--ros-args", "--params-file", path)
@@ -151,7 +151,7 @@ def test_file_with_a_section_for_the_tracker_is_named_at_activation(
 
 
 @pytest.mark.parametrize("given", [(), ("-p", "lag:=2", "-p", "use_sim_time:=false")])
-def test_tracker_without_a_file_says_that_it_goes_by_the_defaults(processes, peer, given):
+def test_tracker_without_a_file_logs_that_it_uses_the_defaults(processes, peer, given):
     tracker = processes.start("tracker", "--ros-args", *given)
 
     assert peer.spin_until(lambda: "tracking " in tracker.log.read_text(), 20.0)

@@ -47,7 +47,7 @@ def said(close):
     return done.stdout.splitlines()
 
 
-def test_node_is_told_at_its_closing_that_it_failed():
+def test_node_closes_with_its_failure():
     assert said("pass") == ["closed with 1", "destroyed", "raised half-way", "down"]
 
 

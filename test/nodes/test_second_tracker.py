@@ -41,7 +41,7 @@ def ended(process, timeout=15.0):
 
 
 @pytest.mark.parametrize("newcomer", [True, False])
-def test_second_tracker_of_the_same_name_says_so_and_ends(processes, peer, newcomer):
+def test_second_tracker_of_the_same_name_ends_with_an_error(processes, peer, newcomer):
     first = start(processes)
     assert tracking(peer, first)
     if not newcomer:
@@ -136,7 +136,7 @@ def test_second_tracker_leaves_the_checkpoint_alone(processes, peer, tmp_path):
     assert path.read_bytes() == before
 
 
-def test_what_is_no_claim_of_an_elder_moves_nobody(processes, peer):
+def test_what_is_no_claim_of_an_older_node_ends_none(processes, peer):
     output = peer.publisher(String, CLAIMS, LATCHED)
     tracker = start(processes)
     assert tracking(peer, tracker)
@@ -148,7 +148,7 @@ def test_what_is_no_claim_of_an_elder_moves_nobody(processes, peer):
     assert tracker.poll() is None
 
 
-def test_bytes_that_are_no_string_move_nobody(processes, peer):
+def test_bytes_that_are_no_string_end_no_node(processes, peer):
     output = peer.publisher(String, CLAIMS, LATCHED)
     tracker = start(processes)
     assert tracking(peer, tracker)

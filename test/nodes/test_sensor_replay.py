@@ -157,7 +157,7 @@ def test_replay_plays_foreign_topics_and_warns_once_of_unknown_ones(processes, p
     topics = {
         names.detections("radar_1"): names.CLOUD,
         "/note": "std_msgs/msg/String",
-        # Of a type that is known here; what matters is the name.
+        # Any installed type will do; the name matters.
         "/tf_static": "std_msgs/msg/String",
         "/other": "nobody_has_this/msg/Thing",
     }
@@ -254,10 +254,15 @@ def test_replay_waits_for_its_subscribers(processes, peer):
     assert peer.spin_until(lambda: process.poll() is not None and late.scans == 80)
 
 
-def test_replay_in_lock_step_publishes_a_stamp_once_the_estimate_came_back(processes, peer):
+@pytest.mark.parametrize("tracker", [names.TRACKER, "/west/tracker"])
+def test_replay_in_lock_step_publishes_a_stamp_once_the_estimate_came_back(
+    processes, peer, tracker
+):
     listener = Listener(peer)
-    estimates = peer.publisher(PointCloud2, names.estimates("filtered"))
-    processes.start("sensor_replay", BAG, "--rate", "0", *QUIET)
+    topic = names.estimates("filtered", tracker)
+    estimates = peer.publisher(PointCloud2, topic)
+    remapped = ("-r", f"{names.estimates('filtered')}:={topic}")
+    processes.start("sensor_replay", BAG, "--rate", "0", *QUIET, *remapped)
     assert peer.spin_until(lambda: listener.scans == 1)
     peer.ticks(10)
     assert listener.scans == 1
@@ -328,7 +333,7 @@ def test_replay_in_lock_step_outlasts_a_long_pause(peer, listener, on):
         process.wait()
 
 
-def test_replay_warns_when_nobody_listens(processes):
+def test_replay_warns_without_subscribers(processes):
     status, text = processes.run(
         *("sensor_replay", BAG, "--rate", "1000"),
         *(*QUIET, "-p", "subscriber_timeout_s:=0.3"),
@@ -338,7 +343,7 @@ def test_replay_warns_when_nobody_listens(processes):
     assert "nothing is connected to /radar_1/detections, /radar_2/detections; playing" in text
 
 
-def test_replay_waits_for_as_many_subscribers_as_it_is_told(processes, peer):
+def test_replay_waits_for_the_configured_number_of_subscribers(processes, peer):
     """The peer is the only one."""
     Listener(peer)
     status, text = processes.run(
@@ -362,11 +367,11 @@ def test_replay_without_an_evaluator_hardly_waits_for_one(processes, peer):
     assert f"nothing is connected to {names.TRUTH}; playing without waiting for it" in text
 
 
-def test_replay_waits_for_the_truths_subscribers_as_long_as_it_is_told(processes, peer):
+def test_replay_waits_for_the_truths_subscribers_for_the_configured_time(processes, peer):
     clock = peer.collect(Clock, "/clock", QoSProfile(depth=1, reliability=BEST_EFFORT))
     for topic in TOPICS[:2]:
         peer.collect(PointCloud2, topic, DEEP)
-    words = ("-p", "truth_timeout_s:=3600.0")
+    words = ("-p", "subscriber_timeout_s:=3600.0")
     process = processes.start("sensor_replay", BAG, "--rate", "1000", *QUIET, *words)
     # Longer than it would wait otherwise, by its own clock of 100 Hz.
     assert peer.spin_until(lambda: len(clock) > 200)
@@ -375,7 +380,7 @@ def test_replay_waits_for_the_truths_subscribers_as_long_as_it_is_told(processes
     assert peer.spin_until(lambda: process.poll() is not None and len(late) == 80)
 
 
-def test_replay_says_in_the_end_how_much_it_published(processes):
+def test_replay_logs_at_the_end_how_much_it_published(processes):
     words = ("--duration", "12", *QUIET, "-p", "subscriber_timeout_s:=0.0")
     status, text = processes.run("sensor_replay", BAG, "--rate", "1000", *words)
 
@@ -424,7 +429,7 @@ def test_replay_fails_where_the_flush_is_refused(processes, peer, listener):
     assert "service /busy/flush refused: not now" in process.log.read_text()
 
 
-def test_replay_stops_at_once_while_it_waits_for_one_who_does_not_hear(processes, peer, listener):
+def test_replay_stops_at_once_while_it_waits_for_an_absent_subscriber(processes, peer, listener):
     deaf = processes.start("evaluator")
     assert peer.spin_until(lambda: peer.node.count_subscribers(names.TRUTH) == 2)
     process = processes.start("sensor_replay", BAG, "--rate", "1000", *QUIET)
@@ -442,7 +447,7 @@ def test_replay_stops_at_once_while_it_waits_for_one_who_does_not_hear(processes
         deaf.send_signal(signal.SIGCONT)
 
 
-def test_replay_says_what_of_the_bags_scene_the_tracker_does_not_have(processes, peer):
+def test_replay_reports_differences_between_the_bags_scene_and_the_tracker(processes, peer):
     tracker = processes.start("tracker")
     assert peer.spin_until(lambda: "tracking " in tracker.log.read_text())
     bag = BAG.parent / "one_radar"
@@ -454,7 +459,7 @@ def test_replay_says_what_of_the_bags_scene_the_tracker_does_not_have(processes,
     assert line.endswith(f"those of the bag are in {bag / 'parameters.yaml'}")
 
 
-def test_replay_says_nothing_of_a_tracker_that_fits(processes, peer):
+def test_replay_logs_nothing_about_a_tracker_that_fits(processes, peer):
     tracker = processes.start("tracker")
     assert peer.spin_until(lambda: "tracking " in tracker.log.read_text())
     process = processes.start("sensor_replay", BAG, "--rate", "0", *QUIET)

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
+from refusals import faults_of
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.parameters import schema
-from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.configuration.tracker_node import NAMES, TABLE, changed, edited, resolve
+from phd_jdtc_ros.configuration.tracker_node import NAMES, TABLE, change, edit, resolve
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -12,12 +12,6 @@ USUAL = resolve({})
 SMALL = {"particles_per_target": 100, "particles_per_birth": 64, "lag": 2}
 # Values of parameters whose bounds leave out those that the others can have.
 OTHERS = {"shared_codes": ["7000"]}
-
-
-def faults(function, *arguments):
-    with pytest.raises(ConfigError) as caught:
-        function(*arguments)
-    return list(caught.value.faults)
 
 
 def test_table_describes_every_parameter_and_no_name_of_the_tracker():
@@ -34,7 +28,7 @@ def test_resolve_keeps_the_nodes_own_apart():
 
 
 def test_resolve_lists_the_faults_of_both():
-    assert faults(resolve, {"autostart": 1, "lag": -1, "survival": 0.9}) == [
+    assert faults_of(resolve, {"autostart": 1, "lag": -1, "survival": 0.9}) == [
         "autostart: 1 given, must be true or false",
         "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
         "'20 s'",
@@ -49,31 +43,31 @@ def test_mutable_names_are_there():
 
 
 def test_changed_gives_what_a_start_with_it_gives():
-    change = {
+    changes = {
         "radar_2.clutter_rate": 40,
         "confirm_probability": 0.7,
         "outputs": ["detections", "frames", "plots"],
     }
-    found, fresh = changed(USUAL, change), resolve(change)
+    found, fresh = change(USUAL, changes), resolve(changes)
     assert found.values == fresh.values
     assert found.config.model.radars == fresh.config.model.radars
     assert USUAL.values["radar_2.clutter_rate"] == 20.0
 
 
 def test_changed_outputs_are_refused_but_for_markers():
-    (fault,) = faults(changed, USUAL, {"outputs": ["markers", "paths"]})
+    (fault,) = faults_of(change, USUAL, {"outputs": ["markers", "paths"]})
     assert fault == "outputs: only markers may come and go while the tracker is configured"
 
 
 def test_outputs_by_latitude_and_longitude_need_an_origin():
-    assert faults(resolve, {"outputs": ["navsat", "geojson"]}) == [
+    assert faults_of(resolve, {"outputs": ["navsat", "geojson"]}) == [
         "outputs: navsat given, needs world_origin",
         "outputs: geojson given, needs world_origin",
     ]
 
 
 def test_edited_checks_every_value_and_not_yet_the_whole():
-    table, values = edited(USUAL.values, {"classes": ["a", "b", "c"], "lag": 9})
+    table, values = edit(USUAL.values, {"classes": ["a", "b", "c"], "lag": 9})
     assert (values["classes"], values["lag"], table["c.motions"].name) == (
         ["a", "b", "c"],
         "9",
@@ -81,11 +75,11 @@ def test_edited_checks_every_value_and_not_yet_the_whole():
     )
     assert values["start_1.rates"] == [0.005, 0.005]  # too few, which `resolve` says
     assert not {name for name in values if name.startswith("class_")}
-    assert any(fault.startswith("start_1.rates: ") for fault in faults(resolve, values))
+    assert any(fault.startswith("start_1.rates: ") for fault in faults_of(resolve, values))
 
 
 def test_edited_lists_every_fault():
-    assert faults(edited, USUAL.values, {"lag": -1, "class_0.survival": 0.9, "sensors": "x"}) == [
+    assert faults_of(edit, USUAL.values, {"lag": -1, "class_0.survival": 0.9, "sensors": "x"}) == [
         "sensors: 'x' given, must be a list of distinct names, at most 100",
         "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
         "'20 s'",
@@ -94,17 +88,17 @@ def test_edited_lists_every_fault():
 
 
 def test_changed_lists_every_fault_in_the_words_of_the_start():
-    change = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "confirm_probability": 2.0}
-    assert faults(changed, USUAL, change) == [
+    changes = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "confirm_probability": 2.0}
+    assert faults_of(change, USUAL, changes) == [
         "lag: cannot change while the tracker is configured, clean it up before",
         "survival: unknown parameter",
-        *faults(resolve, {"radar_1.clutter_rate": -1.0, "confirm_probability": 2.0}),
+        *faults_of(resolve, {"radar_1.clutter_rate": -1.0, "confirm_probability": 2.0}),
     ]
 
 
 def test_changed_checks_the_changed_whole():
     # Each number is allowed; one target a scan at the most is what they add up to.
-    (fault,) = faults(changed, USUAL, {"start_1.rates": [0.7, 0.7]})
+    (fault,) = faults_of(change, USUAL, {"start_1.rates": [0.7, 0.7]})
     assert fault.startswith("start_1.rates: [0.7, 0.7] given, must sum to at most 1")
 
 
@@ -117,7 +111,7 @@ def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
     engine = new_engine(small.config)
     for scan in scans[:3]:
         engine.step(scan)
-    found = changed(small, {name: other})
+    found = change(small, {name: other})
     assert found.values[name] == other
     engine.retune(found.config.model, found.config.rule)
     for scan in scans[3:]:
@@ -129,7 +123,7 @@ def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
 def test_retuned_engine_steps_like_one_that_was_always_so():
     small = resolve(SMALL)
     scans = [scan for _, scan in simulate(paper_scenario(small.config.model.radars), 0)[:3]]
-    other = changed(small, {"radar_1.clutter_rate": 60.0, "confirm_probability": 0.3})
+    other = change(small, {"radar_1.clutter_rate": 60.0, "confirm_probability": 0.3})
     engine, fresh = new_engine(small.config), new_engine(other.config)
     engine.retune(other.config.model, other.config.rule)
     for scan in scans:

@@ -52,7 +52,7 @@ def test_node_stops_cleanly_while_it_is_being_imported(executables, name, number
     assert "Traceback" not in process.log.read_text()
 
 
-def test_tool_that_is_interrupted_while_it_is_being_imported_says_nothing(executables):
+def test_tool_that_is_interrupted_during_its_imports_prints_nothing(executables):
     process = executables.start("track_bag", "none", PYTHONPROFILEIMPORTTIME="1")
     end = time.monotonic() + 20.0
     while "numpy" not in process.log.read_text() and time.monotonic() < end:

@@ -11,7 +11,7 @@ class Logger:
 
 def test_every_subject_is_throttled_by_itself():
     logger, now = Logger(), [0.0]
-    warnings = ThrottledWarnings(logger, 5.0, lambda: now[0])
+    warnings = ThrottledWarnings(logger, lambda: now[0])
     for second in range(8):
         now[0] = float(second)
         for radar in ("north", "south"):

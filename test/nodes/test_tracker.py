@@ -172,7 +172,7 @@ def epoch(radars):
     return int(diagnostics.values_of(line)["epoch"])
 
 
-def test_tracker_starts_again_after_a_long_gap_and_says_so(processes, peer):
+def test_tracker_restarts_after_a_long_gap_with_a_warning(processes, peer):
     tracker = processes.start("tracker", "--ros-args", *FAST, *RELIABLE)
     radars = Radars(peer)
     radars.connect()
@@ -274,7 +274,7 @@ def test_busy_tracker_loses_no_cloud_of_a_reliable_radar(processes, peer):
     assert diagnostics.values_of(radars.drops(2))["gaps"] == "0"
 
 
-def test_tracker_hears_a_radar_that_offers_best_effort_only(processes, peer):
+def test_tracker_receives_a_radar_that_offers_best_effort_only(processes, peer):
     processes.start("tracker", "--ros-args", *FAST)
     assert peer.spin_until(lambda: asked_for(peer) == [ReliabilityPolicy.RELIABLE])
     radars, modest = Radars(peer), QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -312,7 +312,7 @@ def test_tracker_without_amplitudes_warns_once_and_tracks(processes, peer):
     assert tracker.log.read_text().count("no field 'rcs'") == 1
 
 
-def test_tracker_says_in_the_end_what_was_lost_on_the_way(processes, peer):
+def test_tracker_logs_lost_messages_at_the_end(processes, peer):
     tracker = processes.start("tracker", "--ros-args", *FAST, *RELIABLE)
     group = Radars(peer)
     group.connect()

@@ -1,6 +1,6 @@
 import pytest
 
-from phd_jdtc_ros.nodes.tracker.load import Load
+from phd_jdtc_ros.nodes.tracker.health import Load
 
 
 def test_load_is_the_share_of_the_window_that_was_worked():

@@ -9,8 +9,8 @@ from live_and_offline import answered, assert_alike, started
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections, diagnostics, names
-from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import flatten
 from phd_jdtc_ros.core.intake.sectors import coverage_of
 from phd_jdtc_ros.core.pipeline import Stepped
@@ -77,7 +77,7 @@ def clouds(config, per_turn, clutter=CLUTTER):
             inside = (time_s >= end_s - ROTATION_S / per_turn) & (time_s < end_s)
             measurement = np.stack([distance[inside], azimuth[inside]], axis=1)
             found = Detections(measurement, None, time_s[inside] - end_s)
-            if radar.sector_field:
+            if radar.fields.sector:
                 found = replace(found, coverage=coverage_of(part, radar.sectors, radar.compass))
             stamp_ns = START_NS + round(end_s * 1e9)
             sent.append(detections.to_msg(found, stamp_ns, radar.frame, radar))
@@ -144,7 +144,7 @@ def assert_true(heard):
     assert (away.min(axis=0) < 200.0).all()
 
 
-def test_a_turn_that_is_not_configured_is_found_and_said(tracker, peer):
+def test_a_turn_that_is_not_configured_is_found_and_reported(tracker, peer):
     layout = {"tower.sectors": 0, "tower.rotation_s": 0.0, "tower.fields.sector": ""}
     config, output, found, log = tracker(**layout, **{"tower.clutter_rate": 150.0})
     answered(peer, output, found, clouds(config, 16, clutter=150)[:40])

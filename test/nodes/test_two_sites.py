@@ -59,7 +59,7 @@ def statuses(processes, peer):
     return found()
 
 
-def test_diagnostics_of_two_sites_are_told_apart(statuses):
+def test_diagnostics_of_two_sites_have_different_names(statuses):
     assert set(statuses) == {f"{site}/tracker: {line}" for site in SITES for line in LINES}
     for site in SITES:
         ids = {line: statuses[f"{site}/tracker: {line}"].hardware_id for line in LINES}

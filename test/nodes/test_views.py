@@ -1,12 +1,12 @@
 """The shipped RViz configuration and Foxglove layout against what the running nodes publish."""
 
 import json
-import re
 from pathlib import Path
 
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
+from message_paths import values
 from rclpy.qos import (
     DurabilityPolicy,
     LivelinessPolicy,
@@ -37,11 +37,7 @@ SERIES = {
 DETECTIONS = names.detections_in_map()
 # The least contrast of graphics to their background, by the accessibility guidelines WCAG 2.
 VISIBLE = 3.0
-NUMBERS = [
-    topic
-    for topic, kind in outputs.default_topics(2, engine="gaussian").items()
-    if kind == names.NUMBER
-]
+NUMBERS = [topic for topic, kind in outputs.default_topics(2).items() if kind == names.NUMBER]
 SHOWN = {
     DETECTIONS,
     names.TRUTH,
@@ -87,21 +83,8 @@ def rviz_qos(display):
     )
 
 
-def values(message, path):
-    """Return what a Foxglove message path without its topic leads to in a message."""
-    found = [message]
-    for name, field, wanted in re.findall(r'\.(\w+)|\[:\]|\{(\w+)=="([^"]*)"\}', path):
-        if name:
-            found = [getattr(entry, name) for entry in found]
-        elif field:
-            found = [entry for entry in found if getattr(entry, field) == wanted]
-        else:
-            found = [inner for entry in found for inner in entry]
-    return found
-
-
 class Live:
-    """The tracker, the evaluator and the replay, and what was heard of them."""
+    """The tracker, the evaluator and the replay, and their messages."""
 
     def __init__(self, peer):
         self.peer = peer

@@ -19,7 +19,7 @@ def start(processes, path, every=1, *others):
 
 
 def tracked(peer, processes, first, last, *arguments):
-    """Track some scans with a new tracker; return it, its radars and what it said of each."""
+    """Track some scans with a new tracker; return it, its radars and its estimates of each."""
     group = Radars(peer)
     # A killed one stays in the graph for a while.
     peer.settled(*group.outputs)
@@ -58,7 +58,7 @@ def test_killed_tracker_goes_on_as_if_it_had_never_stopped(processes, peer, tmp_
     assert not path.exists()  # a run that has ended has nothing to go on from
 
 
-def test_stopped_tracker_leaves_a_checkpoint_and_says_on_request_whether_it_wrote_one(
+def test_stopped_tracker_leaves_a_checkpoint_and_its_service_replies_whether_it_wrote_one(
     processes, peer, tmp_path
 ):
     path = tmp_path / "tracker.ckpt"

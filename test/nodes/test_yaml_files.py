@@ -3,6 +3,7 @@ import time
 from pathlib import Path
 
 import pytest
+from refusals import faults_of
 
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -15,10 +16,7 @@ LIMIT_S = 2.0
 
 
 def fault(text):
-    with pytest.raises(ConfigError) as caught:
-        yaml_files.parse(text, "it")
-    (only,) = caught.value.faults
-    assert "\n" not in only
+    (only,) = faults_of(yaml_files.parse, text, "it")
     return only
 
 
@@ -88,10 +86,8 @@ def test_bomb_is_refused_in_a_short_line_and_time(tmp_path, name):
     path = tmp_path / "bomb.yaml"
     path.write_text(BOMBS[name])
     begin = time.process_time()
-    with pytest.raises(ConfigError) as caught:
-        yaml_files.load(path)
+    (only,) = faults_of(yaml_files.load, path)
     assert time.process_time() - begin < LIMIT_S
-    (only,) = caught.value.faults
     assert only.startswith(f"{path}: ")
     assert len(only) < 400 + len(str(path))
 

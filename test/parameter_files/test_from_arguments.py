@@ -1,6 +1,6 @@
 import pytest
+from refusals import faults_of
 
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.parameter_files import from_arguments
 
 NESTED = {"a": 1, "b": {"c": [1, 2], "d": {"e": "f"}}, "g.h": None}
@@ -9,13 +9,6 @@ NESTED = {"a": 1, "b": {"c": [1, 2], "d": {"e": "f"}}, "g.h": None}
 def write(path, text):
     path.write_text(text)
     return path
-
-
-def faults(read, *arguments):
-    with pytest.raises(ConfigError) as caught:
-        read(*arguments)
-    assert all("\n" not in fault for fault in caught.value.faults)
-    return list(caught.value.faults)
 
 
 def test_flatten_joins_names_with_dots():
@@ -96,7 +89,7 @@ def test_load_takes_what_fits_the_full_name_of_the_tracker(tmp_path, section, ap
 
 def test_load_refuses_a_file_of_several_trackers(tmp_path):
     text = "".join(f"/{name}/tracker: {{ros__parameters: {{lag: 2}}}}\n" for name in "ba")
-    (fault,) = faults(from_arguments.load, write(tmp_path / "p.yaml", text))
+    (fault,) = faults_of(from_arguments.load, write(tmp_path / "p.yaml", text))
     assert fault == (
         f"{tmp_path / 'p.yaml'}: has sections of several trackers, /a/tracker, /b/tracker: "
         "must be one"
@@ -108,14 +101,14 @@ def test_load_refuses_a_file_of_several_trackers(tmp_path):
     ["", "- 1\n", "text", "lag: 3\n", "tracker: {lag: 3}\n", "tracker: {ros__parameters: 3}\n"],
 )
 def test_load_refuses_a_file_without_parameters_of_the_tracker(tmp_path, text):
-    (fault,) = faults(from_arguments.load, write(tmp_path / "p.yaml", text))
+    (fault,) = faults_of(from_arguments.load, write(tmp_path / "p.yaml", text))
     assert fault.startswith(f"{tmp_path / 'p.yaml'}: has no ros__parameters under tracker, ")
 
 
 def test_load_refuses_what_it_cannot_read(tmp_path):
-    (missing,) = faults(from_arguments.load, tmp_path / "none.yaml")
+    (missing,) = faults_of(from_arguments.load, tmp_path / "none.yaml")
     assert missing == f"{tmp_path / 'none.yaml'}: cannot be read: No such file or directory"
-    (directory,) = faults(from_arguments.load, tmp_path)
+    (directory,) = faults_of(from_arguments.load, tmp_path)
     assert directory == f"{tmp_path}: cannot be read: Is a directory"
 
 
@@ -125,7 +118,7 @@ def test_load_refuses_what_it_cannot_read(tmp_path):
 def test_load_refuses_what_is_no_yaml(tmp_path, content):
     path = tmp_path / "p.yaml"
     path.write_bytes(content)
-    (fault,) = faults(from_arguments.load, path)
+    (fault,) = faults_of(from_arguments.load, path)
     assert fault.startswith(f"{path}: is not YAML: ")
 
 
@@ -158,24 +151,24 @@ def test_from_arguments_reads_values_as_yaml(assignment, expected):
 
 @pytest.mark.parametrize("assignment", ["lag", "lag=3", "lag:3", ""])
 def test_from_arguments_refuses_what_is_no_assignment(assignment):
-    found = faults(from_arguments.from_arguments, [], [assignment])
+    found = faults_of(from_arguments.from_arguments, [], [assignment])
     assert found == [f"-p {assignment}: must be NAME:=VALUE"]
 
 
-def test_from_arguments_says_how_an_empty_string_is_quoted():
-    (fault,) = faults(from_arguments.from_arguments, [], ["radar_1.fields.amplitude:="])
+def test_from_arguments_explains_how_an_empty_string_is_quoted():
+    (fault,) = faults_of(from_arguments.from_arguments, [], ["radar_1.fields.amplitude:="])
     assert fault.startswith("-p radar_1.fields.amplitude:=: must be NAME:=VALUE; ")
     assert fault.endswith("""an empty string is -p "NAME:=''\"""")
 
 
 @pytest.mark.parametrize("assignment", ["lag:=[1,", "lag:={", "lag:=a: b: c", "lag:=\t"])
 def test_from_arguments_refuses_a_value_that_is_no_yaml(assignment):
-    (fault,) = faults(from_arguments.from_arguments, [], [assignment])
+    (fault,) = faults_of(from_arguments.from_arguments, [], [assignment])
     assert fault.startswith(f"-p {assignment}".rstrip())
 
 
 def test_from_arguments_lists_every_fault(tmp_path):
-    found = faults(from_arguments.from_arguments, [tmp_path / "none.yaml"], ["lag", "seed=1"])
+    found = faults_of(from_arguments.from_arguments, [tmp_path / "none.yaml"], ["lag", "seed=1"])
     assert found == [
         f"{tmp_path / 'none.yaml'}: cannot be read: No such file or directory",
         "-p lag: must be NAME:=VALUE",

@@ -121,7 +121,7 @@ def test_write_report_table_has_a_row_for_each_source_and_set(tmp_path):
     assert rows[1][3:] == ["120.4 m", "11.2 m", "0.037"]
 
 
-def test_write_report_tells_the_surveillance_figures(tmp_path):
+def test_write_report_lists_the_surveillance_figures(tmp_path):
     text = page(tmp_path, summary_of())
     rows = Reader(without_library(text)).rows
 
@@ -182,7 +182,7 @@ def test_write_report_names_the_engine_and_shows_the_other_beside_it(tmp_path):
     assert of_engines == [["particles, live", *cells], ["gaussian, offline", *cells]]
 
 
-def test_write_report_tells_a_worse_smoother(tmp_path):
+def test_write_report_notes_a_worse_smoother(tmp_path):
     assert "12 % more" in page(tmp_path, summary_of(reduction=-0.12))
 
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
+from bag_content import edited, messages, rewrite
 from rclpy.serialization import serialize_message
 
-from msg_adapters import detections, diagnostics, estimates, interfaces, names, poses, truth
+from msg_adapters import detections, diagnostics, estimates, names, poses, truth
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.simulation.scenario import Scenario, TargetScript
@@ -27,29 +27,6 @@ def bag(tmp_path_factory):
     write_bag(directory / "in", scenario, CONFIG, 0)
     track_bag(BagReader(directory / "in"), CONFIG, directory / "out")
     return directory / "out"
-
-
-def rewrite(source, out, drop=(), add=(), change=lambda entry: [entry]):
-    """Write a copy of a bag: without some topics, with more (topic, type, messages), or changed."""
-    reader = BagReader(source)
-    with BagWriter(out) as written:
-        for topic, kind in reader.types.items():
-            if topic not in drop:
-                written.add_topic(Topic(topic, kind))
-        for topic, kind, messages in add:
-            written.add_topic(Topic(topic, kind))
-            for data, log_time in messages:
-                written.write(topic, data, log_time)
-        for entry in reader.messages():
-            if entry.topic not in drop:
-                for topic, data, log_time in change((entry.topic, entry.data, entry.log_time_ns)):
-                    written.write(topic, data, log_time)
-    return out
-
-
-def messages(bag, topic):
-    kind = BagReader(bag).types[topic]
-    return [interfaces.decode(entry.data, kind) for entry in BagReader(bag).messages([topic])]
 
 
 def assert_same(one, other):
@@ -155,7 +132,7 @@ def test_record_without_estimates_has_the_configured_classes(bag, tmp_path):
     assert (len(run.truth), len(run.plots), run.classes) == (4, 8, 2)
 
 
-def test_record_knows_where_the_radars_stand(bag):
+def test_record_has_the_radar_positions(bag):
     expected = [(model.name, model.position) for model in CONFIG.model.radars]
     sites = load.record(bag, CONFIG).radars
     assert [(site.name, site.position) for site in sites] == expected
@@ -178,7 +155,7 @@ def test_record_refuses_an_optional_topic_of_another_type(bag, tmp_path, topic):
     assert not caught.value.corrupt
 
 
-def test_record_of_a_missing_bag_says_so(tmp_path):
+def test_record_of_a_missing_bag_is_an_error(tmp_path):
     with pytest.raises(BagError, match="no such bag"):
         load.record(tmp_path / "none", CONFIG)
 
@@ -194,30 +171,21 @@ def test_record_refuses_estimates_that_are_none(bag, tmp_path):
 
 
 def test_record_leaves_out_detections_that_the_tracker_rejects_too(bag, tmp_path):
-    spoiled = []
-
-    def spoil(entry):
-        if entry[0] != RADARS[0] or spoiled:
-            return [entry]
-        spoiled.append(entry)
-        cloud = interfaces.decode(entry[1], names.CLOUD)
+    def spoil(cloud):
         cloud.header.frame_id = "elsewhere"
-        return [(entry[0], interfaces.encode(cloud), entry[2])]
 
-    run = load.record(rewrite(bag, tmp_path / "bag", change=spoil), CONFIG)
+    first = edited(spoil, lambda topic, log_time: (topic, log_time) == (RADARS[0], 1000 * SECOND))
+    run = load.record(rewrite(bag, tmp_path / "bag", first), CONFIG)
     assert len(run.plots) == 7
     assert len(run.filtered) == 4
 
 
 def test_record_of_detections_without_amplitude_has_none(bag, tmp_path):
-    def rename(entry):
-        if entry[0] != RADARS[0]:
-            return [entry]
-        cloud = interfaces.decode(entry[1], names.CLOUD)
+    def rename(cloud):
         cloud.fields[-1].name = "something"
-        return [(entry[0], interfaces.encode(cloud), entry[2])]
 
-    run = load.record(rewrite(bag, tmp_path / "bag", change=rename), CONFIG)
+    of_one_radar = edited(rename, lambda topic, _: topic == RADARS[0])
+    run = load.record(rewrite(bag, tmp_path / "bag", of_one_radar), CONFIG)
     for plot in run.plots:
         assert plot.amplitude.shape == plot.position.shape[:1]
         assert np.isnan(plot.amplitude).all() == (plot.radar == "radar_1")

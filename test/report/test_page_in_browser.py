@@ -121,7 +121,7 @@ def air_picture():
 
 
 def said_by(opened, script):
-    """Return what a script says of the drawn page of `air_picture`, as the page's title."""
+    """Return a script's result on the drawn page of `air_picture`, by the page's title."""
     then = (
         # The browser's clock is virtual and jumps from timer to timer: real work gives real time.
         "const waiting = setInterval(() => {"
@@ -134,7 +134,7 @@ def said_by(opened, script):
     return re.search("<title>(.*?)</title>", dom)[1]
 
 
-def test_list_tells_who_how_high_and_how_fast_the_tracks_are(opened):
+def test_list_shows_identity_height_and_speed_of_the_tracks(opened):
     rows = (
         'return [...document.querySelectorAll("#tracks tr")].map((row) => '
         '[...row.cells].map((cell) => cell.textContent).join(" ")).join(", ");'
@@ -187,7 +187,7 @@ def test_trails_are_of_the_time_that_is_chosen(opened):
     script = (
         'return ["0", "30", "all"].map((seconds) => picture.frame - picture.since(seconds)).join();'
     )
-    # Of scans 6 s apart, with the one that is shown.
+    # Scans 6 s apart, with the shown one.
     assert said_by(opened, script) == f"1,6,{SCANS}"
 
 
@@ -263,7 +263,7 @@ def test_page_is_no_wider_than_a_phone(opened, tmp_path, record):
 
 
 @pytest.mark.parametrize("width", [PHONE, 1200])
-def test_the_scan_shown_is_told_in_one_line(opened, tmp_path, width):
+def test_the_shown_scan_is_summarised_in_one_line(opened, tmp_path, width):
     nothing = np.zeros((0, 2)), np.zeros(0)
     plots = tuple(Plot(stamp_ns(k), "radar_1", *nothing) for k in range(1075))
     record = record_of(1, plots=plots, truth=(), filtered=(), smoothed=())

@@ -105,7 +105,7 @@ def test_places_are_stored_to_a_hundred_thousandth_of_the_picture():
     assert header["quantum"] <= header["extent"][0] / 1e4
 
 
-def test_estimates_tell_velocity_course_state_and_how_sure_they_are():
+def test_estimates_list_velocity_course_state_and_probability():
     state = np.array(estimates_of(0, 1, 0).state)
     state[0, [1, 3]] = [-30.0, 0.0]
     given = tracked(0, classes=1, state=state, weight=np.array([0.25]))

@@ -91,14 +91,14 @@ def test_metrics_hold_what_the_file_promises(evaluation):
     )
 
 
-def test_targets_that_are_not_scored_are_told():
+def test_targets_without_a_score_are_listed():
     told = unscored_note({"least_speed": 2.5, "slow_targets": 3.0})
 
     assert told.startswith("Targets slower than 2.5 m/s are not scored, 3.0 on average")
     assert unscored_note({"least_speed": 2.5, "slow_targets": 0.0}) == ""
 
 
-def test_metrics_say_the_engine_if_it_is_known(evaluation):
+def test_metrics_name_the_engine_if_it_is_recorded(evaluation):
     assert metrics(evaluation, np.zeros(0), "gaussian")["engine"] == "gaussian"
     assert "engine" not in metrics(evaluation, np.zeros(0))
 
@@ -276,7 +276,7 @@ def test_score_tables_fits_80_columns():
     assert "…" not in text
 
 
-def test_score_tables_says_what_it_is_of(evaluation):
+def test_score_tables_name_their_source(evaluation):
     (title, _, caption), *_ = tables(metrics(evaluation, np.array([1.25, 1.25])))
     assert title == "means over 2 scans (OSPA: p = 2, c = 1000 m)"
     assert caption == ["right class: 100.0%", "CPU per scan: median 1.2 ms, p99 1.2 ms"]
@@ -303,7 +303,7 @@ def test_score_tables_shows_a_loss_as_negative(evaluation):
     assert rows[2] == ["", "reduction", "-300%", "-300%", "-", "-"]
 
 
-def test_tables_say_how_many_scans_of_the_truth_they_leave_out(evaluation):
+def test_tables_count_the_scans_of_the_truth_without_a_score(evaluation):
     evaluation.add_truth(99, points([], []))
     (title, *_), *_ = tables(metrics(evaluation, np.zeros(0)))
     assert title.startswith("means over 2 of 3 scans (OSPA: ")

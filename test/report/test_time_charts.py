@@ -112,7 +112,7 @@ def test_class_probabilities_follow_the_true_targets():
     assert other.line.color == class_colour(1)
 
 
-def test_class_probabilities_tell_estimates_near_no_target():
+def test_class_probabilities_separate_estimates_near_no_target():
     record = record_of(2, truth=tuple(truth_of(k, 1) for k in range(SCANS)))
     figure = chart(class_chart.class_probabilities, record).figure
 
@@ -175,7 +175,7 @@ def test_of_record_draws_what_there_is(parts, expected):
         ({"truth": (truth_of(99, 2),)}, ["has the stamp of a true state"]),
     ],
 )
-def test_missing_says_what_the_bag_does_not_hold(parts, notes):
+def test_missing_lists_what_the_bag_lacks(parts, notes):
     record = record_of(**parts)
 
     found = charts.missing(record, record.evaluate(1000.0, 2.0))

@@ -17,7 +17,7 @@ def test_tracker_does_not_grow_over_a_short_run(engine):
     assert (figure.details["descriptors"], figure.details["threads"]) == (0, 0)
 
 
-def test_tracker_starts_anew_behind_long_gaps_alone_and_does_not_grow():
+def test_tracker_restarts_after_long_gaps_only_and_does_not_grow():
     figure = stamps_and_time.measure_gap()
     assert figure.reached, (figure.measured, figure.details)
 

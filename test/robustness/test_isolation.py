@@ -33,7 +33,7 @@ def test_demo_leaves_a_profile_of_the_user_in_force(monkeypatch):
 
 @pytest.mark.live
 def test_rogue_gets_in_without_the_profile_and_not_with_it():
-    # Who misses the first announcements hears of the other with the next, 3 s later.
+    # A participant that misses the first announcements gets the next, 3 s later.
     figure = network.measure(("the demo's", network.WITHOUT), seconds=7.0)
     if figure.measured is None:
         pytest.skip(figure.reason)

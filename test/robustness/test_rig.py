@@ -20,7 +20,7 @@ def test_start_limit_grows_with_what_waits_for_the_cpus(load, times, monkeypatch
         ("print('harmless'); raise SystemExit(3)", "ended with status 3 before it said"),
     ],
 )
-def test_a_node_that_does_not_start_is_told_from_one_that_is_slow(program, reason, tmp_path):
+def test_a_node_that_does_not_start_is_distinguished_from_a_slow_one(program, reason, tmp_path):
     node = Node([sys.executable, "-c", program], tmp_path / "log", 0, {})
     assert not node.said("tracking", 3.0)
     assert node.why_not("tracking").startswith(reason)

@@ -43,7 +43,7 @@ def test_a_radar_has_the_errors_that_a_scenario_gives_it_and_the_others_none():
         after = [report for report in wrong if report.radar == radar]
         assert len(before) == len(after) > 4
         for right, biased in zip(before, after, strict=True):
-            # The antenna says north before it is there.
+            # The antenna reports north before it is there.
             late_s = radar * (0.5 - 4.0 * 0.3 / 360.0)
             assert biased.stamp_ns - right.stamp_ns == pytest.approx(late_s * 1e9, abs=1.0)
             assert len(right.detections)
@@ -58,7 +58,7 @@ def test_a_radar_has_the_errors_that_a_scenario_gives_it_and_the_others_none():
     assert [r.stamp_ns for r in wrong] == sorted(r.stamp_ns for r in wrong)
 
 
-def test_a_misaligned_antenna_cuts_its_sectors_where_it_says_that_it_is():
+def test_a_misaligned_antenna_cuts_its_sectors_at_its_reported_azimuth():
     layouts = [replace(layout, sectors=16) for layout in CONFIG.inputs]
     document = {**DOCUMENT, "biases": {"other": {"azimuth_bias_deg": 5.0}}}
     scene = scenario_file.resolve(document, CONFIG.model.radars)

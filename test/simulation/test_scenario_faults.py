@@ -1,13 +1,13 @@
-"""What a scenario file may not say, and the words in which it is refused."""
+"""Faults of scenario files, and the messages that refuse them."""
 
 import math
 from dataclasses import replace
 
 import pytest
 from lone import lone
+from refusals import faults_of
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.simulation import scenario_file
 
 RADARS = resolve({}).model.radars
@@ -42,10 +42,7 @@ SHIP["legs"] = [{"duration_s": 20.0}, {"duration_s": 60.0, "turn_rate_deg_s": 3.
 
 
 def faults(document, radars=RADARS):
-    with pytest.raises(ConfigError) as caught:
-        scenario_file.resolve(document, radars)
-    assert all("\n" not in fault for fault in caught.value.faults)
-    return list(caught.value.faults)
+    return faults_of(scenario_file.resolve, document, radars)
 
 
 def turning(*turns):

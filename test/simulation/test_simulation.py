@@ -32,7 +32,7 @@ def standing(count, position=(6e3, 8e3)):
         (79, [4], [(1400, 672.2)]),
     ],
 )
-def test_truth_is_where_the_script_says(scan, tracks, positions):
+def test_truth_follows_the_script(scan, tracks, positions):
     truth = truth_at(SCENE, scan)
     np.testing.assert_array_equal(truth.track_id, tracks)
     np.testing.assert_allclose(truth.state[:, [0, 2]], positions, rtol=1e-12)
@@ -193,7 +193,7 @@ def test_paper_scenario_has_two_classes_inside_the_radars_range():
     assert 15e3 < first[2] < 15.3e3 < SCENE.radars[0].max_range
 
 
-def test_simulate_with_sources_says_where_each_detection_comes_from():
+def test_simulate_with_sources_labels_each_detection():
     run = simulate_with_sources(SCENE, 0)
     radar = SCENE.radars[0]
     misses = []

@@ -45,7 +45,7 @@ def test_plots_of_a_seed_are_the_same_without_transponders():
         assert other.detections.code is not None
 
 
-def test_ranges_over_ground_are_those_of_the_heights_that_plots_tell():
+def test_ranges_over_ground_use_the_heights_of_the_plots():
     replies = {"reply_probability": 0.5, "height_garbled": 0.1}
     run, over_ground = plots(replies, names=("code", "address"))
     _, told = plots(replies)
@@ -87,7 +87,7 @@ def test_answers_are_those_of_the_targets_cards():
     assert replied / every == pytest.approx(0.9, abs=0.03)
 
 
-def test_truth_has_heights_that_change_as_its_climb_rates_say():
+def test_truth_has_heights_that_change_at_its_climb_rates():
     run, _ = terminal({})
     first, later = truth_after(run, 30.0), truth_after(run, 30.01)
     rate = (later.height[:, 0] - first.height[:, 0]) / 0.01

@@ -73,7 +73,7 @@ def test_autoferry_writes_equal_bytes(dataset, tmp_path):
         (["autoferry", "DATASET", "--scenario", "4"], "scenario4_detections.csv: cannot be"),
     ],
 )
-def test_autoferry_says_what_is_missing(dataset, capsys, arguments, expected):
+def test_autoferry_reports_what_is_missing(dataset, capsys, arguments, expected):
     given = [str(dataset) if argument == "DATASET" else argument for argument in arguments]
     assert main(given) == 2
     assert expected in capsys.readouterr().err

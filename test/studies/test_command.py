@@ -75,7 +75,7 @@ def test_other_studies_end_with_the_one_they_are_beside(quick, tmp_path, monkeyp
 
 
 @pytest.mark.parametrize("name", command.STUDIES)
-def test_every_study_says_what_it_is(name, capsys):
+def test_every_study_describes_itself(name, capsys):
     assert command.study_of(name).name == name
     with pytest.raises(SystemExit) as ended:
         command.main([name, "--help"])

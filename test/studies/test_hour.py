@@ -134,7 +134,7 @@ def test_tracks_are_those_nearest_to_the_end_of_each_turn(hour):
 
 
 def test_truth_is_where_a_flat_earth_puts_it(hour, reader):
-    flat = replace(hour.layout, site=None, datum=0.0, height=0.0)
+    flat = replace(hour.layout, site=None, datum=0.0)
     own = Reader(flat, replace(reader.radar, position=(500.0, -200.0)), ground_ranges.read)
     truth, position = hour.truth(300.0, own)
     _, there = hour.truth(300.0, reader)

@@ -28,7 +28,7 @@ def benchmark():
     return config, scenario_file.resolve(document, config.model.radars)
 
 
-def test_the_radars_are_where_their_latitudes_and_longitudes_say(benchmark):
+def test_the_radars_are_at_their_latitudes_and_longitudes(benchmark):
     radars = {radar.name: np.array(radar.position) for radar in benchmark[0].model.radars}
     assert len(radars) == 8
     # Great circles on the sphere, computed by the haversine formula.
@@ -36,7 +36,7 @@ def test_the_radars_are_where_their_latitudes_and_longitudes_say(benchmark):
         assert np.hypot(*(radars[a] - radars[b])) / 1e3 == pytest.approx(km, rel=2e-3)
 
 
-def test_the_flights_turn_as_their_banks_say(benchmark):
+def test_the_flights_turn_by_their_bank_angles(benchmark):
     _, found = benchmark
     rates = [abs(math.degrees(flight.legs[1].turn_rate)) for flight in found.flights]
     assert len(rates) == 16
@@ -95,7 +95,7 @@ def test_a_track_far_from_every_flight_is_none_of_theirs():
     assert figures_of(errors)["position error, mean"] is None
 
 
-def test_figures_tell_straights_and_turns_apart():
+def test_figures_separate_straights_and_turns():
     straight, turning = (0.0, 0.0, 100.0, 0.0, 0.0), (1e5, 0.0, 100.0, 0.0, 0.1)
     truth = [update(0.0)] + [update(100.0 + k, straight, turning) for k in range(4)]
     found = [tracks()] + [

@@ -74,7 +74,7 @@ def test_a_study_that_is_not_complete_writes_what_it_has_and_fails(tmp_path):
     assert read(tmp_path)["of"] == {"value": 1.0}
 
 
-def test_a_study_that_cannot_be_done_says_why(tmp_path, capsys):
+def test_a_study_that_cannot_be_done_gives_the_reason(tmp_path, capsys):
     def measure(arguments, seed):
         raise StudyError("no plots")
 

@@ -69,7 +69,7 @@ def tasks(study):
     return monte_carlo.plan(study.select([], ["corrected"]), range(2)).tasks
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def cluster():
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(

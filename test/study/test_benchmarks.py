@@ -17,20 +17,20 @@ from benchmarks import (
     forms,
     goals,
     late,
-    limit,
     messages,
     recursion,
     scenes,
     searches,
     sector_latency,
     smoothing,
+    step_growth,
     steps,
     timing,
     turning,
 )
 from benchmarks import report as tables
 from benchmarks.radars import Reply
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.smc.kernel import backward_kernel
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
@@ -40,8 +40,6 @@ from phd_jdtc_ros.simulation.simulate import simulate
 from phd_jdtc_ros.simulation.turning_antenna import Report
 
 LAG = 3
-BORN_ANYWHERE = {"detection_births.rates": [0.01, 0.01], "detection_births.particles": 64}
-FEW = {"particles_per_target": 100, "budget.least": 20, "particles_per_birth": 64}
 WITHOUT_ROS = ("peers", "steps", "step_growth", "growth", "smoother", "paper_smoother")
 every_backend = pytest.mark.parametrize("backend", backends.available())
 every_engine = pytest.mark.parametrize("engine", recursion.PARTS)
@@ -113,7 +111,7 @@ def test_both_searches_build_the_same_kernel(place, search):
 
 
 @pytest.mark.parametrize("name", ["200 targets", "1000 targets"])
-def test_crowds_are_in_range_and_give_as_many_detections_as_their_name_says(name):
+def test_crowds_are_in_range_and_give_the_detections_of_their_name(name):
     crowd = steps.CROWDS[name]
     config = scenes.configuration(crowd.targets, 10, clutter=crowd.clutter)
     scene = scenes.crowd(crowd.targets, 4, config, seed=1)
@@ -140,7 +138,7 @@ def test_engine_tracks_all_targets_of_a_crowd_from_its_first_scan(engine):
 
 def test_limit_goes_over_all_that_the_search_goes_over(window):
     earlier, later = window.stored[-2:]
-    gathered = limit.whiten_sort_gather(earlier, later, window.model, window.dt)
+    gathered = forms.whiten_sort_gather(earlier, later, window.model, window.dt)
 
     # Two motions per class: every earlier particle may change to either motion of its class.
     assert sum(len(points) for points in gathered[0::2]) == 2 * len(earlier)
@@ -205,13 +203,13 @@ def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(
 def test_latency_by_sectors_may_be_longer_by_a_step(cost):
     latency = {"latency_s": {"p99": 0.31}, "step_ms": {"p99": 20.0}}
     of_turning = {"turning": {"latency": {recursion.PARTICLES: latency}, "cost": cost}}
-    figures = {figure["name"]: figure for figure in goals.judged(of_turning)}
+    figures = {figure["name"]: figure for figure in goals.judge(of_turning)}
     of_sectors = figures["latency of a detection by sectors over DDS, p99, s"]
 
     assert of_sectors["goal"] == pytest.approx(0.32)
     assert of_sectors["reached"] is True
     latency["step_ms"]["p99"] = 5.0
-    figures = {figure["name"]: figure for figure in goals.judged(of_turning)}
+    figures = {figure["name"]: figure for figure in goals.judge(of_turning)}
     of_sectors = figures["latency of a detection by sectors over DDS, p99, s"]
     assert of_sectors["reached"] is False
     assert figures["turn of 50 aircraft (NumPy), ms"]["value"] > 0.0
@@ -238,7 +236,7 @@ def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
         "step_ms": {"p50": 11.0, "p99": 20.0, "most": 22.0},
     }
     of_turning = {"turning": {"latency": {recursion.GAUSSIAN: latency}, "cost": cost}}
-    page = tables.markdown(tables.tables({**of_turning, "figures": goals.judged(of_turning)}))
+    page = tables.markdown(tables.tables({**of_turning, "figures": goals.judge(of_turning)}))
 
     assert "| to the estimates of its sector | 0.150 s | 0.277 s | 0.290 s |" in page
     assert "555 detections, 50 aircraft tracked" in page
@@ -246,7 +244,7 @@ def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
         assert f"| {form} | " in page
     why = {"value": None, "reason": "rclpy is missing"}
     missing = {"turning": {"latency": {recursion.PARTICLES: why}, "cost": cost}}
-    figures = goals.judged(missing)
+    figures = goals.judge(missing)
     assert "in real time" not in tables.markdown(tables.tables({**missing, "figures": figures}))
     reasons = {figure["name"]: figure.get("reason") for figure in figures}
     assert reasons["latency of a detection by sectors over DDS, p99, s"] == "rclpy is missing"
@@ -254,8 +252,12 @@ def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
 
 @pytest.fixture(scope="module")
 def summary():
-    """The quick run of all that needs no ROS."""
-    return command.run(True, WITHOUT_ROS, Console(quiet=True))
+    """The quick run of all that needs no ROS, with few targets where the cost grows with them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(step_growth, "QUICK_LADDER", dict.fromkeys(recursion.PARTS, (4, 8)))
+        patch.setattr(step_growth, "QUICK_MEMORY_TARGETS", 4)
+        patch.setattr(step_growth, "STEPS", 2)
+        return command.run(True, WITHOUT_ROS, Console(quiet=True))
 
 
 def test_summary_holds_every_figure(summary):
@@ -274,14 +276,14 @@ def test_summary_holds_every_figure(summary):
             assert figure["reached"] == (within if figure["at_most"] else not within)
 
 
-def test_summary_says_why_a_figure_is_missing(summary):
+def test_summary_explains_why_a_figure_is_missing(summary):
     reasons = {figure["name"]: figure.get("reason") for figure in summary["figures"]}
 
     assert reasons["latency over DDS beyond the step, p99, ms"] == "left out of this run"
     assert reasons["step, 200 targets (NumPy), ms"] == "left out of the quick run"
     assert reasons["largest error of a weight"] is None
     without_ros = {"live": {"value": None, "reason": "rclpy is missing"}}
-    reasons = {figure["name"]: figure.get("reason") for figure in goals.judged(without_ros)}
+    reasons = {figure["name"]: figure.get("reason") for figure in goals.judge(without_ros)}
     assert reasons["latency over DDS beyond the step, p99, ms"] == "rclpy is missing"
 
 
@@ -345,7 +347,7 @@ def test_figures_of_asterix_are_judged():
         "plots_per_s": {asterix_rates.CLOUDS: 25_000.0},
         "live": {"latency_s": {"p50": 0.2, "p99": 0.375, "most": 0.5}},
     }
-    figures = {figure["name"]: figure for figure in goals.judged({"asterix": measured})}
+    figures = {figure["name"]: figure for figure in goals.judge({"asterix": measured})}
     rate = figures["ASTERIX plots to clouds, per second"]
     assert (rate["value"], rate["reached"]) == (25_000.0, True)
     late = figures["ASTERIX in to ASTERIX out, 100 aircraft, p99, s beyond a sector"]

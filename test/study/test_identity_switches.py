@@ -1,4 +1,4 @@
-"""Identities make no more switches than none, in any shipped scene whose plots tell some."""
+"""Identities cause no extra switches, in any shipped scene whose plots have some."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 from msg_adapters import interfaces, names, truth
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params

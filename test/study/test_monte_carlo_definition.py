@@ -1,6 +1,7 @@
 from pathlib import Path
 
 import pytest
+from refusals import faults_of
 
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.study import monte_carlo
@@ -12,9 +13,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def faults(study_file, change, assigned=None):
-    with pytest.raises(ConfigError) as caught:
-        load_study(study_file(change), assigned or {})
-    return list(caught.value.faults)
+    return faults_of(load_study, study_file(change), assigned or {})
 
 
 def test_resolve_takes_the_published_study():
@@ -78,7 +77,7 @@ def test_a_case_has_a_cutoff_of_its_own_and_only_the_variants_that_name_it(study
     assert {task.case: task.cutoff for task in tasks} == {"quiet": 1000.0, "near": 20.0}
 
 
-def test_case_may_say_what_its_targets_answer(study_file):
+def test_case_may_define_the_replies_of_its_targets(study_file):
     def change(document):
         document["cases"]["quiet"]["transponders"] = {"share": 0.5, "seed": 3}
 

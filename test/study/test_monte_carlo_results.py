@@ -128,7 +128,7 @@ def test_score_counts_gaps_where_they_end(pair):
     assert value(found, "longest_gap_s").tolist() == [0] * 3 + [18.0] + [0] * 4 + [12.0, 0, 0, 6.0]
 
 
-def test_score_says_what_targets_are_taken_for(pair):
+def test_score_counts_the_classes_that_targets_are_taken_for(pair):
     found = scored(pair, *[[(0.0, 1)]] * 2, *[[(5e3, 1)]] * 10)
 
     assert found.taken_for[0].sum(axis=0).tolist() == [[0, 2], [0, 10]]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from phd_jdtc_ros.study import figures
+from phd_jdtc_ros.study import figures, monte_carlo
 from phd_jdtc_ros.study.monte_carlo import execution, tasks
 from phd_jdtc_ros.study.monte_carlo.definition import FIGURES
 from phd_jdtc_ros.study.monte_carlo.store import HEADER
@@ -22,8 +22,19 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def no_pictures(monkeypatch):
-    """Leave out what takes most of the time where nobody looks at it."""
+    """Leave out what takes most of the time and is not looked at."""
     monkeypatch.setattr(figures, "write_all", lambda *_: [])
+
+
+@pytest.fixture
+def in_process(monkeypatch):
+    """Run tasks here, without the imports of worker processes."""
+
+    def run_here(pending, workers, report, busy):
+        for task in pending:
+            report(tasks.perform(task))
+
+    monkeypatch.setattr(monte_carlo, "run_on_processes", run_here)
 
 
 @pytest.fixture
@@ -69,7 +80,7 @@ def test_main_writes_everything(start, study):
     assert (out / "figures" / "quiet" / "ospa_against_lag.png").exists()
 
 
-@pytest.mark.usefixtures("no_pictures")
+@pytest.mark.usefixtures("no_pictures", "in_process")
 def test_main_resumes_where_it_was(start, study_file):
     first = start("--variant", "corrected", "--runs", 1)[1]
     before = parts(first)
@@ -81,7 +92,7 @@ def test_main_resumes_where_it_was(start, study_file):
     assert before.items() <= after.items()
 
 
-@pytest.mark.usefixtures("no_pictures")
+@pytest.mark.usefixtures("no_pictures", "in_process")
 def test_main_scores_with_another_cutoff_and_keeps_these_scores_apart(start):
     usual = start("--variant", "reference", "--runs", 1)[1]
     before = parts(usual)

@@ -184,7 +184,7 @@ def test_raised_threshold_refuses_reports_without_amplitudes():
         raised_threshold(replace(run, scans=(silent, *others)), 5.0)
 
 
-def test_peers_say_what_to_install(monkeypatch):
+def test_peers_name_what_to_install(monkeypatch):
     monkeypatch.setattr(soup, "PARTS", {"no_such_part": ("Anything",)})
     with pytest.raises(ImportError, match="pip install 'stonesoup"):
         peers.gm_phd(short_run())

@@ -39,7 +39,7 @@ def prior_at(x, y, position_std=200.0, velocity_std=40.0):
 
 
 def random_run(rng, targets, scans):
-    """Return a run of targets that move as the model says, and the prior of their first states."""
+    """Return a run of targets that move by the model, and the prior of their first states."""
     prior = prior_at(6e3, 4e3)
     state = rng.multivariate_normal(prior.mean, prior.covariance, targets)
     number = np.arange(1, targets + 1)

@@ -1,11 +1,11 @@
 """Studies of radars whose antennas turn."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
+from samples import layout
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import ENGINES
@@ -95,7 +95,7 @@ def test_estimates_of_slow_targets_are_left_out_and_false_ones_stay():
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("sectors", [0, 16])
 def test_the_tracker_follows_targets_by_turn_and_by_sector(sectors, engine):
-    found, _ = scene(EAST, TURNING)
+    found, _ = scene(EAST, TURNING, seconds=72)
     run = turning_run(found, 1)
     given = {**PARAMETERS, "approach.sectors": sectors, "engine": engine}
     tracked = track(run, given, [0, 3])
@@ -143,7 +143,7 @@ def test_the_peer_follows_targets_through_turns_misses_and_clutter():
 def test_the_peer_uses_the_times_of_the_plots():
     found, inputs = scene(EAST, TURNING, **{"approach.detection_probability": 0.999})
     timed = far_off(*followed(found, inputs))
-    late = far_off(*followed(found, [replace(inputs[0], time_field="")]))
+    late = far_off(*followed(found, [layout(inputs[0], time_field="")]))
     assert np.sqrt((late**2).mean()) > 3.0 * np.sqrt((timed**2).mean())
 
 

@@ -76,3 +76,19 @@ def same_files():
         return contents[0] == contents[1]
 
     return compare
+
+
+@pytest.fixture
+def faults(capsys):
+    """Return a function that returns the faults that `track_bag` printed, without its progress."""
+
+    def read():
+        lines = capsys.readouterr().err.splitlines()
+        assert not any("Traceback" in line for line in lines)
+        return [
+            line.removeprefix("track_bag: ")
+            for line in lines
+            if line.strip() and not line.startswith("tracking ")
+        ]
+
+    return read

@@ -2,12 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bag_content import recorded, write
 from estimate_sets import of_tracks
 
-from msg_adapters import estimates, interfaces, names
+from msg_adapters import estimates, names
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from phd_jdtc_ros.parameter_files import bag_parameters
@@ -35,7 +34,7 @@ def tracks(stamp, lag, rows):
 
 
 def bag(directory, tracker, region=True):
-    """Write what a tracker says of an aircraft that crosses, and of one that stays in the west."""
+    """Write a tracker's estimates of an aircraft that crosses, and one that stays in the west."""
     given = {"region": [*REGIONS[tracker], MARGIN]} if region else {}
     found = []
     for stamp in STAMPS:
@@ -44,21 +43,14 @@ def bag(directory, tracker, region=True):
         if (tracker == "west" and x < MARGIN) or (tracker == "east" and x > 2e3 - MARGIN):
             rows.append((4 if tracker == "west" else 1, x + (20.0 if rows else 0.0), 0.0))
         found.append((stamp, rows))
-    with BagWriter(directory) as written:
-        for source in (FILTERED, SMOOTHED):
-            written.add_topic(Topic(names.estimates(source), names.CLOUD))
-        for source, lag in ((FILTERED, 0), (SMOOTHED, LAG)):
-            for stamp, rows in found:
-                message = estimates.to_msg(tracks(stamp, lag, rows), "map")
-                data = interfaces.encode(message)
-                written.write(names.estimates(source), data, stamp * 10**9)
+    entries = [
+        (names.estimates(source), estimates.to_msg(tracks(stamp, lag, rows), "map"), stamp * 10**9)
+        for source, lag in ((FILTERED, 0), (SMOOTHED, LAG))
+        for stamp, rows in found
+    ]
+    write(directory, map(names.estimates, (FILTERED, SMOOTHED)), entries)
     bag_parameters.write(directory / bag_parameters.NAME, resolve(given).values)
     return str(directory)
-
-
-def read(directory, source):
-    entries = BagReader(directory).messages([names.estimates(source)])
-    return [estimates.from_msg(interfaces.decode(entry.data, names.CLOUD)) for entry in entries]
 
 
 @pytest.fixture
@@ -72,7 +64,7 @@ def test_hand_over_keeps_the_number_of_what_crosses_the_seam(both, tmp_path, cap
     assert "30 filtered and 30 smoothed stamps of 2 trackers, 2 tracks" in capsys.readouterr().out
     numbers = {}
     for source in (FILTERED, SMOOTHED):
-        found = read(out, source)
+        found = recorded(out, source)
         assert [own.stamp_ns // 10**9 for own in found] == list(STAMPS)
         for own in found:
             order = np.argsort(own.position[:, 1])
@@ -102,17 +94,14 @@ def test_equal_bags_give_equal_bytes(both, tmp_path):
 
 
 def test_a_stamp_that_one_tracker_lacks_is_that_of_the_other(both, tmp_path):
-    short = tmp_path / "short"
-    with BagWriter(short) as written:
-        written.add_topic(Topic(names.estimates(FILTERED), names.CLOUD))
-        own = tracks(1004, 0, [(1, 30e3, 0.0)])
-        data = interfaces.encode(estimates.to_msg(own, "map"))
-        written.write(names.estimates(FILTERED), data, own.stamp_ns)
+    topic, own = names.estimates(FILTERED), tracks(1004, 0, [(1, 30e3, 0.0)])
+    entries = [(topic, estimates.to_msg(own, "map"), own.stamp_ns)]
+    short = write(tmp_path / "short", [topic], entries)
     values = resolve({"region": [*REGIONS["east"], MARGIN]}).values
     bag_parameters.write(short / bag_parameters.NAME, values)
     out = tmp_path / "joint"
     assert run("hand_over", [both[0], str(short), "--out", str(out)]) == 0
-    assert [len(own) for own in read(out, FILTERED)][:3] == [2, 3, 2]
+    assert [len(own) for own in recorded(out, FILTERED)][:3] == [2, 3, 2]
 
 
 def test_one_bag_is_none_to_join(both, tmp_path, capsys):
@@ -120,7 +109,7 @@ def test_one_bag_is_none_to_join(both, tmp_path, capsys):
     assert capsys.readouterr().err.startswith("hand_over: BAG: one given, must be two or more")
 
 
-def test_what_cannot_be_joined_is_said(both, tmp_path, capsys):
+def test_what_cannot_be_joined_is_reported(both, tmp_path, capsys):
     whole = bag(tmp_path / "whole", "west", region=False)
     assert run("hand_over", [both[0], whole, "--out", str(tmp_path / "joint")]) == 2
     assert "region: not set in" in capsys.readouterr().err
@@ -173,10 +162,8 @@ def test_estimates_that_cannot_be_joined_are_refused(
     covariance = found.covariance.copy()
     covariance[:, 0, 0] = variance
     message = estimates.to_msg(replace(found, covariance=covariance), "map")
-    wrong = tmp_path / "wrong"
-    with BagWriter(wrong) as written:
-        written.add_topic(Topic(names.estimates(FILTERED), names.CLOUD))
-        written.write(names.estimates(FILTERED), interfaces.encode(message), found.stamp_ns)
+    topic = names.estimates(FILTERED)
+    wrong = write(tmp_path / "wrong", [topic], [(topic, message, found.stamp_ns)])
     bag_parameters.write(wrong / bag_parameters.NAME, bag_parameters.read(tmp_path / "east"))
     assert run("hand_over", [both[0], str(wrong), "--out", str(tmp_path / "joint")]) == 2
     where = f"hand_over: {wrong}: /tracker/filtered/estimates at 1004.000 s: "

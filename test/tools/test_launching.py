@@ -1,30 +1,26 @@
 """What the launch files work out; `test/launching` runs them where launch is installed."""
 
+import ast
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from refusals import faults_of
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import CORRUPT, FAILED, OK, USAGE
-from phd_jdtc_ros.tools import launching
+from phd_jdtc_ros.tools.launching import arguments
 
 ROOT = Path(__file__).parents[2]
 
 
-def faults(function, *arguments):
-    with pytest.raises(ConfigError) as caught:
-        function(*arguments)
-    return list(caught.value.faults)
-
-
 def test_booleans_follow_one_rule():
     given = {"a": "true", "b": "True", "c": "1", "d": "false", "e": "False", "f": "0"}
-    assert launching.booleans(given) == {name: name in "abc" for name in given}
+    assert arguments.booleans(given) == {name: name in "abc" for name in given}
 
 
 def test_booleans_lists_every_fault():
-    assert faults(launching.booleans, {"rviz": "yes", "frames": "1", "respawn": ""}) == [
+    assert faults_of(arguments.booleans, {"rviz": "yes", "frames": "1", "respawn": ""}) == [
         "rviz: 'yes' given, must be one of true, True, 1, false, False, 0",
         "respawn: '' given, must be one of true, True, 1, false, False, 0",
     ]
@@ -32,8 +28,8 @@ def test_booleans_lists_every_fault():
 
 @pytest.mark.parametrize("text", ["", "-1", "2.5", "many", "9" * 5000])
 def test_whole_refuses_what_is_none(text):
-    assert launching.whole("retries", "10") == 10
-    assert len(faults(launching.whole, "retries", text)) == 1
+    assert arguments.whole("retries", "10") == 10
+    assert len(faults_of(arguments.whole, "retries", text)) == 1
 
 
 @pytest.mark.parametrize(
@@ -50,18 +46,18 @@ def test_whole_refuses_what_is_none(text):
     ],
 )
 def test_names_are_those_of_the_group_that_the_launch_file_is_in(pushed, given, tracker):
-    assert launching.full_name(launching.full_namespace(pushed, given), "tracker") == tracker
+    assert arguments.full_name(arguments.full_namespace(pushed, given), "tracker") == tracker
 
 
 def test_load_takes_the_file_for_the_tracker_alone(tmp_path):
     path = tmp_path / "site.yaml"
     path.write_text("/s1/tracker: {ros__parameters: {lag: 2, max_wait_s: 9.0}}\n")
 
-    assert launching.load(str(path), "/s1/tracker").lag.scans == 2
-    assert faults(launching.load, str(path), "/tracker") == [
+    assert arguments.load(str(path), "/s1/tracker").lag.scans == 2
+    assert faults_of(arguments.load, str(path), "/tracker") == [
         f"{path}: has no section for this node, /tracker; it has /s1/tracker"
     ]
-    assert launching.load("", "/tracker").lag.scans == 5
+    assert arguments.load("", "/tracker").lag.scans == 5
 
 
 @pytest.mark.parametrize(
@@ -76,7 +72,7 @@ def test_load_takes_the_file_for_the_tracker_alone(tmp_path):
     ],
 )
 def test_tracker_is_given_up_after_all_retries_or_a_fault_of_its_arguments(status, ends, final):
-    assert launching.is_final(status, ends, retries=2) is final
+    assert arguments.is_final(status, ends, retries=2) is final
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "launch").glob("*.py")), ids=lambda path: path.stem)
@@ -86,30 +82,46 @@ def test_launch_files_compile(path):
 
 @pytest.mark.parametrize("text", ["-1", "0.05", "nan", "fast", "", "1001"])
 def test_rate_refuses_what_the_replay_would_refuse(text):
-    assert [launching.rate(good) for good in ("0", "0.1", "2")] == [0.0, 0.1, 2.0]
-    (fault,) = faults(launching.rate, text)
+    assert [arguments.rate(good) for good in ("0", "0.1", "2")] == [0.0, 0.1, 2.0]
+    (fault,) = faults_of(arguments.rate, text)
     assert fault.startswith("rate: ")
 
 
 def test_demo_of_a_shipped_bag_has_its_parameters_for_the_tracker_of_that_name(tmp_path):
-    found = launching.demo("three_classes", "", "/s1/t2", tmp_path / "out")
+    found = arguments.demo("three_classes", "", "/s1/t2", tmp_path / "out")
 
     assert found.bag.samefile(ROOT / "bags" / "three_classes")
     assert [kind.name for kind in found.config.model.modes.classes] == ["weak", "medium", "strong"]
-    assert launching.load(found.params_file, "/s1/t2").values == found.config.values
+    assert arguments.load(found.params_file, "/s1/t2").values == found.config.values
 
 
 def test_demo_with_a_file_of_its_own_takes_that(tmp_path):
     path = tmp_path / "site.yaml"
     path.write_text("/tracker: {ros__parameters: {lag: 2}}\n")
-    found = launching.demo("three_classes", str(path), "/tracker", tmp_path / "out")
+    found = arguments.demo("three_classes", str(path), "/tracker", tmp_path / "out")
 
     assert (found.params_file, found.config.lag.scans) == (str(path), 2)
     assert not (tmp_path / "out").exists()
 
 
 def test_demo_of_a_bag_without_parameters_has_the_defaults(tmp_path):
-    found = launching.demo(str(tmp_path), "", "/tracker", tmp_path / "out")
+    found = arguments.demo(str(tmp_path), "", "/tracker", tmp_path / "out")
 
     assert (found.bag, found.params_file) == (tmp_path, "")
     assert found.config.values == resolve({}).values
+
+
+@pytest.mark.parametrize("name", ["demo", "tracker"])
+def test_launch_files_import_names_that_exist(name):
+    tree = ast.parse((ROOT / "launch" / f"{name}.launch.py").read_text())
+    own = [n for n in tree.body if isinstance(n, ast.ImportFrom) and "phd_jdtc" in (n.module or "")]
+    assert own
+    for statement in own:
+        # The module is read and not imported, because launch may not be installed.
+        spec = find_spec(statement.module)
+        source = Path(spec.origin).read_text()
+        defined = {getattr(node, "name", None) for node in ast.parse(source).body}
+        for alias in statement.names:
+            folder = Path(spec.origin).parent
+            is_module = (folder / f"{alias.name}.py").exists() and spec.submodule_search_locations
+            assert alias.name in defined or is_module, f"{statement.module}.{alias.name}"

@@ -2,11 +2,11 @@
 
 import importlib.util
 import json
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from message_paths import values
 
 from msg_adapters import interfaces, names, stamps, truth
 from phd_jdtc_ros import resources
@@ -58,19 +58,6 @@ def panels(name, kind):
     """Return the panels of a kind of a layout."""
     configured = LAYOUTS[name]["configById"]
     return [panel for key, panel in configured.items() if key.startswith(f"{kind}!")]
-
-
-def values(message, path):
-    """Return what a message path without its topic leads to in a message."""
-    found = [message]
-    for name, field, wanted in re.findall(r'\.(\w+)|\[:\]|\{(\w+)=="([^"]*)"\}', path):
-        if name:
-            found = [getattr(entry, name) for entry in found]
-        elif field:
-            found = [entry for entry in found if getattr(entry, field) == wanted]
-        else:
-            found = [inner for entry in found for inner in entry]
-    return found
 
 
 def drawn(bag, series):

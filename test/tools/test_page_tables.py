@@ -10,9 +10,14 @@ import yaml
 from phd_jdtc_ros.study.monte_carlo.definition import METRICS
 
 ROOT = Path(__file__).parents[2]
-STUDY, PERFORMANCE = ((ROOT / "docs" / name).read_text() for name in page_tables.PAGES)
+PAGES = [(ROOT / "docs" / name).read_text() for name in page_tables.PAGES]
 DEFINED = yaml.safe_load((ROOT / "config" / "studies" / "published.yaml").read_text())
-OF_STUDY = [*page_tables.specified(STUDY)]
+OF_STUDY = [
+    (shown, cells)
+    for page in PAGES
+    for shown, cells in page_tables.specified(page)
+    if "bench" not in shown
+]
 
 
 def figures(mean):

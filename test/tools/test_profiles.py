@@ -88,7 +88,7 @@ def test_paper_scenario_has_the_motion_of_the_paper():
     assert values["class_0.mode_transition"] == [0.8, 0.2, 0.2, 0.8]
 
 
-def test_surveillance_knows_no_birth_places():
+def test_surveillance_has_no_birth_places():
     config = resolve(from_arguments.load(CONFIG / "surveillance.yaml"))
 
     assert config.model.births == ()

@@ -26,7 +26,7 @@ def test_report_writes_a_page_and_pictures(tracked, tmp_path, capsys):
     assert "report.html" in capsys.readouterr().out
 
 
-def test_report_of_untracked_detections_says_that_there_are_no_estimates(short_bag, tmp_path):
+def test_report_of_untracked_detections_notes_that_there_are_no_estimates(short_bag, tmp_path):
     assert run("report", [str(short_bag), "--out", str(tmp_path)]) == 0
 
     text = (tmp_path / "report.html").read_text()
@@ -90,7 +90,7 @@ def test_report_refuses_a_file_for_its_directory(short_bag, tmp_path, capsys):
     assert path.read_text() == "mine"
 
 
-def test_report_without_plotly_writes_the_pictures_and_says_what_to_install(tracked, tmp_path):
+def test_report_without_plotly_writes_the_pictures_and_names_what_to_install(tracked, tmp_path):
     script = (
         "import sys; sys.modules['plotly'] = None; from phd_jdtc_ros.__main__ import run; "
         f"sys.exit(run('report', [{str(tracked)!r}, '--out', {str(tmp_path)!r}]))"

@@ -2,8 +2,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bag_content import messages
 
-from msg_adapters import detections, estimates, interfaces, names, stamps, truth
+from msg_adapters import detections, estimates, names, stamps, truth
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
@@ -11,12 +12,6 @@ from phd_jdtc_ros.configuration.build import resolve
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "bags" / "paper_scenario"
 RADARS = [names.detections("radar_1"), names.detections("radar_2")]
-
-
-def clouds(path, topic):
-    return [
-        interfaces.decode(entry.data, names.CLOUD) for entry in BagReader(path).messages([topic])
-    ]
 
 
 def test_simulate_writes_every_radar_and_the_truth(short_bag):
@@ -31,7 +26,7 @@ def test_simulate_writes_every_radar_and_the_truth(short_bag):
 
 
 def test_simulate_writes_the_truth_of_the_scenario(short_bag):
-    found = [truth.from_msg(cloud) for cloud in clouds(short_bag, names.TRUTH)]
+    found = [truth.from_msg(cloud) for cloud in messages(short_bag, names.TRUTH)]
     assert [t.track_id.tolist() for t in found] == [[1]] * 2 + [[1, 2]] * 4 + [[1]] * 2
     assert [t.class_id.tolist() for t in found] == [[0]] * 2 + [[0, 1]] * 4 + [[0]] * 2
     np.testing.assert_array_equal(found[3].state[0], [-10e3 + 18 * 36, 36, 10e3 - 18 * 44, -44, 0])
@@ -41,7 +36,7 @@ def test_simulate_writes_the_truth_of_the_scenario(short_bag):
 def test_simulate_writes_detections_that_nothing_is_dropped_of(short_bag):
     config = resolve({})
     for radar, frame in zip(config.inputs, ("radar_1", "radar_2"), strict=True):
-        found = clouds(short_bag, radar.topic)
+        found = messages(short_bag, radar.topic)
         assert {cloud.header.frame_id for cloud in found} == {frame}
         reports = [detections.from_msg(cloud, radar) for cloud in found]
         assert not any(report.dropped for report in reports)
@@ -49,7 +44,7 @@ def test_simulate_writes_detections_that_nothing_is_dropped_of(short_bag):
         assert 120 < sum(len(report.detections) for report in reports) < 220
 
 
-def test_simulate_says_what_it_wrote(simulate, capsys):
+def test_simulate_prints_what_it_wrote(simulate, capsys):
     status, out = simulate("--seed", 3)
     assert status == 0
     assert capsys.readouterr() == (f"{out}: 8 scans, 2 radars, seed 3\n", "")
@@ -73,9 +68,9 @@ def test_simulate_writes_the_same_bytes_for_the_same_seed(simulate, same_files):
 def test_simulate_of_another_seed_differs_in_the_detections_alone(simulate):
     _, one = simulate("--seed", 1, out="one")
     _, other = simulate("--seed", 2, out="other")
-    assert clouds(one, names.TRUTH) == clouds(other, names.TRUTH)
+    assert messages(one, names.TRUTH) == messages(other, names.TRUTH)
     for topic in RADARS:
-        assert clouds(one, topic) != clouds(other, topic)
+        assert messages(one, topic) != messages(other, topic)
 
 
 def test_simulate_takes_radars_from_the_parameters(simulate):
@@ -84,8 +79,8 @@ def test_simulate_takes_radars_from_the_parameters(simulate):
         "-p", "world_frame:=odom",
     )  # fmt: skip
     assert BagReader(out).counts == {"/front/plots": 8, names.TRUTH: 8}
-    assert {cloud.header.frame_id for cloud in clouds(out, "/front/plots")} == {"mast"}
-    assert {cloud.header.frame_id for cloud in clouds(out, names.TRUTH)} == {"odom"}
+    assert {cloud.header.frame_id for cloud in messages(out, "/front/plots")} == {"mast"}
+    assert {cloud.header.frame_id for cloud in messages(out, names.TRUTH)} == {"odom"}
 
 
 OWN_LAYOUT = """
@@ -118,7 +113,7 @@ def test_simulate_writes_in_the_layout_of_the_radar_so_that_the_tracker_reads_it
         printed = capsys.readouterr()
         assert "dropped: none" in printed.out
         assert "track_bag: " not in printed.err
-        clouds_of = clouds(tmp_path / f"{path.stem}_tracked", names.estimates("smoothed"))
+        clouds_of = messages(tmp_path / f"{path.stem}_tracked", names.estimates("smoothed"))
         found.append([estimates.from_msg(cloud) for cloud in clouds_of])
     assert sum(len(one) for one in found[0]) > 5
     for one, other in zip(*found, strict=True):
@@ -134,14 +129,14 @@ def test_simulate_of_nothing_writes_empty_scans(simulate, tmp_path):
     )  # fmt: skip
     assert status == 0
     for topic in [*RADARS, names.TRUTH]:
-        assert [cloud.width for cloud in clouds(out, topic)] == [0, 0, 0]
+        assert [cloud.width for cloud in messages(out, topic)] == [0, 0, 0]
 
 
 def test_simulate_writes_stamps_up_to_the_end_of_ros_time(simulate, tmp_path):
     (tmp_path / "late.yaml").write_text("start_s: 2147483000.0\nscans: 2\n")
     status, out = simulate(scenario=tmp_path / "late.yaml")
     assert status == 0
-    assert [c.header.stamp.sec for c in clouds(out, names.TRUTH)] == [2147483000, 2147483006]
+    assert [c.header.stamp.sec for c in messages(out, names.TRUTH)] == [2147483000, 2147483006]
 
 
 def faults_of(capsys):
@@ -177,14 +172,14 @@ def test_simulate_refuses_to_overwrite(simulate, tmp_path, capsys):
     assert [path.name for path in out.iterdir()] == ["mine"]
 
 
-def test_simulate_says_that_it_cannot_write(simulate, tmp_path, capsys):
+def test_simulate_reports_that_it_cannot_write(simulate, tmp_path, capsys):
     (tmp_path / "file").write_text("")
     status, out = simulate(out="file/bag")
     assert status == 2
     assert faults_of(capsys) == [f"{out}: cannot be written: Not a directory"]
 
 
-def test_simulate_of_a_missing_scenario_says_so(simulate, tmp_path, capsys):
+def test_simulate_rejects_a_missing_scenario(simulate, tmp_path, capsys):
     status, out = simulate(scenario=tmp_path / "none.yaml")
     assert status == 2
     assert faults_of(capsys) == [
@@ -194,7 +189,7 @@ def test_simulate_of_a_missing_scenario_says_so(simulate, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("content", [b"targets: [1,", b"\xff\xfe\x00", b"a: b: c"])
-def test_simulate_of_a_scenario_that_is_no_yaml_says_so(simulate, tmp_path, capsys, content):
+def test_simulate_rejects_a_scenario_that_is_no_yaml(simulate, tmp_path, capsys, content):
     (tmp_path / "bad.yaml").write_bytes(content)
     status, out = simulate(scenario=tmp_path / "bad.yaml")
     assert status == 2

@@ -69,7 +69,7 @@ def test_equations_of_the_site_are_mathml(site):
     assert page.count("<math ") > 100
     assert page.count('display="block"') > 10
     assert 'class="arithmatex"' not in page
-    # What the converter does not know it leaves as it was written.
+    # The converter leaves what it cannot convert as it was written.
     assert [
         equation
         for equation in re.findall(r"<math .*?</math>", page, re.DOTALL)
@@ -155,6 +155,13 @@ def test_cells_of_tables_have_their_columns_headings(site):
 
     assert '<td data-label="QoS">reliable, depth 10</td>' in page
     assert "<td>" not in page
+
+
+def test_figures_in_tables_stay_on_one_line(site):
+    page = (site / "study_details.html").read_text()
+
+    assert ">126.9\N{NO-BREAK SPACE}m</td>" in page
+    assert ">194.5\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}10.4 / " in page
 
 
 def test_report_is_photographed_where_there_is_a_browser(tmp_path):

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bag_content import write
 
-from msg_adapters import interfaces, names, point_cloud, recognised
+from msg_adapters import point_cloud, recognised
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.tools import recorded_plots
 
@@ -42,7 +42,7 @@ def test_tune_proposes_what_was_simulated_in_a_file_that_the_tracker_takes(tmp_p
     assert radar.range_std == pytest.approx(300.0, rel=0.2)
     assert config.values["radar_1.azimuth_std_deg"] == pytest.approx(1.0, rel=0.2)
     assert radar.clutter_rate == pytest.approx(20.0, rel=0.5)
-    # All that was given stays, such as birth places and what the SNR bands say.
+    # All given parameters stay, such as birth places and SNR bands.
     assert config.values["north_west.position"] == [-8000.0, 6000.0]
     assert config.values["radar_1.detection_probability"] == 0.0
     (line,) = [line for line in text.splitlines() if "range_std:" in line]
@@ -61,7 +61,7 @@ def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
     config = tracker_params.config(from_arguments.load(out))
     (radar,), (layout,) = config.model.radars, config.inputs
     assert (layout.topic, layout.frame) == ("/radar_1/detections", "radar_1")
-    assert (layout.range_field, layout.azimuth_field) == ("range", "azimuth")
+    assert (layout.fields.range, layout.fields.azimuth) == ("range", "azimuth")
     assert radar.range_std == pytest.approx(300.0, rel=0.2)
     assert config.values["interval_s"] == 6.0
     # It reads what it was made from.
@@ -72,7 +72,7 @@ def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_tune_says_what_a_recording_lacks(short_bag, tmp_path, capsys):
+def test_tune_reports_what_a_recording_lacks(short_bag, tmp_path, capsys):
     assert tune(short_bag) == 2
     said = capsys.readouterr().err
     assert "radar_1: 8 clouds in 42.0 s, must be at least 10" in said
@@ -81,7 +81,7 @@ def test_tune_says_what_a_recording_lacks(short_bag, tmp_path, capsys):
     assert "no such bag" in capsys.readouterr().err
 
 
-def test_tune_uses_what_is_intact_of_a_damaged_bag_and_says_so(tmp_path, capsys):
+def test_tune_uses_the_intact_part_of_a_damaged_bag_with_a_warning(tmp_path, capsys):
     (file,) = SHIPPED.glob("*.mcap")
     whole = file.read_bytes()
     shutil.copytree(SHIPPED, tmp_path / "cut")
@@ -106,8 +106,8 @@ def test_tune_overwrites_nothing(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (("one_radar", "--seconds", "0"), "0 given, must be at least 1 s"),
-        (("one_radar", "--seconds", "soon"), "soon given, must be at least 1 s"),
+        (("one_radar", "--seconds", "0"), "0 given, must be a number of at least 1 s"),
+        (("one_radar", "--seconds", "soon"), "soon given, must be a number of at least 1 s"),
     ],
 )
 def test_tune_refuses_a_part_that_is_none(arguments, reason, capsys):
@@ -118,10 +118,8 @@ def test_tune_refuses_a_part_that_is_none(arguments, reason, capsys):
 
 
 def test_tune_names_the_fields_of_clouds_that_it_does_not_recognise(tmp_path, capsys):
-    with BagWriter(tmp_path / "points") as bag:
-        bag.add_topic(Topic("/lidar/points", names.CLOUD))
-        cloud = point_cloud.encode(10**9, "lidar", {"x": np.ones(3), "ring": np.ones(3)})
-        bag.write("/lidar/points", interfaces.encode(cloud), 10**9)
+    cloud = point_cloud.encode(10**9, "lidar", {"x": np.ones(3), "ring": np.ones(3)})
+    write(tmp_path / "points", ["/lidar/points"], [("/lidar/points", cloud, 10**9)])
     assert tune(tmp_path / "points") == 2
     assert "it has /lidar/points (ring, x). Name them" in capsys.readouterr().err
 

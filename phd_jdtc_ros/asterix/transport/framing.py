@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..clocks import NS_PER_DAY
+from . import pcap
 from .datagram import Datagram, RecordingError
 
 # The header of an envelope has its length with header and footer (2 bytes), the numbers of board
@@ -44,15 +45,8 @@ def open_recording(path: Path) -> Iterator[bytes | mmap.mmap]:
 
 
 def kind_of(data: bytes | mmap.mmap) -> str:
-    """Return the format of a recording.
-
-    Raises
-    ------
-    RecordingError
-    """
-    from .pcap import is_capture
-
-    if is_capture(data[:4]):
+    """Return the format of a recording; raise `RecordingError` if it is none."""
+    if pcap.is_capture(data[:4]):
         return CAPTURE
     if _envelope(data, 0):
         return FINAL
@@ -77,13 +71,7 @@ def datagrams(
     counts : Counter
         Gains the skipped data: ``bytes_skipped`` and ``resynchronised`` for damaged data,
         ``recording_cut`` if the end is missing, and the reasons of `pcap.packets`.
-
-    Raises
-    ------
-    RecordingError
     """
-    from . import pcap
-
     kind = kind_of(data)
     if kind == CAPTURE:
         yield from _on_day(pcap.packets(data, counts), midnight_ns)

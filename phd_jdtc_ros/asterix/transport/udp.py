@@ -9,7 +9,8 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import NamedTuple
 
 from .datagram import Datagram
@@ -62,6 +63,18 @@ def address(text: str) -> Address:
     return Address(host, number)
 
 
+@contextmanager
+def _datagram_socket() -> Iterator[socket.socket]:
+    """Yield a socket that does not block; close it if the block fails."""
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        sock.setblocking(False)
+        yield sock
+    except OSError:
+        sock.close()
+        raise
+
+
 def receiving_socket(where: Address, interface: str) -> socket.socket:
     """Return a socket that receives datagrams for an address.
 
@@ -71,13 +84,8 @@ def receiving_socket(where: Address, interface: str) -> socket.socket:
         A local address, or a multicast group to join.
     interface : str
         Address of the network interface that joins a group; empty for the system's choice.
-
-    Raises
-    ------
-    OSError
     """
-    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
+    with _datagram_socket() as sock:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, KERNEL_BYTES)
         if where.multicast:
             # A group may have several listeners, a local address only one.
@@ -87,32 +95,18 @@ def receiving_socket(where: Address, interface: str) -> socket.socket:
         if where.multicast:
             group = socket.inet_aton(where.host) + socket.inet_aton(interface or "0.0.0.0")
             sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
-        sock.setblocking(False)
-    except OSError:
-        sock.close()
-        raise
     return sock
 
 
 def sender(where: Address, interface: str) -> socket.socket:
-    """Return a socket that sends to an address; to a group with a hop limit of one.
-
-    Raises
-    ------
-    OSError
-    """
-    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
-        sock.setblocking(False)
+    """Return a socket that sends to an address; to a group with a hop limit of one."""
+    with _datagram_socket() as sock:
         if where.multicast:
             sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 1)
             if interface:
-                chosen = socket.inet_aton(interface)
-                sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, chosen)
+                own = socket.inet_aton(interface)
+                sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, own)
         sock.connect(where)
-    except OSError:
-        sock.close()
-        raise
     return sock
 
 

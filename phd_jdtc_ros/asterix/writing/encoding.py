@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from ..clocks import NS_PER_TICK
+from ..item_rules import Fixed
 from ..messages import DAY
-from ..specification import Fixed, layouts
+from ..specification import layouts
 
 # Largest datagram, bytes, that passes common networks unfragmented.
 MAX_BLOCK = 1400

@@ -59,7 +59,6 @@ def common_targets(
 
     Parameters
     ----------
-    sensors : sequence of Sensor
     biases : sequence of RadarBias
         Current estimate of each radar's biases.
     known : bool

@@ -67,30 +67,27 @@ class Pass:
 
     def errors(self, free: BoolArray) -> FloatArray:
         """Return the biases that solve the equations, in `UNITS`, (P,); 0 if not free."""
-        return _solved(self.information, self.score.sum(axis=0), free)
+        return _solve(self.information, self.score.sum(axis=0), free)
 
 
-def _solved(information: FloatArray, score: FloatArray, free: BoolArray) -> FloatArray:
+def _solve(information: FloatArray, score: FloatArray, free: BoolArray) -> FloatArray:
     found = np.zeros(len(score))
     rows = np.flatnonzero(free)
     found[rows] = np.linalg.lstsq(information[np.ix_(rows, rows)], score[rows], rcond=None)[0]
     return found
 
 
-def filtered(
+def filter_sequences(
     sequences: Sequences, course: Course, density: float, weight: FloatArray, radars: int
 ) -> Pass:
     """Filter the targets, and return the equations of the biases.
 
     Parameters
     ----------
-    sequences : Sequences
-    course : Course
     density : float
         Spectral density of the white acceleration, m^2/s^3.
     weight : array of shape (K, T)
         Weight of each plot, in (0, 1], which divides its standard deviations.
-    radars : int
     """
     length, targets = sequences.radar.shape
     expected, jacobian = kinematics.linearise(course.position, sequences.pose)
@@ -136,12 +133,14 @@ def filtered(
         covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
         kept[0][k], kept[1][k], covariances[k] = mean, response, covariance
     total = score.sum(axis=0)
-    best = _solved(of_target.sum(axis=0), total, np.ones(columns, dtype=bool))
+    best = _solve(of_target.sum(axis=0), total, np.ones(columns, dtype=bool))
     log_likelihood += 0.5 * float(best @ total)
     return Pass(of_target, score, log_likelihood, *kept, covariances)
 
 
-def smoothed(sequences: Sequences, found: Pass, errors: FloatArray, density: float) -> Course:
+def smooth_trajectories(
+    sequences: Sequences, found: Pass, errors: FloatArray, density: float
+) -> Course:
     """Return the smoothed trajectories, given the biases in `UNITS`, shape (P,).
 
     This is the recursion of Rauch, Tung and Striebel for the means alone.

@@ -20,7 +20,8 @@ from phd_jdtc_ros.core.types import CONFIRMED, Detections, Estimates, Scan
 
 # Effective number of residuals of a mean, and least number for a warning.
 MEMORY, LEAST = 400, 60
-# A warning needs a mean beyond SIGMAS of its standard deviations and beyond SHARE of a plot's.
+# A bias is significant if the mean residual exceeds the sum of SIGMAS standard deviations of the
+# mean and SHARE standard deviations of a single plot.
 SIGMAS, SHARE = 5.0, 0.25
 # Inflation of a mean's standard deviation: residuals of one track are correlated.
 CORRELATED = 1.25
@@ -36,7 +37,6 @@ class Drift(NamedTuple):
 
     Parameters
     ----------
-    radar : str
     residuals : int
         Number of residuals so far.
     mean : array of shape (2,)
@@ -84,7 +84,6 @@ class _Tracks(NamedTuple):
     Parameters
     ----------
     number : int array of shape (T,)
-    stamp_ns : int
     position, velocity : arrays of shape (T, 2)
     covariance : array of shape (T, 2, 2)
         Covariances of the positions.
@@ -102,7 +101,6 @@ class RegistrationMonitor:
 
     Parameters
     ----------
-    radars : sequence of RadarModel
     interval_s : float
         The nominal interval, seconds.
     """

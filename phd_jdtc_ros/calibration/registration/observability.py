@@ -49,7 +49,7 @@ class Judgement:
     hidden: tuple[int, ...]
 
 
-def judged(information: FloatArray, one_plot: FloatArray, reference: int) -> Judgement:
+def judge(information: FloatArray, one_plot: FloatArray, reference: int) -> Judgement:
     """Return the biases that can be estimated.
 
     Parameters
@@ -109,15 +109,15 @@ def require_common(sensors: Sequence[Sensor], targets: Sequence[Target]) -> None
         return
     end = min(float(each.time_s[-1]) for each in sensors)
     seconds = max(end - max(float(each.time_s[0]) for each in sensors), 0.0)
-    said = "; ".join(f"{each.name} has {len(each.tracks)} tracks" for each in alone)
+    counts = "; ".join(f"{each.name} has {len(each.tracks)} tracks" for each in alone)
     raise RegistrationError(
-        f"no common targets: {said}, none of them where a track of another radar is, in "
-        f"{seconds:.0f} s in which all radars report; must have some: see whether position and "
-        "yaw_deg are right within a degree, and times within a second, or record longer"
+        f"no common targets: {counts}, none near a track of another radar, in the {seconds:.0f} s "
+        "covered by all radars; check position, yaw_deg (to 1 degree) and clocks (to 1 s), or "
+        "record longer"
     )
 
 
-def require_told(
+def require_observable(
     sensors: Sequence[Sensor], free: BoolArray, reference: int, rows: Sequences
 ) -> None:
     """Raise `RegistrationError` if no bias of a radar but the reference is observable."""
@@ -128,7 +128,7 @@ def require_told(
     ]
     if nothing:
         raise RegistrationError(
-            f"{', '.join(nothing)}: no error can be told: {hidden_reason(sensors, rows)}"
+            f"{', '.join(nothing)}: no bias is observable: {hidden_reason(sensors, rows)}"
         )
 
 

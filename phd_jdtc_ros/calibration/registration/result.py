@@ -31,7 +31,6 @@ class Found:
 
     Parameters
     ----------
-    name : str
     bias : RadarBias
         Zero for unobservable biases.
     std : array of shape (4,)
@@ -39,7 +38,6 @@ class Found:
     tracks, plots : int
         Number of common tracks with its plots, and number of these plots. A target that is lost and
         found again is another track.
-    residuals : Residuals
     """
 
     name: str
@@ -56,7 +54,6 @@ class Registration:
 
     Parameters
     ----------
-    radars : tuple of Found
     reference : str
         The radar that is assumed to have no bias of the kinds in `common`.
     common : tuple of str

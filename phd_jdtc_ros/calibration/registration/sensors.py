@@ -45,7 +45,6 @@ class Sensor:
 
     Parameters
     ----------
-    name : str
     time_s : array of shape (N,)
         Times of its plots since the common reference, seconds.
     measurement : array of shape (N, 2)
@@ -85,8 +84,6 @@ def sensor(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> Senso
 
     Parameters
     ----------
-    plots : Plots
-    radar : RadarModel
     zero_ns : int
         Common reference of all times.
     moving : bool
@@ -105,20 +102,23 @@ def sensor(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> Senso
         )
     if radar.rotation_s and len(plots) and not plots.timed:
         raise RegistrationError(
-            f"{radar.name}: turns in {radar.rotation_s:g} s, and its detections have no times of "
-            "their own: must have them (fields.time), a stamp tells nothing of a turn's parts"
+            f"{radar.name}: rotates in {radar.rotation_s:g} s, but its detections have no "
+            "individual times; map them with fields.time, because one stamp per turn does not date "
+            "the detections"
         )
     interval_s = float(np.median(np.diff(plots.cloud_s)))
     if interval_s <= 0.0:
-        raise RegistrationError(f"{radar.name}: all clouds have one stamp, must rise")
-    timing = Timing(interval_s, 0.0, radar.rotation_s)
+        raise RegistrationError(
+            f"{radar.name}: all clouds have the same stamp; stamps must increase"
+        )
+    timing = Timing(interval_s, radar.rotation_s)
     tracks = _tracks(plots, timing, radar)
     if len(tracks.claimed) < LEAST_PLOTS:
         raise RegistrationError(
             f"{radar.name}: {len(tracks.plots)} tracks of {len(tracks.claimed)} plots, of "
             f"{len(plots)} detections in {plots.duration_s:.1f} s; must be at least "
-            f"{LEAST_PLOTS} plots of targets that it follows: record longer, or see whether its "
-            "range_std and azimuth_std_deg are right"
+            f"{LEAST_PLOTS} plots in tracks: record longer, or check its range_std and "
+            "azimuth_std_deg"
         )
     standing = np.tile([*radar.position, radar.yaw], (len(plots), 1))
     return Sensor(
@@ -138,13 +138,13 @@ def _tracks(plots: Plots, timing: Timing, radar: RadarModel) -> Tracks:
         return Tracks((), 0.0)
     part = plots.until(LOOKS * timing.look_s)
 
-    def tried(some: Plots, speed: float) -> Tracks:
+    def link(some: Plots, speed: float) -> Tracks:
         guess = guess_of(some, timing, radar.range_std, radar.azimuth_std, speed)
         return link_plots(some, timing, guess, np.zeros(len(some)))
 
     usable = part if len(part) else plots
-    best = max(SPEEDS, key=lambda speed: tried(usable, speed).score)
-    return tried(plots, best)
+    best = max(SPEEDS, key=lambda speed: link(usable, speed).score)
+    return link(plots, best)
 
 
 class RegistrationError(ValueError):

@@ -69,7 +69,7 @@ def sequences(
         for k in (0, 1)
     )
 
-    def gathered(columns: Sequence[FloatArray]) -> FloatArray:
+    def gather(columns: Sequence[FloatArray]) -> FloatArray:
         """Return the value of each plot in its radar's column."""
         found = np.zeros((*radar.shape, *columns[0].shape[1:]))
         for index, column in enumerate(columns):
@@ -81,10 +81,10 @@ def sequences(
         np.arange(longest)[:, None] < count,
         radar,
         plot,
-        gathered([each.time_s for each in corrected]),
-        gathered([each.measurement for each in corrected]),
-        gathered([each.position for each in corrected]),
-        gathered([each.pose for each in sensors]),
+        gather([each.time_s for each in corrected]),
+        gather([each.measurement for each in corrected]),
+        gather([each.position for each in corrected]),
+        gather([each.pose for each in sensors]),
         np.array([each.noise_std for each in sensors])[radar],
     )
 

@@ -12,8 +12,8 @@ from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
 
 from ..tuning import kinematics
 from .common import Target, common_targets
-from .filtering import KINDS, UNITS, Course, Pass, filtered, smoothed
-from .observability import Judgement, hidden_reason, judged, require_common, require_told
+from .filtering import KINDS, UNITS, Course, Pass, filter_sequences, smooth_trajectories
+from .observability import Judgement, hidden_reason, judge, require_common, require_observable
 from .result import Found, Registration, Residuals
 from .sensors import Sensor
 from .sequences import Sequences, sequences
@@ -41,14 +41,8 @@ class _Round:
 
     Parameters
     ----------
-    targets : sequence of Target
-    biases : tuple of RadarBias
     std : array of shape (P,)
         Standard deviations of the biases, in `UNITS`; NaN if unobservable.
-    judgement : Judgement
-    density : float
-    rows : Sequences
-    course : Course
     """
 
     targets: Sequence[Target]
@@ -60,7 +54,7 @@ class _Round:
     course: Course
 
 
-def registered(sensors: Sequence[Sensor], reference: str) -> Registration:
+def register(sensors: Sequence[Sensor], reference: str) -> Registration:
     """Return the biases of radars.
 
     Parameters
@@ -86,7 +80,7 @@ def registered(sensors: Sequence[Sensor], reference: str) -> Registration:
         biases, density = found.biases, found.density
         if number and _change(before, found) < SETTLED:
             break
-    require_told(sensors, found.judgement.free, index, found.rows)
+    require_observable(sensors, found.judgement.free, index, found.rows)
     return _registration(sensors, found, reference)
 
 
@@ -103,21 +97,21 @@ def _round(
     # The velocities are unknown until the first pass.
     course = Course(rows.position, np.zeros_like(rows.position))
     for number in range(PASSES + 1):
-        found = filtered(rows, course, density, weight, len(sensors))
-        judgement = judged(found.information, _one_plot(sensors, rows, course), reference)
+        found = filter_sequences(rows, course, density, weight, len(sensors))
+        judgement = judge(found.information, _one_plot(sensors, rows, course), reference)
         errors = found.errors(judgement.free)
-        course = smoothed(rows, found, errors, density)
+        course = smooth_trajectories(rows, found, errors, density)
         if number == 0:
             density = _best_density(rows, course, density, weight, len(sensors))
             continue
-        biases = _followed(biases, errors)
+        biases = _follow(biases, errors)
         std = _deviations(found, errors, judgement)
         rows = sequences(sensors, biases, targets)
         weight = _weights(rows, course)
     return _Round(targets, tuple(biases), std, judgement, density, rows, course)
 
 
-def _followed(biases: Sequence[RadarBias], errors: FloatArray) -> list[RadarBias]:
+def _follow(biases: Sequence[RadarBias], errors: FloatArray) -> list[RadarBias]:
     """Return the biases after a correction in `UNITS`."""
     rest = errors.reshape(-1, len(KINDS)) * UNITS
     return [
@@ -182,7 +176,7 @@ def _best_density(
     """Return the most probable spectral density, within a factor of two."""
 
     def value(density: float) -> float:
-        return filtered(rows, course, density, weight, radars).log_likelihood
+        return filter_sequences(rows, course, density, weight, radars).log_likelihood
 
     best, known = start, value(start)
     for factor in (FACTOR, 1.0 / FACTOR):

@@ -87,7 +87,7 @@ def findings(plots: Plots) -> Findings:
     _require_some(plots)
     when = timing(plots)
     if when.cloud_interval_s <= 0.0:
-        raise TuningError("all clouds have the same stamp, must have rising stamps")
+        raise TuningError("all clouds have the same stamp; stamps must increase")
     guess, tracks = first_guess(plots, when)
     _require_tracks(plots, when, tracks)
     guess, tracks, noise = _iterate(plots, when, guess, tracks)
@@ -95,7 +95,8 @@ def findings(plots: Plots) -> Findings:
     land = 1.0 - len(rows) / len(plots)
     if land > MOST_LAND and len(rows) > LEAST_PLOTS:
         tracks, noise = _without_land(plots, rows, when, tracks, noise)
-    # The tracker's clutter map takes land clutter, so that the rate is of the other cells only.
+    # With much land clutter the rate counts only the other cells, because the tracker's clutter map
+    # covers the land.
     clutter = clutter_rate(plots, when, tracks, rows if land > MOST_LAND else None)
     return Findings(
         when,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_parameters import AUTO
+from phd_jdtc_ros.configuration.radar_input import AUTO
 from phd_jdtc_ros.configuration.schema import Value
 
 from .findings import MOST_LAND, Findings
@@ -35,7 +35,6 @@ class Row:
     ----------
     name : str
         The parameter, or a description if no parameter follows from the figure.
-    value : bool, int, float, str or list
     std : float
         Standard deviation; NaN if there is none.
     source : str
@@ -97,7 +96,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
     far = limit is None or not farthest <= limit <= MOST_BEYOND * farthest
     entries.append(Row("max_range", farthest, math.nan, seen, limit, far))
     rate = found.clutter
-    free = f"{rate.count} other plots"
+    free = f"{rate.count} plots outside tracks"
     # A learned clutter rate stays learned.
     given = now("clutter_rate")
     entries.append(
@@ -116,7 +115,7 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
         Row("clutter_max_range", clutter_range, math.nan, free, now("clutter_max_range"))
     )
     if found.land > MOST_LAND:
-        again = f"{100.0 * found.land:.0f} % of plots again and again"
+        again = f"{100.0 * found.land:.0f} % of plots in recurring places"
         entries.append(Row("clutter_map", True, math.nan, again, now("clutter_map")))
     if found.field.arc is not None:
         entries.append(Row("fov_deg", _fov(found.field.arc, now), math.nan, seen, now("fov_deg")))
@@ -133,7 +132,7 @@ def _detection(found: Findings, now: Any, by_band: bool) -> Row:
     """Return the detection probability; SNR bands or a configured table that agrees are kept."""
     rate = found.detection
     value = min(rounded(rate.value, 0.01), MOST_PROBABILITY)
-    source = f"{rate.count} chances"
+    source = f"{rate.count} opportunities"
     table = given = now("detection_probability")
     if isinstance(table, list):
         mean = float(np.mean(table[1::2]))
@@ -149,7 +148,7 @@ def _amplitudes(found: Findings, now: Any) -> list[Row]:
     levels = found.levels
     if levels is None:
         return [Row("amplitudes", "none", math.nan, f"{found.plots} plots", None, False)]
-    source = f"{levels.clutter} other plots"
+    source = f"{levels.clutter} plots outside tracks"
     alarm = levels.false_alarm_probability
     known = ALARMS[0] <= alarm <= ALARMS[1]
     entries = [

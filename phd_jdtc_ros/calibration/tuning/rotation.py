@@ -34,8 +34,6 @@ class Timing:
     ----------
     cloud_interval_s : float
         Median time between clouds, seconds.
-    interval_spread_s : float
-        Median absolute deviation of these times, seconds.
     rotation_s : float
         Time of one turn; 0 if no rotation is observable in the plots.
     rotation_std_s : float
@@ -49,7 +47,6 @@ class Timing:
     """
 
     cloud_interval_s: float
-    interval_spread_s: float
     rotation_s: float = 0.0
     rotation_std_s: float = 0.0
     sectors: int = 0
@@ -70,10 +67,8 @@ def timing(plots: Plots) -> Timing:
     plots : Plots
         Plots of at least two clouds.
     """
-    steps = np.diff(plots.cloud_s)
-    interval_s = float(np.median(steps))
-    spread_s = float(np.median(np.abs(steps - interval_s)))
-    still = Timing(interval_s, spread_s)
+    interval_s = float(np.median(np.diff(plots.cloud_s)))
+    still = Timing(interval_s)
     if interval_s <= 0.0:
         return still
     clouds = _by_cloud(plots)
@@ -95,7 +90,6 @@ def timing(plots: Plots) -> Timing:
     widths = [smallest_arc(plots.measurement[rows, 1])[1] for rows in clouds if len(rows) > 1]
     return Timing(
         interval_s,
-        spread_s,
         turns.turn_s,
         turns.turn_std_s,
         sectors if sectors > 1 and (not widths or float(np.median(widths)) < narrow) else 0,

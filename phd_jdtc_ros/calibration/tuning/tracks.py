@@ -67,7 +67,6 @@ class Guess(Deviations):
         See `Deviations`.
     speed_std : float
         Standard deviation of a new target's velocity along each axis, metres per second.
-    detection_probability : float
     clutter_rate : float
         Mean number of false plots per look.
     """

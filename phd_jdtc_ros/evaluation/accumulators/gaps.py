@@ -12,8 +12,7 @@ from phd_jdtc_ros.core.arrays import BoolArray, IntArray
 from ..accumulator import SURVEILLANCE, Accumulator, Metric, Values, if_any, share
 from ..comparison import Comparison, PairedScan
 
-# Gaps longer than this are long. The value is from ED-142 for en route, as in the evaluation
-# tool COMPASS: two updates of 8 s with a margin.
+# ED-142, en route, as in the evaluation tool COMPASS: two updates of 8 s with a margin.
 LONG_GAP_S = 16.4
 
 

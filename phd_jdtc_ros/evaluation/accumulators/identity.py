@@ -115,10 +115,10 @@ class Switches(LabelAccumulator):
             "",
             ".0f",
             if_any("n_est", lambda run: run.sum("seen_switches")),
-            "The same without new pairs of tracks that coast: they had no detection, keep their "
-            "targets, and get no others. A track that coasts on for a turn after its target has "
-            "landed is so no track of one that takes off beside it. Tracks whose state is not "
-            "known do not coast.",
+            "The same, except that a coasting track, which had no detection in its last scan, "
+            "keeps its target and is paired with no other. A track that coasts for one more turn "
+            "after its target has landed is therefore not paired with an aircraft that takes off "
+            "nearby. Tracks of unknown state count as not coasting.",
             TRACKS,
         ),
     )

@@ -35,7 +35,6 @@ class TrackAges:
             If earlier than the previous scan's stamp, a new run begins.
         track_id : int array of shape (size,) or None
             0 for an unlabelled estimate; None if all are unlabelled.
-        size : int
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""OSPA(2): the distance of tracks from the tracks of targets over the newest scans."""
+"""OSPA(2): the distance between estimated and true trajectories over the newest scans."""
 
 from __future__ import annotations
 
@@ -172,11 +172,10 @@ class Ospa2OfRun(LabelAccumulator):
             "m",
             ".1f",
             if_any("n_est", lambda run: ratio(run.sum("ospa2"), run.scans)),
-            "OSPA distance between the tracks and the targets' tracks over the last "
-            f"{OSPA2_WINDOW} scans, its mean over the scans. The distance of two tracks is the "
-            "mean over the scans in which at least one exists, with c if only one does, so that "
-            "short, broken and swapped tracks count. It needs track ids of all targets and "
-            "estimates.",
+            "Mean over the scans of the OSPA distance between estimated and true trajectories in "
+            f"the last {OSPA2_WINDOW} scans. The distance of two trajectories is the mean over the "
+            "scans in which at least one exists, with c if only one does, so that short, broken "
+            "and swapped tracks count. It needs track ids of all targets and estimates.",
             TRACKS,
         ),
     )

@@ -12,60 +12,64 @@ from msg_adapters import diagnostics, names
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 
-from ..common.health import Seen
+from ..common.health import Rises, first
 
-# A radar that has sent nothing for so long is silent.
+OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+# A radar without messages for this time is silent, seconds.
 SILENT_S = 15.0
-NOT_ACTIVE = "not active"
+# Other categories, and radars without settings, are no faults.
+EXPECTED = frozenset({"other_category", "unknown_radar", "no_detection"})
 
 
 def of_input(
-    node: str, stream: PlotStream, lost: int, inputs: Sequence[str], active_s: float, seen: Seen
+    node: str,
+    stream: PlotStream,
+    lost: int,
+    inputs: Sequence[str],
+    active_s: float,
+    rises: Rises,
+    now_s: float,
 ) -> DiagnosticStatus:
-    """Return the status of everything that is received.
+    """Return the status of all received datagrams.
 
     Parameters
     ----------
-    node : str
-        Full name of the bridge.
     lost : int
-        Datagrams that there was no room for.
-    inputs : sequence of str
-        Addresses that are listened to.
+        Datagrams for which there was no room.
     active_s : float
-        For how long the bridge has been active, seconds; NaN while it is not.
+        Time for which the bridge has been active, seconds; NaN while it is not.
     """
     counts = +stream.counts
-    # Other categories, and radars that nobody asked for, are no faults.
-    faults = {
-        reason: count
-        for reason, count in counts.items()
-        if reason not in ("other_category", "unknown_radar", "no_detection")
-    }
-    level, text = DiagnosticStatus.OK, f"{stream.datagrams} datagrams"
-    quiet_s = min(seen.since_s("datagrams", stream.datagrams), active_s)
-    if math.isnan(active_s):
-        level, text = DiagnosticStatus.STALE, NOT_ACTIVE
-    elif inputs and quiet_s > SILENT_S:
-        level = DiagnosticStatus.WARN
-        text = (
-            f"no datagram for {quiet_s:.0f} s on {', '.join(inputs)}; are these the address and "
-            "port that is sent to, and interface that of a group's?"
-        )
-    elif seen.rose("lost", lost):
-        level, text = DiagnosticStatus.WARN, f"{lost} datagrams lost: they come too fast"
-    elif seen.rose("faults", sum(faults.values())):
-        listed = ", ".join(f"{reason} {count}" for reason, count in sorted(faults.items()))
-        level, text = DiagnosticStatus.WARN, f"malformed: {listed}"
+    faults = {reason: count for reason, count in counts.items() if reason not in EXPECTED}
+    quiet_s = min(rises.unchanged_s("datagrams", stream.datagrams, now_s), active_s)
+    quiet = (
+        f"no datagram for {quiet_s:.0f} s on {', '.join(inputs)}; are these the address and port "
+        "that is sent to, and interface that of a group's?"
+    )
+    losing = rises.recent("lost", lost, now_s)
+    malformed = rises.recent("faults", sum(faults.values()), now_s)
+    condition = first(
+        _inactive(active_s),
+        (WARN, inputs and quiet_s > SILENT_S, quiet),
+        (WARN, losing, f"{lost} datagrams lost: they come too fast"),
+        (WARN, malformed, f"malformed: {_enumerate(faults)}"),
+        (OK, True, f"{stream.datagrams} datagrams"),
+    )
     trailers = sum(stream.blocks.known_trailers().values())
     values = {"datagrams": stream.datagrams, "lost": lost, "trailers": trailers, **counts}
-    return diagnostics.status(names.health("input", node), values, level, text, node)
+    return diagnostics.status(names.health("input", node), values, *condition, node)
 
 
 def of_radar(
-    name: str, number: int, state: RadarState, clock: StreamClock, active_s: float, seen: Seen
+    name: str,
+    number: int,
+    state: RadarState,
+    clock: StreamClock,
+    active_s: float,
+    rises: Rises,
+    now_s: float,
 ) -> DiagnosticStatus:
-    """Return the status of a radar; `active_s` is that of `of_input`."""
+    """Return the status of a radar; `active_s` is as in `of_input`."""
     offset_s = clock.offset_s.get(number, 0.0)
     shift_s = clock.shift_ns.get(number, 0) * 1e-9
     values = {
@@ -77,24 +81,21 @@ def of_radar(
         "clock_shift_s": shift_s,
         **+state.counts,
     }
-    messages = state.plots + state.services
-    quiet_s = min(seen.since_s(f"{name} messages", messages), active_s)
-    level, text = DiagnosticStatus.WARN, ""
-    if math.isnan(active_s):
-        level, text = DiagnosticStatus.STALE, NOT_ACTIVE
-    elif quiet_s > SILENT_S:
-        text = f"silent for {quiet_s:.0f} s" if messages else "never heard"
-    elif seen.rose(f"{name} second", state.counts["second_source"]):
-        own = " and ".join(dict.fromkeys(state.sources.values()))
-        text = f"two sources: {own} is used, {state.other_source} is not"
-    elif shift_s:
-        text = f"its clock is {-offset_s:+.1f} s off; its times are shifted"
-    elif seen.rose(f"{name} late", state.counts["late_plots"]):
-        text = f"{state.counts['late_plots']} plots came after their cloud was sent"
-    else:
-        level, text = DiagnosticStatus.OK, f"{state.plots} plots in {state.reports} clouds"
-    sac_sic = f"{number >> 8}/{number & 255}"
-    return diagnostics.status(name, values, level, text, sac_sic)
+    messages, late = state.plots + state.services, state.counts["late_plots"]
+    quiet_s = min(rises.unchanged_s(f"{name} messages", messages, now_s), active_s)
+    quiet = f"silent for {quiet_s:.0f} s" if messages else "never heard"
+    sources = " and ".join(dict.fromkeys(state.sources.values()))
+    second = rises.recent(f"{name} second", state.counts["second_source"], now_s)
+    arriving_late = rises.recent(f"{name} late", late, now_s)
+    condition = first(
+        _inactive(active_s),
+        (WARN, quiet_s > SILENT_S, quiet),
+        (WARN, second, f"two sources: {sources} is used, {state.other_source} is not"),
+        (WARN, shift_s, f"its clock is {-offset_s:+.1f} s off; its times are shifted"),
+        (WARN, arriving_late, f"{late} plots came after their cloud was sent"),
+        (OK, True, f"{state.plots} plots in {state.reports} clouds"),
+    )
+    return diagnostics.status(name, values, *condition, f"{number >> 8}/{number & 255}")
 
 
 def of_output(
@@ -105,35 +106,40 @@ def of_output(
     clouds: int,
     hint: str,
     active_s: float,
-    seen: Seen,
+    rises: Rises,
+    now_s: float,
 ) -> DiagnosticStatus:
-    """Return the status of what is sent.
+    """Return the status of the output.
 
     Parameters
     ----------
-    node, output : str
-        Full name of the bridge, and the address that it sends to; empty for none.
-    sent, dropped : Counter, mapping
-        By what was sent, and why clouds were left out.
+    output : str
+        Address that the bridge sends to; empty for none.
+    dropped : mapping
+        Numbers of clouds that are not sent, by reason.
     clouds : int
         Received clouds of estimates.
     hint : str
-        What there is instead of estimates, in words; empty if they are published.
-    active_s, seen
-        Those of `of_input`.
+        Fault of a topic without estimates; empty if they are published.
     """
     counts = {reason: count for reason, count in dropped.items() if reason != "lost"}
-    level, text = DiagnosticStatus.OK, f"{sent['tracks']} tracks sent to {output}"
-    if not output:
-        text = "nowhere to send tracks"
-    elif math.isnan(active_s):
-        level, text = DiagnosticStatus.STALE, NOT_ACTIVE
-    elif seen.rose("dropped", sum(counts.values())):
-        listed = ", ".join(f"{reason} {count}" for reason, count in sorted(counts.items()))
-        level, text = DiagnosticStatus.WARN, listed
-    else:
-        quiet_s = min(seen.since_s("estimates", clouds), active_s)
-        if quiet_s > SILENT_S:
-            silence = f"no estimates for {quiet_s:.0f} s"
-            level, text = DiagnosticStatus.WARN, "; ".join(filter(None, (silence, hint)))
-    return diagnostics.status(names.health("output", node), {**sent, **counts}, level, text, node)
+    dropping = rises.recent("dropped", sum(counts.values()), now_s)
+    quiet_s = min(rises.unchanged_s("estimates", clouds, now_s), active_s)
+    quiet = "; ".join(filter(None, (f"no estimates for {quiet_s:.0f} s", hint)))
+    condition = first(
+        (OK, not output, "nowhere to send tracks"),
+        _inactive(active_s),
+        (WARN, dropping, _enumerate(counts)),
+        (WARN, quiet_s > SILENT_S, quiet),
+        (OK, True, f"{sent['tracks']} tracks sent to {output}"),
+    )
+    values = {**sent, **counts}
+    return diagnostics.status(names.health("output", node), values, *condition, node)
+
+
+def _inactive(active_s: float) -> tuple[bytes, bool, str]:
+    return DiagnosticStatus.STALE, math.isnan(active_s), "not active"
+
+
+def _enumerate(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{reason} {count}" for reason, count in sorted(counts.items()))

@@ -1,8 +1,8 @@
 """The live bridge: radars' UDP to clouds, estimates to UDP.
 
 A managed node. While it is active, a thread receives datagrams and wakes the node, which publishes
-the sectors, or slices of time, that are complete by them; a timer sends the tracks. What waits for
-late plots is published once nothing has come for a while, or at the end.
+the sectors, or slices of time, that they complete; a timer sends the tracks. Sectors that wait for
+late plots are published after a time without datagrams, or at the end.
 """
 
 from __future__ import annotations
@@ -16,10 +16,7 @@ from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import names
@@ -33,25 +30,25 @@ from phd_jdtc_ros.asterix.transport.udp import Receiver
 from phd_jdtc_ros.asterix_bridge import clouds, settings
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.exit_status import faults_of
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
-from ..common import arguments, offers, overridable, parameters, runtime, transitions
-from ..common.health import HealthReports, Seen, ThrottledWarnings
-from ..common.runtime import WARNING_PERIOD_S, RunnableNode
+from ..common import arguments, parameters, runtime, topics
+from ..common.callbacks import steady_timer
+from ..common.health import HealthReports, Rises, ThrottledWarnings
+from ..common.managed import ManagedNode
 from . import health
 
-DEPTH = 50
-INPUT_DEPTH = 10
-# Datagrams are worked off for so long at once, seconds, before the node does something else.
+OUTPUT_DEPTH, INPUT_DEPTH = 50, 10
+# Longest time of processing datagrams at once, seconds, so that a flood of them does not keep the
+# node from everything else, and from being stopped.
 BUDGET_S = 0.05
-# After so long without a datagram nothing late is expected, seconds.
+# No late plots are expected after this time without a datagram, seconds.
 QUIET_S = 5.0
 # The topic of the estimates to send, unless it is remapped.
 ESTIMATES = names.estimates("filtered")
 
 
-class AsterixBridge(LifecycleNode, RunnableNode):
+class AsterixBridge(ManagedNode):
     """The bridge as a lifecycle node.
 
     Active it receives and sends. Its parameters are fixed at the start.
@@ -63,52 +60,43 @@ class AsterixBridge(LifecycleNode, RunnableNode):
         self._bridge = settings.resolve(given, settings.TABLE)
         self._values = self._bridge.values
         parameters.declare(self, self._bridge.table, self._values)
-        self._warnings = ThrottledWarnings(self.get_logger(), WARNING_PERIOD_S)
+        self._warnings = ThrottledWarnings(self.get_logger())
         self._stream = self._new_stream()
         self._receiver: Receiver | None = None
-        # What is left of the datagram that was taken last.
+        # The rest of the datagram that was taken last.
         self._work: Iterator[list[tuple[RadarState, SectorReport]]] = iter(())
         self._sender: socket.socket | None = None
         self._output: TrackOutput | None = None
         self._taken_s = 0.0
-        self._heard_s: float | None = None
+        self._received_s: float | None = None
         self._active_since_s = math.nan
         self._clouds = 0
         self._outputs: dict[str, Any] = {}
         self._subscribers: dict[str, int] = {}
         self._dropped: Counter[str] = Counter()
         self._sent: Counter[str] = Counter()
-        self._fault: Exception | None = None
-        self._seen = Seen()
+        self._rises = Rises()
         self._arrived = self.create_guard_condition(self._take)
-        # Those of other radars are made when they are heard.
+        # Other radars get their publishers with their first report.
         for name in self._values["radars"]:
             self._add_output(name)
         if self._values["output"]:
-            overridable.subscribe(
+            topics.subscribe(
                 self, PointCloud2, ESTIMATES, self._on_estimates, INPUT_DEPTH, ESTIMATES
             )
-        HealthReports(self, self._statuses, self._warnings)
+        HealthReports(self, self._statuses, lambda: self.is_active)
         # By the wall clock, because radars and displays do not follow simulated time.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(QUIET_S / 5.0, self._look, clock=steady)
+        steady_timer(self, QUIET_S / 5.0, self._finish_if_quiet)
         period_s = self._values["output_period_s"]
         if self._values["output"] and period_s:
-            self.create_timer(period_s, self._send, clock=steady)
-        transitions.guard(self)
-        if self._values["autostart"]:
-            self.trigger_configure()
-            self.trigger_activate()
-            if self._fault is not None:
-                raise self._fault
-        else:
-            self.get_logger().info("unconfigured; waiting for a transition")
+            steady_timer(self, period_s, self._send)
+        self.start(self._values["autostart"])
 
     def _new_stream(self) -> PlotStream:
         return self._bridge.stream(StreamClock(0, self._values["max_clock_offset_s"]))
 
     def close(self) -> None:
-        """Stop receiving, and log what was done."""
+        """Stop receiving, and log a summary."""
         self._stop()
         radars = [
             f"{state.settings.name} {state.plots} plots in {state.reports} clouds"
@@ -119,7 +107,7 @@ class AsterixBridge(LifecycleNode, RunnableNode):
         )
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin with no radars heard and no tracks sent."""
+        """Begin without radars and tracks."""
         records.prepare()
         self._stream = self._new_stream()
         self._output = None
@@ -127,15 +115,12 @@ class AsterixBridge(LifecycleNode, RunnableNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Receive and send from now on; stay inactive if an address cannot be used."""
-        self._fault = None
         try:
-            self._start()
+            self._open()
         except OSError as error:
-            where = error.filename or self._values["output"]
-            self._fault = ConfigError([f"{where}: {error.strerror}"])
             self._stop()
-            self.get_logger().error("not activated: " + "\n".join(faults_of(self._fault)))
-            return TransitionCallbackReturn.FAILURE
+            where = error.filename or self._values["output"]
+            return self.refuse("not activated", ConfigError([f"{where}: {error.strerror}"]))
         done = super().on_activate(state)
         self._active_since_s = time.monotonic()
         inputs = ", ".join(self._values["inputs"]) or "nothing"
@@ -144,7 +129,7 @@ class AsterixBridge(LifecycleNode, RunnableNode):
         return done
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publish what waits, and stop receiving and sending."""
+        """Publish pending sectors, and stop receiving and sending."""
         self._work = iter(())
         self._finish()
         self._stop()
@@ -155,7 +140,7 @@ class AsterixBridge(LifecycleNode, RunnableNode):
         self._stop()
         return super().on_shutdown(state)
 
-    def _start(self) -> None:
+    def _open(self) -> None:
         interface = self._values["interface"]
         if self._values["output"]:
             self._sender = udp.sender(udp.address(self._values["output"]), interface)
@@ -174,10 +159,7 @@ class AsterixBridge(LifecycleNode, RunnableNode):
             self._sender = None
 
     def _take(self) -> None:
-        """Publish what is complete by what was received, for `BUDGET_S` at most.
-
-        A flood would else keep the node from everything else, and from being stopped.
-        """
+        """Publish the sectors that received datagrams complete, for `BUDGET_S` at most."""
         until_s = time.monotonic() + BUDGET_S
         while self._receiver is not None:
             found = next(self._work, None)
@@ -185,22 +167,22 @@ class AsterixBridge(LifecycleNode, RunnableNode):
                 received = self._receiver.take()
                 if received is None:
                     return
-                self._heard_s = time.monotonic()
+                self._received_s = time.monotonic()
                 known_ns = None if self._values["replayed"] else received.received_ns
-                self._work = self._stream.work(received.data, known_ns, received.source)
+                self._work = self._stream.iter_reports(received.data, known_ns, received.source)
             for state, report in found or ():
                 self._publish(state, report)
             if time.monotonic() > until_s:
                 self._arrived.trigger()
                 return
 
-    def _look(self) -> None:
-        """Publish what waits once nothing comes any more."""
-        if self._heard_s is not None and time.monotonic() - self._heard_s > QUIET_S:
+    def _finish_if_quiet(self) -> None:
+        if self._received_s is not None and time.monotonic() - self._received_s > QUIET_S:
             self._finish()
 
     def _finish(self) -> None:
-        self._heard_s = None
+        """Publish pending sectors."""
+        self._received_s = None
         for state, report in self._stream.finish():
             self._publish(state, report)
 
@@ -212,8 +194,8 @@ class AsterixBridge(LifecycleNode, RunnableNode):
         self._outputs[name].publish(clouds.cloud(report, name, sectors, amplitudes))
 
     def _add_output(self, name: str) -> None:
-        topic = settings.topic_of(name)
-        self._outputs[name] = self.create_publisher(PointCloud2, topic, _qos(DEPTH))
+        topic, qos = settings.topic_of(name), topics.reliable(OUTPUT_DEPTH)
+        self._outputs[name] = self.create_publisher(PointCloud2, topic, qos)
         self.get_logger().info(f"{name}: publishing on {self._outputs[name].topic_name}")
 
     def _on_estimates(self, cloud: PointCloud2) -> None:
@@ -223,7 +205,7 @@ class AsterixBridge(LifecycleNode, RunnableNode):
         alone = len(self._stream.radars) == 1
         if self._output is None:
             self._output = settings.output_of(self._bridge, alone, self._stream.call_signs)
-        # Radars that are not named are known once they are heard.
+        # Radars without a name in the parameters become known while the bridge runs.
         self._output.source = replace(self._output.source, monosensor=alone)
         try:
             self._output.take(cloud)
@@ -237,10 +219,7 @@ class AsterixBridge(LifecycleNode, RunnableNode):
             self._send()
 
     def _send(self) -> None:
-        """Send all tracks, predicted to now.
-
-        Where estimates are of another time than now, as in a replay, their own time goes on.
-        """
+        """Send all tracks, predicted to now; in a replay, to the present time of the estimates."""
         if self._sender is None or self._output is None:
             return
         now_ns, stamp_ns = time.time_ns(), self._output.stamp_ns
@@ -253,50 +232,39 @@ class AsterixBridge(LifecycleNode, RunnableNode):
                 self._sender.send(block)
                 self._sent["datagrams"] += 1
             except OSError as error:
-                # Such as that nobody listens, which is no fault of the sender's.
+                # For example without a receiver, which is not a fault of the sender.
                 self._dropped["not_sent"] += 1
                 self._warnings.warn("output", f"{self._values['output']}: {error.strerror}")
         self._sent["tracks"] = self._output.tracks
 
     def _log_subscribers(self) -> None:
-        """Log how many receive each radar's clouds when that changes."""
+        """Log changes of the number of subscribers to each radar's clouds."""
         for name, output in self._outputs.items():
             count = output.get_subscription_count()
             if count != self._subscribers.get(name, 0):
                 self.get_logger().info(f"{name}: {count} subscribers")
                 self._subscribers[name] = count
 
-    def _offers(self) -> str:
-        """Return where estimates may be, if nobody publishes them where they are expected."""
-        if not self._values["output"]:
-            return ""
-        topic = self.resolve_topic_name(ESTIMATES)
-        return offers.hint(self, topic, PointCloud2)
-
     def _statuses(self) -> list[DiagnosticStatus]:
         self._log_subscribers()
-        node = self.get_fully_qualified_name()
-        lost = self._receiver.lost if self._receiver is not None else 0
-        active_s = time.monotonic() - self._active_since_s
-        found = [
-            health.of_input(
-                *(node, self._stream, lost + self._dropped["lost"], self._values["inputs"]),
-                *(active_s, self._seen),
-            ),
-            health.of_output(
-                *(node, self._values["output"], self._sent, self._dropped),
-                *(self._clouds, self._offers(), active_s, self._seen),
+        node, now_s = self.get_fully_qualified_name(), time.monotonic()
+        times = now_s - self._active_since_s, self._rises, now_s
+        lost = self._dropped["lost"] + (self._receiver.lost if self._receiver is not None else 0)
+        output, hint = self._values["output"], ""
+        if output:
+            hint = topics.publisher_hint(self, self.resolve_topic_name(ESTIMATES), PointCloud2)
+        traffic = self._sent, self._dropped, self._clouds
+        stream = self._stream
+        return [
+            health.of_input(node, stream, lost, self._values["inputs"], *times),
+            health.of_output(node, output, *traffic, hint, *times),
+            *(
+                health.of_radar(
+                    names.health(state.settings.name, node), number, state, stream.clock, *times
+                )
+                for number, state in stream.radars.items()
             ),
         ]
-        clock = self._stream.clock
-        for number, state in self._stream.radars.items():
-            name = names.health(state.settings.name, node)
-            found.append(health.of_radar(name, number, state, clock, active_s, self._seen))
-        return found
-
-
-def _qos(depth: int) -> QoSProfile:
-    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
 
 
 def main(argv: Sequence[str]) -> int:

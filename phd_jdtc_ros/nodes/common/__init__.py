@@ -1,1 +1,1 @@
-"""Shared code of the nodes: start and stop, parameters, QoS overrides."""
+"""Shared code of the nodes: start and stop, parameters, topics, health."""

@@ -1,4 +1,4 @@
-"""A node's command line: ROS arguments with their parameter files, and what else there is."""
+"""A node's command line: ROS arguments with their parameter files, and other arguments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from phd_jdtc_ros.parameter_files import sections, yaml_files
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 _EXAMPLES = "--ros-args -p NAME:=VALUE, --params-file FILE, -r FROM:=TO, -r __ns:=/NAME"
-# What rcl calls an argument that it cannot parse, and what the argument must be.
+# rcl's names of arguments that it cannot parse, with their valid forms.
 _FORMS = {
     "parameter override rule": "-p NAME:=VALUE",
     "remap rule": "-r FROM:=TO",
@@ -22,7 +22,7 @@ _FORMS = {
 
 
 def check(name: str, purpose: str, argv: Sequence[str]) -> tuple[ParameterFile, ...]:
-    """Show the help if it is asked for, and refuse arguments that are not ROS arguments.
+    """Show the help if requested, and refuse arguments that are not ROS arguments.
 
     rclpy ignores them silently: a parameter file without ``--ros-args`` before it has no effect.
 
@@ -39,7 +39,7 @@ def check(name: str, purpose: str, argv: Sequence[str]) -> tuple[ParameterFile, 
     parser = ArgumentParser(
         name,
         usage="%(prog)s [-h] [--ros-args ...]",
-        # The rest of a node's docstring is for those who read its code.
+        # The rest of a node's docstring is for readers of its code.
         description=purpose.partition("\n\n")[0],
         epilog=f"ROS arguments are, for instance: {_EXAMPLES}",
     )
@@ -49,7 +49,7 @@ def check(name: str, purpose: str, argv: Sequence[str]) -> tuple[ParameterFile, 
 
 
 def split(name: str, argv: Sequence[str]) -> tuple[list[str], tuple[ParameterFile, ...]]:
-    """Return the arguments that are not ROS arguments, and the parameter files of those that are.
+    """Return the other arguments, and the parameter files of the ROS arguments.
 
     Raises
     ------
@@ -57,17 +57,17 @@ def split(name: str, argv: Sequence[str]) -> tuple[list[str], tuple[ParameterFil
         With status 2 after a line for each fault of the ROS arguments.
     """
     try:
-        # First, because rcl does not say what is wrong with a file.
+        # First, because rcl does not name the fault of a file.
         files = sections.given_in(argv)
         return remove_ros_args([name, *argv])[1:], files
     except ConfigError as error:
         raise SystemExit(fail(name, error)) from error
     except Exception as error:  # rclpy's own type for this is private
-        raise SystemExit(fail(name, ConfigError([in_words(error)]))) from error
+        raise SystemExit(fail(name, ConfigError([rcl_fault(error)]))) from error
 
 
-def in_words(error: Exception) -> str:
-    """Return what rcl says of an argument, without the lines of its source."""
+def rcl_fault(error: Exception) -> str:
+    """Return rcl's message about an argument, without the lines of its source."""
     text = re.sub(r", at \S+:\d+", "", " ".join(str(error).split()))
     for kind, form in _FORMS.items():
         found = re.search(f"Couldn't parse {kind}: '(.*)'", text)

@@ -1,6 +1,6 @@
-"""What the health of all nodes is made of: usual intervals, what was lately, reports and logs.
+"""Health of a node: usual intervals, recent rises of counts, and reports on ``/diagnostics``.
 
-Ages are measured by the wall clock, because what has died sends no more stamps.
+Ages are measured by the wall clock, because a dead publisher sends no more stamps.
 """
 
 from __future__ import annotations
@@ -9,25 +9,37 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
 from statistics import median
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from msg_adapters import diagnostics, names
 
+from .callbacks import steady_timer
+from .status_log import StatusLog
+from .topics import reliable
+
 # How long a warning stays after its cause, seconds.
 WARNING_MEMORY_S = 10.0
-# What happens within this time is kept together, seconds.
-STEP_S = 0.1
+# A warning whose cause persists is logged at most once in this time, seconds.
+WARNING_PERIOD_S = 5.0
 # Number of latest intervals whose median is the usual one.
-KEPT_INTERVALS = 9
+INTERVALS = 9
 PERIOD_S = 1.0
+# How often a node's state is checked for a change that is published at once, seconds.
+CHECK_PERIOD_S = 0.1
 DEPTH = 10
+
+# Level and message of a status.
+Condition = tuple[bytes, str]
+
+
+def first(*conditions: tuple[bytes, object, str]) -> Condition:
+    """Return level and message of the first condition whose second member is true."""
+    return next((level, text) for level, holds, text in conditions if holds)
 
 
 class Rhythm:
@@ -41,7 +53,7 @@ class Rhythm:
     """
 
     def __init__(self, first_guess_s: float) -> None:
-        self._intervals = deque([first_guess_s], maxlen=KEPT_INTERVALS)
+        self._intervals = deque([first_guess_s], maxlen=INTERVALS)
         self._last_s: float | None = None
 
     def beat(self, now_s: float) -> None:
@@ -60,50 +72,41 @@ class Rhythm:
         return median(self._intervals)
 
 
-class Lately:
-    """How much was counted within the last `WARNING_MEMORY_S`, to a `STEP_S`."""
+@dataclass
+class _Count:
+    value: int = 0
+    last_rise_s: float = -math.inf
+    rises: deque[tuple[float, int]] = field(default_factory=deque)
+
+
+class Rises:
+    """Rises of counts that are read regularly; a count that falls has begun again at zero."""
 
     def __init__(self) -> None:
-        self._counts: deque[tuple[float, int]] = deque()
+        self._counts: dict[str, _Count] = {}
 
-    def add(self, now_s: float, count: int = 1) -> None:
-        """Count something that has just happened."""
-        self.count(now_s)
-        # Together, so that a flood of faults takes no memory.
-        if self._counts and now_s - self._counts[-1][0] < STEP_S:
-            now_s, before = self._counts.pop()
-            count += before
-        self._counts.append((now_s, count))
+    def recent(self, name: str, value: int, now_s: float) -> int:
+        """Return by how much a count has risen within the last `WARNING_MEMORY_S`."""
+        return sum(rise for _, rise in self._read(name, value, now_s).rises)
 
-    def count(self, now_s: float) -> int:
-        """Return how much was counted lately."""
-        while self._counts and now_s - self._counts[0][0] >= WARNING_MEMORY_S:
-            self._counts.popleft()
-        return sum(count for _, count in self._counts)
+    def unchanged_s(self, name: str, value: int, now_s: float) -> float:
+        """Return the time since a count last rose, seconds; infinite before its first rise."""
+        return now_s - self._read(name, value, now_s).last_rise_s
 
-
-class Seen:
-    """Tells for how long counts have not risen; one that falls has begun again."""
-
-    def __init__(self) -> None:
-        self._counts: dict[str, tuple[int, float]] = {}
-
-    def since_s(self, what: str, count: int) -> float:
-        """Return for how long a count has been what it is, seconds; for ever from the start on."""
-        now = time.monotonic()
-        before, risen = self._counts.get(what, (0, -math.inf))
-        if count != before:
-            risen = now if count else -math.inf
-            self._counts[what] = count, risen
-        return now - risen
-
-    def rose(self, what: str, count: int) -> bool:
-        """Return whether a count has risen within `WARNING_MEMORY_S`."""
-        return self.since_s(what, count) < WARNING_MEMORY_S
+    def _read(self, name: str, value: int, now_s: float) -> _Count:
+        count = self._counts.setdefault(name, _Count())
+        if value < count.value:
+            count = self._counts[name] = _Count()
+        if value > count.value:
+            count.rises.append((now_s, value - count.value))
+            count.value, count.last_rise_s = value, now_s
+        while count.rises and now_s - count.rises[0][0] >= WARNING_MEMORY_S:
+            count.rises.popleft()
+        return count
 
 
 class ThrottledWarnings:
-    """Logs a subject's warnings at most once in a period.
+    """Logs a subject's warnings at most once in `WARNING_PERIOD_S`.
 
     Parameters
     ----------
@@ -111,57 +114,56 @@ class ThrottledWarnings:
         Returns the time, seconds; a steady one, because a clock that is set back would silence it.
     """
 
-    def __init__(
-        self,
-        logger: RcutilsLogger,
-        period_s: float,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, logger: RcutilsLogger, clock: Callable[[], float] = time.monotonic) -> None:
         self._logger = logger
-        self._period_s = period_s
         self._clock = clock
-        self._said_s: dict[Hashable, float] = {}
+        self._logged_s: dict[Hashable, float] = {}
 
     def warn(self, subject: Hashable, text: str) -> None:
         """Log a warning, unless one of the subject was logged within the period."""
-        now = self._clock()
-        if subject in self._said_s and now - self._said_s[subject] < self._period_s:
-            return
-        self._said_s[subject] = now
-        self._logger.warning(text)
+        now_s = self._clock()
+        if now_s - self._logged_s.get(subject, -math.inf) >= WARNING_PERIOD_S:
+            self._logged_s[subject] = now_s
+            self._logger.warning(text)
 
 
 class HealthReports:
-    """Publishes statuses on ``/diagnostics`` by the wall clock.
-
-    Simulated time may stop, and with it what is to be warned of.
+    """Publishes a node's statuses on ``/diagnostics`` each second, and logs causes of warnings.
 
     Parameters
     ----------
     statuses : callable
-        Returns them.
-    warnings : ThrottledWarnings
-        Logs those that warn.
+        Returns the statuses.
+    active : callable
+        Returns whether the node works, so that its warnings are logged.
+    state : callable
+        Returns a value whose change is published at once.
     """
 
     def __init__(
         self,
         node: Node,
         statuses: Callable[[], Sequence[DiagnosticStatus]],
-        warnings: ThrottledWarnings,
+        active: Callable[[], bool] = lambda: True,
+        state: Callable[[], Hashable] = lambda: None,
     ) -> None:
         self._node = node
-        self._statuses = statuses
-        self._warnings = warnings
-        qos = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
-        self._output = node.create_publisher(DiagnosticArray, names.DIAGNOSTICS, qos)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(PERIOD_S, self._publish, clock=steady)
+        self._statuses, self._active, self._state = statuses, active, state
+        self._log = StatusLog(node.get_logger())
+        self._published: tuple[Hashable, float] = (None, -math.inf)
+        self._output = node.create_publisher(DiagnosticArray, names.DIAGNOSTICS, reliable(DEPTH))
+        steady_timer(node, CHECK_PERIOD_S, self._check)
 
-    def _publish(self) -> None:
+    def _check(self) -> None:
+        now_s, state = time.monotonic(), self._state()
+        before, published_s = self._published
+        if state == before and now_s - published_s < PERIOD_S:
+            return
+        self._published = state, now_s
         statuses = self._statuses()
-        for status in statuses:
-            if status.level in (DiagnosticStatus.WARN, DiagnosticStatus.ERROR):
-                self._warnings.warn(status.name, f"{status.name}: {status.message}")
+        if self._active():
+            self._log.take(statuses)
+        else:
+            self._log.clear()
         stamp_ns = self._node.get_clock().now().nanoseconds
         self._output.publish(diagnostics.array(stamp_ns, statuses))

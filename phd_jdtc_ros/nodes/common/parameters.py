@@ -1,4 +1,4 @@
-"""ROS parameters from the core's table: read the given ones, check them together, declare them."""
+"""ROS parameters by a table: read the given ones, check them together, declare them."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 # Parameters that rclpy declares for itself.
 _OWN = ("use_sim_time", "start_type_description_service")
-# What the names of launch's temporary files of parameters begin with.
-_OF_LAUNCH = "launch_params_"
+# Prefix of the names of launch's temporary parameter files.
+_LAUNCH_PREFIX = "launch_params_"
 
 
 def given(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
@@ -27,11 +27,6 @@ def given(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
 
     They are read from the arguments themselves, so that unknown names are included; rclpy would
     drop them.
-
-    Parameters
-    ----------
-    files : sequence of ParameterFile
-        Those that the process was given.
 
     Raises
     ------
@@ -48,12 +43,12 @@ def given(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
 
 
 def is_ours(name: str) -> bool:
-    """Return whether a parameter is none of those that rclpy declares for itself."""
+    """Return whether a parameter is not one that rclpy declares for itself."""
     return name not in _OWN and not name.startswith("qos_overrides.")
 
 
 def sources(node: Node, files: Sequence[ParameterFile]) -> list[Path]:
-    """Return the users' files that set parameters of the node, other than those of every node."""
+    """Return the user's files that set parameters of the node."""
     values = _values_in(files, node)
     return [
         file.path
@@ -63,8 +58,8 @@ def sources(node: Node, files: Sequence[ParameterFile]) -> list[Path]:
 
 
 def _by_launch(path: Path) -> bool:
-    """Return whether launch wrote a file, of parameters that are values in a launch file."""
-    return path.parent == Path(tempfile.gettempdir()) and path.name.startswith(_OF_LAUNCH)
+    """Return whether launch wrote a file, for parameters that are values in a launch file."""
+    return path.parent == Path(tempfile.gettempdir()) and path.name.startswith(_LAUNCH_PREFIX)
 
 
 def _values_in(files: Sequence[ParameterFile], node: Node) -> list[dict[str, Any]]:
@@ -88,7 +83,7 @@ def declare(
 ) -> None:
     """Declare checked values with descriptions and ranges, read-only unless in `mutable`.
 
-    Of these the node itself refuses some while it runs; their descriptions say it.
+    The node may refuse some mutable ones while it is configured, as their descriptions state.
     """
     for name, parameter in table.items():
         descriptor = _descriptor(parameter, values[name])
@@ -101,17 +96,7 @@ def declare(
 def redeclare(
     node: Node, table: Mapping[str, Parameter], values: Mapping[str, Any], changed: Iterable[str]
 ) -> None:
-    """Replace the values of a node's parameters that may all change, and what there is of them.
-
-    Parameters
-    ----------
-    table : mapping of name to Parameter
-        What there shall be; a parameter of the node's that is not in it is removed.
-    values : mapping of name to value
-        Checked.
-    changed : iterable of str
-        Names of those that have another value.
-    """
+    """Replace a node's parameters, which may all change, by a table; `changed` have new values."""
     own = {name for name in node.get_parameters_by_prefix("") if is_ours(name)}
     # Declared again and not set, because an empty list has another type than one of numbers.
     for name in own.difference(table).union(own.intersection(changed)):
@@ -121,7 +106,7 @@ def redeclare(
 
 
 def same(given: Any, value: Any) -> bool:
-    """Return whether a value from a message is what a parameter has; whole numbers may be real."""
+    """Return whether a value from a message equals a parameter's; whole numbers may be real."""
     if isinstance(value, list):
         # An empty list has no type, and arrives as None.
         found = [] if given is None else given
@@ -140,18 +125,8 @@ def resolve(
 ) -> dict[str, Any]:
     """Check a node's parameters against a plain table, declare them, return their values.
 
-    Parameters
-    ----------
-    flags : mapping of name to value
-        From plain command-line flags, which override ROS arguments.
-    files : sequence of ParameterFile
-        Those that the process was given.
-    old : mapping of a name of before to what takes its place
-
-    Raises
-    ------
-    ConfigError
-        With every fault.
+    `flags` are from plain command-line flags and override ROS arguments. `old` has hints by former
+    names. All faults are raised as one `ConfigError`.
     """
     values, faults = check(table, {**given(node, files), **flags}, old)
     if faults:

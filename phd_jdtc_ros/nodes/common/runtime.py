@@ -22,12 +22,10 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
 
-from .arguments import in_words
+from .arguments import rcl_fault
 
 # The longest time until the spin loop notices a stop request.
 POLL_SECONDS = 0.1
-# A warning whose cause persists is logged at most once in this time.
-WARNING_PERIOD_S = 5.0
 # Errors that users can cause are reported in one line; others end with a traceback.
 REPORTED = (
     ConfigError,
@@ -39,10 +37,15 @@ REPORTED = (
 
 
 class RunnableNode(Node):
-    """A node that `run` runs."""
+    """A node that `run` runs.
+
+    Attributes
+    ----------
+    exit_status : int or None
+        None while the node runs; set once it has ended by itself or failed.
+    """
 
     exit_status: int | None = None
-    """None while the node is to run; the exit status once it has ended by itself or failed."""
 
     def close(self) -> None:
         """Finish all output; called once, however the node ended.
@@ -71,14 +74,7 @@ class StopRequest:
 def run(name: str, make_node: Callable[[], RunnableNode], argv: Sequence[str]) -> int:
     """Run a node until it ends or a signal stops it, and return the exit status.
 
-    Parameters
-    ----------
-    name : str
-        Of the executable, for messages.
-    make_node : callable
-        Makes the node, once ROS is initialised.
-    argv : sequence of str
-        Command-line arguments, including the ROS arguments.
+    `make_node` is called after the initialisation of ROS. `argv` includes the ROS arguments.
     """
     stop = StopRequest()
     try:
@@ -92,10 +88,10 @@ def run(name: str, make_node: Callable[[], RunnableNode], argv: Sequence[str]) -
     except REPORTED as error:
         return fail(name, error)
     except RuntimeError as error:
-        # The type of what rcl says of a node's name is private.
+        # rcl's error for an invalid node name has a private type.
         if not str(error).startswith("error creating node: "):
             raise
-        return fail(name, RuntimeError(in_words(error)))
+        return fail(name, RuntimeError(rcl_fault(error)))
     finally:
         _end(node, stop)
     return node.exit_status or OK

@@ -9,11 +9,9 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-# Number of latest messages that are considered.
-WINDOW = 6
-# With this many decreases of the number among them, several publishers are alive. A restart causes
-# a single decrease.
-MIN_DECREASES = 2
+# WINDOW is the number of latest messages that are considered. With MIN_DECREASES decreases of the
+# number among them, several publishers are alive; a restart causes a single one.
+WINDOW, MIN_DECREASES = 6, 2
 
 
 @dataclass
@@ -23,9 +21,9 @@ class _Sequence:
     Parameters
     ----------
     number : int
-        Of its latest message.
+        The number of its latest message.
     received : int
-        How many messages the topic had received by then, this one included.
+        Number of messages received on the topic up to its latest message.
     skipped : range
         The numbers missing before its latest message.
     """
@@ -60,31 +58,31 @@ class SequenceNumbers:
         # A dead publisher's sequence must not take its successor's numbers when they reach it.
         self._sequences = [s for s in self._sequences if self._received - s.received <= WINDOW]
         lower = [s for s in self._sequences if s.number < number]
-        sequence = max(lower, key=lambda s: s.number) if lower else self._begin_sequence(number)
+        sequence = max(lower, key=lambda s: s.number) if lower else self._new_sequence(number)
         skipped = range(sequence.number + 1, number)
         if skipped:
             sequence.skipped = skipped
             self.lost += len(skipped)
         sequence.number, sequence.received = number, self._received
 
-    def _begin_sequence(self, number: int) -> _Sequence:
+    def _new_sequence(self, number: int) -> _Sequence:
         """Return the sequence of another publisher, whose next message has `number`.
 
         If `number` was counted as lost in the gap of a sequence, the message after that gap came
         from another publisher. The gap is then taken back, and the new sequence begins before it.
         """
-        begun = _Sequence(number - 1, self._received)
+        new = _Sequence(number - 1, self._received)
         for sequence in self._sequences:
             if number in sequence.skipped:
                 self.lost -= len(sequence.skipped)
-                begun.number = sequence.skipped.start - 1
+                new.number = sequence.skipped.start - 1
                 sequence.skipped = range(0)
                 break
-        self._sequences.append(begun)
-        return begun
+        self._sequences.append(new)
+        return new
 
     def pause(self) -> None:
-        """Let the next message begin a new series: what is missing before it is not lost."""
+        """Let the next message begin a new series, so that no gap before it counts as lost."""
         self._latest = None
         self._decreases.clear()
         self._sequences.clear()

@@ -1,4 +1,4 @@
-"""Logs what diagnostics say, for those who read the log alone: each cause once, and its end."""
+"""Logs the statuses of a node: each cause of a warning once, and its end."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-# A cause is logged once it has lasted so long: not what a start or a single lost scan brings.
+# A cause is logged once it has lasted this time, which a start or a single lost scan does not.
 LASTING_S = 5.0
 _NUMBERS = re.compile(r"\d+(\.\d+)?")
 
 
 @dataclass
 class _Cause:
-    """What a status has said, numbers apart, since when, and whether it is in the log."""
+    """A status's message without its numbers, and the time since when it has lasted, seconds."""
 
     words: str
     since_s: float
@@ -25,29 +25,23 @@ class _Cause:
 
 
 class StatusLog:
-    """Logs a status that is not well, once for each cause, and that it is well again.
-
-    Parameters
-    ----------
-    clock : callable
-        Returns the time, seconds; a steady one.
-    """
+    """Logs each cause for which a status is not OK once, and the return to OK."""
 
     def __init__(self, logger: RcutilsLogger, clock: Callable[[], float] = time.monotonic) -> None:
         self._logger = logger
         self._clock = clock
         self._causes: dict[str, _Cause] = {}
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
 
     def take(self, statuses: Iterable[DiagnosticStatus]) -> None:
-        """Log what is new in statuses."""
+        """Log the changes since the previous statuses."""
         for status in statuses:
             self._take(status)
 
-    def forget(self) -> None:
-        """Begin again, as after a time in which nothing was to be well."""
+    def clear(self) -> None:
+        """Forget all causes, because the node was not active."""
         self._causes.clear()
-        self._told.clear()
+        self._warned.clear()
 
     def _take(self, status: DiagnosticStatus) -> None:
         name, now_s = status.name, self._clock()
@@ -59,14 +53,14 @@ class StatusLog:
         if cause.logged or now_s - cause.since_s < LASTING_S:
             return
         cause.logged = True
-        if well:
-            if name in self._told:
-                self._told.remove(name)
-                self._logger.info(f"{name}: {status.message} again")
-            return
-        self._told.add(name)
         text = f"{name}: {status.message}"
-        if status.level == DiagnosticStatus.ERROR:
-            self._logger.error(text)
-        else:
-            self._logger.warning(text)
+        if not well:
+            self._warned.add(name)
+            # Two calls, because rclpy allows one severity per place of a call.
+            if status.level == DiagnosticStatus.ERROR:
+                self._logger.error(text)
+            else:
+                self._logger.warning(text)
+        elif name in self._warned:
+            self._warned.remove(name)
+            self._logger.info(f"{text} again")

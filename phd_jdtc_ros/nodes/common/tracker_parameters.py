@@ -1,4 +1,4 @@
-"""Asks a live tracker for its parameters, for nodes that compare or record them."""
+"""Requests the parameters of a live tracker, for nodes that compare or record them."""
 
 from __future__ import annotations
 
@@ -8,36 +8,29 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.task import Future
 
-# How often it is looked for.
+from .callbacks import steady_timer
+
+# How often the tracker's services are looked for.
 PERIOD_S = 0.1
 
 
 class TrackerParameters:
-    """Asks a tracker for its parameters once, when it is there.
+    """Requests a tracker's parameters once, as soon as its services are there.
 
-    Parameters
-    ----------
-    tracker : str
-        The tracker's full name.
-    answered : callable
-        Gets all values by dotted name. It is never called if the tracker does not answer.
+    `on_values` receives all values by dotted name. Without a reply it is never called.
     """
 
     def __init__(
-        self, node: Node, tracker: str, answered: Callable[[dict[str, Any]], None]
+        self, node: Node, tracker: str, on_values: Callable[[dict[str, Any]], None]
     ) -> None:
         self._list = node.create_client(ListParameters, f"{tracker}/list_parameters")
         self._get = node.create_client(GetParameters, f"{tracker}/get_parameters")
-        self._answered = answered
-        # By the wall clock, because simulated time may stand still.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(PERIOD_S, self._look, clock=steady)
+        self._on_all = on_values
+        self._timer = steady_timer(node, PERIOD_S, self._look)
 
     def _look(self) -> None:
         if self._list.service_is_ready() and self._get.service_is_ready():
@@ -47,15 +40,13 @@ class TrackerParameters:
     def _on_names(self, future: Future) -> None:
         names = list(future.result().result.names)
         request = GetParameters.Request(names=names)
-        self._get.call_async(request).add_done_callback(
-            lambda answer: self._on_values(names, answer)
-        )
+        self._get.call_async(request).add_done_callback(lambda reply: self._on_values(names, reply))
 
     def _on_values(self, names: list[str], future: Future) -> None:
         values = future.result().values
-        # A parameter that has gone since it was listed leaves the answer empty.
+        # The reply is empty if a parameter was removed after it was listed.
         if len(values) == len(names):
-            self._answered({name: _plain(value) for name, value in zip(names, values, strict=True)})
+            self._on_all({name: _plain(value) for name, value in zip(names, values, strict=True)})
 
 
 def _plain(value: ParameterValue) -> Any:

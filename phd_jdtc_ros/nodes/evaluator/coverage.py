@@ -1,9 +1,9 @@
-"""What of the truth and of the estimates arrived, and what of it could be scored."""
+"""The received truth and estimates: how much was scored, and whether it is enough."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from phd_jdtc_ros.core.types import SOURCES
@@ -12,8 +12,10 @@ from phd_jdtc_ros.evaluation.true_tracks import LONGEST_INTERPOLATION_S
 
 from ..common.sequence_numbers import SequenceNumbers
 
-# Stamps of the truth and of the estimates, none of which fit, after which the node says so.
+# Stamps of the truth and of the estimates after which a warning is due if none of them fit.
 UNMATCHED = 20
+# Time after the last score in which further messages can still arrive for the recording, seconds.
+LINGER_S = 0.5
 
 
 @dataclass
@@ -22,13 +24,10 @@ class Coverage:
 
     Parameters
     ----------
-    truth : str
-        Topic of the truth.
-
-    Attributes
-    ----------
+    truth, estimates : str, mapping of source to str
+        Their topics.
     received, refused : Counter
-        Clouds by topic: those taken, and those that do not fit.
+        Numbers of valid and invalid clouds by topic.
     """
 
     truth: str
@@ -38,23 +37,23 @@ class Coverage:
     _first_ns: dict[str, int] = field(default_factory=dict)
     _numbers: dict[str, SequenceNumbers] = field(default_factory=dict)
 
-    def arrived(self, topic: str, sequence: int | None) -> None:
-        """Count the clouds lost before this one by its publisher's number for it."""
+    def count_losses(self, topic: str, sequence: int | None) -> None:
+        """Count the clouds lost before this one, by its publisher's number for it."""
         if sequence is not None:
             self._numbers.setdefault(topic, SequenceNumbers()).add(sequence)
 
     def take(self, topic: str, stamp_ns: int) -> None:
-        """Count a cloud that fits."""
+        """Count a valid cloud."""
         self.received[topic] += 1
         self._first_ns.setdefault(topic, stamp_ns)
 
-    def unmatched(self, evaluation: Evaluation) -> str | None:
-        """Return that no time fits, once there are enough of both; None before and otherwise."""
+    def mismatch(self, evaluation: Evaluation) -> str | None:
+        """Return the warning that no stamps fit, once there are enough of both; None otherwise."""
         few = min(self.received[self.truth], max(map(self._count, SOURCES))) < UNMATCHED
         return None if few or any(evaluation.scored.values()) else self._no_common_time()
 
-    def nothing_scored(self) -> str:
-        """Return why no scan has been scored."""
+    def no_score_reason(self) -> str:
+        """Return the reason for which no scan has been scored."""
         found = sum(map(self._count, SOURCES))
         if not self.received[self.truth] and not found:
             return f"nothing is scored: neither truth on {self.truth} nor estimates came"
@@ -65,7 +64,7 @@ class Coverage:
         return self._no_common_time()
 
     def gaps(self, evaluation: Evaluation) -> Iterator[str]:
-        """Yield what was not scored, or was not even received."""
+        """Yield the numbers of scans and clouds that were not scored, by reason."""
         for source, scored in evaluation.scored.items():
             missing = 0 if evaluation.own_stamps else evaluation.truth_scans - scored
             if missing:
@@ -88,3 +87,37 @@ class Coverage:
             "nothing is scored: no estimates are at a stamp of the truth, or between two that are "
             f"at most {LONGEST_INTERPOLATION_S:g} s apart ({firsts})"
         )
+
+
+class Completion:
+    """Decides when enough stamps are scored, and late messages have had time to arrive.
+
+    Parameters
+    ----------
+    wanted : int
+        Number of stamps; 0 if the evaluation has no end.
+    """
+
+    def __init__(self, evaluation: Evaluation, wanted: int) -> None:
+        self._evaluation, self._wanted = evaluation, wanted
+        self._scored: tuple[int, ...] = ()
+        self._since_s = 0.0
+
+    def is_reached(self, now_s: float) -> bool:
+        """Return whether no score was added for `LINGER_S` after the wanted number."""
+        scored = tuple(self._evaluation.scored.values())
+        if not self._wanted or not self._is_enough(scored):
+            return False
+        if scored != self._scored:
+            self._scored, self._since_s = scored, now_s
+        return now_s - self._since_s >= LINGER_S
+
+    def _is_enough(self, scored: Sequence[int]) -> bool:
+        """Return whether the wanted number of stamps has the scores of both sources.
+
+        The number of estimates with stamps of their own is not known in advance. Then the truth
+        must have that number of stamps, and both sources the same number of scores.
+        """
+        if self._evaluation.own_stamps:
+            return self._evaluation.truth_scans >= self._wanted and min(scored) == max(scored)
+        return min(scored) >= self._wanted

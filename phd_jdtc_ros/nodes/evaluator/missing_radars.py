@@ -1,58 +1,49 @@
-"""Says so if a recording leaves out a radar, or its poses, that the tracker subscribes to."""
+"""Warns if a recording lacks a radar, or its poses, that the tracker subscribes to."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 
 from rclpy._rclpy_pybind11 import NodeNameNonExistentError
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from msg_adapters import platform_poses
 from msg_adapters.readers import READERS
 
+from ..common.callbacks import steady_timer
+
 PERIOD_S = 0.5
+# Types of the tracker's inputs, and what the tracker has of them.
+KINDS = {
+    **{reader.type_name: "a radar's detections" for reader in READERS.values()},
+    **dict.fromkeys(platform_poses.TYPES.values(), "the poses of a radar that moves"),
+}
 
 
 class MissingRadars:
-    """Warns of every topic of detections or poses that the tracker has and a recording has not.
+    """Warns of the tracker's topics of detections or poses that are not recorded.
 
-    They are those of the graph and not of the parameters, because topics can be remapped.
-
-    Parameters
-    ----------
-    tracker : str
-        The tracker's full name.
-    recorded : collection of str
-        Full names of the recorded topics.
+    They are looked up in the graph and not in the parameters, because topics can be remapped.
+    `recorded` are the full names of the recorded topics.
     """
 
     def __init__(self, node: Node, tracker: str, recorded: Collection[str]) -> None:
         self._node = node
         self._tracker = tracker
         self._known = set(recorded)
-        self._kinds = {reader.type_name for reader in READERS.values()}
-        self._poses = frozenset(platform_poses.TYPES.values())
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(PERIOD_S, self._look, clock=steady)
+        steady_timer(node, PERIOD_S, self._check)
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         namespace, _, name = self._tracker.rpartition("/")
         try:
             inputs = self._node.get_subscriber_names_and_types_by_node(name, namespace or "/")
         except NodeNameNonExistentError:  # it has not started, or has ended
             return
         for topic, types in inputs:
-            if topic not in self._known and self._kinds.intersection(types):
+            kinds = [KINDS[kind] for kind in types if kind in KINDS]
+            if kinds and topic not in self._known:
                 self._known.add(topic)
                 self._node.get_logger().warning(
-                    f"{topic}, of which {self._tracker} has a radar's detections, is not among "
-                    "record_topics and is not recorded"
-                )
-            elif topic not in self._known and self._poses.intersection(types):
-                self._known.add(topic)
-                self._node.get_logger().warning(
-                    f"{topic}, of which {self._tracker} has the poses of a radar that moves, is "
-                    "not among record_topics and is not recorded"
+                    f"{topic}, of which {self._tracker} has {kinds[0]}, is not among record_topics "
+                    "and is not recorded"
                 )

@@ -14,9 +14,6 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rich.console import Console
 from sensor_msgs.msg import PointCloud2
@@ -47,24 +44,23 @@ from phd_jdtc_ros.parameter_files.evaluator import TABLE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.report.table import metrics, score_tables
 
-from ..common import arguments, overridable, parameters, runtime
-from ..common.runtime import WARNING_PERIOD_S, RunnableNode
+from ..common import arguments, parameters, runtime, topics
+from ..common.callbacks import steady_timer
+from ..common.health import ThrottledWarnings
+from ..common.runtime import RunnableNode
 from ..common.tracker_parameters import TrackerParameters
-from .coverage import Coverage
+from .coverage import Completion, Coverage
 from .missing_radars import MissingRadars
 from .recorder import Recorder
 
-INPUT_DEPTH = 100
-OUTPUT_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+INPUT_DEPTH, OUTPUT_DEPTH = 100, 10
 CHECK_PERIOD_S = 0.1
-# Time after the last score in which further messages can still arrive for the recording.
-LINGER_S = 0.5
 # Bounds of the memory of a node that may run for months: scans that a late cloud may belong to, and
 # step times.
-KEPT_SCANS, KEPT_STEPS = 1000, 100_000
-# Targets of a stamp: all distances between the true and the estimated ones are formed, and the best
-# assignment of 2000 takes a second.
-MOST_TARGETS = 2000
+MAX_SCANS, MAX_STEPS = 1000, 100_000
+# Largest number of targets of a stamp: all distances between true and estimated ones are computed,
+# and the best assignment of 2000 takes a second.
+MAX_TARGETS = 2000
 
 
 class Evaluator(RunnableNode):
@@ -79,7 +75,7 @@ class Evaluator(RunnableNode):
             self._classes,
             self._values["cutoff"],
             self._values["order"],
-            KEPT_SCANS,
+            MAX_SCANS,
             tuple(self._values["classes"]),
             self._values["least_speed"],
         )
@@ -88,32 +84,31 @@ class Evaluator(RunnableNode):
         self._coverage = Coverage(
             self._truth_topic, {s: names.estimates(s, tracker) for s in SOURCES}
         )
+        self._frame: str | None = None
         self._warned_unmatched = False
-        self._step_ms: deque[float] = deque(maxlen=KEPT_STEPS)
-        self._complete_since: float | None = None
-        self._complete: tuple[int, ...] = ()
-        self._scores = self.create_publisher(DiagnosticArray, "~/ospa", OUTPUT_QOS)
+        self._step_ms: deque[float] = deque(maxlen=MAX_STEPS)
+        self._completion = Completion(self._evaluation, self._values["exit_after_scans"])
+        self._warnings = ThrottledWarnings(self.get_logger())
+        qos = topics.reliable(OUTPUT_DEPTH)
+        self._scores = self.create_publisher(DiagnosticArray, "~/ospa", qos)
         self._plots = {
-            quantity: self.create_publisher(Float64, f"~/plot/{quantity}", OUTPUT_QOS)
+            quantity: self.create_publisher(Float64, f"~/plot/{quantity}", qos)
             for quantity in quantities.of_evaluator(self._classes)
         }
         self._recorder = self._make_recorder()
         self._engine: str | None = None
-        self._answered = False
-        self._awaited = self._subscribe()
-        # After all subscriptions: DDS announces endpoints in the order in which they were made, so
-        # a tracker that answers these has found those.
+        self._has_parameters = False
+        self._unconnected = self._subscribe()
+        # After all subscriptions: DDS announces endpoints in the order of their creation, so a
+        # tracker that replies has discovered the subscriptions.
         TrackerParameters(self, tracker, self._on_parameters)
         # By the wall clock, because simulated time stops with the replay, before the last scores.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(CHECK_PERIOD_S, self._look, clock=steady)
+        steady_timer(self, CHECK_PERIOD_S, self._check)
         self.get_logger().info("waiting for estimates and truth")
 
     def _subscribe(self) -> list[Subscription]:
         """Subscribe to the truth and to the tracker, and return the subscriptions to the latter."""
-        overridable.subscribe(
-            self, PointCloud2, names.TRUTH, self._on_truth, INPUT_DEPTH, names.TRUTH
-        )
+        topics.subscribe(self, PointCloud2, names.TRUTH, self._on_truth, INPUT_DEPTH, names.TRUTH)
         inputs: list[tuple[type, str, Callable[..., None]]] = [
             *(
                 (PointCloud2, topic, partial(self._on_estimates, source))
@@ -122,7 +117,7 @@ class Evaluator(RunnableNode):
             (DiagnosticArray, names.cardinality(self._values["tracker"]), self._on_figures),
         ]
         return [
-            overridable.subscribe(
+            topics.subscribe(
                 self, message_type, topic, callback, INPUT_DEPTH, "tracker", self._values["tracker"]
             )
             for message_type, topic, callback in inputs
@@ -132,8 +127,8 @@ class Evaluator(RunnableNode):
         if not self._values["record"]:
             return None
         directory, tracker = Path(self._values["record"]), self._values["tracker"]
-        topics = {
-            **dict(map(_recorded, self._values["record_topics"])),
+        recorded = {
+            **dict(map(_recorded_topic, self._values["record_topics"])),
             self._truth_topic: names.CLOUD,
             **outputs.default_topics(
                 self._classes,
@@ -143,29 +138,29 @@ class Evaluator(RunnableNode):
                 engine=None,
             ),
         }
-        recorder = Recorder(self, directory, topics, outputs.optional(tracker))
-        MissingRadars(self, tracker, {self.resolve_topic_name(topic) for topic in topics})
+        recorder = Recorder(self, directory, recorded, outputs.optional(tracker))
+        MissingRadars(self, tracker, {self.resolve_topic_name(topic) for topic in recorded})
         return recorder
 
     def close(self) -> None:
-        """Write the report and finish the recording, and say what was not scored."""
+        """Write the report, finish the recording, and warn of data that was not scored."""
         if self._recorder is not None:
             self._recorder.close()
         if any(self._evaluation.scored.values()):
             for line in self._coverage.gaps(self._evaluation):
                 self.get_logger().warning(line)
         else:
-            self._say_that_nothing_is_scored()
+            self._warn_of_no_score()
         summary = metrics(self._evaluation, np.array(self._step_ms), self._engine)
         if self._report is not None:
             self._write_report(self._report, summary)
         if summary["scans"]:
             Console().print(score_tables(summary))
 
-    def _say_that_nothing_is_scored(self) -> None:
-        """Say why, and fail if scores were asked for."""
+    def _warn_of_no_score(self) -> None:
+        """Log the reasons, and fail if scores were requested."""
         wanted = self._report is not None or self._values["exit_after_scans"]
-        reasons = [self._coverage.nothing_scored(), *self._coverage.gaps(self._evaluation)]
+        reasons = [self._coverage.no_score_reason(), *self._coverage.gaps(self._evaluation)]
         if wanted:
             self.get_logger().error("; ".join(reasons))
             self.exit_status = FAILED
@@ -173,7 +168,7 @@ class Evaluator(RunnableNode):
             self.get_logger().warning("; ".join(reasons))
 
     def _write_report(self, path: Path, summary: Mapping[str, Any]) -> None:
-        """Write the report, but nothing over the figures of an earlier run."""
+        """Write the report; without scores, do not replace the report of an earlier run."""
         if not any(self._evaluation.scored.values()) and path.is_file():
             self.get_logger().error(f"no report: {path} stays that of an earlier run")
             return
@@ -203,8 +198,8 @@ class Evaluator(RunnableNode):
         info: Mapping[str, int],
         read: Callable[[PointCloud2], Truth | Estimates],
     ) -> PointSet | None:
-        """Return a cloud's points; None if it does not fit, which is counted and warned of."""
-        self._coverage.arrived(topic, info.get("publication_sequence_number"))
+        """Return a cloud's points; None if it is not valid, which is counted and logged."""
+        self._coverage.count_losses(topic, info.get("publication_sequence_number"))
         try:
             found = read(cloud)
             self._check_frame(cloud.header.frame_id)
@@ -212,16 +207,17 @@ class Evaluator(RunnableNode):
             _check_size(found)
         except RejectedMessageError as error:
             self._coverage.refused[topic] += 1
-            self._warn(f"{topic}: {error}")
+            self._warnings.warn(topic, f"{topic}: {error}")
             return None
         self._coverage.take(topic, found.stamp_ns)
         return PointSet.of(found)
 
     def _check_frame(self, frame: str) -> None:
-        world = self._values["world_frame"]
-        if frame != world:
+        self._frame = self._frame or frame
+        if frame != self._frame:
             raise RejectedMessageError(
-                "frame", f"frame_id is {quote(frame)}, must be world_frame, {world!r}"
+                "frame",
+                f"frame_id is {quote(frame)}, must be {self._frame!r} as in the first cloud",
             )
 
     def _check_classes(self, found: Truth | Estimates) -> None:
@@ -232,12 +228,12 @@ class Evaluator(RunnableNode):
             )
 
     def _on_parameters(self, values: Mapping[str, Any]) -> None:
-        """Take in the tracker's parameters, which it sends once it has found this node."""
+        """Take in the tracker's parameters, which it sends once it has discovered this node."""
         engine = values.get("engine")
         self._engine = engine_of(values) if isinstance(engine, str) else None
         if self._recorder is not None:
             self._recorder.write_parameters(values)
-        self._answered = True
+        self._has_parameters = True
 
     def _on_figures(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -252,7 +248,8 @@ class Evaluator(RunnableNode):
                 self._step_ms.append(step_ms)
             else:
                 topic = names.cardinality(self._values["tracker"])
-                self._warn(f"{topic}: step_ms is {text!r}, must be a finite number")
+                text = f"{topic}: step_ms is {text!r}, must be a finite number"
+                self._warnings.warn(topic, text)
 
     def _publish(self, scores: Sequence[ScanScore]) -> None:
         for score in scores:
@@ -263,60 +260,29 @@ class Evaluator(RunnableNode):
                 for quantity, message in plots.score_to_msgs(score).items():
                     self._plots[quantity].publish(message)
 
-    def _look(self) -> None:
-        if self._answered and self._awaited:
-            self._awaited = [sub for sub in self._awaited if not sub.get_publisher_count()]
-            if not self._awaited:
+    def _check(self) -> None:
+        """Log the connection to the tracker and missing matches, and end when complete."""
+        if self._has_parameters and self._unconnected:
+            self._unconnected = [sub for sub in self._unconnected if not sub.get_publisher_count()]
+            if not self._unconnected:
                 self.get_logger().info(f"connected to {self._values['tracker']}")
-        if not self._warned_unmatched and (text := self._coverage.unmatched(self._evaluation)):
+        if not self._warned_unmatched and (text := self._coverage.mismatch(self._evaluation)):
             self._warned_unmatched = True
             self.get_logger().warning(text)
-        self._check_complete()
-
-    def _check_complete(self) -> None:
-        """End `LINGER_S` after the last score, once the wanted number of stamps is scored."""
-        scored = tuple(self._evaluation.scored.values())
-        if not self._is_complete(scored):
-            return
-        now = time.monotonic()
-        if self._complete_since is None or scored != self._complete:
-            self._complete_since, self._complete = now, scored
-        if now - self._complete_since >= LINGER_S:
+        if self._completion.is_reached(time.monotonic()):
             self.exit_status = OK
-
-    def _is_complete(self, scored: Sequence[int]) -> bool:
-        """Return whether the wanted number of stamps has the scores of both sources.
-
-        Estimates with stamps of their own are of any number. Then the truth has to have as many
-        stamps, and what is filtered to be smoothed.
-        """
-        wanted = self._values["exit_after_scans"]
-        if self._evaluation.own_stamps:
-            enough = self._evaluation.truth_scans >= wanted and min(scored) == max(scored)
-        else:
-            enough = min(scored) >= wanted
-        return bool(wanted) and enough
-
-    def _warn(self, text: str) -> None:
-        self.get_logger().warning(text, throttle_duration_sec=WARNING_PERIOD_S)
 
 
 def _check_size(found: Truth | Estimates) -> None:
-    """Refuse more targets than can be compared: memory and time grow with the square and worse."""
-    if len(found.class_id) > MOST_TARGETS:
+    """Refuse more targets than can be compared: memory grows with the square, and time faster."""
+    if len(found.class_id) > MAX_TARGETS:
         raise RejectedMessageError(
-            "oversize", f"{len(found.class_id)} targets, at most {MOST_TARGETS} are allowed"
+            "oversize", f"{len(found.class_id)} targets, at most {MAX_TARGETS} are allowed"
         )
 
 
-def _recorded(entry: str) -> tuple[str, str]:
-    """Return the topic and the message type of an entry of ``record_topics``.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such message.
-    """
+def _recorded_topic(entry: str) -> tuple[str, str]:
+    """Return the topic and the message type of an entry of ``record_topics``."""
     topic, *message = entry.split()
     if not message:
         return topic, names.CLOUD
@@ -331,13 +297,7 @@ def _recorded(entry: str) -> tuple[str, str]:
 
 
 def _report_path(given: str) -> Path | None:
-    """Return the path of the report and create its directory; None if no report is wanted.
-
-    Raises
-    ------
-    ConfigError
-        If the report cannot be written there.
-    """
+    """Return the path of the report and create its directory; None if no report is wanted."""
     if not given:
         return None
     path = Path(given)

@@ -10,7 +10,7 @@ from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from msg_adapters import interfaces, names
@@ -18,16 +18,10 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.parameter_files import bag_parameters
 
+from ..common import topics as endpoints
+
 # Deep enough that a burst waits in the queue instead of being lost.
-INPUT_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-# For publishers that offer best effort only, as drivers do.
-BEST_EFFORT_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-# For what was published once, before the recording began.
-LATCHED_QOS = QoSProfile(
-    depth=1000,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
+DEPTH = 1000
 
 
 class Recorder:
@@ -39,13 +33,8 @@ class Recorder:
 
     Parameters
     ----------
-    node : Node
-        Its executor delivers the messages.
-    directory : Path
-        Of the new bag.
     optional : mapping of topic to type name
-        Those that are in the bag only if something comes on them, and whose types need not be
-        installed.
+        Topics that are in the bag only if they have messages; their types need not be installed.
 
     Attributes
     ----------
@@ -67,14 +56,16 @@ class Recorder:
         self._bag: BagWriter | None = BagWriter(directory)
         self.written: Counter[str] = Counter()
         self._subscriptions: dict[str, Subscription] = {}
-        self._undeclared = {topic: kind for topic, kind in (optional or {}).items() if _has(kind)}
-        frames = {names.STATIC_FRAMES: names.TRANSFORMS} if _has(names.TRANSFORMS) else {}
+        installed = interfaces.installed_class
+        self._undeclared = {t: kind for t, kind in (optional or {}).items() if installed(kind)}
+        frames = {names.STATIC_FRAMES: names.TRANSFORMS} if installed(names.TRANSFORMS) else {}
         for topic, type_name in (frames | dict(topics)).items():
             latched = topic == names.STATIC_FRAMES
             self._bag.add_topic(Topic(topic, type_name, transient_local=latched))
-            self._subscribe(topic, type_name, LATCHED_QOS if latched else INPUT_QOS)
+            qos = endpoints.latched(DEPTH) if latched else endpoints.reliable(DEPTH)
+            self._subscribe(topic, type_name, qos)
         for topic, type_name in self._undeclared.items():
-            self._subscribe(topic, type_name, INPUT_QOS)
+            self._subscribe(topic, type_name, endpoints.reliable(DEPTH))
 
     def _subscribe(self, topic: str, type_name: str, qos: QoSProfile) -> None:
         self._subscriptions[topic] = self._node.create_subscription(
@@ -95,7 +86,8 @@ class Recorder:
             return
         self._logger.info(f"{topic}: offered best effort, recorded best effort")
         self._node.destroy_subscription(self._subscriptions[topic])
-        self._subscribe(topic, type_name, BEST_EFFORT_QOS)
+        qos = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._subscribe(topic, type_name, qos)
 
     def _write(self, topic: str, data: bytes) -> None:
         if self._bag is None:
@@ -124,12 +116,3 @@ class Recorder:
             self._bag.close()
         except BagError as error:
             self._logger.error(f"recording not finished: {error}")
-
-
-def _has(type_name: str) -> bool:
-    """Return whether a message type is installed."""
-    try:
-        interfaces.message_class(type_name)
-    except ImportError:
-        return False
-    return True

@@ -1,4 +1,4 @@
-"""Joins the estimates of trackers that part an area, live, with numbers that stay at the seams."""
+"""Joins the estimates of trackers of neighbouring areas, live, with common track numbers."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
-from std_srvs.srv import Trigger
 
 from msg_adapters import estimates, names
 from msg_adapters.errors import RejectedMessageError, quote
@@ -20,14 +18,16 @@ from phd_jdtc_ros.handover.picture import Joint, JointPicture
 from phd_jdtc_ros.handover.synchroniser import Refused
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
-from ..common import arguments, offers, overridable, parameters, runtime
-from ..common.health import HealthReports, Seen, ThrottledWarnings
-from ..common.runtime import WARNING_PERIOD_S, RunnableNode
+from ..common import arguments, parameters, runtime, topics
+from ..common.callbacks import serve
+from ..common.health import HealthReports, ThrottledWarnings
+from ..common.runtime import RunnableNode
 from . import health
+from .health import TrackerHealth
 
 INPUT_DEPTH, OUTPUT_DEPTH = 50, 10
 # Stamps that may wait for another tracker: ten minutes, the longest delay, at two a second.
-MOST_WAITING = 1200
+MAX_WAITING = 1200
 
 
 class HandOver(RunnableNode):
@@ -41,30 +41,31 @@ class HandOver(RunnableNode):
         self._settings = settings.resolve(parameters.given(self, files))
         values = self._settings.values
         parameters.declare(self, self._settings.table, values)
-        self._warnings = ThrottledWarnings(self.get_logger(), WARNING_PERIOD_S)
+        self._warnings = ThrottledWarnings(self.get_logger())
         limit_s = float(values["max_delay_s"])
         self._picture = JointPicture(
             self._settings.regions,
             self._settings.hysteresis,
             settings.SMOOTHED_WAIT_S,
             limit_s,
-            MOST_WAITING,
+            MAX_WAITING,
         )
-        self._heard = [health.Heard(limit_s) for _ in self._settings.names]
+        self._trackers = [TrackerHealth(limit_s) for _ in self._settings.names]
         self._silent: frozenset[int] = frozenset()
         self._classes: int | None = None
         self._frame: str | None = None
         self._published: Counter[str] = Counter()
         self._tracks = self._overflow = 0
-        self._seen = Seen()
         self._outputs = {
-            source: self.create_publisher(PointCloud2, f"~/{source}/estimates", _qos())
+            source: self.create_publisher(
+                PointCloud2, f"~/{source}/estimates", topics.reliable(OUTPUT_DEPTH)
+            )
             for source in SOURCES
         }
-        self.create_service(Trigger, "~/flush", self._flush)
+        serve(self, "flush", self._flush)
         for tracker in range(len(self._settings.names)):
             for source in SOURCES:
-                overridable.subscribe(
+                topics.subscribe(
                     self,
                     PointCloud2,
                     self._settings.topic(tracker, source),
@@ -72,24 +73,24 @@ class HandOver(RunnableNode):
                     INPUT_DEPTH,
                     *self._settings.origin(tracker),
                 )
-        HealthReports(self, self._statuses, self._warnings)
+        HealthReports(self, self._statuses)
         self.get_logger().info(f"joining the estimates of {', '.join(self._settings.nodes)}")
 
     def close(self) -> None:
-        """Log what was done; what still waited is left."""
+        """Log a summary; pending stamps are dropped."""
         self.get_logger().info(
             f"stopped; {self._published[FILTERED]} stamps joined, "
             f"{self._picture.handed_over} changes from one tracker to another"
         )
 
     def _take(self, tracker: int, source: str, cloud: PointCloud2) -> None:
-        """Take in a cloud of a tracker, and publish what is complete by it."""
-        heard = self._heard[tracker]
-        heard.take(source, time.monotonic())
+        """Take in a tracker's cloud, and publish the stamps that it completes."""
+        own = self._trackers[tracker]
+        own.take(source, time.monotonic())
         try:
             found = self._read(cloud)
         except RejectedMessageError as error:
-            heard.refuse(error.reason)
+            own.refuse(error.reason)
             topic = self._settings.topic(tracker, source)
             self._warnings.warn(topic, f"{topic}: {error}")
             return
@@ -101,7 +102,7 @@ class HandOver(RunnableNode):
             self._publish(self._picture.begin_again())
             done = self._picture.add(tracker, source, found)
         if isinstance(done, Refused):
-            heard.refuse(done.value)
+            own.refuse(done.value)
         else:
             self._publish(done)
         if self._picture.overflow > self._overflow:
@@ -111,13 +112,13 @@ class HandOver(RunnableNode):
         self._log_silent()
 
     def _is_left_ahead(self, stamp_ns: int) -> bool:
-        """Return whether all that is far ahead of a late stamp is of trackers that are quiet now.
+        """Return whether only trackers that are quiet now are far ahead of a late stamp.
 
-        One wrong stamp of a tracker that then dies would make all that comes later too late.
+        One wrong stamp of a tracker that then dies would make all later clouds late.
         """
         now_s = time.monotonic()
         ahead = self._picture.ahead_of(stamp_ns)
-        if not ahead or not all(self._heard[tracker].is_quiet(now_s) for tracker in ahead):
+        if not ahead or not all(self._trackers[tracker].is_quiet(now_s) for tracker in ahead):
             return False
         listed = ", ".join(self._settings.names[tracker] for tracker in sorted(ahead))
         self.get_logger().warning(
@@ -131,7 +132,7 @@ class HandOver(RunnableNode):
         Raises
         ------
         RejectedMessageError
-            If it is not one of estimates, or does not fit those of the others.
+            If it is not a cloud of estimates, or contradicts the first one.
         """
         found = estimates.from_msg(cloud)
         frame, allowed = cloud.header.frame_id, self._frame or cloud.header.frame_id
@@ -160,14 +161,14 @@ class HandOver(RunnableNode):
             self._outputs[source].publish(estimates.to_msg(joint, self._frame or ""))
 
     def _log_silent(self) -> None:
-        """Log when the picture begins to go on without a tracker, and when it has it again."""
+        """Log each tracker that the picture begins to go on without, or has again."""
         before, self._silent = self._silent, self._picture.silent
         for tracker in sorted(self._silent - before):
-            heard, behind_s = self._heard[tracker], self._picture.behind_s(tracker)
+            own, behind_s = self._trackers[tracker], self._picture.behind_s(tracker)
             why = f"silent, its estimates are {behind_s:.1f} s behind"
-            if heard.left_out:
-                why = f"its estimates are left out ({heard.reasons})"
-            elif heard.last_s is None:
+            if own.left_out:
+                why = f"its estimates are left out ({own.reasons})"
+            elif own.last_s is None:
                 why = "never heard"
             self.get_logger().warning(
                 f"{self._settings.names[tracker]}: {why}; the picture goes on without it"
@@ -175,55 +176,31 @@ class HandOver(RunnableNode):
         for tracker in sorted(before - self._silent):
             self.get_logger().info(f"{self._settings.names[tracker]}: in the picture again")
 
-    def _flush(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Publish all that waits, and begin a new run."""
+    def _flush(self) -> tuple[bool, str]:
+        """Publish the pending stamps, and begin a new run."""
         done = self._picture.close_all()
         self._publish(done)
-        response.success, response.message = True, f"{len(done)} stamps published"
-        return response
+        return True, f"{len(done)} stamps published"
 
-    def _offers(self, tracker: int) -> str:
-        """Return where estimates are, if nobody publishes a tracker's where they are expected."""
+    def _hint(self, tracker: int) -> str:
+        """Return the fault of a topic on which no estimates have arrived."""
+        if self._trackers[tracker].clouds:
+            return ""
         topic = self.resolve_topic_name(self._settings.topic(tracker, FILTERED))
-        return "" if self._heard[tracker].clouds else offers.hint(self, topic, PointCloud2)
+        return topics.publisher_hint(self, topic, PointCloud2)
 
     def _statuses(self) -> list[DiagnosticStatus]:
         node, now_s = self.get_fully_qualified_name(), time.monotonic()
-        picture, trackers = self._picture, self._settings.names
-        found = [
-            health.of_tracker(
-                names.health(name, node),
-                self._settings.nodes[tracker],
-                self._heard[tracker],
-                picture.behind_s(tracker),
-                tracker in picture.silent,
-                now_s,
-                self._seen,
-                self._offers(tracker),
-            )
-            for tracker, name in enumerate(trackers)
-        ]
-        alive = [
-            name
-            for tracker, name in enumerate(trackers)
-            if tracker not in picture.silent and not self._heard[tracker].is_quiet(now_s)
-        ]
-        found.append(
-            health.of_picture(
-                node,
-                self._published,
-                self._tracks,
-                picture.handed_over,
-                picture.parted,
-                alive,
-                picture.overflow,
-            )
-        )
-        return found
-
-
-def _qos() -> QoSProfile:
-    return QoSProfile(depth=OUTPUT_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+        picture, found, alive = self._picture, list[DiagnosticStatus](), list[str]()
+        for tracker, (name, own) in enumerate(
+            zip(self._settings.names, self._trackers, strict=True)
+        ):
+            silent, behind_s = tracker in picture.silent, picture.behind_s(tracker)
+            line, full = names.health(name, node), self._settings.nodes[tracker]
+            found.append(own.status(line, full, behind_s, silent, now_s, self._hint(tracker)))
+            if not (silent or own.is_quiet(now_s)):
+                alive.append(name)
+        return [*found, health.of_picture(node, picture, self._published, self._tracks, alive)]
 
 
 def main(argv: Sequence[str]) -> int:

@@ -1,23 +1,23 @@
-"""Lock-step: a scan is published once the estimate of the previous scan has come back."""
+"""Lock-step: a scan is published after the estimate of the previous scan has arrived."""
 
 from __future__ import annotations
 
-# A tracker may hold an estimate back until a later stamp comes (radars without a common scan). So
-# after this time a few more stamps may be published.
+# A tracker may publish an estimate only after a later stamp (radars without a common scan). So
+# without a reply for PATIENCE_S further stamps may be published, up to MAX_OUTSTANDING.
 PATIENCE_S = 1.0
-MOST_OUTSTANDING = 4
+MAX_OUTSTANDING = 4
 GIVE_UP_S = 30.0
 
 
 class LockStep:
-    """The stamps that have been published and not been answered yet.
+    """The published stamps that wait for a reply.
 
     Times are seconds of one monotonic clock.
 
     Parameters
     ----------
     delay_s : float
-        How much older than a stamp the answer to it may be, in the bag's time.
+        Largest age of a reply relative to its stamp, in the bag's time.
     """
 
     def __init__(self, delay_s: float = 0.0) -> None:
@@ -27,24 +27,24 @@ class LockStep:
         self._running_since_s = 0.0
 
     def begin(self) -> None:
-        """Forget all awaited stamps, because the bag has jumped."""
+        """Drop all awaited stamps, because the bag has jumped."""
         self._outstanding.clear()
 
-    def run_on(self, now_s: float) -> None:
+    def restart(self, now_s: float) -> None:
         """Restart the time until giving up: during a pause no other stamp could be published."""
         self._running_since_s = now_s
 
-    def published(self, stamp_ns: int, now_s: float) -> None:
+    def expect(self, stamp_ns: int, now_s: float) -> None:
         """Await the estimate of a stamp."""
         if not self._outstanding:
             self._since_s = now_s
         self._outstanding.append(stamp_ns)
 
-    def answered(self, stamp_ns: int, now_s: float) -> None:
-        """Take in an estimate, which answers its own stamp and all earlier ones.
+    def receive(self, stamp_ns: int, now_s: float) -> None:
+        """Take in an estimate, which is the reply to its own stamp and all earlier ones.
 
         An estimate of a stamp after the awaited ones is a late one from before `begin`, for
-        instance from the end of a bag that has started again. It answers nothing.
+        instance from the end of a bag that has started again. It is ignored.
         """
         if not self._outstanding or stamp_ns > self._outstanding[-1]:
             return
@@ -55,15 +55,15 @@ class LockStep:
     def may_follow(self, now_s: float) -> bool:
         """Return whether the next stamp may be published."""
         return not self._outstanding or (
-            self._waited_s(now_s) > PATIENCE_S and len(self._outstanding) < MOST_OUTSTANDING
+            self._waited_s(now_s) > PATIENCE_S and len(self._outstanding) < MAX_OUTSTANDING
         )
 
-    def settled(self, now_s: float) -> bool:
-        """Return whether no more answers are expected unless another stamp is published."""
+    def is_settled(self, now_s: float) -> bool:
+        """Return whether no more replies are expected unless another stamp is published."""
         return not self._outstanding or self._waited_s(now_s) > PATIENCE_S
 
     def hopeless(self, now_s: float) -> bool:
-        """Return whether there has been no answer for `GIVE_UP_S`."""
+        """Return whether there has been no reply for `GIVE_UP_S`."""
         waited_s = now_s - max(self._since_s, self._running_since_s)
         return bool(self._outstanding) and waited_s > GIVE_UP_S
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
@@ -25,7 +25,8 @@ from phd_jdtc_ros.parameter_files import sensor_replay
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.parameter_files.sensor_replay import SEEK
 
-from ..common import arguments, parameters, runtime
+from ..common import arguments, parameters, runtime, topics
+from ..common.callbacks import serve
 from ..common.runtime import RunnableNode
 from . import playable, scene_check, seek_parameter
 from .bag_clock import BagClock
@@ -33,25 +34,22 @@ from .lock_step import GIVE_UP_S, LockStep
 from .playback import Group, Playback
 from .progress_line import ProgressLine
 
-OUTPUT_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE)
-LATCHED_QOS = QoSProfile(
-    depth=50,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
+DEPTH = 50
 CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 CLOCK_PERIOD_S = 0.01
 TICK_S = 0.005
 
 # Endpoints are connected a moment after the graph shows them.
 SETTLE_S = 0.5
+# Wait for subscribers of the truth as a share of the wait for subscribers of the detections.
+TRUTH_SHARE = 0.2
 ACKNOWLEDGE_S = 5.0
 # Longest wait for acknowledgements at a time, because it delays signals.
-LOOK_S = 0.05
+POLL_S = 0.05
 
 
 class State(Enum):
-    """What the replay is doing."""
+    """The phases of a replay."""
 
     WAITING = auto()
     PLAYING = auto()
@@ -67,15 +65,17 @@ class SensorReplay(RunnableNode):
         self._values = parameters.resolve(
             self, sensor_replay.AT_THE_START, flags, files, replaced.REPLAY
         )
-        sensor_replay.check(self._values)
         path = resources.bag(self._values["bag"])
         bag = BagReader(path)
-        self._played = playable.choose(bag, self._values["topics"])
+        self._played = playable.select(bag, self._values["topics"])
         for line in self._played.skipped:
             self.get_logger().warning(line)
+        self._estimates = self.resolve_topic_name(names.estimates("filtered"))
         self._outputs = {
             topic: self.create_publisher(
-                message_class, topic, LATCHED_QOS if topic in playable.LATCHED else OUTPUT_QOS
+                message_class,
+                topic,
+                (topics.latched if topic in playable.LATCHED else topics.reliable)(DEPTH),
             )
             for topic, message_class in self._played.classes.items()
         }
@@ -83,7 +83,7 @@ class SensorReplay(RunnableNode):
         self._published: Counter[str] = Counter()
         self._lock_step: LockStep | None = None
         if self._values["rate"] == 0.0:
-            self._lock_step = self._await_answers()
+            self._lock_step = self._subscribe_to_replies()
         self._flush = (
             self.create_client(Trigger, self._values["flush_service"])
             if self._values["flush_service"]
@@ -104,24 +104,24 @@ class SensorReplay(RunnableNode):
         )
         self._bag_clock = BagClock(self._values["rate"], bag.start_ns)
         self._line = ProgressLine(*self._part_s)
-        for name, callback in (
-            ("pause", self._on_pause),
-            ("resume", self._on_resume),
-            ("step", self._on_step),
-        ):
-            self.create_service(Trigger, f"~/{name}", callback)
+        for name, action in {
+            "pause": self._pause,
+            "resume": self._resume,
+            "step": self._step,
+        }.items():
+            serve(self, name, action)
         seek_parameter.declare(self, self._seek_fault, self._seek)
-        scene_check.begin(self, path, self._values["estimates_topic"])
+        scene_check.begin(self, path, self._estimates)
         self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
         self.create_timer(TICK_S, self._tick)
 
-    def _await_answers(self) -> LockStep:
-        """Subscribe to what answers a scan, and return what waits for it."""
-        topic, delay_s = self._values["estimates_topic"], self._values["answer_delay_s"]
-        answer: Any = PointCloud2
+    def _subscribe_to_replies(self) -> LockStep:
+        """Subscribe to the tracker's reply to a scan: estimates, or figures if these come later."""
+        topic, delay_s = self._estimates, self._values["answer_delay_s"]
+        reply: Any = PointCloud2
         if delay_s:
-            topic, answer = names.cardinality(names.tracker_of(topic)), DiagnosticArray
-        self.create_subscription(answer, topic, self._on_answer, OUTPUT_QOS)
+            topic, reply = names.cardinality(names.tracker_of(topic)), DiagnosticArray
+        self.create_subscription(reply, topic, self._on_reply, topics.reliable(DEPTH))
         return LockStep(delay_s)
 
     @property
@@ -161,8 +161,9 @@ class SensorReplay(RunnableNode):
         else:
             self._ready_since = self._ready_since or now
             waited_s = now - self._ready_since
-            alone = [topic for topic in self._played.truth if not self._heard(topic)]
-            if waited_s < max(SETTLE_S, self._values["truth_timeout_s"] if alone else 0.0):
+            alone = [topic for topic in self._played.truth if not self._is_connected(topic)]
+            longest_s = TRUTH_SHARE * self._values["subscriber_timeout_s"]
+            if waited_s < max(SETTLE_S, longest_s if alone else 0.0):
                 return
             if alone:
                 self._play_without(alone)
@@ -170,14 +171,14 @@ class SensorReplay(RunnableNode):
         self._enter(State.PLAYING)
 
     def _missing(self) -> list[str]:
-        """Return the topics without which there is nothing to play to."""
+        """Return the topics that lack a subscriber, or a tracker, to play to."""
         awaited = [t for t in self._played.scan_topics if t not in self._played.truth]
-        missing = [t for t in awaited or self._outputs if not self._heard(t)]
-        if self._lock_step and not self.count_publishers(self._values["estimates_topic"]):
-            missing.append(self._values["estimates_topic"])
+        missing = [t for t in awaited or self._outputs if not self._is_connected(t)]
+        if self._lock_step and not self.count_publishers(self._estimates):
+            missing.append(self._estimates)
         return missing
 
-    def _heard(self, topic: str) -> bool:
+    def _is_connected(self, topic: str) -> bool:
         wanted = self._values["subscribers"] if topic in self._played.scan_topics else 1
         return int(self._outputs[topic].get_subscription_count()) >= wanted
 
@@ -189,7 +190,7 @@ class SensorReplay(RunnableNode):
         )
 
     def _begin(self) -> None:
-        """Make the next group due now and forget all awaited estimates."""
+        """Make the next group due now and drop all awaited estimates."""
         if self._lock_step:
             self._lock_step.begin()
         if self._playback.upcoming is not None:
@@ -197,37 +198,37 @@ class SensorReplay(RunnableNode):
         latched = [topic for topic in playable.LATCHED if topic in self._outputs]
         for message in self._playback.before(self._bag_clock.now_ns, latched) if latched else ():
             self._outputs[message.topic].publish(message.data)
-        self._bag_clock.run_on()
+        self._bag_clock.restart()
 
     def _play(self) -> None:
         while (group := self._playback.upcoming) is not None:
             if self._paused and self._steps == 0:
                 return
-            if not self._may_go_out(group):
+            if not self._is_due(group):
                 return
             self._publish_group(group)
             self._playback.advance()
         if not self._values["loop"]:
             self._enter(State.DRAINING)
         # In lock-step, the first scan of the next pass waits for the last scan of this one too.
-        elif self._settled():
+        elif self._is_settled():
             self._playback.rewind()
             self._begin()
 
-    def _may_go_out(self, group: Group) -> bool:
+    def _is_due(self, group: Group) -> bool:
         if self._lock_step is None:
             return self._steps > 0 or self._bag_clock.is_due(group.log_time_ns)
-        # A scan may wait for what is between it and the next one, as for a pose.
+        # A scan may wait for messages between it and the next one, such as a pose.
         if group.stamp_ns is None:
             return True
         now = time.monotonic()
         if self._lock_step.hopeless(now):
-            self._fail(f"no estimate on {self._values['estimates_topic']} for {GIVE_UP_S:g} s")
+            self._fail(f"no estimate on {self._estimates} for {GIVE_UP_S:g} s")
             return False
         return self._lock_step.may_follow(now)
 
-    def _settled(self) -> bool:
-        return self._lock_step is None or self._lock_step.settled(time.monotonic())
+    def _is_settled(self) -> bool:
+        return self._lock_step is None or self._lock_step.is_settled(time.monotonic())
 
     def _publish_group(self, group: Group) -> None:
         self._bag_clock.now_ns = group.log_time_ns
@@ -238,21 +239,21 @@ class SensorReplay(RunnableNode):
         if group.stamp_ns is not None:
             self._steps = max(0, self._steps - 1)
         self._show(0 if group.stamp_ns is None else 1)
-        answered = any(message.topic in self._played.detections for message in group.messages)
-        if self._lock_step and answered and group.stamp_ns is not None:
-            self._lock_step.published(group.stamp_ns, time.monotonic())
+        awaited = any(message.topic in self._played.detections for message in group.messages)
+        if self._lock_step and awaited and group.stamp_ns is not None:
+            self._lock_step.expect(group.stamp_ns, time.monotonic())
 
     def _show(self, scans: int = 0) -> None:
         doing = "paused" if self._paused else "playing"
         self._line.show(self._playback.seconds(self._bag_clock.now_ns), doing, scans)
 
     def _drain(self) -> None:
-        """Wait until all messages have arrived, then flush the tracker if asked to."""
-        if not self._settled():
+        """Wait until all messages have arrived, then flush the tracker if requested."""
+        if not self._is_settled():
             return
         waited_s = time.monotonic() - self._since
-        look = Duration(seconds=LOOK_S)
-        arrived = all(output.wait_for_all_acked(look) for output in self._outputs.values())
+        poll = Duration(seconds=POLL_S)
+        arrived = all(output.wait_for_all_acked(poll) for output in self._outputs.values())
         if not arrived and waited_s < ACKNOWLEDGE_S:
             return
         if self._flush is None:
@@ -265,11 +266,11 @@ class SensorReplay(RunnableNode):
 
     def _finish_flush(self) -> None:
         if self._flushed is not None and self._flushed.done():
-            answer = self._flushed.result()
-            if answer.success:
+            reply = self._flushed.result()
+            if reply.success:
                 self._end()
             else:
-                self._fail(f"service {self._values['flush_service']} refused: {answer.message}")
+                self._fail(f"service {self._values['flush_service']} refused: {reply.message}")
         elif time.monotonic() - self._since > GIVE_UP_S:
             self._fail(f"service {self._values['flush_service']} did not answer")
 
@@ -288,36 +289,36 @@ class SensorReplay(RunnableNode):
     def _publish_clock(self) -> None:
         self._clock_output.publish(Clock(clock=stamps.from_ns(self._bag_clock.now_ns)))
 
-    def _on_answer(self, answer: Any) -> None:
+    def _on_reply(self, reply: Any) -> None:
         if self._lock_step:
-            self._lock_step.answered(stamps.to_ns(answer.header.stamp), time.monotonic())
+            self._lock_step.receive(stamps.to_ns(reply.header.stamp), time.monotonic())
         self._tick()
 
-    def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _pause(self) -> tuple[bool, str]:
         self._paused = True
         self._show()
-        return _done(response, "paused")
+        return True, "paused"
 
-    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _resume(self) -> tuple[bool, str]:
         self._paused = False
-        self._run_on()
+        self._restart_clock()
         self._show()
-        return _done(response, "playing")
+        return True, "playing"
 
-    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _step(self) -> tuple[bool, str]:
         self._paused = True
         self._steps += 1
-        self._run_on()
-        return _done(response, "one scan")
+        self._restart_clock()
+        return True, "one scan"
 
-    def _run_on(self) -> None:
+    def _restart_clock(self) -> None:
         """Let the time run on after a pause."""
-        self._bag_clock.run_on()
+        self._bag_clock.restart()
         if self._lock_step:
-            self._lock_step.run_on(time.monotonic())
+            self._lock_step.restart(time.monotonic())
 
     def _seek_fault(self, value: Any) -> str:
-        """Return why the replay cannot go to `value`; empty if it can."""
+        """Return the reason for which the replay cannot go to `value`; empty if it can."""
         if self._state in (State.DRAINING, State.FLUSHING):
             return f"{SEEK.name}: {value} given, but the bag has been played to its end"
         seconds = SEEK.coerce(value)
@@ -330,12 +331,6 @@ class SensorReplay(RunnableNode):
         self._playback.seek(self._playback.time_ns(seconds))
         self._begin()
         self._show()
-
-
-def _done(response: Trigger.Response, text: str) -> Trigger.Response:
-    response.success = True
-    response.message = text
-    return response
 
 
 def main(argv: Sequence[str]) -> int:

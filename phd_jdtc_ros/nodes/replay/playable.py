@@ -19,7 +19,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.quoting import short
 
-# Transient local topics: what was recorded before the chosen part is published too.
+# Transient local topics, whose messages from before the selected part are published too.
 LATCHED = (names.STATIC_FRAMES,)
 # Published by the replay itself, by every node, or by the nodes that the bag is played to.
 LEFT_OUT = ("/clock", "/rosout", "/parameter_events", names.DIAGNOSTICS)
@@ -35,9 +35,9 @@ class Playable:
     Parameters
     ----------
     scan_topics : tuple of str
-        Detections and truth: their stamps make the scans.
+        Detections and truth, whose stamps define the scans.
     detections : tuple of str
-        The scan topics that a tracker answers with an estimate.
+        The scan topics to which a tracker replies with an estimate.
     truth : tuple of str
         The other scan topics.
     skipped : tuple of str
@@ -51,7 +51,7 @@ class Playable:
     skipped: tuple[str, ...]
 
 
-def choose(bag: BagReader, wanted: list[str]) -> Playable:
+def select(bag: BagReader, wanted: list[str]) -> Playable:
     """Return the part of a bag that is played.
 
     Parameters
@@ -71,23 +71,23 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
         raise BagError(
             f"{bag.path}: {', '.join(missing)} missing; it has {', '.join(sorted(bag.types))}"
         )
-    left_out = LEFT_OUT_UNDER + _trackers(bag.types)
-    chosen = wanted or [
+    left_out = LEFT_OUT_UNDER + _tracker_prefixes(bag.types)
+    selected = wanted or [
         topic
         for topic in sorted(bag.types)
         if topic not in LEFT_OUT and not topic.startswith(left_out)
     ]
-    detections = [topic for topic in chosen if topic.endswith(names.DETECTIONS_SUFFIX)]
-    truth = [topic for topic in chosen if topic == names.TRUTH]
+    detections = [topic for topic in selected if topic.endswith(names.DETECTIONS_SUFFIX)]
+    truth = [topic for topic in selected if topic == names.TRUTH]
     readable = {reader.type_name for reader in READERS.values()}
     bag.require({t: names.CLOUD for t in [*detections, *truth] if bag.types[t] not in readable})
     if not detections:
         # A driver may publish its detections under another name.
-        detections = [t for t in chosen if bag.types[t] in readable]
+        detections = [t for t in selected if bag.types[t] in readable]
         detections = [topic for topic in detections if topic not in truth]
     classes: dict[str, Any] = {}
     skipped = [] if wanted else [f"{t}: is {what}, not played" for t, what in bag.foreign.items()]
-    for topic in chosen:
+    for topic in selected:
         found = _message_class(bag.types[topic])
         if found is None:
             skipped.append(f"{topic}: type {bag.types[topic]} is not installed, not played")
@@ -104,8 +104,8 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
     )
 
 
-def _trackers(topics: Iterable[str]) -> tuple[str, ...]:
-    """Return the prefixes of the topics of trackers in any namespace, by the estimates they have.
+def _tracker_prefixes(topics: Iterable[str]) -> tuple[str, ...]:
+    """Return the prefixes of the topics of all trackers, which are recognised by their estimates.
 
     Otherwise their own clouds of all detections would be taken for a radar's.
     """

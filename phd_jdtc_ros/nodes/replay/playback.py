@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from itertools import takewhile
 
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
@@ -35,7 +36,7 @@ class Group:
 
 
 class Playback:
-    """Reads a chosen part of a bag, scan by scan, one scan ahead.
+    """Reads a selected part of a bag, scan by scan, one scan ahead.
 
     Messages of the scan topics with one stamp are one group, together with all messages recorded
     between them; every other message is a group of its own.
@@ -43,7 +44,7 @@ class Playback:
     Parameters
     ----------
     scan_topics : collection of str
-        The topics whose stamps make the scans.
+        The topics whose stamps define the scans.
     start_s : float
         Seconds to skip.
     duration_s : float
@@ -54,9 +55,9 @@ class Playback:
     upcoming : Group or None
         The next group; None at the end.
     damage : BagError or None
-        What is wrong with the bag, known once the end is reached.
+        The fault of a damaged bag, known once the end is reached.
     first_ns, last_ns : int
-        Log times at which the chosen part begins and ends.
+        Log times at which the selected part begins and ends.
 
     Raises
     ------
@@ -73,7 +74,7 @@ class Playback:
         duration_s: float,
     ) -> None:
         self._bag = bag
-        self._topics = list(topics)
+        self._topics = topics
         self._scan_topics = frozenset(scan_topics)
         # Clipped to the bag's length, because very large values would overflow in nanoseconds.
         longest_s = (bag.end_ns - bag.start_ns) / 1e9 + 1.0
@@ -111,7 +112,9 @@ class Playback:
     def _groups(self, from_ns: int) -> Iterator[Group]:
         scan: list[BagMessage] = []
         after: list[BagMessage] = []
-        for message in self._chosen(from_ns):
+        for message in self._read(self._topics, self.last_ns):
+            if message.log_time_ns < from_ns:
+                continue
             of_scan = message.topic in self._scan_topics
             if of_scan and scan and message.stamp_ns == scan[0].stamp_ns:
                 scan += [*after, message]
@@ -126,21 +129,13 @@ class Playback:
                     scan, after = [], []
         yield from _groups_of(scan, after)
 
-    def _chosen(self, from_ns: int) -> Iterator[BagMessage]:
-        try:
-            for message in self._bag.messages(self._topics, self.last_ns):
-                if from_ns <= message.log_time_ns:
-                    yield message
-        except BagError as error:
-            self.damage = error
-
     def before(self, time_ns: int, topics: Collection[str]) -> Iterator[BagMessage]:
-        """Yield the messages of `topics` recorded before `time_ns`; stop reading there."""
+        """Return the messages of `topics` recorded before `time_ns`; stop reading there."""
+        return takewhile(lambda message: message.log_time_ns < time_ns, self._read(topics))
+
+    def _read(self, topics: Collection[str], until_ns: int | None = None) -> Iterator[BagMessage]:
         try:
-            for message in self._bag.messages(list(topics)):
-                if message.log_time_ns >= time_ns:
-                    return
-                yield message
+            yield from self._bag.messages(list(topics), until_ns)
         except BagError as error:
             self.damage = error
 

@@ -7,13 +7,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 
 class ProgressLine:
-    """A line on the terminal with the bag's time; not drawn if there is no terminal.
-
-    Parameters
-    ----------
-    first_s, last_s : float
-        The part that is played, in the bag's time.
-    """
+    """A line on the terminal with the bag's time; not drawn if there is no terminal."""
 
     def __init__(self, first_s: float, last_s: float) -> None:
         console = Console()
@@ -35,7 +29,7 @@ class ProgressLine:
         self._progress.start()
 
     def show(self, time_s: float, doing: str, scans: int = 0) -> None:
-        """Show the bag's time and what is being done, and add to the count of scans."""
+        """Show the bag's time and the activity, and add to the count of scans."""
         self._scans += scans
         self._progress.update(
             self._task,
@@ -46,5 +40,5 @@ class ProgressLine:
         )
 
     def stop(self) -> None:
-        """Stop drawing; the line stays as it is."""
+        """Stop drawing; the line stays."""
         self._progress.stop()

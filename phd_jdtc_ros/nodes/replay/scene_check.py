@@ -1,4 +1,4 @@
-"""Says so if the tracker that a bag is played to has other radars, classes or birth places."""
+"""Warns if the tracker that a bag is played to has other radars, classes or birth places."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from ..common.tracker_parameters import TrackerParameters
 
 
 def begin(node: Node, bag: Path, estimates_topic: str) -> None:
-    """Compare the parameters beside a bag with those of the tracker once it is there.
+    """Compare the parameters beside a bag with the tracker's, once it is there.
 
-    Nothing is compared without such parameters, or if the topic of the estimates is not named as a
-    tracker names it.
+    Nothing is compared if the bag has no parameters, or if the topic of the estimates has not a
+    tracker's usual name.
     """
     tracker, found, _ = estimates_topic.rpartition(names.estimates("filtered", ""))
     try:

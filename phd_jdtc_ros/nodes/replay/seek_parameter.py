@@ -15,17 +15,13 @@ from phd_jdtc_ros.parameter_files.sensor_replay import SEEK
 def declare(node: Node, fault: Callable[[Any], str], go_to: Callable[[float], None]) -> None:
     """Declare `seek_s`.
 
-    Parameters
-    ----------
-    fault : callable
-        Returns why a given value is refused; empty if it is accepted.
-    go_to : callable
-        Called with an accepted value, in seconds.
+    `fault` returns the reason for which a value is refused, or an empty text; `go_to` receives an
+    accepted value, seconds.
     """
 
     def check(given: list[Parameter]) -> SetParametersResult:
-        faults = [fault(parameter.value) for parameter in given if parameter.name == SEEK.name]
-        reason = "; ".join(found for found in faults if found)
+        faults = (fault(parameter.value) for parameter in given if parameter.name == SEEK.name)
+        reason = "; ".join(filter(None, faults))
         return SetParametersResult(successful=not reason, reason=reason)
 
     def follow(given: list[Parameter]) -> None:

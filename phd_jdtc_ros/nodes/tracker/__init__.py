@@ -4,9 +4,10 @@
 
     node                   life cycle, parameters, services
     live                   the path of a message: decode, pipeline, publish
-    endpoints, outputs     topics and their QoS
-    health                 diagnostics of inputs, steps and outputs
+    inputs, outputs        subscriptions and publishers
+    endpoints              their QoS and its faults
+    input_health, health   diagnostics of inputs; of steps, outputs and registration
     checkpoint             warm restart
     name_claim             at most one tracker per name
-    settings               the parameters of the node
+    manager_bond           bond to a lifecycle manager
 """

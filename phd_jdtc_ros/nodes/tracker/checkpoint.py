@@ -1,9 +1,9 @@
 """A tracker's snapshot as a file: written atomically, and checked before it is used.
 
-The file is a magic line, the SHA-256 of the rest, and a numpy archive of arrays. The facts and the
-tracker's configuration are JSON text in two of them. Nothing in the file is executed or unpickled,
-and sizes are checked before they are used: the archive's members are stored uncompressed and are
-together no larger than the file.
+The file is a magic line, the SHA-256 of the rest, the length of a header in four bytes, the header,
+and the bytes of the arrays. The header is JSON: the stamp, the facts, the tracker's configuration,
+and type and shape of each array. Nothing in the file is executed, and sizes are checked before they
+are used.
 """
 
 from __future__ import annotations
@@ -12,14 +12,12 @@ import contextlib
 import errno
 import glob
 import hashlib
-import io
 import json
 import math
 import os
 import stat
 import tempfile
 import time
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -30,24 +28,21 @@ import numpy.typing as npt
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.snapshot import Snapshot
 
-from ..common.runtime import WARNING_PERIOD_S
+from ..common.health import WARNING_PERIOD_S
 
-MAGIC = b"phd_jdtc_ros checkpoint 3\n"
-# Of a file. Its content and its arrays are in memory together, at most 256 MB.
-MOST_BYTES = 120 << 20
-# Of the texts, and of the archive's directory, whose parsing takes some twenty times the memory.
-MOST_TEXT = 2 << 20
-# The record that ends an archive, and what stands before it in one of more than 4 GB.
-_END, _END_64 = b"PK\x05\x06", b"PK\x06\x07"
-_END_SIZE, _END_64_SIZE = 22, 20
-# What a killed tracker left half written is deleted after this time.
+MAGIC = b"phd_jdtc_ros checkpoint 4\n"
+# Largest file; its content and its arrays are in memory together, at most 256 MB.
+MAX_BYTES = 120 << 20
+# Largest header, whose parsing needs some twenty times its size.
+MAX_HEADER = 2 << 20
+LENGTH_SIZE, DIGEST_SIZE = 4, hashlib.sha256().digest_size
+# Incomplete files of a killed tracker are deleted after this time.
 LEFTOVER_S = 60.0
-DIGEST_SIZE = hashlib.sha256().digest_size
-STAMP, FACTS, CONFIGURATION = "stamp_ns", "facts", "configuration"
+STAMP, FACTS, CONFIGURATION, ARRAYS = "stamp_ns", "facts", "configuration", "arrays"
 
 
 class CheckpointError(Exception):
-    """A checkpoint cannot be used; the message says why."""
+    """A checkpoint cannot be used; the message gives the reason."""
 
 
 def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> None:
@@ -65,20 +60,18 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
     OSError
         If the file cannot be written.
     """
-    texts = {
+    header = {
         STAMP: snapshot.stamp_ns,
         FACTS: snapshot.facts,
         CONFIGURATION: dict(configuration),
+        ARRAYS: {name: [array.dtype.str, array.shape] for name, array in snapshot.arrays.items()},
     }
-    # Values are Any, because savez has options beside the arrays, which may have any name.
-    stored: dict[str, Any] = {name: _text(value) for name, value in texts.items()}
-    stored |= {f"array.{name}": array for name, array in snapshot.arrays.items()}
-    payload = io.BytesIO()
-    np.savez(payload, **stored)
-    body = payload.getvalue()
-    if len(MAGIC) + DIGEST_SIZE + len(body) > MOST_BYTES:
-        raise OSError(errno.EFBIG, f"{len(body) >> 20} MB, at most {MOST_BYTES >> 20} MB")
-    # A name that nobody can foresee, and never through a link that somebody has put there.
+    text = json.dumps(header).encode()
+    arrays = (array.tobytes() for array in snapshot.arrays.values())
+    body = b"".join((len(text).to_bytes(LENGTH_SIZE, "little"), text, *arrays))
+    if len(MAGIC) + DIGEST_SIZE + len(body) > MAX_BYTES:
+        raise OSError(errno.EFBIG, f"{len(body) >> 20} MB, at most {MAX_BYTES >> 20} MB")
+    # The name is unpredictable, and a symbolic link is never followed.
     handle, temporary = tempfile.mkstemp(".tmp", f".{path.name}.", path.parent)
     try:
         with open(handle, "wb") as file:
@@ -109,87 +102,65 @@ def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
     if hashlib.sha256(body).digest() != digest:
         raise CheckpointError(f"{path}: damaged, its checksum does not match")
     try:
-        arrays = _arrays(content)
-        stamp_ns, facts, stored = (
-            json.loads(_short(arrays.pop(key))) for key in (STAMP, FACTS, CONFIGURATION)
-        )
+        header, arrays = _decode(body)
+        stamp_ns, facts, stored = (header[key] for key in (STAMP, FACTS, CONFIGURATION))
         if not isinstance(facts, dict) or not isinstance(stored, dict):
             raise ValueError("its facts are no mappings")
-    except Exception as error:  # of any kind: a forged archive makes its decoders raise many
+    except Exception as error:  # of any kind: a forged header makes numpy raise many
         reason = f"{type(error).__name__}: {error}"
         raise CheckpointError(f"{path}: not a checkpoint, {reason[:200]}") from error
     expected = json.loads(json.dumps(dict(configuration)))
     other = sorted(name for name in {*stored, *expected} if stored.get(name) != expected.get(name))
     if other:
         raise CheckpointError(f"{path}: of a tracker with another {', '.join(other)}")
-    held = {name.removeprefix("array."): array for name, array in arrays.items()}
-    return Snapshot(stamp_ns, held, facts)
+    return Snapshot(stamp_ns, arrays, facts)
 
 
 def _content(path: Path) -> bytes:
-    """Return a regular file's bytes, once it is known not to be too large."""
-    # A pipe would be waited for.
+    """Return a regular file's bytes, after a check of its size."""
+    # Opening a pipe without O_NONBLOCK would block.
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         status = os.fstat(handle)
         if not stat.S_ISREG(status.st_mode):
             raise OSError(errno.EINVAL, "not a regular file")
-        if status.st_size > MOST_BYTES:
-            raise OSError(errno.EFBIG, f"{status.st_size >> 20} MB, at most {MOST_BYTES >> 20} MB")
+        if status.st_size > MAX_BYTES:
+            raise OSError(errno.EFBIG, f"{status.st_size >> 20} MB, at most {MAX_BYTES >> 20} MB")
         with open(handle, "rb", closefd=False) as file:
-            return file.read(MOST_BYTES)
+            return file.read(MAX_BYTES)
     finally:
         os.close(handle)
 
 
-def _arrays(content: bytes) -> dict[str, npt.NDArray[Any]]:
-    """Return the arrays of an archive, whose declared sizes are checked before they are read.
+def _decode(body: memoryview) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]:
+    """Return the header, and the arrays that it describes.
 
     Raises
     ------
     ValueError
-        If a member is compressed, or they are larger than the file, or one is no array of numbers
-        of its own length. Decoders raise errors of their own.
+        If the header is too long, or an array is not of numbers, or the arrays do not fit their
+        bytes. JSON and numpy raise errors of their own.
     """
-    end = content[-_END_SIZE:]
-    if not end.startswith(_END) or content[-_END_SIZE - _END_64_SIZE :].startswith(_END_64):
-        raise ValueError("it does not end as an archive of ours")
-    if int.from_bytes(end[12:16], "little") > MOST_TEXT:
-        raise ValueError("it has too many members")
-    # The archive is behind the magic line and the digest, which zip allows.
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        members = archive.infolist()
-        if any(member.compress_type != zipfile.ZIP_STORED for member in members):
-            raise ValueError("a member is compressed")
-        if sum(member.file_size for member in members) > len(content):
-            raise ValueError("its members are larger than the file")
-        return {
-            member.filename.removesuffix(".npy"): _array(archive.read(member)) for member in members
-        }
+    size = int.from_bytes(body[:LENGTH_SIZE], "little")
+    if size > MAX_HEADER:
+        raise ValueError(f"a header of {size} bytes, at most {MAX_HEADER} are allowed")
+    position = LENGTH_SIZE + size
+    header = json.loads(bytes(body[LENGTH_SIZE:position]))
+    arrays: dict[str, npt.NDArray[Any]] = {}
+    for name, (kind, shape) in header[ARRAYS].items():
+        dtype, count = np.dtype(kind), math.prod(shape)
+        if dtype.kind not in "iuf" or min(shape, default=0) < 0:
+            raise ValueError(f"an array of type {kind} and shape {shape}")
+        # A copy is aligned.
+        arrays[name] = np.frombuffer(body, dtype, count, position).reshape(shape).copy()
+        position += count * dtype.itemsize
+    if position != len(body):
+        raise ValueError("its arrays do not have its length")
+    return header, arrays
 
 
-def _short(text: npt.NDArray[Any]) -> bytes:
-    """Return a text's bytes."""
-    if text.nbytes > MOST_TEXT:
-        raise ValueError(f"{text.nbytes} bytes of text, at most {MOST_TEXT}")
-    return text.tobytes()
-
-
-def _array(data: bytes) -> npt.NDArray[Any]:
-    """Return the array that a member's bytes are."""
-    stream = io.BytesIO(data)
-    if np.lib.format.read_magic(stream) != (1, 0):
-        raise ValueError("an array's header is of another version")
-    shape, by_column, kind = np.lib.format.read_array_header_1_0(stream)
-    size = math.prod(shape) * kind.itemsize
-    if kind.kind not in "iuf" or min(shape, default=0) < 0 or len(data) - stream.tell() != size:
-        raise ValueError(f"an array of shape {shape} and type {kind} does not fit its bytes")
-    flat = np.frombuffer(data, kind, offset=stream.tell())
-    return flat.reshape(shape, order="F" if by_column else "C")
-
-
-def _forget_leftovers(path: Path) -> None:
-    """Delete what killed trackers left half written beside a checkpoint."""
+def _delete_leftovers(path: Path) -> None:
+    """Delete incomplete files of killed trackers beside a checkpoint."""
     with contextlib.suppress(OSError):
         for entry in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
             if time.time() - entry.lstat().st_mtime > LEFTOVER_S:
@@ -216,7 +187,7 @@ class Checkpoints:
         self._configuration, self._log = configuration, log
         self._scans = 0
         self._stored: Snapshot | None = None
-        _forget_leftovers(path)
+        _delete_leftovers(path)
         try:
             self._stored = read(path, configuration)
         except CheckpointError as error:
@@ -251,7 +222,7 @@ class Checkpoints:
             self.save(engine)
 
     def save(self, engine: Engine) -> str | None:
-        """Write a checkpoint; return None, or why it could not be written."""
+        """Write a checkpoint; return None, or the reason if it could not be written."""
         if not self._scans:
             return "no scan has been taken in yet"
         try:
@@ -270,7 +241,3 @@ class Checkpoints:
         except OSError as error:
             text = f"the checkpoint of a run that is over stays: {self._path}: {error.strerror}"
             self._log.error(text, throttle_duration_sec=WARNING_PERIOD_S)
-
-
-def _text(value: Any) -> Any:
-    return np.frombuffer(json.dumps(value).encode(), dtype=np.uint8)

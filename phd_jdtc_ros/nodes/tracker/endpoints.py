@@ -1,8 +1,7 @@
-"""Publishers and subscriptions whose QoS users can override, with incompatibilities counted."""
+"""The tracker's publishers and subscriptions: users can override their QoS, faults are counted."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -10,7 +9,6 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import (
-    DurabilityPolicy,
     QoSCompatibility,
     QoSPolicyKind,
     QoSProfile,
@@ -21,50 +19,28 @@ from rclpy.qos import (
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from ..common import offers, overridable
-from .health import InputHealth, OutputHealth, Publishers
+from ..common import topics
+from .health import OutputHealth
+from .input_health import InputHealth, Publishers
 
-# Messages of an input that wait while a scan is stepped, at least.
+# Least depth of an input, whose messages wait while a scan is stepped.
 INPUT_DEPTH = 50
-
-
-def output_qos() -> QoSProfile:
-    """Return the QoS of every output but the markers.
-
-    New each time, because rclpy writes an override into the profile that it is given.
-    """
-    return QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-
-
-def latched_qos() -> QoSProfile:
-    """Return the QoS of the markers: a late subscriber receives the last message."""
-    return QoSProfile(
-        depth=1,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    )
 
 
 def publisher(
     node: LifecycleNode, message_type: type, topic: str, qos: QoSProfile, health: OutputHealth
 ) -> Any:
-    """Return a publisher that is silent while the node is not active.
-
-    Raises
-    ------
-    ConfigError
-        If the QoS override is not valid.
-    """
+    """Return a publisher that is silent while the node is not active."""
     full = node.resolve_topic_name(topic)
 
     def on_incompatible(event: Any) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)
-        health.refuse(full, event.total_count_change, time.monotonic())
+        health.refused[full] += event.total_count_change
         node.get_logger().warning(
             f"{full}: a subscription asks for incompatible QoS ({policy}), it receives nothing"
         )
 
-    with overridable.qos_of(full):
+    with topics.qos_of(full):
         return node.create_lifecycle_publisher(
             message_type,
             topic,
@@ -77,23 +53,12 @@ def publisher(
 class Listener:
     """A subscription that is reliable as long as its publishers are, whose events are counted.
 
-    By default it asks for the best that is available. The middleware decides that once, by the
-    publishers that are there: it is reliable, unless one of them offers best effort only. So it
-    subscribes again when such a one appears, and when there are others instead.
+    By default it requests the best available reliability. The middleware decides once, by the
+    present publishers: it is reliable, unless one of them offers best effort only. So the listener
+    subscribes again when such a publisher appears, and when all publishers are reliable again.
 
-    In addition to the usual policies, the deadline can be overridden.
-
-    Parameters
-    ----------
-    callback : callable
-        Called with each message and its information.
-    depth : int
-        Of its history.
-
-    Raises
-    ------
-    ConfigError
-        If the QoS override is not valid.
+    In addition to the usual policies, the deadline can be overridden. The callback receives each
+    message and its information.
     """
 
     def __init__(
@@ -114,7 +79,7 @@ class Listener:
         usual = QoSOverridingOptions.with_default_policies().policy_kinds
         # New each time, because rclpy writes an override into the profile that it is given.
         qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_AVAILABLE)
-        with overridable.qos_of(self._health.topic):
+        with topics.qos_of(self._health.topic):
             return self._node.create_subscription(
                 *self._asked,
                 qos,
@@ -122,24 +87,24 @@ class Listener:
                     deadline=self._on_deadline, incompatible_qos=self._on_incompatible
                 ),
                 qos_overriding_options=QoSOverridingOptions(
-                    [*usual, QoSPolicyKind.DEADLINE], callback=_possible
+                    [*usual, QoSPolicyKind.DEADLINE], callback=_check_deadline
                 ),
             )
 
-    def _again(self) -> None:
+    def _renew(self) -> None:
         self.destroy()
         self.subscription = self._subscribe()
 
     @property
     def _adapts(self) -> bool:
-        """Whether nobody has said how reliable it is to be."""
+        """Whether no QoS override sets its reliability."""
         adapts: bool = self.subscription.qos_profile.reliability == ReliabilityPolicy.BEST_AVAILABLE
         return adapts
 
     def _on_incompatible(self, event: Any) -> None:
         if self._adapts and event.last_policy_kind == QoSPolicyKind.RELIABILITY:
-            self._node.get_logger().info(f"{self._health.topic}: offered best effort, heard so")
-            self._again()
+            self._node.get_logger().info(f"{self._health.topic}: offered best effort, received so")
+            self._renew()
             return
         policy = qos_policy_name_from_kind(event.last_policy_kind)
         self._health.incompatible_qos += event.total_count_change
@@ -149,7 +114,7 @@ class Listener:
         )
 
     def _on_deadline(self, event: Any) -> None:
-        self._health.miss_deadline(event.total_count_change, time.monotonic())
+        self._health.deadlines_missed += event.total_count_change
 
     def publishers(self) -> Publishers:
         """Return the publishers on the topic, with those whose QoS is incompatible."""
@@ -163,11 +128,11 @@ class Listener:
                 for fits, reason in verdicts
                 if fits == QoSCompatibility.ERROR
             ),
-            offers.hint(self._node, listener.topic_name, self._asked[0]),
+            topics.publisher_hint(self._node, listener.topic_name, self._asked[0]),
         )
 
     def improve(self) -> None:
-        """Be reliable again if no publisher is left that offers best effort only."""
+        """Subscribe reliably again if all publishers now offer it."""
         topic, name = self.subscription.topic_name, self._node.get_name()
         if not self._adapts:
             return
@@ -182,15 +147,15 @@ class Listener:
             info.qos_profile.reliability for info in self._node.get_publishers_info_by_topic(topic)
         }
         if offered == {ReliabilityPolicy.RELIABLE}:
-            self._node.get_logger().info(f"{self._health.topic}: offered reliable, heard so")
-            self._again()
+            self._node.get_logger().info(f"{self._health.topic}: offered reliable, received so")
+            self._renew()
 
     def destroy(self) -> None:
         """Destroy the subscription."""
         self._node.destroy_subscription(self.subscription)
 
 
-def _possible(qos: QoSProfile) -> SetParametersResult:
+def _check_deadline(qos: QoSProfile) -> SetParametersResult:
     # The middleware would hang on a negative deadline.
     return SetParametersResult(
         successful=qos.deadline.nanoseconds >= 0, reason="deadline: must be at least 0"

@@ -1,4 +1,4 @@
-"""The subscriptions of the tracker, and what became of the messages of each input."""
+"""The subscriptions of the tracker, and the use of the messages of each input."""
 
 from __future__ import annotations
 
@@ -16,21 +16,19 @@ from msg_adapters import doubts, interfaces, platform_poses
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import Reader, reader_of
 from msg_adapters.selection import Report
-from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.pipeline import POSE_MISSING
 
-from ..common import overridable
+from ..common import topics
 from ..common.health import Rhythm, ThrottledWarnings
-from ..common.runtime import WARNING_PERIOD_S
 from . import endpoints
 from .endpoints import Listener
-from .health import InputHealth
+from .input_health import InputHealth
 
-# Why poses are not used, in words.
+# Why poses are not used.
 POSE_FAULTS = {
     PoseFault.DUPLICATE: "duplicate stamp",
     PoseFault.LATE: "older than the one before",
@@ -38,25 +36,18 @@ POSE_FAULTS = {
     PoseFault.ORIENTATION: "its orientation is no quaternion; pose may be stabilised",
 }
 # Poses come much more often than scans, and wait while one is stepped.
-POSES_KEPT = 200
-# A radar may miss so many of its scans; within half a second more it is called silent.
-SILENT_AFTER_SCANS = 2.0
+POSE_DEPTH = 200
 
 
 class Inputs:
-    """Subscribes to every radar and platform; as `Notices` it counts what is not used of them.
+    """Subscribes to every radar and platform; as `Notices` it counts their unused messages.
 
     Attributes
     ----------
     radars : list of InputHealth
         In the configured order.
     platforms : dict of topic to InputHealth
-        Of the poses of what carries radars.
-
-    Raises
-    ------
-    ConfigError
-        If a topic is no possible name.
+        The poses of platforms that carry radars.
     """
 
     def __init__(self, node: LifecycleNode, settings: Settings) -> None:
@@ -65,18 +56,25 @@ class Inputs:
         config = settings.config
         nominal_s = config.model.modes.interval_s
         self.radars = [
-            InputHealth(radar.name, _full_name(node, radar, "topic"), Rhythm(nominal_s))
+            InputHealth(
+                radar.name,
+                topics.full_name(node, radar.topic, f"{radar.name}.topic"),
+                Rhythm(nominal_s),
+            )
             for radar in config.inputs
         ]
         self.platforms = {
-            topic: InputHealth(_pose_name(config, carried), full, Rhythm(nominal_s))
+            topic: InputHealth(
+                f"pose of {', '.join(config.inputs[index].name for index in carried)}",
+                topics.full_name(node, topic, f"{config.inputs[carried[0]].name}.pose"),
+                Rhythm(nominal_s),
+            )
             for topic, carried in config.carried.items()
-            for full in [_full_name(node, config.inputs[carried[0]], "pose")]
         }
-        self._looked_s = self._judged_s = time.monotonic()
-        self._warnings = ThrottledWarnings(node.get_logger(), WARNING_PERIOD_S)
-        self._neutral: set[str] = set()
-        # Those of the radars, in their order, then those of the platforms.
+        self._now_s = self._checked_s = time.monotonic()
+        self._warnings = ThrottledWarnings(node.get_logger())
+        self._warned: set[str] = set()
+        # First the radars', in their order, then the platforms'.
         self._listeners: list[Listener] = []
 
     def subscribe(
@@ -89,9 +87,9 @@ class Inputs:
         Parameters
         ----------
         on_message : callable
-            Called with a radar's index and reader, the message, and its information.
+            Receives a radar's index and reader, the message, and its information.
         on_pose : callable
-            Called with a platform's topic, the message, and its information.
+            Receives a platform's topic, the message, and its information.
 
         Raises
         ------
@@ -105,30 +103,26 @@ class Inputs:
             depth = clouds_of_a_second(radar)
             self._listeners.append(Listener(self._node, kind, radar.topic, take, health, depth))
         for topic, health in self.platforms.items():
-            message = config.inputs[config.carried[topic][0]].pose_message
+            message = config.inputs[config.carried[topic][0]].pose.message
             kind = interfaces.message_class(platform_poses.TYPES[message])
             take = partial(on_pose, topic)
-            self._listeners.append(Listener(self._node, kind, topic, take, health, POSES_KEPT))
+            self._listeners.append(Listener(self._node, kind, topic, take, health, POSE_DEPTH))
 
     def take_poses(self, awaited: Callable[[], int | None]) -> None:
         """Take in the poses that have arrived, as long as a cloud waits for them.
 
         An executor takes one message of each topic in turn. After a long step several clouds may
-        have arrived: the next would overtake the poses of the one that waits, and have it given up.
-        Poses that no cloud waits for stay: theirs may be those that a platform no longer keeps.
-
-        Parameters
-        ----------
-        awaited : callable
-            Returns the radar whose pose a cloud waits for, or None.
+        have arrived: the next would overtake the poses of the waiting one, which would then be
+        dropped. Other poses stay in the queue: taken early, they could push poses that a later
+        cloud needs out of a platform's memory. `awaited` returns the radar of the waiting cloud.
         """
         config = self._settings.config
         poses = dict(zip(self.platforms, self._listeners[len(self.radars) :], strict=True))
-        for _ in range(POSES_KEPT * len(poses)):
+        for _ in range(POSE_DEPTH * len(poses)):
             radar = awaited()
             if radar is None:
                 return
-            subscription = poses[config.inputs[radar].pose_topic].subscription
+            subscription = poses[config.inputs[radar].pose.topic].subscription
             with subscription.handle:
                 taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
             if taken is None:
@@ -150,63 +144,60 @@ class Inputs:
             health.pause()
 
     def unreadable(self, radar: int, error: RejectedMessageError) -> None:
-        """Count a message that is no report."""
+        """Count a message that is not a valid report."""
         self._drop(self.radars[radar], error.reason, f"scan rejected: {error}")
 
     def read(self, radar: int, report: Report) -> None:
-        """Count the points that were dropped; warn, once, of a radar without amplitudes.
-
-        They would tell the classes apart.
-        """
+        """Count the dropped points; warn once if amplitudes that would classify are missing."""
         for reason, count in report.dropped.items():
             self._drop(self.radars[radar], reason, f"{count} points dropped: {reason}", count)
         source = self._settings.config.inputs[radar]
         several = len(self._settings.config.model.modes.classes) > 1
-        if report.detections.amplitude is None and several and source.name not in self._neutral:
-            self._neutral.add(source.name)
+        if report.detections.amplitude is None and several and source.name not in self._warned:
+            self._warned.add(source.name)
             self._node.get_logger().warning(doubts.no_amplitude(source))
 
     def rejected(self, radar: int, reason: str, report: Report) -> None:
-        """Count a report of which no part belongs to any scan."""
+        """Count a report of which no part belongs to a scan."""
         self._drop(self.radars[radar], reason, f"scan rejected: {reason} stamp")
 
     def lost_later(self, radar: int, reasons: Counter[str]) -> None:
-        """Count the reports that waited for their poses and are not used."""
+        """Count the reports that waited for poses in vain."""
         source = self._settings.config.inputs[radar]
         for reason, count in reasons.items():
             text = f"{count} scans rejected: {reason} stamp"
             if reason == POSE_MISSING:
                 text = (
-                    f"{count} scans rejected: no pose on {source.pose_topic} within "
+                    f"{count} scans rejected: no pose on {source.pose.topic} within "
                     f"{source.pose_max_age_s:g} s"
                 )
             self._drop(self.radars[radar], reason, text, count)
 
     def warn(self, radar: int, counts: Counter[str]) -> None:
-        """Count what does not look as it is configured, and warn of it."""
+        """Count input that contradicts its configuration, and warn of it."""
         if not counts:
             return
         source = self._settings.config.inputs[radar]
         texts = list(doubts.of(source, counts))
-        self.radars[radar].doubt(counts, texts[0], time.monotonic())
+        self.radars[radar].warn(counts, texts[0])
         for what, text in zip(counts, texts, strict=True):
             self._warnings.warn((source.name, what), f"{source.topic}: {text}")
 
     def turning(self, radar: int, turn_s: float) -> None:
-        """Take the turn of a radar that was found out, seconds, or 0; warn of a new one."""
+        """Record a radar's estimated time of a turn, seconds, or 0; warn of a new estimate."""
         health, source = self.radars[radar], self._settings.config.inputs[radar]
         if turn_s and turn_s != health.turn_found_s:
             text = doubts.turn_found(source, turn_s)
-            health.doubt(Counter(), text, time.monotonic())
+            health.warn(Counter(), text)
             self._warnings.warn((source.name, "turn_found"), text)
         health.turn_found_s = turn_s
 
     def pose_unreadable(self, topic: str, error: RejectedMessageError) -> None:
-        """Count a message that is no pose."""
+        """Count a message that is not a valid pose."""
         self._drop(self.platforms[topic], error.reason, f"pose rejected: {error}")
 
     def posed(self, topic: str, faults: Sequence[PoseFault]) -> None:
-        """Count a pose that some of the radars that it carries do not use, once for each cause."""
+        """Count a pose that some of its radars do not use, once for each cause."""
         health = self.platforms[topic]
         for fault in dict.fromkeys(faults):
             self._drop(health, fault.value, f"pose rejected: {POSE_FAULTS[fault]}")
@@ -214,37 +205,32 @@ class Inputs:
             health.rhythm.beat(time.monotonic())
 
     def _drop(self, health: InputHealth, reason: str, text: str, count: int = 1) -> None:
-        """Count what is not used of an input, and warn of it."""
-        health.drop(reason, count, time.monotonic())
+        """Count unused input, and warn of it."""
+        health.drop(reason, count)
         self._warnings.warn((health.name, reason), f"{health.name}: {text}")
 
-    def look(self) -> frozenset[str]:
-        """Return the names of the inputs that are silent; to be called regularly.
+    def silent(self) -> frozenset[str]:
+        """Return the names of the silent inputs; to be called regularly.
 
-        The executor takes one message of every radar between two looks. So what had come before
-        the previous look has been received by now, however long the steps between them took.
+        The executor takes one message of every radar between two calls. So all messages that had
+        arrived by the previous call have been received, however long the steps in between took.
         """
-        self._judged_s, self._looked_s = self._looked_s, time.monotonic()
-        return frozenset(
-            r.name for r in self._all() if r.silent(self._judged_s, SILENT_AFTER_SCANS)
-        )
+        self._checked_s, self._now_s = self._now_s, time.monotonic()
+        return frozenset(health.name for health in self._all() if health.silent(self._checked_s))
 
-    def statuses(self, now: float) -> list[DiagnosticStatus]:
-        """Return a status for each input; `now` is by the monotonic clock."""
+    def statuses(self, now_s: float) -> list[DiagnosticStatus]:
+        """Return a status for each input, after renewing subscriptions that can be improved."""
         name = self._node.get_fully_qualified_name()
+        for listener in self._listeners:
+            listener.improve()
         return [
-            health.status(name, now, self._judged_s, SILENT_AFTER_SCANS, listener.publishers())
+            health.status(name, now_s, self._checked_s, listener.publishers())
             for health, listener in zip(self._all(), self._listeners, strict=True)
         ]
 
-    def improve(self) -> None:
-        """Subscribe reliably again where publishers now offer it; to be called now and then."""
-        for listener in self._listeners:
-            listener.improve()
-
-    def lost(self, now: float) -> int:
-        """Return how many messages were lost lately because the tracker is too slow."""
-        return sum(health.lost_by_overload.count(now) for health in self.radars)
+    def lost_by_overload(self, now_s: float) -> int:
+        """Return the number of messages lost recently because the tracker is too slow."""
+        return sum(health.lost_by_overload(now_s) for health in self.radars)
 
     def summary(self) -> str:
         """Return the numbers of received, lost and dropped clouds as text."""
@@ -265,20 +251,9 @@ class Inputs:
 
 
 def clouds_of_a_second(radar: RadarInput) -> int:
-    """Return how many messages of a radar are to wait: those of a second, or more."""
+    """Return the depth of a radar's queue: the messages of a second, or more."""
     clouds = radar.sectors / radar.rotation_s if radar.rotation_s else 0.0
     return max(math.ceil(clouds), endpoints.INPUT_DEPTH)
-
-
-def _full_name(node: LifecycleNode, radar: RadarInput, parameter: str) -> str:
-    """Return the name after remapping of the topic that a radar's parameter names."""
-    topic = radar.topic if parameter == "topic" else radar.pose_topic
-    return overridable.full_name(node, topic, f"{radar.name}.{parameter}")
-
-
-def _pose_name(config: TrackerConfig, carried: Sequence[int]) -> str:
-    """Return the name of the poses of what carries some radars, for diagnostics."""
-    return f"pose of {', '.join(config.inputs[index].name for index in carried)}"
 
 
 def _message_class(radar: RadarInput, reader: Reader) -> Any:

@@ -1,7 +1,4 @@
-"""The live tracker: it decodes messages, feeds the pipeline, and publishes the estimates.
-
-A tracker node has one from its configuration to its clean-up.
-"""
+"""The live tracker of a configured node: decodes messages, feeds the pipeline, and publishes."""
 
 from __future__ import annotations
 
@@ -12,8 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode
 from rclpy.timer import Timer
 
@@ -21,7 +16,7 @@ from msg_adapters import doubts, platform_poses
 from msg_adapters.outputs import SCAN, STEP, Done
 from msg_adapters.readers import Reader
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
-from phd_jdtc_ros.calibration.registration.monitor import Drift, RegistrationMonitor
+from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.engine import Engine
@@ -30,16 +25,14 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from phd_jdtc_ros.feed.feed import Feed, Monitor
 
+from ..common.callbacks import steady_timer
 from ..common.health import WARNING_MEMORY_S, Rhythm
-from . import registration_health
 from .checkpoint import Checkpoints
-from .health import OutputHealth, StepHealth
+from .health import Load, OutputHealth, StepHealth, registration_status
 from .inputs import Inputs
-from .load import Load
 from .outputs import Outputs
-from .static_frames import StaticFrames
 
-# An older checkpoint is not used, seconds: the targets are elsewhere.
+# An older checkpoint is not used, seconds: its targets have moved on.
 CHECKPOINT_MAX_AGE_S = 60.0
 # Step time above which diagnostics warn, in intervals between scans: the tracker falls behind.
 STEP_TIME_LIMIT = 1.0
@@ -48,10 +41,7 @@ STEP_TIME_LIMIT = 1.0
 class LiveTracker:
     """Subscribes to every radar, steps the engine scan by scan, and publishes the estimates.
 
-    Raises
-    ------
-    ConfigError
-        If a radar's topic is no possible name, or a topic's QoS override is not valid.
+    Invalid names of topics, and invalid QoS overrides, raise `ConfigError`.
     """
 
     def __init__(self, node: LifecycleNode, settings: Settings) -> None:
@@ -59,38 +49,36 @@ class LiveTracker:
         self._settings = settings
         config = settings.config
         nominal_s = config.model.modes.interval_s
-        self._inputs = Inputs(node, settings)
+        self.inputs = Inputs(node, settings)
         self._pace = StepHealth(Rhythm(nominal_s), Rhythm(nominal_s), config.engine)
         self._load = Load(WARNING_MEMORY_S)
-        self._served = OutputHealth()
+        self._output_health = OutputHealth()
         self._innovations = InnovationMonitor(config.model)
         self._monitor: RegistrationMonitor | None = None
         if "registration" in settings.node["outputs"] and len(config.inputs) > 1:
             self._monitor = RegistrationMonitor(polar_radars(config.model.radars), nominal_s)
         self._active = False
         self._cpu_s = 0.0
-        self._outputs = Outputs(node, settings, self._served)
-        self._frames = StaticFrames(node, settings)
+        self._outputs = Outputs(node, settings, self._output_health)
         self._patience = self._make_patience(settings.node["max_wait_s"])
         try:
             self._checkpoints = self._make_checkpoints()
-            # Radars find these while the engine loads its compiled loops.
-            self._inputs.subscribe(self._on_message, self._on_pose)
+            # Publishers discover these while the engine loads its compiled loops.
+            self.inputs.subscribe(self._on_message, self._on_pose)
             monitors: list[Monitor] = [self._innovations]
             if self._monitor is not None:
                 monitors.append(self._monitor)
-            self._feed = Feed(config, self._inputs, monitors, self._begin)
+            self._feed = Feed(config, self.inputs, monitors, self._begin)
             self._pipeline = self._feed.pipeline
         except Exception:
             self.destroy()
             raise
 
     def _make_patience(self, seconds: float) -> Timer | None:
-        """Return a stopped wall-clock timer for `max_wait_s`, or None if that is zero."""
+        """Return a stopped timer for `max_wait_s`, or None if that is zero."""
         if not seconds:
             return None
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        return self._node.create_timer(seconds, self._on_overdue, clock=clock, autostart=False)
+        return steady_timer(self._node, seconds, self._on_overdue, autostart=False)
 
     def _make_checkpoints(self) -> Checkpoints | None:
         values = self._settings.node
@@ -118,26 +106,19 @@ class LiveTracker:
 
     def destroy(self) -> None:
         """Destroy all subscriptions, timers and publishers."""
-        self._inputs.destroy()
+        self.inputs.destroy()
         if self._patience is not None:
             self._node.destroy_timer(self._patience)
             self._patience = None
-        self._frames.destroy()
         self._outputs.destroy()
 
     def start(self) -> None:
-        """Process the radars' messages from now on; those before are not counted in any way."""
-        self._inputs.pause()
+        """Process the radars' messages from now on; earlier ones are not counted in any way."""
+        self.inputs.pause()
         self._active = True
 
     def stop(self) -> int:
-        """Publish the estimates that are held back, and ignore later messages.
-
-        Returns
-        -------
-        int
-            As of `flush`.
-        """
+        """Ignore later messages, after a `flush`; return its result."""
         published = self.flush()
         self._active = False
         return published
@@ -145,7 +126,7 @@ class LiveTracker:
     def retune(self, settings: Settings) -> None:
         """Use changed settings from the next scan on; their structure must be the same."""
         self._settings = settings
-        self._inputs.retune(settings)
+        self.inputs.retune(settings)
         self._pipeline.retune(settings.config.model, settings.config.rule)
         self._innovations.retune(settings.config.model)
         if self._monitor is not None:
@@ -153,13 +134,7 @@ class LiveTracker:
         self._outputs.retune(settings)
 
     def flush(self) -> int:
-        """Close all scans, publish all smoothed estimates, and begin a new run.
-
-        Returns
-        -------
-        int
-            Number of stamps whose smoothed estimates were held back.
-        """
+        """Publish all pending estimates and begin a new run; return the number of smoothed ones."""
         start, published = time.thread_time(), 0
         for event in self._feed.flush():
             start = self._publish(event, start)
@@ -167,7 +142,7 @@ class LiveTracker:
         return published
 
     def save(self) -> str | None:
-        """Write a checkpoint; return None, or why it could not be written."""
+        """Write a checkpoint; return None, or the reason if it could not be written."""
         if self._checkpoints is None:
             return "checkpoint.path is not set"
         return self._checkpoints.save(self._pipeline.engine)
@@ -179,7 +154,7 @@ class LiveTracker:
         self._outputs.clear()
 
     def _begin(self, engine: Engine, stamp_ns: int) -> None:
-        """Continue from the checkpoint, if there is one, before a run's first scan is stepped."""
+        """Continue from the checkpoint, if there is one, before the first scan of a run."""
         if self._checkpoints is not None:
             self._checkpoints.resume(engine, stamp_ns)
 
@@ -197,9 +172,9 @@ class LiveTracker:
         """Take in a report of a radar, and process the scans that it closes."""
         if not self._active:
             return
-        self._inputs.take_poses(lambda: self._pipeline.awaited_pose)
+        self.inputs.take_poses(lambda: self._pipeline.awaited_pose)
         begin_s, start = time.monotonic(), time.thread_time()
-        health = self._inputs.radars[index]
+        health = self.inputs.radars[index]
         health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
         radar, waiting = self._settings.config.inputs[index], self._pipeline.waiting
         events = self._feed.message(index, lambda: reader.from_msg(message, radar))
@@ -210,11 +185,11 @@ class LiveTracker:
         self._load.add(begin_s, time.monotonic())
 
     def _on_pose(self, topic: str, message: Any, info: Mapping[str, int]) -> None:
-        """Take in a pose of what carries radars, and process the scans that waited for it."""
+        """Take in a pose of a platform, and process the scans that waited for it."""
         if not self._active:
             return
         begin_s, frame = time.monotonic(), self._settings.config.world_frame
-        health = self._inputs.platforms[topic]
+        health = self.inputs.platforms[topic]
         health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
         events = self._feed.pose(topic, lambda: platform_poses.from_msg(message, frame))
         self._wait(new_scan=bool(self._handle(events, time.thread_time())))
@@ -276,7 +251,7 @@ class LiveTracker:
         return now
 
     def _end_run(self, event: RunEnded) -> None:
-        """Publish the smoothed estimates that were held back, and begin a new run."""
+        """Publish the pending smoothed estimates, and begin a new run."""
         if event.reset is not None:
             limit = ", more than max_gap_scans" if event.reset.ahead else ""
             self._node.get_logger().warning(f"{event.reset}{limit}: starting again")
@@ -285,29 +260,16 @@ class LiveTracker:
             self._outputs.publish(SMOOTHED, smoothed.stamp_ns, smoothed)
         self._forget_run()
 
-    def look(self) -> frozenset[str]:
-        """Return the names of the inputs that are silent; see `Inputs.look`."""
-        return self._inputs.look()
-
-    def improve(self) -> None:
-        """Subscribe reliably again where publishers now offer it; see `Inputs.improve`."""
-        self._inputs.improve()
-
     def statuses(self) -> list[DiagnosticStatus]:
-        """Return a status for each input, step time, outputs and, if watched, registration."""
-        now, name = time.monotonic(), self._node.get_fully_qualified_name()
-        for health, fit in zip(self._inputs.radars, self._innovations.fits(), strict=True):
+        """Return a status for each input, step time, outputs and, if monitored, registration."""
+        now_s, name = time.monotonic(), self._node.get_fully_qualified_name()
+        for health, fit in zip(self.inputs.radars, self._innovations.fits(), strict=True):
             health.fit = fit
+        lost, busy = self.inputs.lost_by_overload(now_s), self._load.share(now_s)
+        drifts = [] if self._monitor is None else self._monitor.drifts()
         return [
-            *self._inputs.statuses(now),
-            self._pace.status(name, STEP_TIME_LIMIT, self._inputs.lost(now), self._load.share(now)),
-            self._served.status(name, now),
-            *(registration_health.status(drift, name) for drift in self._drifts()),
+            *self.inputs.statuses(now_s),
+            self._pace.status(name, STEP_TIME_LIMIT, lost, busy),
+            self._output_health.status(name, now_s),
+            *(registration_status(drift, name) for drift in drifts),
         ]
-
-    def _drifts(self) -> list[Drift]:
-        return [] if self._monitor is None else self._monitor.drifts()
-
-    def summary(self) -> str:
-        """Return the numbers of received, lost and dropped clouds as text."""
-        return self._inputs.summary()

@@ -1,8 +1,7 @@
 """The bond to a lifecycle manager such as nav2's, which waits for one once a node is active.
 
-A bond is a pair of heartbeats: each side notices if the other one dies. It is that of the package
-``bondpy``, where that is installed. Without it a manager has to be told to ask for none, which is
-nav2's ``bond_timeout: 0.0``.
+A bond is a pair of heartbeats, by which each side notices the death of the other. It needs the
+package ``bondpy``; without it a manager must not expect a bond (``bond_timeout: 0.0`` of nav2's).
 """
 
 from __future__ import annotations
@@ -13,23 +12,17 @@ from typing import Any
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode
 
-# As nav2's nodes have it: the topic is in the node's namespace, as the manager's is in its own, and
-# the bond is called as the node.
+# As in nav2's nodes, the topic is in the node's namespace, and the bond has the node's name.
 TOPIC = "bond"
 HEARTBEAT_S = 0.1
-# The longest time that the end of a bond waits until the manager has been told of it.
+# The longest time that the end of a bond waits for the manager's acknowledgement.
 FAREWELL = Duration(seconds=2)
 
 
 class ManagerBond:
-    """One side of a bond, from its making to its end.
+    """One side of a bond.
 
     The bond has a thread that sends the heartbeats, so that a long step does not delay them.
-
-    Parameters
-    ----------
-    kind : type
-        ``bondpy.bondpy.Bond``.
     """
 
     def __init__(self, node: LifecycleNode, kind: Any) -> None:
@@ -49,10 +42,10 @@ class ManagerBond:
         self._subscriptions = set(node.subscriptions) - subscriptions
 
     def end(self) -> None:
-        """Tell the manager that the node stops by intention, and remove the bond's endpoints.
+        """Break the bond, so that the manager takes the stop for intended, and remove it.
 
-        bondpy destroys them at once, so that its last message can be lost, and leaves them in the
-        node's lists, where the executor would wait for their events and fail.
+        bondpy destroys its endpoints at once, so that its last message can be lost, and leaves them
+        in the node's lists, where the executor would wait for their events and fail.
         """
         self._ended = True
         self._bond.break_bond()
@@ -66,7 +59,7 @@ class ManagerBond:
 
     def _on_broken(self) -> None:
         if not self._ended:
-            self._node.get_logger().info("no bond: there is no lifecycle manager that holds it")
+            self._node.get_logger().info("no bond: no lifecycle manager has one")
 
 
 def form(node: LifecycleNode) -> ManagerBond | None:

@@ -1,9 +1,9 @@
-"""Ensures that only one node has a name: the tracker claims its name and sees others' claims.
+"""Ensures that only one node has a name: the tracker claims its name and receives others' claims.
 
 ROS allows two nodes of one name; both then answer its services and publish on its topics. The claim
 is a transient local message. The middleware of a living node delivers it to every newcomer, even
 while the node is busy. A killed node delivers nothing, even while the graph still lists it. So no
-node has to wait for an answer that may not come.
+node waits for a reply that may never come.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ import time
 import uuid
 from collections.abc import Callable
 
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
+
+from ..common.callbacks import steady_timer
+from ..common.topics import latched
 
 # Hidden from `ros2 topic list`.
 TOPIC = "~/_instance"
-# How long a newcomer gives way: on a busy machine discovery takes some seconds.
+# Time for which a newcomer gives way: on a busy machine discovery takes some seconds.
 NEWCOMER_S = 5.0
 TICK_S = 1.0
 # Number of claims that may arrive before the first is processed.
-CLAIMANTS = 50
+MAX_CLAIMANTS = 50
 HOLDS, CLAIMS = "holds", "claims"
 _CLAIM = re.compile(rf"({HOLDS}|{CLAIMS}) ([0-9]{{20}}) ([0-9a-f]{{32}})")
 
@@ -34,12 +34,8 @@ class NameClaim:
     """A node's claim to its full name.
 
     A newcomer gives way to a node that holds the name; of several newcomers the first one stays.
-    After `NEWCOMER_S` a newcomer holds the name and no longer gives way.
-
-    Parameters
-    ----------
-    on_taken : callable
-        Called if another node has the name.
+    After `NEWCOMER_S` a newcomer holds the name and no longer gives way. `on_taken` is called if
+    another node has the name.
     """
 
     def __init__(self, node: Node, on_taken: Callable[[], None]) -> None:
@@ -48,11 +44,10 @@ class NameClaim:
         self._state = CLAIMS
         # The second word orders nodes that start in the same nanosecond.
         self._seniority = f"{time.time_ns():020d}", uuid.uuid4().hex
-        self._output = node.create_publisher(String, TOPIC, _latched(1))
-        node.create_subscription(String, TOPIC, self._on_claim, _latched(CLAIMANTS))
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._output = node.create_publisher(String, TOPIC, latched(1))
+        node.create_subscription(String, TOPIC, self._on_claim, latched(MAX_CLAIMANTS))
         self._elapsed_s = 0.0
-        self._timer = node.create_timer(TICK_S, self._tick, clock=steady)
+        self._timer = steady_timer(node, TICK_S, self._tick)
         self._publish()
 
     def _publish(self) -> None:
@@ -82,11 +77,3 @@ class NameClaim:
         elif self._state == state == HOLDS:
             name = self._node.get_fully_qualified_name()
             self._node.get_logger().error(f"another node runs as {name} too: stop one of them")
-
-
-def _latched(depth: int) -> QoSProfile:
-    return QoSProfile(
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    )

@@ -5,80 +5,65 @@ A managed node. Its lifecycle and its parameters are here; the processing of sca
 
 from __future__ import annotations
 
-import time
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, names
 from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.exit_status import USAGE, faults_of
+from phd_jdtc_ros.exit_status import USAGE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
-from ..common import arguments, parameters, runtime, transitions
-from ..common.runtime import RunnableNode
-from ..common.status_log import StatusLog
-from . import endpoints, manager_bond
+from ..common import arguments, parameters, runtime
+from ..common.callbacks import serve
+from ..common.health import HealthReports
+from ..common.managed import ManagedNode
+from . import manager_bond
 from .live import LiveTracker
 from .manager_bond import ManagerBond
 from .name_claim import NameClaim
 
-HEALTH_PERIOD_S = 1.0
 # The file in `config` that has the defaults.
 DEFAULT_PROFILE = "defaults"
-# How often radars are checked for silence.
-WATCH_PERIOD_S = 0.1
-
 
 _DONE = SetParametersResult(successful=True)
 
 
-class Tracker(LifecycleNode, RunnableNode):
+class Tracker(ManagedNode):
     """The tracker as a lifecycle node.
 
     Unconfigured it has only parameters and services, configured it has all topics, and active it
-    tracks. Deactivating publishes the scans that are still held back; activating begins a new run.
+    tracks. Deactivating publishes the pending scans; activating begins a new run.
     """
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("tracker")
-        # First, so that others are discovered in the background while the rest is made.
+        # First, so that other nodes are discovered in the background meanwhile.
         self._claim = NameClaim(self, self._give_way)
         given = parameters.given(self, files)
         self._source = _source(given, parameters.sources(self, files))
         self._settings = tracker_node.resolve(given)
-        # While the tracker is not configured, these may differ from the settings, and not fit.
+        # While the tracker is not configured, these may differ from the settings and be invalid.
         self._values = self._settings.values
         parameters.declare(self, self._settings.table, self._values, frozenset(self._values))
         self._live: LiveTracker | None = None
         self._bond: ManagerBond | None = None
-        self._fault: Exception | None = None
         self._summary = "never configured"
-        self._shown: tuple[Any, float] = (None, 0.0)
-        self._log = StatusLog(self.get_logger())
-        self._health = self.create_publisher(
-            DiagnosticArray, "/diagnostics", endpoints.output_qos()
-        )
-        self.create_service(Trigger, "~/flush", self._on_flush)
-        self.create_service(Trigger, "~/reset", self._on_reset)
-        self.create_service(Trigger, "~/checkpoint", self._on_checkpoint)
-        # By the wall clock, because a paused replay stops simulated time.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
-        transitions.guard(self)
-        if self._settings.node["autostart"]:
-            self._start()
-        else:
-            self.get_logger().info("unconfigured; waiting for a transition")
+        HealthReports(self, self._statuses, lambda: self.is_active, self._state)
+        for name, action in {
+            "flush": self._flush,
+            "reset": self._reset,
+            "checkpoint": self._checkpoint,
+        }.items():
+            serve(self, name, partial(self._while_active, action))
+        self.start(self._settings.node["autostart"])
 
     def _give_way(self) -> None:
         if self.exit_status is None:
@@ -87,12 +72,6 @@ class Tracker(LifecycleNode, RunnableNode):
                 f"another tracker runs as {self.get_fully_qualified_name()}: this one ends; "
                 "give it a namespace or another name (-r __ns:=/NAME, -r __node:=NAME)"
             )
-
-    def _start(self) -> None:
-        self.trigger_configure()
-        if self._fault is not None:
-            raise self._fault
-        self.trigger_activate()
 
     def close(self) -> None:
         """Log a summary of the run, and write a checkpoint if one is configured.
@@ -104,21 +83,18 @@ class Tracker(LifecycleNode, RunnableNode):
         if self.exit_status is not None:
             return
         if self._live is not None:
-            if self._phase == "active":
+            if self.is_active:
                 self._live.save()
-            self._summary = self._live.summary()
+            self._summary = self._live.inputs.summary()
         self.get_logger().info(f"stopped; {self._summary}")
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Make the engine and all topics; if that fails, stay unconfigured."""
-        self._fault = None
         try:
             self._settings = tracker_node.resolve(self._values)
             self._live = LiveTracker(self, self._settings)
-        except Exception as error:  # the transition's response has no room for the reason
-            self._fault = error
-            self.get_logger().error("not configured: " + "\n".join(faults_of(error)))
-            return TransitionCallbackReturn.FAILURE
+        except Exception as error:
+            return self.refuse("not configured", error)
         model = self._settings.config.model
         if not model.births and not model.detection_births.enabled:
             self.get_logger().warning(
@@ -129,31 +105,31 @@ class Tracker(LifecycleNode, RunnableNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Track from now on."""
         done = super().on_activate(state)
-        self._log.forget()
         self._configured.start()
-        self.get_logger().info(self._what_is_tracked())
-        # One that starts by itself has no manager that would wait for a bond.
+        self.get_logger().info(self._description())
+        # A tracker that starts by itself has no manager that would wait for a bond.
         if not self._settings.node["autostart"]:
             self._bond = manager_bond.form(self)
         return done
 
-    def _what_is_tracked(self) -> str:
+    def _description(self) -> str:
         config = self._settings.config
         classes = [kind.name for kind in config.model.modes.classes]
         radars = [
             f"{radar.name} on {self.resolve_topic_name(radar.topic)}" for radar in config.inputs
         ]
         return (
-            f"tracking {_counted('class', 'classes', classes)} with "
-            f"{_counted('radar', 'radars', radars)}, {self._source}"
+            f"tracking {_count_and_list('class', 'classes', classes)} with "
+            f"{_count_and_list('radar', 'radars', radars)}, {self._source}"
         )
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publish the scans held back, then stop receiving and publishing."""
+        """Publish the pending scans, then stop receiving and publishing."""
         self._release()
         published = self._configured.stop()
         self.get_logger().info(
-            f"deactivated, {published} smoothed estimates published; {self._configured.summary()}"
+            f"deactivated, {published} smoothed estimates published; "
+            f"{self._configured.inputs.summary()}"
         )
         return super().on_deactivate(state)
 
@@ -164,7 +140,7 @@ class Tracker(LifecycleNode, RunnableNode):
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publish the scans held back if active, and remove all topics."""
+        """Publish the pending scans if active, and remove all topics."""
         if state.label == "active":
             self._configured.stop()
         self._tear_down()
@@ -177,7 +153,7 @@ class Tracker(LifecycleNode, RunnableNode):
         return super().on_error(state)
 
     def _release(self) -> None:
-        """Tell a lifecycle manager that the tracker stops by intention."""
+        """End the bond, so that a lifecycle manager takes the stop for intended."""
         if self._bond is not None:
             self._bond.end()
             self._bond = None
@@ -185,7 +161,7 @@ class Tracker(LifecycleNode, RunnableNode):
     def _tear_down(self) -> None:
         self._release()
         if self._live is not None:
-            self._summary = self._live.summary()
+            self._summary = self._live.inputs.summary()
             self._live.destroy()
             self._live = None
 
@@ -199,7 +175,7 @@ class Tracker(LifecycleNode, RunnableNode):
         table = self._values
         others = [p for p in parameter_list if p.name not in table and self.has_parameter(p.name)]
         given = {p.name: p.value for p in parameter_list if p not in others}
-        # What a file repeats, as of the node's own dump, is no change. 2 and 2.0 are one number.
+        # Repeated values, as in a dump of the node, are no changes. 2 and 2.0 are one number.
         changes = {
             name: value
             for name, value in given.items()
@@ -210,7 +186,7 @@ class Tracker(LifecycleNode, RunnableNode):
         if self._live is None:
             return self._edit(others, changes)
         try:
-            changed = tracker_node.changed(self._settings, changes)
+            changed = tracker_node.change(self._settings, changes)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.faults))
         # The checked values: whole numbers given for real parameters have become real numbers.
@@ -224,9 +200,9 @@ class Tracker(LifecycleNode, RunnableNode):
         return result
 
     def _edit(self, others: list[Parameter], changes: dict[str, Any]) -> SetParametersResult:
-        """Change parameters for the next configure; the answer says what does not fit yet."""
+        """Change parameters for the next configure; the reply names those that do not fit yet."""
         try:
-            table, values = tracker_node.edited(self._values, changes)
+            table, values = tracker_node.edit(self._values, changes)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.faults))
         if others:
@@ -246,56 +222,33 @@ class Tracker(LifecycleNode, RunnableNode):
 
     @property
     def _configured(self) -> LiveTracker:
-        """What the phases from configured on have."""
+        """The live tracker, which exists from the configuration to the clean-up."""
         if self._live is None:
-            raise RuntimeError(f"the tracker is {self._phase}, must be configured")
+            raise RuntimeError(f"the tracker is {self.phase}, must be configured")
         return self._live
 
-    @property
-    def _phase(self) -> str:
-        return str(self._state_machine.current_state[1])
+    def _while_active(self, action: Callable[[], tuple[bool, str]]) -> tuple[bool, str]:
+        return action() if self.is_active else (False, f"the tracker is {self.phase}")
 
-    def _on_flush(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._phase == "active"
-        response.message = f"the tracker is {self._phase}"
-        if response.success:
-            response.message = f"{self._configured.flush()} smoothed estimates published"
-        return response
+    def _flush(self) -> tuple[bool, str]:
+        return True, f"{self._configured.flush()} smoothed estimates published"
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._phase == "active"
-        response.message = f"the tracker is {self._phase}"
-        if response.success:
-            self._configured.reset()
-            response.message = "reset"
-        return response
+    def _reset(self) -> tuple[bool, str]:
+        self._configured.reset()
+        return True, "reset"
 
-    def _on_checkpoint(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        active = self._phase == "active"
-        fault = self._configured.save() if active else f"the tracker is {self._phase}"
-        response.success, response.message = fault is None, fault or "written"
-        return response
+    def _checkpoint(self) -> tuple[bool, str]:
+        fault = self._configured.save()
+        return fault is None, fault or "written"
 
-    def _watch(self) -> None:
-        """Publish the health every second, and at once when a radar becomes silent or returns."""
-        now = time.monotonic()
-        state = self._phase, self._configured.look() if self._phase == "active" else None
-        before, published = self._shown
-        if state == before and now - published < HEALTH_PERIOD_S:
-            return
-        self._shown = state, now
-        if self._live is not None:
-            self._live.improve()
-        statuses = self._statuses()
-        if self._phase == "active":
-            self._log.take(statuses)
-        stamp_ns = self.get_clock().now().nanoseconds
-        self._health.publish(diagnostics.array(stamp_ns, statuses))
+    def _state(self) -> tuple[str, frozenset[str]]:
+        """Return the phase and the silent radars, whose changes are published at once."""
+        return self.phase, self._configured.inputs.silent() if self.is_active else frozenset()
 
     def _statuses(self) -> list[DiagnosticStatus]:
-        if self._phase == "active":
+        if self.is_active:
             return self._configured.statuses()
-        name, text = self.get_fully_qualified_name(), f"the tracker is {self._phase}"
+        name, text = self.get_fully_qualified_name(), f"the tracker is {self.phase}"
         lines = {r.name: names.hardware(r.name, name) for r in self._settings.config.inputs}
         return [
             diagnostics.status(
@@ -305,12 +258,12 @@ class Tracker(LifecycleNode, RunnableNode):
         ]
 
 
-def _counted(one: str, several: str, names: Sequence[str]) -> str:
+def _count_and_list(one: str, several: str, names: Sequence[str]) -> str:
     return f"{len(names)} {one if len(names) == 1 else several} ({', '.join(names)})"
 
 
 def _source(given: Collection[str], files: Sequence[Path]) -> str:
-    """Say where the parameters are from."""
+    """Return the origin of the parameters, in words."""
     if files:
         return f"parameters from {', '.join(map(str, files))}"
     others = f" except {', '.join(given)}" if given else ""

@@ -1,4 +1,4 @@
-"""The publishers of the tracker, as the table in `msg_adapters.outputs` has them."""
+"""The publishers of the tracker, by the table in `msg_adapters.outputs`."""
 
 from __future__ import annotations
 
@@ -7,17 +7,20 @@ from typing import Any
 
 from rclpy.lifecycle import LifecycleNode
 
-from msg_adapters import interfaces
+from msg_adapters import frames, interfaces, names
+from msg_adapters.frames import Mounting
 from msg_adapters.outputs import Output, View, table
 from msg_adapters.trails import Trails
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tracker_node import Settings
 
+from ..common import topics
 from . import endpoints
 from .health import OutputHealth
 
 # Positions of a track in ~/tracks/path and ~/tracks/geojson: some ten minutes of a turning radar.
 PATH_LENGTH = 100
+DEPTH, LATCHED_DEPTH = 10, 1
 
 
 def _is_wanted(row: Output, values: Mapping[str, Any]) -> bool:
@@ -26,51 +29,70 @@ def _is_wanted(row: Output, values: Mapping[str, Any]) -> bool:
 
 
 class Outputs:
-    """The tracker's publishers; silent while the node is not active.
-
-    Parameters
-    ----------
-    health : OutputHealth
-        Counts subscriptions with an incompatible QoS.
-
-    Raises
-    ------
-    ConfigError
-        If an output's QoS override is not valid, or its message package is not installed.
-    """
+    """The tracker's publishers; silent while the node is not active."""
 
     def __init__(self, node: LifecycleNode, settings: Settings, health: OutputHealth) -> None:
         self._node, self._health = node, health
         self._values = settings.node
         config = settings.config
-        names = tuple(c.name for c in config.model.modes.classes)
+        classes = tuple(c.name for c in config.model.modes.classes)
         trails = Trails(PATH_LENGTH)
-        self._view = View(config.world_frame, names, config.model.radars, config.plane, trails)
+        self._view = View(config.world_frame, classes, config.model.radars, config.plane, trails)
         self._publishers: dict[Output, Any] = {}
-        # Stamps of the last messages of what is published now and then.
+        self._frames: Any = None
+        # Stamps of the last messages of periodic outputs.
         self._last_ns: dict[Output, int] = {}
         try:
-            for row in table(len(names), config.engine):
-                # One that may be switched on later has its publisher from the start.
+            for row in table(len(classes), config.engine):
+                # An output that may be switched on later has its publisher from the start.
                 if row.needs(self._view) and (row.clear or _is_wanted(row, self._values)):
                     self._publishers[row] = self._publisher(row)
         except Exception:
             self.destroy()
             raise
+        if "frames" in self._values["outputs"]:
+            self._frames = self._publish_frames(settings)
 
     def _publisher(self, row: Output) -> Any:
-        try:
-            kind = interfaces.message_class(row.type_name)
-        except ImportError as error:
+        kind = interfaces.installed_class(row.type_name)
+        if kind is None:
             text = f"outputs: {row.switch} given, but its message package is not installed"
-            raise ConfigError([text]) from error
-        qos = endpoints.latched_qos() if row.latched else endpoints.output_qos()
+            raise ConfigError([text])
+        qos = topics.latched(LATCHED_DEPTH) if row.latched else topics.reliable(DEPTH)
         return endpoints.publisher(self._node, kind, row.topic, qos, self._health)
+
+    def _publish_frames(self, settings: Settings) -> Any:
+        """Publish the poses of the fixed radars once; return the publisher, None without tf2_msgs.
+
+        The frame of a moving radar is published by its platform.
+        """
+        kind = frames.message_class()
+        if kind is None:
+            self._node.get_logger().info(
+                "tf2_msgs is not installed: the radars' frames are not published on "
+                f"{names.STATIC_FRAMES}; ~/detections needs none of them",
+                once=True,
+            )
+            return None
+        config = settings.config
+        mountings = [
+            Mounting(source.frame, model.position, model.yaw)
+            for source, model in zip(config.inputs, config.model.radars, strict=True)
+            if not source.pose.topic
+        ]
+        qos = topics.latched(LATCHED_DEPTH)
+        publisher = self._node.create_publisher(kind, names.STATIC_FRAMES, qos)
+        stamp_ns = self._node.get_clock().now().nanoseconds
+        publisher.publish(frames.to_cdr(mountings, stamp_ns, config.world_frame))
+        return publisher
 
     def destroy(self) -> None:
         """Destroy all publishers."""
         while self._publishers:
             self._node.destroy_lifecycle_publisher(self._publishers.popitem()[1])
+        if self._frames is not None:
+            self._node.destroy_publisher(self._frames)
+            self._frames = None
 
     def begin_run(self) -> None:
         """Begin a new run."""
@@ -78,13 +100,12 @@ class Outputs:
         self._last_ns.clear()
 
     def retune(self, settings: Settings) -> None:
-        """Publish what changed parameters ask for, and remove what is no longer shown."""
-        gone = [row for row in self._publishers if not _is_wanted(row, settings.node)]
-        self._clear(gone)
+        """Follow changed parameters: clear the outputs that are no longer wanted."""
+        self._clear([row for row in self._publishers if not _is_wanted(row, settings.node)])
         self._values = settings.node
 
     def clear(self) -> None:
-        """Remove what is shown; such a topic is latched, so late joiners would get it."""
+        """Clear all displays; their topics are latched, so late subscribers would get the last."""
         self._clear(list(self._publishers))
 
     def _clear(self, rows: list[Output]) -> None:
@@ -92,21 +113,15 @@ class Outputs:
             if row.clear and _is_wanted(row, self._values):
                 self._publishers[row].publish(row.clear(self._view))
 
-    def publish(self, when: str, stamp_ns: int, what: Any) -> None:
-        """Publish what has happened on all topics that show it.
-
-        Parameters
-        ----------
-        when : str
-            See `Output`.
-        """
+    def publish(self, when: str, stamp_ns: int, data: Any) -> None:
+        """Publish data on all topics of an occasion; see `Output.when`."""
         for row, publisher in self._publishers.items():
             if row.when != when or not _is_wanted(row, self._values):
                 continue
             last_ns = self._last_ns.get(row)
             if last_ns is not None and stamp_ns - last_ns < row.period_s * 1e9:
                 continue
-            for message in row.encode(what, self._view):
+            for message in row.encode(data, self._view):
                 publisher.publish(message)
                 if row.period_s:
                     self._last_ns[row] = stamp_ns

@@ -7,7 +7,7 @@ dark. Only classes and amplitudes have fixed colours.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from plotly.graph_objects import Figure
@@ -26,7 +26,6 @@ FONT = {"family": "system-ui, Segoe UI, Liberation Sans, sans-serif", "size": 13
 
 # Plotly's names for the styles that the pictures use.
 SYMBOLS = ("circle", "triangle-up", "square", "diamond", "triangle-down", "cross")
-DASHES = ("solid", "dash", "dashdot", "dot")
 
 SOURCE_ORDER = (SMOOTHED, FILTERED)
 
@@ -40,7 +39,6 @@ class Chart(NamedTuple):
         Id of the chart's element.
     title, caption : str
         The caption describes the chart and its main message.
-    figure : plotly.graph_objects.Figure
     """
 
     name: str
@@ -49,39 +47,9 @@ class Chart(NamedTuple):
     figure: Figure
 
 
-def class_symbol(class_id: int, filled: bool = True) -> str:
-    """Return the marker of a class; filtered estimates have an open one."""
-    symbol = SYMBOLS[class_id % len(SYMBOLS)]
-    return symbol if filled else f"{symbol}-open"
-
-
-def class_dash(class_id: int) -> str:
-    """Return the line style of a class."""
-    return DASHES[class_id % len(DASHES)]
-
-
-def lay_out(figure: Figure, height: int, **layout: Any) -> None:
-    """Apply the layout of all charts: transparency, a legend on top, margins for labels."""
-    figure.update_layout(
-        template="none",
-        height=height,
-        paper_bgcolor="rgba(0,0,0,0)",
-        plot_bgcolor="rgba(0,0,0,0)",
-        font=FONT,
-        margin={"l": 60, "r": 16, "t": 40, "b": 48},
-        legend={
-            "orientation": "h",
-            "yanchor": "bottom",
-            "y": 1.0,
-            "xanchor": "left",
-            "x": 0.0,
-            "tracegroupgap": 0,
-        },
-        hoverlabel={"font": FONT},
-        **layout,
-    )
-    figure.update_xaxes(gridcolor=NEUTRAL, gridwidth=0.5, zeroline=False, automargin=True)
-    figure.update_yaxes(gridcolor=NEUTRAL, gridwidth=0.5, zeroline=False, automargin=True)
+def class_symbol(class_id: int) -> str:
+    """Return the marker of a class."""
+    return SYMBOLS[class_id % len(SYMBOLS)]
 
 
 # Heights in pixels: of a row, and of the space above and below the rows.
@@ -89,7 +57,10 @@ ROW, REST = 150, 90
 
 
 def rows_over_time(record: Record, names: Sequence[str], label: str) -> Figure:
-    """Return rows of axes that share the time axis, each with its name above."""
+    """Return rows of axes that share the time axis, each with its name above.
+
+    The figure is transparent, with the legend on top and margins for labels.
+    """
     clock = Clock.of(record)
     height = REST + ROW * len(names)
     figure = make_subplots(
@@ -99,8 +70,27 @@ def rows_over_time(record: Record, names: Sequence[str], label: str) -> Figure:
         subplot_titles=[f"<b>{name}</b>" for name in names],
         vertical_spacing=min(34.0 / (height - REST), 1.0 / max(len(names) - 1, 1) / 2.0),
     )
-    lay_out(figure, height, hovermode="x", dragmode="zoom")
-    figure.update_layout(margin={"t": 64}, legend={"y": 1.0 + 26.0 / (height - REST)})
+    figure.update_layout(
+        template="none",
+        height=height,
+        paper_bgcolor="rgba(0,0,0,0)",
+        plot_bgcolor="rgba(0,0,0,0)",
+        font=FONT,
+        margin={"l": 60, "r": 16, "t": 64, "b": 48},
+        legend={
+            "orientation": "h",
+            "yanchor": "bottom",
+            "y": 1.0 + 26.0 / (height - REST),
+            "xanchor": "left",
+            "x": 0.0,
+            "tracegroupgap": 0,
+        },
+        hoverlabel={"font": FONT},
+        hovermode="x",
+        dragmode="zoom",
+    )
+    for update in (figure.update_xaxes, figure.update_yaxes):
+        update(gridcolor=NEUTRAL, gridwidth=0.5, zeroline=False, automargin=True)
     figure.update_annotations(x=0.0, xanchor="left", font={"size": 13})
     figure.update_yaxes(title={"text": label, "standoff": 8})
     span = max(clock.span_s, 1.0) / clock.unit_s

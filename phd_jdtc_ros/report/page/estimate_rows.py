@@ -30,7 +30,6 @@ class Grid:
         Origin of the grid, metres.
     quantum : float
         Spacing of the grid, metres.
-    columns : Columns
     """
 
     corner: FloatArray

@@ -48,7 +48,6 @@ def write_report(
     ----------
     path : pathlib.Path
         Path of the page; its directory is created if necessary.
-    title : str
     summary : mapping
         Result of `Evaluation.summary`, with an optional ``step_ms`` of ``median`` and ``p99``. A
         value that is missing or None is shown as a dash.

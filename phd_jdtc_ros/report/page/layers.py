@@ -96,7 +96,6 @@ def graticule(
 
     Parameters
     ----------
-    plane : Plane
     corner, far : arrays of shape (2,)
         Least and greatest x and y of the first view, metres.
     """

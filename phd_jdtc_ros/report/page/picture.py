@@ -45,8 +45,6 @@ class Picture:
     ----------
     header : dict
         Data that do not vary with time, as JSON.
-    columns : Columns
-    frames : Frames
     """
 
     header: dict[str, Any]

@@ -20,8 +20,8 @@ DETECTIONS = {"none": "none", "0": "this scan", "10": "10 s", "30": "30 s", "120
 SYMBOLS = ("\u25cf", "\u25b2", "\u25a0", "\u25c6")
 KEYS = (
     "Drag to move, scroll or pinch to zoom, double-click to see all again; with the keyboard, "
-    "arrows, +, - and 0 while the picture has the focus. Click on a symbol or on a track in the "
-    "list to select it, and again, or press Escape, to let it go."
+    "arrows, +, - and 0 while the picture has the focus. Click a symbol or a row of the list to "
+    "select a track; click it again or press Escape to deselect it."
 )
 
 
@@ -57,8 +57,8 @@ def _caption(head: Mapping[str, Any]) -> str:
     parts = []
     if head["sources"]:
         parts.append(
-            "open symbols are filtered estimates, as they were known at the time, filled ones are "
-            "smoothed, and dots with a line where they were"
+            "open symbols are filtered estimates, filled symbols are smoothed estimates, and dots "
+            "joined by a line are past positions"
         )
     if head["known"]["truth"]:
         parts.append("plus signs and thin lines are the truth")
@@ -72,7 +72,7 @@ def _caption(head: Mapping[str, Any]) -> str:
         )
         parts.append(f"small marks are detections{scale}")
     if "clutter" in head:
-        parts.append("brown squares are where false detections come from, as learned in the end")
+        parts.append("brown squares are the clutter map learned by the end of the run")
     text = "; ".join(parts)
     return f"{text[:1].upper()}{text[1:]}."
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -12,7 +12,7 @@ from phd_jdtc_ros.evaluation.metric_table import BY_KEY, GROUPS, OF_ALL, OF_SETS
 
 from ..lengths import metres_text
 from ..sets import Sets
-from ..table import engine_rows, unscored_note
+from ..table import confusion_rows, engine_rows, nees_bands, unscored_note
 
 NO_VALUE = "\N{EN DASH}"  # cell of a missing value
 
@@ -50,18 +50,38 @@ def _engines(summary: Mapping[str, Any]) -> str:
     if not compared:
         return ""
     headings = ("engine", "filtered OSPA", "smoothed OSPA", "reduction", "class accuracy", "CPU")
-    heads = "".join(f'<th scope="col">{heading}</th>' for heading in headings)
-    rows = []
-    for name, *cells in engine_rows(dict(summary), compared):
-        values = "".join(f"<td>{cell.replace('%', ' %')}</td>" for cell in cells)
-        rows.append(f'<tr><th scope="row">{escape(name)}</th>{values}</tr>')
+    rows = [
+        [name, *(cell.replace("%", " %") for cell in cells)]
+        for name, *cells in engine_rows(dict(summary), compared)
+    ]
     return (
-        '<h2>Both engines</h2>\n<div class="wide">\n<table class="narrow">\n'
-        f"<thead><tr>{heads}</tr></thead>\n<tbody>\n"
-        + "\n".join(rows)
-        + "\n</tbody>\n</table>\n</div>\n<p>All targets; CPU time per scan, the median. The rest "
-        f"of this page is of the engine {escape(summary['engine'])}, which ran live. The other has "
-        "tracked the same detections offline.</p>"
+        f"<h2>Both engines</h2>\n{_narrow(headings, rows)}<p>All targets; CPU time per scan, the "
+        f"median. The rest of this page is of the engine {escape(summary['engine'])}, which ran "
+        "live. The other has tracked the same detections offline.</p>"
+    )
+
+
+def _narrow(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table that is no wider than its texts, with a title in each row."""
+    lines = (
+        f'<tr><th scope="row">{escape(title)}</th>'
+        + "".join(f"<td>{escape(cell)}</td>" for cell in cells)
+        + "</tr>"
+        for title, *cells in rows
+    )
+    return _wide(headings, _body(lines), ' class="narrow"')
+
+
+def _body(lines: Iterable[str]) -> str:
+    return "<tbody>\n" + "\n".join(lines) + "\n</tbody>"
+
+
+def _wide(headings: Sequence[str], bodies: str, style: str = "") -> str:
+    """Return a table that scrolls if the page is too narrow."""
+    heads = "".join(f'<th scope="col">{escape(heading)}</th>' for heading in headings)
+    return (
+        f'<div class="wide">\n<table{style}>\n<thead><tr>{heads}</tr></thead>\n{bodies}\n'
+        "</table>\n</div>\n"
     )
 
 
@@ -78,56 +98,30 @@ def _table(summary: Mapping[str, Any], columns: Sequence[Metric], note: str) -> 
         for metric in columns
         if any(_score(summary, s, key, metric.key) is not None for s in SOURCES for key in keys)
     ]
-    heads = "".join(f'<th scope="col">{escape(m.heading)}</th>' for m in known)
     rows = "\n".join(_rows(summary, known, key, sets.title(key)) for key in keys)
-    return (
-        '<div class="wide">\n<table>\n<thead><tr><th scope="col">set</th>'
-        f'<th scope="col">source</th>{heads}</tr></thead>\n{rows}\n</table>\n</div>\n'
-        f"<p>{escape(note)}</p>"
-    )
+    headings = ["set", "source", *(metric.heading for metric in known)]
+    return f"{_wide(headings, rows)}<p>{escape(note)}</p>"
 
 
 def _consistency(summary: Mapping[str, Any]) -> str:
     """Return the table of the covariances' consistency; empty if there are no covariances."""
-    bands = []
-    for source in SOURCES:
-        found = (summary.get("consistency") or {}).get(source) or {}
-        if found.get("pairs"):
-            low, high = found["nees_band_95"]
-            bands.append(f"{source}, {found['pairs']} pairs: {low:.2f} to {high:.2f}")
+    bands = [f"{source}, {pairs} pairs: {band}" for source, pairs, band in nees_bands(summary)]
     if not bands:
         return ""
     note = (
         "Consistency of the covariances of positions, over all pairs and by age of the track in "
-        f"scans. The 95 % band of a NEES of right covariances is, {'; '.join(bands)}."
+        "scans. If the covariances are correct, the mean NEES lies with 95 % probability within: "
+        f"{'; '.join(bands)}."
     )
     return _table(summary, CONSISTENCY, note)
 
 
 def _confusion(matrix: Sequence[Sequence[int]] | None, sets: Sets) -> str:
-    """Return the confusion matrix; its last row has false estimates, its last column misses."""
+    """Return the table of the confusion matrix; empty without one."""
     if matrix is None:
         return ""
-    classes = len(matrix) - 1
-    titles = [escape(sets.class_title(k)) for k in range(classes)]
-    columns = [*titles, "missed"]
-    heads = "".join(f'<th scope="col">{name}</th>' for name in columns)
-    rows = []
-    for k, row in enumerate(matrix):
-        name = "false" if k == classes else titles[k]
-        cells = [str(count) for count in row]
-        if k == classes:
-            cells[-1] = ""
-        rows.append(
-            f'<tr><th scope="row">{name}</th>' + "".join(f"<td>{c}</td>" for c in cells) + "</tr>"
-        )
-    return (
-        '<div class="wide">\n<table class="narrow">\n<thead><tr><th scope="col">target</th>'
-        f"{heads}</tr></thead>\n<tbody>\n"
-        + "\n".join(rows)
-        + "\n</tbody>\n</table>\n</div>\n<p>Targets of all scans by true class "
-        "(rows) and smoothed class.</p>"
-    )
+    table = _narrow(*confusion_rows(matrix, sets, "false"))
+    return f"{table}<p>Targets of all scans by true class (rows) and smoothed class.</p>"
 
 
 def number(value: float | None, decimals: int = 0, unit: str = "") -> str:
@@ -216,7 +210,7 @@ def _rows(summary: Mapping[str, Any], columns: Sequence[Metric], key: str, name:
             f'<tr class="{source}"><th scope="row">{escape(name)}</th><th>{source}</th>{cells}</tr>'
         )
         name = ""
-    return "<tbody>\n" + "\n".join(rows) + "\n</tbody>"
+    return _body(rows)
 
 
 def definitions(summary: Mapping[str, Any]) -> str:

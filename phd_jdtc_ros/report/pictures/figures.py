@@ -28,7 +28,6 @@ def write_all(record: Record, evaluation: Evaluation, directory: Path) -> list[P
 
     Parameters
     ----------
-    record : Record
     evaluation : Evaluation
         The scores of `record`.
     directory : pathlib.Path

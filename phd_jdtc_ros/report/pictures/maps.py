@@ -64,20 +64,11 @@ def scenario(record: Record) -> Figure:
         labels.append(_start_label(axes, track, f"{track.number}", life))
     _make_room(figure, axes, labels)
     handles = [
-        Line2D(
-            [],
-            [],
-            color=class_colour(k),
-            linestyle=class_line(k),
-            linewidth=1.6,
-            label=record.sets.class_title(k),
-        )
+        _handle(record.sets.class_title(k), color=class_colour(k), ls=class_line(k), lw=1.6)
         for k in sorted({track.class_id for track in tracks})
     ]
-    handles += [
-        Line2D([], [], color=INK, marker="o", markerfacecolor="white", ls="", label="start"),
-        Line2D([], [], color=INK, marker=".", ls="", label=f"every {clock.text(step_s)}"),
-    ]
+    handles.append(_handle("start", marker="o", markerfacecolor="white", ls=""))
+    handles.append(_handle(f"every {clock.text(step_s)}", marker=".", ls=""))
     _legend(axes, handles)
     return figure
 
@@ -115,13 +106,10 @@ def measurements(record: Record) -> Figure:
 def clutter(record: Record) -> Figure:
     """Draw the clutter map learned by the end of the run, and the true trajectories.
 
-    Raises
-    ------
-    ValueError
-        If the record has no clutter map.
+    Raises `ValueError` if the record has no clutter map.
     """
     if record.clutter is None:
-        raise ValueError("clutter: None given, must be a picture")
+        raise ValueError("clutter: None given, must be a raster")
     shown, scale = record.clutter, MapScale.of(record)
     edges = scale.of_metres(np.array(shown.extent))
     corners = edges.reshape(2, 2).T
@@ -143,8 +131,7 @@ def clutter(record: Record) -> Figure:
     axes.set_aspect("equal", adjustable="box")
     bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02, aspect=32)
     bar.set_label("false detections per turn and km² (log scale)")
-    handles = [Line2D([], [], color=INK, linewidth=0.8, label="truth")]
-    _legend(axes, handles)
+    _legend(axes, [_handle("truth", lw=0.8)])
     return figure
 
 
@@ -172,12 +159,8 @@ def trajectories(record: Record) -> Figure:
         )
     handles, _ = axes.get_legend_handles_labels()
     if lines:
-        handles.append(Line2D([], [], color=INK, linewidth=0.6, label="truth"))
-    handles.append(
-        Line2D(
-            [], [], color=INK, marker="o", mfc="none", mew=0.8, ms=9, ls="", label="95 % ellipse"
-        )
-    )
+        handles.append(_handle("truth", lw=0.6))
+    handles.append(_handle("95 % ellipse", marker="o", mfc="none", mew=0.8, ms=9, ls=""))
     _legend(axes, handles)
     return figure
 
@@ -228,6 +211,11 @@ def _tick_step(extent: float) -> float:
 def _pale_to_dark() -> LinearSegmentedColormap:
     """Return a colour map of rising darkness, without its pale end, which is hard to see."""
     return LinearSegmentedColormap.from_list("pale_to_dark", purples(0.45, 1.0, 64))
+
+
+def _handle(label: str, **style: Any) -> Line2D:
+    """Return an entry of a legend, in the colour of the text if no other is given."""
+    return Line2D([], [], **{"color": INK, "label": label, **style})
 
 
 def _legend(axes: Axes, handles: Sequence[Any]) -> None:

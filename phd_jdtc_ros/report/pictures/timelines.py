@@ -20,7 +20,7 @@ from ..clock import Clock
 from ..lengths import metres_text
 from ..record import Record
 from ..sets import class_of
-from ..style import DPI, GREY, INK, WIDTH_IN, class_colour, plain_axes
+from ..style import GREY, INK, class_colour, row_header, rows_over_time
 
 # Number of scans above which lines are drawn thin.
 CROWDED = 400
@@ -31,7 +31,6 @@ class Panel(NamedTuple):
 
     Parameters
     ----------
-    title, colour : str
     series : dict
         Times in the clock's unit and values, by source; no entry without scores.
     """
@@ -76,7 +75,7 @@ def number_error(record: Record, evaluation: Evaluation) -> Figure:
         low, high = axes.get_ylim()
         axes.set_ylim(min(low, -1.2), max(high, 1.2))
         axes.yaxis.set_major_locator(MaxNLocator(integer=True, nbins=5))
-        _row_header(axes, panel.title)
+        row_header(axes, panel.title)
     return figure
 
 
@@ -120,35 +119,14 @@ def _distances(record: Record, panels: Sequence[Panel], label: str) -> Figure:
             )
             axes.axhline(mean, color=colour, linewidth=1.0, linestyle=(0, (5, 3)), zorder=3)
         axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
-        _row_header(axes, panel.title)
+        row_header(axes, panel.title)
     highest = max(axes.dataLim.y1 for axes in rows)
     rows[0].set_ylim(0.0, 1.05 * highest if highest > 0.0 else 1.0)
     return figure
 
 
 def _rows(record: Record, rows: int, label: str) -> tuple[Figure, list[Axes]]:
-    """Return rows of axes over time that share both scales."""
+    """Return rows of axes over the time of a run."""
     clock = Clock.of(record)
-    figure = Figure(figsize=(WIDTH_IN, 0.7 + 1.75 * rows), dpi=DPI, layout="constrained")
-    column = figure.subplots(rows, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
-    for axes in column:
-        plain_axes(axes)
-        axes.set_ylabel(label)
-    column[-1].set_xlabel(f"time from the first scan ({clock.unit})")
     span = max(clock.span_s, 1.0) / clock.unit_s
-    column[-1].set_xlim(-0.01 * span, 1.01 * span)
-    return figure, list(column)
-
-
-def _row_header(axes: Axes, title: str) -> None:
-    """Place the row's title and its legend above it."""
-    axes.set_title(title, loc="left", fontsize=10, fontweight="bold")
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            ncol=2,
-            frameon=False,
-            fontsize=9,
-            borderaxespad=0.1,
-        )
+    return rows_over_time(rows, label, f"time from the first scan ({clock.unit})", span)

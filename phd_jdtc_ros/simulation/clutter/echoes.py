@@ -18,10 +18,12 @@ from phd_jdtc_ros.core.state_space import StateSpace
 from ..checked import mapping, names_of, take
 
 ECHOES = (
-    Parameter("probability", 0.3, "Probability that a detected target has more.", 0.0, 1.0),
-    Parameter("most", 2, "Largest number of further detections; each is as probable.", 1, 100),
-    Parameter("length_std", 1.2, "Their spread along the target's course, m.", SMALL, 1e3),
-    Parameter("width_std", 0.5, "Their spread across the target's course, m.", SMALL, 1e3),
+    Parameter(
+        "probability", 0.3, "Probability that a detected target has further detections.", 0.0, 1.0
+    ),
+    Parameter("most", 2, "Their largest number; all up to it are equally probable.", 1, 100),
+    Parameter("length_std", 1.2, "Their standard deviation along the course, m.", SMALL, 1e3),
+    Parameter("width_std", 0.5, "Their standard deviation across the course, m.", SMALL, 1e3),
 )
 
 
@@ -53,8 +55,6 @@ class Echoes:
         ----------
         state : array of shape (N, D)
             States of the detected targets.
-        space : StateSpace
-        rng : numpy.random.Generator
 
         Returns
         -------
@@ -87,7 +87,7 @@ def of_radars(
         if name not in known
     ]
     faults += [
-        f"echoes.{name}: given, must not be for a radar that turns"
+        f"echoes.{name}: given, must be absent for a turning radar"
         for name in given
         if name in known and known[name].rotation_s
     ]

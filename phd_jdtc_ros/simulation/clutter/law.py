@@ -20,12 +20,14 @@ from phd_jdtc_ros.core.targets.amplitude_density import SMALLEST_AMPLITUDE, snr_
 
 from ..checked import mapping, take
 
-LAW = Parameter("law", "rayleigh", "Law.", choices=("rayleigh", "log_normal", "uniform"))
+LAW = Parameter(
+    "law", "rayleigh", "Law of the envelopes.", choices=("rayleigh", "log_normal", "uniform")
+)
 # Parameters that several laws share.
-LEVEL = Parameter("level_db", 0.0, "Mean or, of log_normal, median level, dB.", -100.0, 200.0)
+LEVEL = Parameter("level_db", 0.0, "Mean level; for log_normal the median, dB.", -100.0, 200.0)
 MEMBERS = {
     "rayleigh": (LAW, LEVEL),
-    "log_normal": (LAW, LEVEL, Parameter("std_db", 6.0, "Deviation, dB.", 0.1, 100.0)),
+    "log_normal": (LAW, LEVEL, Parameter("std_db", 6.0, "Standard deviation, dB.", 0.1, 100.0)),
     "uniform": (
         LAW,
         Parameter("lowest_db", 0.0, "Lowest level, dB.", -100.0, 200.0),
@@ -64,12 +66,7 @@ class RayleighClutter:
 
 @dataclass(frozen=True)
 class LogNormalClutter:
-    """Clutter whose level in dB is Gaussian.
-
-    Parameters
-    ----------
-    median_db, std_db : float
-    """
+    """Clutter whose level in dB is Gaussian."""
 
     median_db: float
     std_db: float
@@ -83,12 +80,7 @@ class LogNormalClutter:
 
 @dataclass(frozen=True)
 class UniformClutter:
-    """Clutter whose level is uniform in dB.
-
-    Parameters
-    ----------
-    lowest_db, highest_db : float
-    """
+    """Clutter whose level is uniform in dB."""
 
     lowest_db: float
     highest_db: float

@@ -21,12 +21,16 @@ from phd_jdtc_ros.core.types import FULL_TURN
 from ..checked import mappings, take
 
 MIRRORS = (
-    Parameter("position", [0.0, 0.0], "Where it is, world frame, m.", length=2),
+    Parameter("position", [0.0, 0.0], "Position, world frame, m.", length=2),
     Parameter(
-        "start_deg", 0.0, "First azimuth that it mirrors, clockwise from the y axis.", -360.0, 360.0
+        "start_deg",
+        0.0,
+        "First azimuth of reflected targets, clockwise from the y axis, degrees.",
+        -360.0,
+        360.0,
     ),
-    Parameter("width_deg", 360.0, "Width of the azimuths that it mirrors.", SMALL, 360.0),
-    Parameter("probability", 0.1, "That it does, at each turn of a radar.", 0.0, 1.0),
+    Parameter("width_deg", 360.0, "Width of these azimuths, degrees.", SMALL, 360.0),
+    Parameter("probability", 0.1, "Probability of a reflection in each turn.", 0.0, 1.0),
 )
 
 
@@ -42,7 +46,7 @@ class Mirror:
         First azimuth and width of the sector, seen from the radar, of the targets whose replies are
         reflected: radians clockwise from the world's y axis.
     probability : float
-        Probability of a reflection at each turn of a radar.
+        Probability of a reflection in each turn of a radar.
     """
 
     position: tuple[float, float]

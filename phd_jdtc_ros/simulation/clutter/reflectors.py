@@ -32,7 +32,7 @@ REFLECTORS = (
         0.0,
         1e6,
     ),
-    Parameter("detection_probability", 0.5, "Of each in a scan or a turn.", 0.0, 1.0),
+    Parameter("detection_probability", 0.5, "Of each reflector per scan or turn.", 0.0, 1.0),
 )
 # Largest number of points of a line, which bounds the memory for a small spacing.
 MOST = 10_000

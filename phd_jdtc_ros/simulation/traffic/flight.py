@@ -21,7 +21,6 @@ class Leg:
 
     Parameters
     ----------
-    duration_s : float
     turn_rate : float
         Radians per second, counter-clockwise.
     acceleration : float
@@ -47,7 +46,6 @@ class Flight:
 
     Parameters
     ----------
-    class_id : int
     snr : float
         Mean signal-to-noise ratio, linear.
     start_s : float
@@ -121,7 +119,7 @@ class Flight:
 
     @cached_property
     def _starts(self) -> FloatArray:
-        """Begin of each leg and end of the last one, seconds after the start; (legs + 1,)."""
+        """Start of each leg and end of the last one, seconds after the start; (legs + 1,)."""
         return np.concatenate([[0.0], np.cumsum([leg.duration_s for leg in self.legs])])
 
     @cached_property
@@ -131,7 +129,7 @@ class Flight:
 
     @cached_property
     def _marks(self) -> FloatArray:
-        """x, y, speed and course at the begin of each leg and the end of the last, (legs + 1, 4).
+        """x, y, speed and course at the start of each leg and the end of the last, (legs + 1, 4).
 
         The course is kept where the speed is 0.
         """

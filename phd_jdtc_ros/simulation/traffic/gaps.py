@@ -20,10 +20,10 @@ from .flight import Flight
 
 GAPS = (
     Parameter("count", 0, "Number of gaps in the run.", 0, 10**5),
-    Parameter("shortest_s", 10.0, "Shortest time of a gap, s.", SMALL, 1e6),
-    Parameter("longest_s", 120.0, "Longest time of a gap, s.", SMALL, 1e6),
-    Parameter("slowest", 20.0, "Slower targets at their start have none, m/s.", 0.0, 1e4),
-    Parameter("seed", 0, "Seed of whose they are, and when.", 0, 2**31 - 1),
+    Parameter("shortest_s", 10.0, "Shortest duration of a gap, s.", SMALL, 1e6),
+    Parameter("longest_s", 120.0, "Longest duration of a gap, s.", SMALL, 1e6),
+    Parameter("slowest", 20.0, "Least initial speed of a target with a gap, m/s.", 0.0, 1e4),
+    Parameter("seed", 0, "Seed of the choice of targets and times.", 0, 2**31 - 1),
 )
 # Least time in sight before and after a gap, seconds.
 APART_S = 60.0
@@ -61,10 +61,8 @@ def of_targets(
 
     Parameters
     ----------
-    document : mapping
     flights : sequence of Flight
         All targets, from number 1.
-    faults : list of str
     """
     if "gaps" not in document:
         return ()

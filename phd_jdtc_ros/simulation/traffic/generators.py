@@ -19,14 +19,14 @@ SNR = Parameter("snr_db", 30.0, "Mean signal-to-noise ratio, dB.", -100.0, 200.0
 TRAFFIC = (
     Parameter("aircraft", 0, "Number of aircraft in the air.", 0, 10**4),
     Parameter("taxiing", 0, "Number of aircraft that taxi.", 0, 10**4),
-    Parameter("entering", 0, "Number of aircraft that fly in over the edge.", 0, 10**4),
+    Parameter("entering", 0, "Number of aircraft that enter over the edge.", 0, 10**4),
     Parameter("seed", 0, "Seed of the random generator.", 0, 2**31 - 1),
     Parameter("centre", [0.0, 0.0], "Reference point of the airfield, world frame, m.", length=2),
     Parameter("radius", 105e3, "Aircraft end at this distance from the centre, m.", 1e4, 1e6),
     Parameter(
         "straight_s",
         list(STRAIGHT_S),
-        "Shortest and longest time straight on between turns, s.",
+        "Shortest and longest straight flight between turns, s.",
         1.0,
         1e5,
         length=2,

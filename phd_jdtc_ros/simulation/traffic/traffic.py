@@ -52,12 +52,10 @@ class Traffic:
         Shortest and longest straight flight between turns in the air, seconds.
     turn_deg : tuple of two floats
         Least and largest angle of these turns, degrees.
-    seed : int
     centre : tuple of two floats
         Reference point of the airfield, world frame, metres.
     radius : float
         Aircraft begin and end within this distance of the centre, metres.
-    duration_s : float
     snr : float
         Mean signal-to-noise ratio of all aircraft, linear.
     """

@@ -27,8 +27,6 @@ class Chart(NamedTuple):
     ----------
     name : str
         Name of the file, without suffix.
-    has_data : callable of the case's results
-    draw : callable of the case's results
     """
 
     name: str
@@ -50,7 +48,6 @@ def write_all(results: Sequence[Result], directory: Path) -> list[Path]:
 
     Parameters
     ----------
-    results : sequence of Result
     directory : pathlib.Path
         Created if necessary.
 

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from scipy import stats
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.report.style import DPI, GREY, INK, WIDTH_IN, class_colour, plain_axes
+from phd_jdtc_ros.report import style
+from phd_jdtc_ros.report.style import GREY, INK, class_colour
 
 from ..monte_carlo import ALL, Mean, Result
 
@@ -21,19 +23,9 @@ CONFIDENCE = 0.95
 
 def rows_over_time(result: Result, keys: Sequence[str], label: str) -> tuple[Figure, list[Axes]]:
     """Return rows of axes over time that share both scales."""
-    figure = Figure(figsize=(WIDTH_IN, 0.7 + 1.75 * len(keys)), dpi=DPI, layout="constrained")
-    column = figure.subplots(len(keys), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
-    for axes in column:
-        plain_axes(axes)
-        axes.set_ylabel(label)
-    count = len(result.seeds)
-    column[-1].set_xlabel(
-        f"time from the first scan (s); {count} {'run' if count == 1 else 'runs'} of "
-        f"“{result.variant.name}”"
-    )
-    span = max(float(result.scores.time_s[-1]), 1.0)
-    column[-1].set_xlim(-0.01 * span, 1.01 * span)
-    return figure, list(column)
+    runs = f"{len(result.seeds)} {'run' if len(result.seeds) == 1 else 'runs'}"
+    text = f"time from the first scan (s); {runs} of “{result.variant.name}”"
+    return style.rows_over_time(len(keys), label, text, max(float(result.scores.time_s[-1]), 1.0))
 
 
 def sets_of(result: Result) -> list[str]:
@@ -53,8 +45,6 @@ def draw_lags(
 
     Parameters
     ----------
-    axes : Axes
-    result : Result
     key : str
         The set, which determines the colour.
     name : str
@@ -83,15 +73,7 @@ def draw_lags(
             label=f"{label}, mean {number.format(overall)}" if np.isfinite(overall) else label,
         )
     default = "all classes" if key == ALL else key.replace("_", " ")
-    axes.set_title(title or default, loc="left", fontsize=10, fontweight="bold")
-    axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncol=2,
-        frameon=False,
-        fontsize=9,
-        borderaxespad=0.1,
-    )
+    style.row_header(axes, title or default)
 
 
 def _shown_lags(result: Result) -> list[tuple[int, str]]:
@@ -119,5 +101,7 @@ def band(runs: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def scale_from_zero(rows: Sequence[Axes]) -> None:
     """Scale rows that share an axis from zero to above all means; wide bands may exceed it."""
+    for axes in rows:
+        axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
     highest = max(float(np.max(line.get_ydata())) for axes in rows for line in axes.lines)
     rows[0].set_ylim(0.0, 1.15 * highest if highest > 0.0 else 1.0)

@@ -33,11 +33,8 @@ class Case:
 
     Parameters
     ----------
-    name : str
-    scenario : Scenario
     parameters : dict
         Parameters of the tracker by dotted name; they also define the scenario's radars.
-    classes : int
     cutoff : float or None
         c of OSPA and GOSPA, metres; None for the study's.
     ignored : Ignored
@@ -68,7 +65,6 @@ class Variant:
 
     Parameters
     ----------
-    name : str
     kind : str
         One of `KINDS`.
     reading : Reading or None
@@ -76,7 +72,6 @@ class Variant:
     parameters : dict
         Parameters of the tracker that replace the case's; they do not change the simulated data. A
         name with `EVERY_CLASS` in the place of a class applies to all classes of the case.
-    cases : tuple of str
     lags : tuple of int
         Ascending.
     run_share : float
@@ -98,11 +93,8 @@ class Goal:
 
     Parameters
     ----------
-    name, case, variant : str
-    lag : int
     figure : str
         One of `FIGURES`.
-    bound : float
     at_most : bool
         Whether it is an upper bound.
     relative_to : str or None
@@ -128,9 +120,6 @@ class Study:
 
     Parameters
     ----------
-    cases : tuple of Case
-    variants : tuple of Variant
-    goals : tuple of Goal
     assigned : dict
         Parameters that replace those of cases and variants.
     cutoff : float

@@ -23,7 +23,7 @@ from .kinds import KINDS, OURS, TRACKERS, TUNED, suits
 BUILT_IN_SCENARIO = "paper_scenario"
 # Parameters of an extraction variant.
 OF_READING = ("death_term", "extraction")
-# What the labelled filter has, and what Gaussians do not have.
+# The choices of the labelled filter, and the ones that Gaussians do not support.
 LABELLED_READING = {"engine": "gaussian", "death_term": "bernoulli", "extraction": "components"}
 OTHER_READING = {"death_term": "paper", "extraction": "clusters"}
 LAG = Parameter("lag", 0, "", 0, 100)

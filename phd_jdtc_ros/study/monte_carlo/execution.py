@@ -36,8 +36,6 @@ def run_on_processes(
 
     Parameters
     ----------
-    tasks : iterable of Task
-    workers : int
     report : callable of Outcome
         Called in this process whenever a task ends.
     work : callable
@@ -144,7 +142,6 @@ def run_on_dask(tasks: Sequence[Task], address: str, report: Report, work: Work 
 
     Parameters
     ----------
-    tasks : sequence of Task
     address : str
         Address of the scheduler.
     report : callable of Outcome

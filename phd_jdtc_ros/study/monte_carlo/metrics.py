@@ -38,7 +38,6 @@ class RunAccumulator(Accumulator):
     ----------
     cutoff, order : float
         c, metres, and p.
-    run : SimulatedRun
     age : sequence of int arrays of shape (T,)
         Age of each target in scans, by scan.
     cpu_ms : float

@@ -21,9 +21,6 @@ class Result:
 
     Parameters
     ----------
-    case : str
-    variant : Variant
-    seeds : tuple of int
     scores : Scores
         The first axis of its arrays is the run.
     """

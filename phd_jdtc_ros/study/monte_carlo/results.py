@@ -102,8 +102,6 @@ def summarise(
 
     Parameters
     ----------
-    study : Study
-    results : sequence of Result
     notes : sequence of str
         Omitted variants, with the reasons.
     failures : sequence of Outcome

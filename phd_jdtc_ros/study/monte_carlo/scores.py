@@ -23,7 +23,6 @@ class Scores(NamedTuple):
 
     Parameters
     ----------
-    lags : tuple of int
     sets : tuple of str
         ``all`` and, for trackers with classes, one ``class_k`` per class.
     time_s : array of shape (scans,)
@@ -53,10 +52,6 @@ def score(
 
     Parameters
     ----------
-    run : SimulatedRun
-    tracks : Tracks
-    variant : Variant
-    classes : int
     cutoff : float
         c of OSPA and GOSPA, metres.
     cpu_ms : float

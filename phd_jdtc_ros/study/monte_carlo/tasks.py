@@ -42,14 +42,10 @@ class Task:
 
     Parameters
     ----------
-    case : str
-    scenario : Scenario
-    classes : int
     variants : tuple of Variant
         All of one kind.
     parameters : dict
         Parameters of the tracker.
-    seed : int
     code : str
         Digest of the tracker's code, see `code_of`.
     digests : dict
@@ -88,7 +84,6 @@ class Outcome:
 
     Parameters
     ----------
-    task : Task
     scores : dict
         Scores by name of the variant; empty if the task failed.
     error : str

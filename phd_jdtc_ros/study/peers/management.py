@@ -33,13 +33,7 @@ def initiator(problem: Problem, settings: TrackSettings) -> Part:
 
 @dataclass(frozen=True)
 class NumberedTracks:
-    """An initiator for Stone Soup that wraps another and makes tracks of the numbered type.
-
-    Parameters
-    ----------
-    soup : Soup
-    initiator : Part
-    """
+    """An initiator for Stone Soup that wraps another and makes tracks of the numbered type."""
 
     soup: Soup
     initiator: Part
@@ -61,7 +55,6 @@ class BirthPlaces:
 
     Parameters
     ----------
-    problem : Problem
     gate : float
         Gate in standard deviations of the innovation.
     """
@@ -98,13 +91,7 @@ class NoInitiator:
 
 @dataclass(frozen=True)
 class LooksMissed:
-    """A deleter for Stone Soup: a track ends after a number of consecutive missed looks.
-
-    Parameters
-    ----------
-    soup : Soup
-    looks : int
-    """
+    """A deleter for Stone Soup: a track ends after a number of consecutive missed looks."""
 
     soup: Soup
     looks: int

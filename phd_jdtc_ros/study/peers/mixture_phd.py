@@ -21,8 +21,6 @@ def gm_phd(
 
     Parameters
     ----------
-    run : SimulatedRun
-    settings : PhdSettings
     model : TrackerModel or None
         See `Problem.of`.
 
@@ -30,11 +28,6 @@ def gm_phd(
     -------
     Tracks
         Components with a weight above ``settings.extract``; all of class 0.
-
-    Raises
-    ------
-    ImportError
-        Without Stone Soup.
 
     Notes
     -----

@@ -23,12 +23,10 @@ def gnn(
 
     Parameters
     ----------
-    run : SimulatedRun
     lags : iterable of int
         Lag 0 is the extended Kalman filter. A larger lag L is Stone Soup's
         `ExtendedKalmanSmoother` (Rauch-Tung-Striebel) over the following L scans, fewer at the end
         of the run.
-    settings : TrackSettings
     model : TrackerModel or None
         See `Problem.of`.
 
@@ -36,11 +34,6 @@ def gnn(
     -------
     Tracks
         The tracks reported by `at_lag`; all of class 0.
-
-    Raises
-    ------
-    ImportError
-        Without Stone Soup.
     """
     problem = Problem.of(run, model)
     soup = problem.soup
@@ -59,8 +52,6 @@ def gnn_loud(
 
     Raises
     ------
-    ImportError
-        Without Stone Soup.
     ValueError
         If a radar's own threshold is above `LOUD_THRESHOLD`.
     """
@@ -73,10 +64,5 @@ def gnn_anywhere(
     """Return the estimates of `gnn` with tracks started anywhere, not only at birth places.
 
     See `gnn` for parameters and result.
-
-    Raises
-    ------
-    ImportError
-        Without Stone Soup.
     """
     return gnn(run, lags, ANYWHERE, model)

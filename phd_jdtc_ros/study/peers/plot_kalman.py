@@ -68,13 +68,7 @@ SETTINGS = Settings()
 
 
 class Plots:
-    """All plots of a run, ordered by time, as positions with covariances.
-
-    Parameters
-    ----------
-    reports : sequence of Report
-    radars : sequence of RadarModel
-    """
+    """All plots of a run, ordered by time, as positions with covariances."""
 
     def __init__(self, reports: Sequence[Report], radars: Sequence[RadarModel]) -> None:
         columns = [_convert(report, radars[report.radar]) for report in reports]
@@ -107,7 +101,6 @@ class Tracker:
 
     Parameters
     ----------
-    settings : Settings
     rotations : array of shape (R,)
         Time of one turn of each radar, seconds.
     """
@@ -237,12 +230,10 @@ def follow(
 
     Parameters
     ----------
-    reports : sequence of Report
     radars : sequence of RadarModel
         Turning radars.
     stamps_ns : sequence of int
         Ascending. The tracks at a stamp use the plots up to it.
-    settings : Settings
     """
     plots = Plots(reports, radars)
     rotations = np.array([radar.rotation_s for radar in radars])

@@ -27,8 +27,6 @@ def jpda(
 
     Parameters
     ----------
-    run : SimulatedRun
-    settings : TrackSettings
     lags : iterable of int
         See `gnn`, which has the same smoother.
     model : TrackerModel or None
@@ -38,11 +36,6 @@ def jpda(
     -------
     Tracks
         The tracks reported by `at_lag`; all of class 0.
-
-    Raises
-    ------
-    ImportError
-        Without Stone Soup.
 
     Notes
     -----

@@ -25,8 +25,6 @@ class Problem:
 
     Parameters
     ----------
-    soup : Soup
-    run : SimulatedRun
     model : TrackerModel
         The model, with the run's radars.
     predictor, updater : Part

@@ -15,7 +15,6 @@ def raised_threshold(run: SimulatedRun, threshold: float) -> SimulatedRun:
 
     Parameters
     ----------
-    run : SimulatedRun
     threshold : float
         Threshold of the amplitude; at least the threshold of every radar.
 

@@ -22,7 +22,6 @@ class History:
 
     Parameters
     ----------
-    stamps : list of datetime, one per scan
     confirmed : dict
         The scan that confirmed each track.
     """
@@ -41,12 +40,10 @@ def follow(
 
     Parameters
     ----------
-    problem : Problem
     tracker_type : Part
         `MultiTargetTracker` or `MultiTargetMixtureTracker`.
     associator : callable
         The data associator for a radar.
-    settings : TrackSettings
     """
     tracker = tracker_type(
         initiator=NoInitiator(),

@@ -11,7 +11,6 @@ from pathlib import Path
 from msg_adapters import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix_bridge import settings
-from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
@@ -29,8 +28,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = _parser().parse_args(argv)
 
     def work() -> int:
-        if arguments.out.exists():
-            raise BagError(f"{arguments.out}: already exists, is not overwritten")
+        command.require_new("it", arguments.out)
         given = from_arguments.from_arguments(arguments.params_file, arguments.assignments, NAME)
         path = Path(arguments.source)
         if path.is_file() and path.suffix != ".mcap":
@@ -59,7 +57,7 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
         bridge = settings.resolve(given)
         done = writing.write_plots(bag, arguments.out, config, bridge)
     else:
-        # Where the map is on the earth is the tracker's to say.
+        # The map's place on the earth is taken from the tracker's parameters.
         origin = {name: recorded[name] for name in ("world_origin",) if name in recorded}
         if parameters.guessed(origin.get("world_origin", [])):
             origin = {}

@@ -1,7 +1,7 @@
-"""The parameters of a tracker for the radars of a recording of ASTERIX, with what they are from.
+"""Proposes a tracker's parameters for the radars of a recording of ASTERIX.
 
-They are those of the profile for such radars, with what the recording says. A comment beside each
-value that was found or guessed says from what.
+The profile of air traffic is adapted to the recording. A comment beside each changed value gives
+its origin.
 """
 
 from __future__ import annotations
@@ -26,35 +26,36 @@ from phd_jdtc_ros.parameter_files import from_arguments, proposed_file, tracker_
 
 from .. import recorded_plots
 
-# The profile of trackers of such radars, and the name of the radar in it.
+# The profile that is adapted, and the prefix of the radar's parameters in it.
 PROFILE, PROFILE_RADAR = "air_traffic", "approach."
-# Where a radar is put whose place is not known.
+# Assumed place of a radar without a known one: latitude, longitude, height.
 NOWHERE = (0.0, 0.0, 0.0)
-# A radar that sees no farther, metres, is one of an airport's surface: there the earth is flat.
+# Largest range of a surface movement radar, metres, within which the earth is taken to be flat.
 SURFACE_RANGE = 20e3
-# How far beyond the farthest plot a radar is taken to see, and how near before the nearest one.
+# Factors from the farthest and the nearest plot to the largest and the smallest range.
 BEYOND, BEFORE = 1.1, 0.9
-# What of a radar is measured, as `tune` does it, in so many seconds with so many tracks at least.
+# Parameters that are estimated as `tune` does it, from this length of the recording, seconds, if it
+# has enough tracks.
 MEASURED = ("range_std", "azimuth_std_deg", "clutter_rate")
-# Detection probabilities are believed in this interval, and fall by so much in a metre.
-PROBABILITIES, FALL = (0.5, 0.99), 0.03 / 100e3
 MEASURED_S, LEAST_TRACKS = 300.0, 10
-# Smaller deviations are not believed: to lose a track costs more than to smooth it less.
+# Plausible detection probabilities, and their assumed decrease per metre of range.
+PROBABILITIES, FALL = (0.5, 0.99), 0.03 / 100e3
+# Lower bounds of standard deviations: a lost track costs more than less smoothing.
 LEAST_STD = {"range_std": 5.0, "azimuth_std_deg": 0.01}
-# Clouds that are older by more are of a wrong clock, seconds.
+# Clouds that are out of order by more than this, seconds, indicate a wrong clock.
 MOST_DISORDER_S = 60.0
-# `equipped_probability` is not believed to be nearer to certainty.
+# Upper bound of `equipped_probability`.
 MOST_EQUIPPED = 0.99
 
 
 @dataclass
 class Proposal:
-    """Parameters, and what is to be said of them.
+    """Parameters with comments by name, and hints for the user.
 
     Parameters
     ----------
     apart : dict of name to values
-        Radars that cannot be tracked with the others, and their parameters.
+        Parameters of radars that cannot be tracked with the others.
     """
 
     values: dict[str, Any]
@@ -63,25 +64,25 @@ class Proposal:
     hints: list[str] = field(default_factory=list)
 
     def set(self, name: str, value: Any, comment: str) -> None:
-        """Set a value that was found or guessed."""
+        """Set a value and its comment."""
         self.values[name], self.comments[name] = value, comment
 
 
 def guessed(origin: Sequence[float]) -> bool:
-    """Return whether a ``world_origin`` is the guess for a radar whose place is not known."""
+    """Return whether a ``world_origin`` is the assumed place of a radar without a known one."""
     return tuple(origin) == NOWHERE
 
 
-def proposed(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
-    """Return parameters of a tracker of the radars that were heard; None without any.
+def propose(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
+    """Return a tracker's parameters for the radars that sent reports; None without any.
 
     Parameters
     ----------
     disorder_s : float
-        How much older the stamp of a cloud is than that of one before, at most.
+        Largest difference between the newest stamp and the stamp of a later cloud.
     """
-    heard = sorted((s for s in states if s.reports), key=lambda s: s.plots, reverse=True)
-    if not heard:
+    active = sorted((s for s in states if s.reports), key=lambda s: s.plots, reverse=True)
+    if not active:
         return None
     profile = from_arguments.load(resources.profile(PROFILE)[0])
     found = Proposal({k: v for k, v in profile.items() if not k.startswith(PROFILE_RADAR)})
@@ -90,12 +91,12 @@ def proposed(states: Sequence[RadarState], disorder_s: float) -> Proposal | None
         for name, value in profile.items()
         if name.startswith(PROFILE_RADAR) and not name.endswith((".position", ".yaw_deg"))
     }
-    for state in heard:
+    for state in active:
         for name, value in own.items():
             found.values[f"{state.settings.name}.{name}"] = value
         _layout(found, state)
         _ranges(found, state, own)
-    together = _placed(found, heard)
+    together = _place(found, active)
     found.values["sensors"] = [state.settings.name for state in together]
     _turns(found, together)
     _identities(found, together)
@@ -107,14 +108,14 @@ def proposed(states: Sequence[RadarState], disorder_s: float) -> Proposal | None
     elif len(together) > 1 and disorder_s:
         comment = "so much older than others were clouds when they came"
         found.set("reorder_s", math.ceil(10.0 * disorder_s) / 10.0, comment)
-    for state in heard:
+    for state in active:
         if state not in together:
             _part(found, state.settings.name)
     return found
 
 
 def measure(found: Proposal, bag: Path) -> None:
-    """Set the noise and the clutter of radars by the plots in a bag."""
+    """Set noise, clutter and detection probability of the radars from the plots in a bag."""
     config = tracker_params.config(found.values)
     recorded = recorded_plots.read(BagReader(bag), config, MEASURED_S)
     for radar, plots in recorded.plots.items():
@@ -124,8 +125,8 @@ def measure(found: Proposal, bag: Path) -> None:
             own = None
         if own is None or own.tracks < LEAST_TRACKS:
             found.hints.append(
-                f"{radar}: {MEASURED_S:g} s of its plots do not tell its noise; that of the "
-                f"profile {PROFILE} is used"
+                f"{radar}: its noise cannot be estimated from {MEASURED_S:g} s of plots; that of "
+                f"the profile {PROFILE} is used"
             )
             continue
         for row in proposal.rows(own, config.values, radar):
@@ -139,9 +140,9 @@ def measure(found: Proposal, bag: Path) -> None:
 
 
 def _detect(found: Proposal, radar: str, measured: float) -> None:
-    """Set detection probabilities that fall from a measured mean with the range.
+    """Set detection probabilities that fall with the range from a measured mean.
 
-    One probability for all ranges would be too much far away, where misses go together, and lose
+    A constant probability would be too high at long ranges, where misses are correlated, and lose
     tracks.
     """
     least, most = PROBABILITIES
@@ -153,13 +154,7 @@ def _detect(found: Proposal, radar: str, measured: float) -> None:
 
 
 def write(path: Path, head: str, found: Proposal) -> None:
-    """Write a parameter file.
-
-    Raises
-    ------
-    ConfigError
-        If a tracker would not take it.
-    """
+    """Write a parameter file; `ConfigError` if a tracker would refuse it."""
     tracker_params.config(found.values)
     proposed_file.write(path, head, found.values, found.comments)
     with path.open("a", encoding="utf-8") as stream:
@@ -172,8 +167,8 @@ def write(path: Path, head: str, found: Proposal) -> None:
 
 
 def _layout(found: Proposal, state: RadarState) -> None:
-    """Set what a radar's clouds look like."""
-    radar, seen = state.settings.name, state.seen
+    """Set the layout of a radar's clouds."""
+    radar, seen = state.settings.name, state.statistics
     found.values |= {
         f"{radar}.topic": settings.topic_of(radar),
         f"{radar}.frame": radar,
@@ -182,7 +177,7 @@ def _layout(found: Proposal, state: RadarState) -> None:
     known = {"height": seen.heights, "code": seen.codes, "address": seen.addresses}
     for name, count in {**known, "kind": seen.kinds}.items():
         if count:
-            found.set(f"{radar}.fields.{name}", name, f"known of {count} of {state.plots} plots")
+            found.set(f"{radar}.fields.{name}", name, f"in {count} of {state.plots} plots")
     assembler = state.assembler
     by_sector = assembler.by_sector > assembler.by_time
     turn_s = round(assembler.turn_s, 4)
@@ -200,8 +195,8 @@ def _layout(found: Proposal, state: RadarState) -> None:
 
 
 def _ranges(found: Proposal, state: RadarState, own: dict[str, Any]) -> None:
-    """Set how near and how far a radar sees, and scale the profile's tables with that."""
-    radar, seen = state.settings.name, state.seen
+    """Set a radar's ranges, and scale the profile's tables with them."""
+    radar, seen = state.settings.name, state.statistics
     if not state.plots or not seen.farthest:
         return
     digit = 10.0 ** (math.floor(math.log10(seen.farthest * BEYOND)) - 1)
@@ -219,17 +214,17 @@ def _ranges(found: Proposal, state: RadarState, own: dict[str, Any]) -> None:
     if seen.farthest <= SURFACE_RANGE:
         found.hints.append(
             f"{radar} sees {seen.farthest / 1e3:.1f} km: noise, detections, clutter and motions of "
-            f"the profile {PROFILE} are those of a radar of far range and may not fit; tune "
-            "proposes others"
+            f"the profile {PROFILE} are for a long-range radar and may not fit; tune proposes "
+            "others"
         )
 
 
-def _placed(found: Proposal, heard: Sequence[RadarState]) -> list[RadarState]:
-    """Put the radars on the earth; return those that can be tracked together."""
-    known = [state for state in heard if state.site]
+def _place(found: Proposal, active: Sequence[RadarState]) -> list[RadarState]:
+    """Set the radars' places on the earth; return the radars that can be tracked together."""
+    known = [state for state in active if state.site]
     if not known:
-        _guess(found, heard[0])
-        together = [heard[0]]
+        _guess(found, active[0])
+        together = [active[0]]
     else:
         latitude, longitude, _ = known[0].site or NOWHERE
         origin = [latitude, longitude, 0.0]
@@ -242,7 +237,7 @@ def _placed(found: Proposal, heard: Sequence[RadarState]) -> list[RadarState]:
             found.set(f"{radar}.geodetic", list(site), said)
             if np.hypot(*plane.to_plane(*site[:2])) <= MOST_FROM_ORIGIN:
                 together.append(state)
-    left = [state.settings.name for state in heard if state not in together]
+    left = [state.settings.name for state in active if state not in together]
     if left:
         found.hints.append(
             f"{', '.join(left)}: cannot be placed relative to {together[0].settings.name}, because "
@@ -253,9 +248,9 @@ def _placed(found: Proposal, heard: Sequence[RadarState]) -> list[RadarState]:
 
 
 def _guess(found: Proposal, state: RadarState) -> None:
-    """Put a radar whose place is not known anywhere on the earth."""
+    """Assume a place for a radar without a known one."""
     radar = state.settings.name
-    if state.seen.farthest <= SURFACE_RANGE:
+    if state.statistics.farthest <= SURFACE_RANGE:
         found.comments[radar] = "where it stands is not known; over so few km the earth is flat"
         return
     said = "guessed: where it stands is not known"
@@ -268,7 +263,7 @@ def _guess(found: Proposal, state: RadarState) -> None:
 
 
 def _turns(found: Proposal, together: Sequence[RadarState]) -> None:
-    """Set times that follow from the longest turn."""
+    """Set the times that depend on the longest turn."""
     turn_s = max(round(state.assembler.turn_s, 4) for state in together)
     if turn_s:
         found.set("interval_s", turn_s, "the longest turn")
@@ -278,7 +273,7 @@ def _turns(found: Proposal, together: Sequence[RadarState]) -> None:
 
 def _identities(found: Proposal, together: Sequence[RadarState]) -> None:
     plots = sum(state.plots for state in together)
-    identified = sum(state.seen.identified for state in together)
+    identified = sum(state.statistics.identified for state in together)
     if identified:
         share = min(max(round(identified / plots, 2), 0.01), MOST_EQUIPPED)
         said = f"{identified} of {plots} plots have a code or an address"
@@ -286,6 +281,6 @@ def _identities(found: Proposal, together: Sequence[RadarState]) -> None:
 
 
 def _part(found: Proposal, radar: str) -> None:
-    """Take a radar's parameters apart."""
+    """Set a radar's parameters apart, which are not used."""
     names = [name for name in found.values if name.startswith(f"{radar}.")]
     found.apart[radar] = {name: found.values.pop(name) for name in names}

@@ -25,9 +25,9 @@ from phd_jdtc_ros.parameter_files import bag_parameters
 from . import parameters
 
 DEPTH = 50
-# Of so much of a recording at least must something become, or the tool fails.
+# Smallest share of a recording that must be used; otherwise the tool fails.
 LEAST_USED = 0.5
-# What other categories are, which tells what would read them.
+# Descriptions of other categories, for the message that they are not used.
 TRACKS = "tracks of a tracker, in which nothing is to be detected"
 PLACES = (
     "reports of positions and no polar plots; a driver that publishes their ranges and azimuths "
@@ -35,23 +35,25 @@ PLACES = (
 )
 OTHERS = {11: TRACKS, 30: TRACKS, 62: TRACKS, 20: PLACES, 21: PLACES}
 STATUS = "no reports of targets"
-# What is left out because it is not to be used: other radars than those named, spare lines, and
-# what radars send of no target.
+# Reasons for which messages are left out on purpose: radars that are not selected, redundant
+# lines, and messages that are not of a target.
 NOT_MEANT = ("unknown_radar", "second_source", "no_detection", "field_monitor", "test_target")
 
 
 @dataclass
 class Converted:
-    """What became of a recording.
+    """The counts of a conversion to a bag.
 
     Parameters
     ----------
     recording : Counter
-        What was skipped of the file, by reason.
+        Skipped parts of the file, by reason.
     clouds, plots : int
-        Written.
+        Number of clouds and plots written.
     hints : list of str
-        What is to be said of the parameters.
+        Remarks on the proposed parameters.
+    newest_ns, disorder_ns : int
+        Newest stamp, and the largest difference to the stamp of a later cloud.
     """
 
     stream: PlotStream
@@ -63,7 +65,7 @@ class Converted:
     disorder_ns: int = 0
 
     def lines(self) -> Iterator[str]:
-        """Yield what was read of each radar, and what was left out and why."""
+        """Yield the counts of each radar, and the reasons for messages that are not used."""
         for state in self.stream.radars.values():
             found = {"plots": state.plots, "service messages": state.services}
             text = ", ".join(f"{count} {what}" for what, count in found.items())
@@ -86,7 +88,7 @@ class Converted:
         yield from self.hints
 
     def faults(self) -> Iterator[str]:
-        """Yield why the recording was not used as it should have been, a line for each reason."""
+        """Yield a line for each reason why the recording was not used as it should be."""
         damaged = self.recording["resynchronised"] + self.recording["recording_cut"]
         if damaged:
             yield (
@@ -155,7 +157,7 @@ def convert(
                     _write(bag, known, done, bridge, state, report)
     except RecordingError as error:
         raise BagError(f"{path}: {error}") from error
-    found = parameters.proposed([*done.stream.radars.values()], done.disorder_ns * 1e-9)
+    found = parameters.propose([*done.stream.radars.values()], done.disorder_ns * 1e-9)
     if found is not None:
         parameters.measure(found, out)
         head = (

@@ -1,44 +1,39 @@
-"""What the turning radars of a scenario send: recordings of ASTERIX as real radars make them.
+"""Simulates the ASTERIX output of the turning radars of a scenario.
 
-Plots leave a radar by sectors, some time after the antenna has passed their end, in data blocks of
-a few. Each has the time of day of the radar's own clock; a capture has the times of receipt, too.
+A radar sends the plots of a sector some time after the antenna has passed its end, in data blocks
+of a few plots. Plots have the time of day of the radar's clock; captures also times of receipt.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
+from phd_jdtc_ros.asterix.messages import Plot
 from phd_jdtc_ros.asterix.transport import pcap_out
 from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Detections
+from phd_jdtc_ros.core.types import FULL_TURN, Detections
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.sending import Sending
 from phd_jdtc_ros.simulation.turning_antenna import plot_times, plots_with_replies
 
-# SAC of the radars; their SIC is their place, from 1.
-SAC = 1
-# Of a capture. Other files have the data blocks one after the other.
+from .writing import OWN_SAC, column, plots_of
+
+# Suffix of a capture. Other files have the data blocks one after the other.
 CAPTURE = ".pcap"
-# A north mark or a sector crossing comes so long after the antenna, seconds.
+# Delay of a north mark or a sector crossing after the antenna's passage, seconds.
 SERVICE_DELAY_S = 0.02
 
 
 def check(run: Scenario) -> None:
-    """Refuse radars that do not turn: what they send is not simulated.
-
-    Raises
-    ------
-    ConfigError
-    """
+    """Raise `ConfigError` if a radar does not turn: its ASTERIX output cannot be simulated."""
     faults = [
         f"{radar.name}.rotation_s: 0 given, must be above 0 to send ASTERIX"
         for radar in run.radars
@@ -51,23 +46,16 @@ def check(run: Scenario) -> None:
 def write(
     path: Path, run: Scenario, config: TrackerConfig, sending: Sequence[Sending], seed: int
 ) -> int:
-    """Write what the radars of a seeded run send, in the order in which it is received.
+    """Write the data blocks of a seeded run in order of receipt, and return their number.
 
     Parameters
     ----------
     path : Path
         A capture if it ends with `CAPTURE`.
     run : Scenario
-        All its radars turn.
-    config : TrackerConfig
-        Its inputs say where the radars stand.
+        All its radars must turn.
     sending : sequence of Sending
         One per radar.
-
-    Returns
-    -------
-    int
-        Number of data blocks.
     """
     sent = []
     for index, own in enumerate(sending):
@@ -91,7 +79,8 @@ def _blocks(
     radar, antenna = run.radars[index], run.antennas[index]
     plots, answers = plots_with_replies(run, index, layout, seed)
     time_s = plot_times(run, index, plots)
-    records = _plots(answers, layout, SAC << 8 | index + 1)
+    source = OWN_SAC << 8 | index + 1
+    records = _plots(answers, layout, source)
     own_ns = round(sending.clock_ahead_s * 1e9) + run.bias(index).offset_ns
     end = antenna.turns_at(np.array([run.duration_s]), radar.rotation_s)[0]
     crossed = np.arange(math.ceil(antenna.begin * sending.sectors), int(end * sending.sectors) + 1)
@@ -103,9 +92,8 @@ def _blocks(
         passed_ns = run.ns_after(passed_s)
         if sending.services:
             azimuth = FULL_TURN * (number % sending.sectors) / sending.sectors
-            service = plots_out.service_block(
-                SAC << 8 | index + 1, passed_ns + own_ns, azimuth, radar.rotation_s
-            )
+            turn_s = radar.rotation_s
+            service = plots_out.service_block(source, passed_ns + own_ns, azimuth, turn_s)
             yield passed_ns + round(SERVICE_DELAY_S * 1e9), service
         for begin in range(row, last, sending.plots):
             some = range(begin, min(begin + sending.plots, last))
@@ -116,32 +104,14 @@ def _blocks(
 
 
 def _plots(found: Detections, layout: RadarInput, number: int) -> list[Plot]:
-    """Return plots as a radar measures and sends them."""
-    above = np.full(len(found), np.nan) if found.height is None else found.height
-    distance, azimuth = _measured(found, above, layout)
-    codes, addresses = (
-        [NONE if value == UNKNOWN else int(value) for value in _of(column, len(found))]
-        for column in (found.code, found.address)
-    )
-    kinds = [max(int(value), 0) for value in _of(found.kind, len(found))]
-    heights = (above + layout.datum).tolist()
-    places = zip(distance.tolist(), azimuth.tolist(), heights, strict=True)
-    identities = zip(codes, addresses, kinds, strict=True)
-    return [
-        Plot(number, NONE, DAY, *place, *identity, math.nan, math.nan)
-        for place, identity in zip(places, identities, strict=True)
-    ]
-
-
-def _of(column: IntArray | None, count: int) -> IntArray:
-    return np.full(count, UNKNOWN) if column is None else column
-
-
-def _measured(
-    found: Detections, above: FloatArray, layout: RadarInput
-) -> tuple[FloatArray, FloatArray]:
-    """Return slant ranges, metres, and azimuths clockwise from north, radians."""
+    """Return plots as a radar measures and sends them, without amplitudes."""
+    above = column(found.height, len(found), math.nan)
     distance, azimuth = found.measurement.T
-    if layout.site is not None:
-        return distance, 0.5 * math.pi - azimuth - layout.site.turned
-    return np.hypot(distance, np.nan_to_num(above - layout.height)), 0.5 * math.pi - azimuth
+    azimuth = 0.5 * math.pi - azimuth
+    if layout.site is None:
+        distance = np.hypot(distance, np.nan_to_num(above - layout.height))
+    else:
+        azimuth = azimuth - layout.site.turned
+    kind = np.maximum(column(found.kind, len(found), 0), 0)
+    sent = replace(found, amplitude=None, kind=kind)
+    return plots_of(sent, number, distance, azimuth, above + layout.datum)

@@ -29,24 +29,24 @@ from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.sensors.slant_range import supposed_height
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 
-# SAC of radars that have no name in the bridge's parameters; their SIC is their place, from 1.
+# SAC of radars without an identifier in the bridge's parameters; their SIC is their index from 1.
 OWN_SAC = 1
 
 
 @dataclass
 class Written:
-    """What became of a bag.
+    """The counts of a conversion to ASTERIX.
 
     Parameters
     ----------
     what : str
-        Of the records, in the plural.
-    records, blocks, clouds : int
-        Written, and the clouds that they are of.
+        Name of the records, in the plural.
+    records, blocks : int
+        Number of records and data blocks written.
+    clouds, offered : int
+        Number of clouds that were used, and of all clouds.
     dropped : Counter
-        Clouds that were left out, by reason, and ``range``: plots farther away than CAT048 can say.
-    offered : int
-        Clouds, those left out too.
+        Unused clouds, by reason, and ``range``: plots beyond the largest range of CAT048.
     """
 
     what: str
@@ -63,10 +63,10 @@ class Written:
 
 
 def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
-    """Return the parameters with which a bridge makes the clouds that a tracker is configured for.
+    """Return parameters of a bridge whose clouds have the layout of a tracker's configuration.
 
-    The radars' numbers are those that `asterix_bridge BAG --plots` gives them. Tracks are sent with
-    each cloud of estimates and of its time, so that they are the same however fast the demo is.
+    The radars have the identifiers that `asterix_bridge BAG --plots` gives them. Tracks are sent
+    with each cloud of estimates, at its stamp, so that they do not depend on the demo's speed.
     """
     values: dict[str, Any] = {"radars": [radar.name for radar in config.inputs]}
     for number, radar in enumerate(config.inputs, start=1):
@@ -84,16 +84,16 @@ def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
 def write_tracks(
     bag: BagReader, out: Path, bridge: Bridge, topic: str, radars: Sequence[str]
 ) -> Written:
-    """Write the estimates of a bag as CAT062 and CAT065, each period those of its end.
+    """Write the estimates of a bag as CAT062 and CAT065, predicted to the end of each period.
 
-    In a gap, which may be long, outputs go on until all tracks have ended.
+    In a gap, which may be long, outputs continue until all tracks have ended.
 
     Parameters
     ----------
     topic : str
-        Of the estimates.
+        Topic of the estimates.
     radars : sequence of str
-        Topics of all radars; the clouds that are in the bag may have call signs.
+        Topics of all radars, whose clouds may have call signs.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def write_tracks(
     bag.require({topic: names.CLOUD})
     call_signs = CallSigns()
     output = settings.output_of(bridge, len(radars) == 1, call_signs)
-    heard = [radar for radar in radars if bag.types.get(radar) == names.CLOUD]
+    recorded = [radar for radar in radars if bag.types.get(radar) == names.CLOUD]
     period_ns = round(bridge.values["output_period_s"] * 1e9)
     last_ns = round(settings.MAX_PREDICTION_S * 1e9) + period_ns
     done = Written("tracks")
@@ -115,16 +115,16 @@ def write_tracks(
             done.blocks += len(found)
             stream.writelines(found)
 
-        for entry in bag.messages([topic, *heard]):
+        for entry in bag.messages([topic, *recorded]):
             if entry.topic != topic:
-                # One that cannot be read has none; that it is damaged is for its reader to say.
+                # An unreadable cloud has no call signs; its fault is reported where it is tracked.
                 with contextlib.suppress(RejectedMessageError):
                     clouds.learn_call_signs(interfaces.decode(entry.data, names.CLOUD), call_signs)
                 continue
             if due_ns is not None and entry.stamp_ns < output.stamp_ns:  # of a new run
                 put(due_ns)
                 due_ns = None
-            # The estimates before this one's time are those to predict.
+            # Outputs due before this cloud are predicted from the estimates before it.
             while due_ns is not None and due_ns < entry.stamp_ns:
                 put(due_ns)
                 due_ns += period_ns
@@ -148,7 +148,7 @@ def write_tracks(
 
 
 def write_plots(bag: BagReader, out: Path, config: TrackerConfig, bridge: Bridge) -> Written:
-    """Write the detections of a bag as CAT048, and how the antennas turn as CAT034.
+    """Write the detections of a bag as CAT048, and the antennas' rotation as CAT034.
 
     Raises
     ------
@@ -168,15 +168,15 @@ def write_plots(bag: BagReader, out: Path, config: TrackerConfig, bridge: Bridge
         for index, radar in enumerate(config.inputs)
     ]
     with out.open("wb") as stream:
-        parts = [_ordered(radar.blocks(bag, done)) for radar in radars]
+        parts = [_monotonic(radar.blocks(bag, done)) for radar in radars]
         for _, block in heapq.merge(*parts, key=lambda part: part[0]):
             stream.write(block)
             done.blocks += 1
     return done
 
 
-def _ordered(parts: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
-    """Yield blocks with times that do not fall, so that they can be merged."""
+def _monotonic(parts: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
+    """Yield blocks with times that never decrease, so that they can be merged."""
     latest = 0
     for time_ns, block in parts:
         latest = max(latest, time_ns)
@@ -222,7 +222,7 @@ class _Radar:
     ) -> Iterator[tuple[int, bytes]]:
         end_ns, azimuth = stamp_ns, 0.0
         if coverage is not None:
-            # Clockwise, as radars turn, an antenna leaves a sector where it begins here.
+            # The antenna turns clockwise, so it leaves the sector at its counter-clockwise start.
             azimuth = 0.5 * math.pi - coverage.start - self._yaw
             part = 0.5 * coverage.width / FULL_TURN
             end_ns += round(part * self._input.rotation_s * 1e9)
@@ -233,46 +233,17 @@ class _Radar:
             yield end_ns, plots_out.service_block(self._number, end_ns, azimuth, turn_s)
 
     def _plots(self, stamp_ns: int, found: Detections) -> list[tuple[int, Plot]]:
-        count = len(found)
+        height = column(found.height, len(found), math.nan) + self._input.datum
+        slant, azimuth = self._slant_ranges(found.measurement, height)
+        azimuth = 0.5 * math.pi - azimuth - self._yaw
+        plots = plots_of(found, self._number, slant, azimuth, height, self._noise_dbm)
+        own_s = column(found.time_s, len(found), 0.0).tolist()
+        return [
+            (stamp_ns + round(time_s * 1e9), plot)
+            for time_s, plot in zip(own_s, plots, strict=True)
+        ]
 
-        def column(values: Any, unknown: float) -> list[Any]:
-            return list(np.full(count, unknown) if values is None else values)
-
-        height = np.array(column(found.height, math.nan)) + self._input.datum
-        slant, azimuth = self._measured(found.measurement, height)
-        plots = []
-        for row, (time_s, level, code, address, kind) in enumerate(
-            zip(
-                column(found.time_s, 0.0),
-                column(found.amplitude, math.nan),
-                column(found.code, UNKNOWN),
-                column(found.address, UNKNOWN),
-                column(found.kind, UNKNOWN),
-                strict=True,
-            )
-        ):
-            answered = code != UNKNOWN or address != UNKNOWN
-            supposed = COMBINED if answered else PRIMARY
-            dbm = math.nan
-            if level > 0.0:
-                dbm = 20.0 * math.log10(level / math.sqrt(2.0)) + self._noise_dbm
-            plot = Plot(
-                self._number,
-                NONE,
-                DAY,
-                float(slant[row]),
-                0.5 * math.pi - float(azimuth[row]) - self._yaw,
-                float(height[row]),
-                NONE if code == UNKNOWN else int(code),
-                NONE if address == UNKNOWN else int(address),
-                supposed if kind == UNKNOWN else int(kind),
-                dbm,
-                math.nan,
-            )
-            plots.append((stamp_ns + round(time_s * 1e9), plot))
-        return plots
-
-    def _measured(
+    def _slant_ranges(
         self, measurement: FloatArray, height: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return slant ranges and azimuths of detections at heights, metres, NaN where unknown."""
@@ -282,3 +253,46 @@ class _Radar:
             return np.hypot(distance, np.nan_to_num(above)), azimuth
         supposed = supposed_height(self._site, self._input.assumed_height, distance)
         return self._site.to_slant(distance, azimuth, np.where(np.isnan(height), supposed, height))
+
+
+def column(values: Any, count: int, unknown: float) -> Any:
+    """Return an optional column of detections, filled with `unknown` if it is None."""
+    return np.full(count, unknown) if values is None else values
+
+
+def plots_of(
+    found: Detections,
+    number: int,
+    slant: FloatArray,
+    azimuth: FloatArray,
+    height: FloatArray,
+    noise_dbm: float = math.nan,
+) -> list[Plot]:
+    """Return the plots of detections.
+
+    Parameters
+    ----------
+    number : int
+        Identifier of the radar, 256 SAC + SIC.
+    slant, azimuth, height : array, shape (M,)
+        Slant ranges, metres; azimuths clockwise from north, radians; heights, metres, or NaN.
+    noise_dbm : float
+        Noise level; NaN leaves amplitudes out.
+    """
+    plots = []
+    for distance, turned, above, level, code, address, kind in zip(
+        slant.tolist(),
+        azimuth.tolist(),
+        height.tolist(),
+        column(found.amplitude, len(found), math.nan).tolist(),
+        *(column(c, len(found), UNKNOWN) for c in (found.code, found.address, found.kind)),
+        strict=True,
+    ):
+        replied = code != UNKNOWN or address != UNKNOWN
+        supposed = COMBINED if replied else PRIMARY
+        dbm = 20.0 * math.log10(level / math.sqrt(2.0)) + noise_dbm if level > 0.0 else math.nan
+        sensor = supposed if kind == UNKNOWN else int(kind)
+        mode_a, mode_s = (NONE if value == UNKNOWN else int(value) for value in (code, address))
+        where = number, NONE, DAY, distance, turned, above
+        plots.append(Plot(*where, mode_a, mode_s, sensor, dbm, math.nan))
+    return plots

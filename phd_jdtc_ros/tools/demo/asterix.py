@@ -1,7 +1,7 @@
 """The demo of an air traffic picture: ASTERIX in, ASTERIX out.
 
 A recording is sent by UDP as radars would send it, bridged, tracked and scored live. The tracks
-that the bridge sends by UDP are written into a file. All addresses are of the loopback interface.
+that the bridge sends by UDP are written to a file. All traffic stays on the loopback interface.
 """
 
 from __future__ import annotations
@@ -23,16 +23,17 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.types import FILTERED
 
 from ..asterix.writing import bridge_parameters
-from .processes import FINISH_S, PARAMETERS, RECORDING, Processes, reporting, start_tracking
+from . import processes
+from .processes import FINISH_S, PARAMETERS, RECORDING, Processes
 
-# The recording beside a bag, and what the bridge has sent.
+# The recording beside a bag, and the tracks from the bridge.
 SHIPPED, TRACKS = "recording.ast", "tracks.ast"
 BRIDGE, PLAYER = "asterix_bridge", "asterix_player"
 LOOPBACK = "127.0.0.1"
-# How long a datagram may be under way on the loopback interface, seconds.
+# Longest time for a datagram to arrive on the loopback interface, seconds.
 LOOK_S = 0.5
 STATUS_CATEGORY = 65
-# What a demo of a recording writes in addition, relative to its output directory.
+# Additional results of a demo with ASTERIX, relative to its output directory.
 ARTEFACTS = (TRACKS, *(f"logs/{node}.log" for node in (BRIDGE, PLAYER)))
 
 
@@ -43,15 +44,13 @@ def recording(bag: Path) -> Path | None:
 
 
 def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: float) -> bool:
-    """Play the recording beside a bag through a bridge; return whether no process failed.
+    """Play the recording beside a bag through a bridge; see `processes.run`.
 
-    Parameters are those of `demo.run_nodes`. The tracks are written into ``out / TRACKS``.
+    The tracks are written to ``out / TRACKS``.
     """
-    evaluator = reporting(bag, config, out, cutoff)
     where = input_address()
-    with TrackFile(out / TRACKS) as tracks, Processes(logs) as nodes:
-        if not start_tracking(nodes, config, logs, evaluator):
-            return False
+
+    def play(nodes: Processes) -> bool:
         sockets = {
             "inputs": f"['{where}']",
             "interface": LOOPBACK,
@@ -59,7 +58,7 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
             "replayed": True,
         }
         nodes.start(BRIDGE, [], {**bridge_parameters(config), **sockets})
-        # The tracker, and the evaluator, which records.
+        # The subscribers are the tracker and the evaluator, which records.
         ready = [f"{radar.name}: 2 subscribers" for radar in config.inputs]
         if not all(nodes.wait_for(BRIDGE, text) for text in ready):
             return False
@@ -70,21 +69,22 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
         if not (nodes.wait(PLAYER) and nodes.wait("evaluator", FINISH_S)):
             return False
         outputs = BagReader(out / RECORDING).counts[names.estimates(FILTERED)]
-        if not tracks.wait_for(outputs):
+        complete = tracks.wait_for(outputs)
+        if not complete:
             print(f"demo: {tracks.outputs} of {outputs} outputs of tracks came", file=sys.stderr)
-            return False
-    return True
+        return complete
+
+    with TrackFile(out / TRACKS) as tracks:
+        return processes.run(bag, config, out, logs, cutoff, play)
 
 
 class TrackFile:
-    """Receives what a bridge sends and writes it into a file, until the context ends.
+    """Receives a bridge's datagrams at `address` and writes them to a file, within the context.
 
     Attributes
     ----------
-    address : Address
-        Where to send to.
     outputs : int
-        Number of outputs that are complete.
+        Number of complete outputs.
     """
 
     def __init__(self, path: Path) -> None:
@@ -106,7 +106,7 @@ class TrackFile:
         self._file.close()
 
     def wait_for(self, outputs: int) -> bool:
-        """Wait until so many outputs are complete; return whether they are."""
+        """Wait for a number of complete outputs; return whether they came."""
         deadline = time.monotonic() + FINISH_S
         while self.outputs < outputs and time.monotonic() < deadline:
             time.sleep(0.05)
@@ -118,17 +118,16 @@ class TrackFile:
                 continue
             data = self._socket.recv(udp.LARGEST)
             self._file.write(data)
-            # The last data block of an output is that of the tracker's own state.
+            # An output ends with the data block of the tracker's own state.
             self.outputs += data[0] == STATUS_CATEGORY
 
 
 def input_address() -> Address:
-    """Return where the radars send to: a group of the loopback interface, where there is any.
+    """Return the radars' destination: a multicast group on the loopback interface, if possible.
 
-    The group is one of many, so that demos beside each other do not hear each other.
+    The group depends on the process, so that parallel demos do not interfere.
     """
     port = _free_port()
-    # Not of the random numbers that anything else depends on.
     chosen = random.Random(os.getpid())
     group = Address(f"239.255.{chosen.randrange(256)}.{chosen.randrange(1, 255)}", port)
     return group if _loops(group) else Address(LOOPBACK, port)
@@ -141,10 +140,10 @@ def _free_port() -> int:
 
 
 def _loops(group: Address) -> bool:
-    """Return whether what is sent to a group of the loopback interface arrives."""
+    """Return whether datagrams to a group on the loopback interface arrive."""
     try:
-        with udp.receiving_socket(group, LOOPBACK) as heard, udp.sender(group, LOOPBACK) as sender:
-            sender.send(b"?")
-            return bool(select.select([heard], [], [], LOOK_S)[0])
+        with udp.receiving_socket(group, LOOPBACK) as inp, udp.sender(group, LOOPBACK) as out:
+            out.send(b"?")
+            return bool(select.select([inp], [], [], LOOK_S)[0])
     except OSError:
         return False

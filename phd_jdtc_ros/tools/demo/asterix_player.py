@@ -1,8 +1,8 @@
 """Plays a recording of ASTERIX by UDP, as fast as a tracker behind a bridge answers.
 
-As `sensor_replay` in lock-step, with a bridge between: a sector is sent once the tracker has
-stepped all scans that those before have closed. The truth of a bag is published beside it. In the
-end the tracker is flushed.
+A sector is sent once the tracker has processed all scans that earlier sectors have completed, as
+in the lock-step of `sensor_replay`. The truth of a bag is published too. At the end the tracker is
+flushed.
 """
 
 from __future__ import annotations
@@ -10,13 +10,12 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
-from enum import Enum, auto
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
@@ -39,21 +38,16 @@ from ..asterix.writing import bridge_parameters
 
 NAME = "asterix_player"
 QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-# While playing, answers say when to go on.
+# Conditions are checked with this period, and at each answer.
 TICK_S = 0.05
-# Endpoints are connected a moment after the graph shows them.
+# Time until endpoints must be found, and from then until they are surely connected.
 START_S, SETTLE_S = 60.0, 0.5
-# The evaluator scores the truth and records it.
+# The evaluator has two subscriptions: one scores the truth, the other records it.
 TRUTH_SUBSCRIBERS = 2
 
 
-class State(Enum):
-    """What the player is doing."""
-
-    WAITING = auto()
-    PLAYING = auto()
-    DRAINING = auto()
-    FLUSHING = auto()
+class PlayerError(Exception):
+    """The recording cannot be played to its end; the message gives the reason."""
 
 
 class AsterixPlayer(RunnableNode):
@@ -62,15 +56,15 @@ class AsterixPlayer(RunnableNode):
     Parameters
     ----------
     bag : BagReader
-        With the truth.
+        Has the truth.
     bridge : Bridge
-        As the bridge has it.
+        Parameters of the bridge that receives the datagrams.
     where : udp.Address
-        That the bridge receives from.
+        Address of the bridge.
     interface : str
-        Address of the network interface, for a group.
+        Address of the network interface if `where` is a multicast group.
     config : TrackerConfig
-        As the tracker has it.
+        Configuration of the tracker.
     """
 
     def __init__(
@@ -84,14 +78,10 @@ class AsterixPlayer(RunnableNode):
     ) -> None:
         super().__init__(NAME)
         records.prepare()
-        self._steps = pace.steps(recording, bridge, config, bag.messages([names.TRUTH]))
-        self._upcoming = next(self._steps, None)
-        self._ready = False
-        self._scans = self._answers = 0
+        steps = pace.steps(recording, bridge, config, bag.messages([names.TRUTH]))
+        self._answers, self._answered_s = 0, 0.0
         self._expected: Counter[str] = Counter()
         self._received: Counter[str] = Counter()
-        self._flushed: Future | None = None
-        self._state, self._since_s = State.WAITING, time.monotonic()
         self._begin_ns = bag.start_ns
         self._line = ProgressLine(0.0, (bag.end_ns - bag.start_ns) * 1e-9)
         self._sender = udp.sender(where, interface)
@@ -99,7 +89,8 @@ class AsterixPlayer(RunnableNode):
         self.create_subscription(DiagnosticArray, names.cardinality(), self._on_answer, QOS)
         self.create_subscription(DiagnosticArray, names.DIAGNOSTICS, self._on_health, QOS)
         self._flush = self.create_client(Trigger, f"{names.TRACKER}/flush")
-        self.create_timer(TICK_S, self._tick)
+        self._playing = self._play(steps)
+        self.create_timer(TICK_S, self._continue)
 
     def close(self) -> None:
         """Stop the progress line, and log what was sent."""
@@ -108,88 +99,82 @@ class AsterixPlayer(RunnableNode):
         listed = ", ".join(f"{radar} {count}" for radar, count in self._expected.items())
         self.get_logger().info(f"sent sectors: {listed or 'none'}")
 
-    def _tick(self) -> None:
-        work: dict[State, Callable[[], None]] = {
-            State.WAITING: self._wait,
-            State.PLAYING: self._play,
-            State.DRAINING: self._drain,
-            State.FLUSHING: self._finish,
-        }
-        work[self._state]()
+    def _continue(self) -> None:
+        try:
+            next(self._playing, None)
+        except PlayerError as error:
+            self.get_logger().error(str(error))
+            self.exit_status = FAILED
 
-    def _enter(self, state: State) -> None:
-        self._state, self._since_s = state, time.monotonic()
+    def _play(self, steps: Iterator[pace.Step]) -> Iterator[None]:
+        """Play the recording; each `yield` waits for the next tick or answer."""
+        yield from self._wait(self._missing_node, START_S)
+        connected_s = time.monotonic()
+        while time.monotonic() - connected_s < SETTLE_S:
+            yield
+        scans = 0
+        for step in steps:
+            # Plots may go ahead, because they belong to the next sector.
+            if step.clouds:
+                yield from self._wait(partial(self._missing_answer, scans))
+            self._send(step)
+            scans += step.scans
+        yield from self._wait(self._missing_sectors)
+        service, flushed = self._flush.srv_name, self._flush.call_async(Trigger.Request())
+        silent = f"service {service} did not answer"
+        yield from self._wait(lambda: "" if flushed.done() else silent)
+        answer = flushed.result()
+        if not answer.success:
+            raise PlayerError(f"service {service} refused: {answer.message}")
+        self.exit_status = OK
 
-    def _waited_s(self) -> float:
-        return time.monotonic() - self._since_s
+    def _wait(self, missing: Callable[[], str], patience_s: float = GIVE_UP_S) -> Iterator[None]:
+        """Wait until nothing is missing; the patience begins again with each answer.
 
-    def _wait(self) -> None:
-        """Wait until the tracker and the evaluator are there, and then a moment more."""
-        there = (
+        Raises
+        ------
+        PlayerError
+            With what is missing, if the patience ends first.
+        """
+        begin_s = time.monotonic()
+        while reason := missing():
+            if time.monotonic() - max(begin_s, self._answered_s) > patience_s:
+                raise PlayerError(reason)
+            yield
+
+    def _missing_node(self) -> str:
+        connected = (
             self._truth.get_subscription_count() >= TRUTH_SUBSCRIBERS
             and self.count_publishers(names.cardinality()) > 0
             and self._flush.service_is_ready()
         )
-        if there and not self._ready:
-            self._ready = True
-            self._since_s = time.monotonic()
-        elif self._ready and self._waited_s() > SETTLE_S:
-            self._enter(State.PLAYING)
-        elif self._waited_s() > START_S:
-            self._fail("neither a tracker nor an evaluator is there")
+        return "" if connected else "no tracker or no evaluator was found"
 
-    def _play(self) -> None:
-        while (step := self._upcoming) is not None:
-            # Plots may go ahead, because they are of the next sector.
-            if step.clouds and self._answers < self._scans:
-                if self._waited_s() > GIVE_UP_S:
-                    self._fail(f"no answer on {names.cardinality()} for {GIVE_UP_S:g} s")
-                return
-            self._send(step)
-            self._upcoming = next(self._steps, None)
-        self._enter(State.DRAINING)
+    def _missing_answer(self, scans: int) -> str:
+        silent = f"no answer on {names.cardinality()} for {GIVE_UP_S:g} s"
+        return "" if self._answers >= scans else silent
+
+    def _missing_sectors(self) -> str:
+        received, sent = self._received.total(), self._expected.total()
+        missing = f"the tracker has received only {received} of {sent} sectors"
+        return "" if self._received == self._expected else missing
 
     def _send(self, step: pace.Step) -> None:
         for message in step.truth:
             self._truth.publish(message.data)
         if step.data:
             self._sender.send(step.data)
-        self._scans += step.scans
         for radar, stamp_ns in step.clouds:
             self._expected[radar] += 1
             self._line.show((stamp_ns - self._begin_ns) * 1e-9, "playing", 1)
 
-    def _drain(self) -> None:
-        """Wait until the tracker has received every sector, and flush it."""
-        if self._received == self._expected:
-            self._flushed = self._flush.call_async(Trigger.Request())
-            self._enter(State.FLUSHING)
-        elif self._waited_s() > GIVE_UP_S:
-            found = f"{self._received.total()} of {self._expected.total()}"
-            self._fail(f"the tracker has received {found} sectors only")
-
-    def _finish(self) -> None:
-        if self._flushed is not None and self._flushed.done():
-            answer = self._flushed.result()
-            if answer.success:
-                self.exit_status = OK
-            else:
-                self._fail(f"service {self._flush.srv_name} refused: {answer.message}")
-        elif self._waited_s() > GIVE_UP_S:
-            self._fail(f"service {self._flush.srv_name} did not answer")
-
-    def _fail(self, reason: str) -> None:
-        self.get_logger().error(reason)
-        self.exit_status = FAILED
-
     def _on_answer(self, _: DiagnosticArray) -> None:
         self._answers += 1
-        if self._state is State.PLAYING:
-            self._since_s = time.monotonic()
-            self._play()
+        self._answered_s = time.monotonic()
+        self._continue()
 
     def _on_health(self, message: DiagnosticArray) -> None:
-        """Take in how many messages of each radar the tracker has received."""
+        """Store how many messages of each radar the tracker has received."""
         for status in message.status:
             for radar in self._expected:
                 if status.name == names.health(radar):

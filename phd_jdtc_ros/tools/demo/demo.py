@@ -2,10 +2,10 @@
 
 The three nodes run as separate processes in their own ROS domain, on this machine only. The replay
 is in lock-step with the tracker, so it runs as fast as the CPU allows and loses no message. The
-tracker has the parameters beside the bag, unless others are given. What an earlier demo has left is
-replaced once the nodes have ended well; until then it stays as it is.
+tracker has the parameters beside the bag, unless others are given. The results of an earlier demo
+are replaced only after the nodes have ended without failure.
 
-A bag with a recording of ASTERIX beside it is played as its radars would send it.
+A recording of ASTERIX beside the bag is sent by UDP, as its radars would send it.
 """
 
 from __future__ import annotations
@@ -33,26 +33,22 @@ from phd_jdtc_ros.configuration.parameters import LABELLED
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
-from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import (
+    bag_parameters,
+    from_arguments,
+    proposed_file,
+    tracker_params,
+)
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.table import metrics
 
 from .. import command, report
 from ..track_bag import track_bag
-from . import asterix
-from .processes import (
-    FINISH_S,
-    METRICS,
-    PARAMETERS,
-    RECORDING,
-    START_S,
-    Processes,
-    reporting,
-    start_tracking,
-)
+from . import asterix, processes
+from .processes import FINISH_S, METRICS, PARAMETERS, RECORDING, START_S, Processes
 
 LOGS = "logs"
-# Where a demo writes until its nodes have ended well, relative to its output directory.
+# Directory of the results until the nodes have ended without failure, below the output directory.
 UNFINISHED = ".unfinished"
 # All files that a demo writes, relative to its output directory.
 ARTEFACTS = (
@@ -68,32 +64,21 @@ ARTEFACTS = (
 def run_nodes(
     bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: float = command.CUTOFF
 ) -> bool:
-    """Run the three nodes over a bag; return whether none of them failed.
+    """Replay a bag through the three nodes; see `processes.run`."""
+    parameters = {
+        "flush_service": f"{names.TRACKER}/flush",
+        "subscriber_timeout_s": START_S,
+        # The truth has two subscriptions of the evaluator, and each radar the tracker's and one of
+        # the evaluator.
+        "subscribers": 2,
+        "answer_delay_s": config.answer_delay_s,
+    }
 
-    Parameters
-    ----------
-    config : TrackerConfig
-        What the tracker gets.
-    out : Path
-        Directory for the results.
-    logs : Path
-        Directory for what the nodes log, and for the tracker's parameters.
-    cutoff : float
-        c of OSPA and GOSPA, metres.
-    """
-    evaluator = reporting(bag, config, out, cutoff)
-    patient = {"subscriber_timeout_s": START_S, "truth_timeout_s": START_S}
-    # The evaluator scores the truth and records it; what it records of the radars, the tracker has.
-    patient["subscribers"] = 2
-    patient["answer_delay_s"] = config.answer_delay_s
-    flushing = {"flush_service": f"{names.TRACKER}/flush", **patient}
-    with Processes(logs) as nodes:
-        # The replay waits for its own subscribers, but cannot see whether the evaluator and the
-        # tracker have found each other.
-        if not start_tracking(nodes, config, logs, evaluator):
-            return False
-        nodes.start("sensor_replay", [str(bag), "--rate", "0"], flushing, shown=True)
+    def play(nodes: Processes) -> bool:
+        nodes.start("sensor_replay", [str(bag), "--rate", "0"], parameters, shown=True)
         return nodes.wait("sensor_replay") and nodes.wait("evaluator", FINISH_S)
+
+    return processes.run(bag, config, out, logs, cutoff, play)
 
 
 def shipped_bag() -> Path:
@@ -102,28 +87,19 @@ def shipped_bag() -> Path:
 
 
 def _default_out(profile: str | None, shown: str, bag: Path, engine: str | None) -> Path:
-    """Return where a demo goes: by its profile, its bag and its engine, as far as they are given.
-
-    Parameters
-    ----------
-    shown : str
-        Name of the bag that the profile is shown with, or the default one.
-    """
+    """Return the output directory for a profile, bag and engine; `shown` is the profile's bag."""
     parts = ["demo", profile, None if bag.resolve() == resources.bag(shown).resolve() else bag.stem]
     return Path("out", "_".join(part for part in (*parts, engine) if part))
 
 
 def _cutoff(given: str, shown: str) -> float:
-    """Return c of OSPA and GOSPA, metres, for a bag; of one that is not shipped as for `shown`."""
+    """Return c of OSPA and GOSPA, metres, for a shipped bag, or else for the profile's bag."""
     cutoffs = resources.BAG_CUTOFFS
     return cutoffs.get(given, cutoffs.get(shown, command.CUTOFF))
 
 
 def _places(profile: Path, bag: Path) -> list[str]:
-    """Return assignments of where the radars of a bag are, if a profile has them elsewhere.
-
-    A profile is of a kind of radar, and a bag of certain radars.
-    """
+    """Return assignments of the radars' places in a bag where those of a profile differ."""
     beside = bag_parameters.read(bag)
     if beside is None:
         return []
@@ -133,11 +109,11 @@ def _places(profile: Path, bag: Path) -> list[str]:
     places = scene.other_places(recorded, given)
     if places:
         print(f"demo: {', '.join(places)} as in {bag_parameters.path_of(bag)}", file=sys.stderr)
-    return [f"{name}:={bag_parameters.scalar(value)}" for name, value in places.items()]
+    return [f"{name}:={proposed_file.scalar(value)}" for name, value in places.items()]
 
 
 def other_engine(config: TrackerConfig) -> TrackerConfig | None:
-    """Return the configuration with the other engine; None if that lacks something of it."""
+    """Return the configuration with the other engine; None if that does not support it."""
     if config.values["engine"] not in LABELLED:
         return None
     other = next(name for name in ENGINES if name != config.engine)
@@ -148,23 +124,14 @@ def other_engine(config: TrackerConfig) -> TrackerConfig | None:
 
 
 def scores(bag: Path, config: TrackerConfig, directory: Path) -> dict[str, Any]:
-    """Track a bag offline and return its scores in the form of `metrics.json`.
-
-    Parameters
-    ----------
-    bag : Path
-        With the truth.
-    directory : Path
-        Of the new bag with the estimates.
-
-    """
+    """Track a bag offline into a new one; return its scores in the form of `metrics.json`."""
     tracker = track_bag(BagReader(bag), config, directory, f"tracking with {config.engine}")
     evaluation = tracker.record().evaluate(command.CUTOFF, command.ORDER)
     return metrics(evaluation, np.array(tracker.step_ms), config.engine)
 
 
 def _compare(bag: Path, config: TrackerConfig, out: Path) -> None:
-    """Add the scores of the other engine on the same bag to the metrics, if it can track it."""
+    """Add the other engine's scores on the same bag to the metrics, if it can track the bag."""
     path = out / METRICS
     summary, other = json.loads(path.read_text()), other_engine(config)
     if not summary.get("scans") or other is None:
@@ -176,7 +143,7 @@ def _compare(bag: Path, config: TrackerConfig, out: Path) -> None:
 
 
 def _replace(out: Path, new: Path) -> None:
-    """Put what is in `new` in the place of the results of an earlier demo, and of no other file."""
+    """Replace the results of an earlier demo, and no other file, by those in `new`."""
     for name in (*ARTEFACTS, *asterix.ARTEFACTS):
         if not name.startswith(f"{LOGS}/"):
             (out / name).unlink(missing_ok=True)
@@ -187,7 +154,7 @@ def _replace(out: Path, new: Path) -> None:
 
 
 def _check_recording(out: Path) -> None:
-    """Refuse to begin if the recording's directory could not be replaced in the end."""
+    """Raise `BagError` if the recording's directory has files that are not of a demo."""
     ours = {out / name for name in ARTEFACTS}
     others = [path for path in (out / RECORDING).glob("*") if path not in ours]
     if others:
@@ -225,7 +192,7 @@ def main(argv: Sequence[str]) -> int:
         bag = resources.bag(given)
         if not bag.exists():
             raise BagError(f"{bag}: no such bag")
-        # Beside a recording of other radars are the profile's parameters with these radars.
+        # The profile's parameters are combined with the radars of another bag.
         if arguments.profile and (given != shown or asterix.recording(bag) is None):
             arguments.assignments[:0] = _places(path, bag)
             arguments.params_file.insert(0, path)
@@ -236,7 +203,7 @@ def main(argv: Sequence[str]) -> int:
         )
         config = command.tracker_config(arguments, bag)
         _check_recording(out)
-        with _unfinished(out) as new:
+        with _unfinished_results(out) as new:
             play = run_nodes if asterix.recording(bag) is None else asterix.run_nodes
             if not play(bag, config, new, out / LOGS, cutoff):
                 return FAILED
@@ -251,8 +218,8 @@ def main(argv: Sequence[str]) -> int:
 
 
 @contextmanager
-def _unfinished(out: Path) -> Iterator[Path]:
-    """Have a new directory below `out`, which is removed in the end, on SIGTERM too."""
+def _unfinished_results(out: Path) -> Iterator[Path]:
+    """Yield a new directory below `out`, which is removed at the end, on SIGTERM too."""
     new = out / UNFINISHED
     shutil.rmtree(new, ignore_errors=True)
     new.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""The processes of a demo, and what its evaluator is given."""
+"""The processes of a demo, and the evaluator's parameters."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 START_S, STOP_S = 60.0, 10.0
-# Discovery, and the evaluator's last scores, take a second or two.
+# The evaluator's last scores take a second or two.
 FINISH_S = 30.0
 METRICS, RECORDING = "metrics.json", "estimates"
 PARAMETERS = bag_parameters.NAME
@@ -51,7 +51,7 @@ class Processes:
         stopped = [self._running[name] for name in names]
         for process in stopped:
             if process.poll() is None:
-                # A job that a script starts in the background ignores SIGINT, and so would they.
+                # Not SIGINT, which background jobs of a script ignore, with their children.
                 process.terminate()
         for process in stopped:
             try:
@@ -68,9 +68,9 @@ class Processes:
         shown: bool = False,
         module: str = "",
     ) -> None:
-        """Start a node; its output goes to its log, or to the terminal if `shown`.
+        """Start an executable of the package, or a module, as a node.
 
-        It is the package's executable of this name, or else a module.
+        Its output goes to its log, or to the terminal if `shown`.
         """
         executable = [module] if module else [PACKAGE, name]
         line = [sys.executable, "-m", *executable, *arguments, "--ros-args"]
@@ -100,7 +100,7 @@ class Processes:
                 print(f"demo: {ended[0]} ended early\n{self._tail(ended[0])}", file=sys.stderr)
                 return False
             if deadline and time.monotonic() > deadline:
-                # Its last words are what it waited for.
+                # Stopped first, so that its log ends with the reason.
                 self._stop(name)
                 print(f"demo: {name} did not finish\n{self._tail(name)}", file=sys.stderr)
                 return False
@@ -116,58 +116,80 @@ class Processes:
 def reporting(bag: Path, config: TrackerConfig, out: Path, cutoff: float) -> dict[str, object]:
     """Return the parameters of an evaluator that scores and records a whole bag into `out`.
 
-    Raises
-    ------
-    BagError
-        If the bag has no truth.
+    Raises `BagError` if the bag has no truth.
     """
     scans = BagReader(bag).counts[names.TRUTH]
     if not scans:
         raise BagError(f"{bag}: no message on {names.TRUTH}, the truth that the demo needs")
     classes = config.model.modes.classes
-    found: dict[str, object] = {
+    return {
         "report": out / METRICS,
         "record": out / RECORDING,
         "record_topics": f"[{', '.join(recorded_topics(config))}]",
         "classes": f"[{', '.join(kind.name for kind in classes)}]",
-        "world_frame": config.world_frame,
         "exit_after_scans": scans,
         "cutoff": cutoff,
         "least_speed": config.least_speed,
     }
-    return found
 
 
 def recorded_topics(config: TrackerConfig) -> list[str]:
-    """Return the evaluator's ``record_topics``: those of radars, and of what carries them."""
-    poses = {radar.pose_topic: radar.pose_message for radar in config.inputs if radar.pose_topic}
+    """Return the evaluator's ``record_topics``: radars, and the poses of their platforms."""
+    poses = {radar.pose.topic: radar.pose.message for radar in config.inputs if radar.pose.topic}
     return [
         *(radar.topic for radar in config.inputs),
         *(f"{topic} {message}" for topic, message in poses.items()),
     ]
 
 
-def start_tracking(
+def run(
+    bag: Path,
+    config: TrackerConfig,
+    out: Path,
+    logs: Path,
+    cutoff: float,
+    play: Callable[[Processes], bool],
+) -> bool:
+    """Track and score a bag live; return whether no process failed.
+
+    Parameters
+    ----------
+    config : TrackerConfig
+        Configuration of the tracker.
+    out, logs : Path
+        Directories for the results, and for the logs and the tracker's parameters.
+    cutoff : float
+        c of OSPA and GOSPA, metres.
+    play : callable
+        Plays the bag and waits for the evaluator; returns whether both succeeded.
+    """
+    evaluator = reporting(bag, config, out, cutoff)
+    with Processes(logs) as nodes:
+        # A replay waits for its own subscribers, but cannot see whether the evaluator and the
+        # tracker have found each other.
+        return _start_tracking(nodes, config, logs, evaluator) and play(nodes)
+
+
+def _start_tracking(
     nodes: Processes, config: TrackerConfig, logs: Path, evaluator: Mapping[str, object]
 ) -> bool:
     """Start the evaluator and the tracker; return whether they have found each other."""
     parameters = logs / PARAMETERS
     bag_parameters.write(parameters, config.values)
-    told: dict[str, object] = {
+    given: dict[str, object] = {
         f"qos_overrides.{topic}.subscription.reliability": "reliable"
         for topic in [*(radar.topic for radar in config.inputs), *config.carried]
     }
-    # For viewers with a map of the earth.
-    if config.plane is not None:
-        told["outputs"] = f"[{', '.join([*tracker_node.Node().outputs, 'navsat'])}]"
+    if config.plane is not None:  # for viewers with a map of the earth
+        given["outputs"] = f"[{', '.join([*tracker_node.Node().outputs, 'navsat'])}]"
     nodes.start("evaluator", [], evaluator)
-    nodes.start("tracker", ["--ros-args", "--params-file", str(parameters)], told)
+    nodes.start("tracker", ["--ros-args", "--params-file", str(parameters)], given)
     return nodes.wait_for("tracker", "tracking") and nodes.wait_for("evaluator", "connected")
 
 
 @contextmanager
 def _interrupts_deferred() -> Iterator[None]:
-    """Handle signals to end only afterwards, so that no process starts without being recorded."""
+    """Handle signals to end only afterwards, so that each started process is recorded."""
     received: list[int] = []
     before = {
         number: signal.signal(number, lambda caught, _: received.append(caught))

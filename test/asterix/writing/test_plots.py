@@ -45,7 +45,7 @@ def test_plots_are_read_again_to_their_resolution():
         assert value(record, "I040", "RHO") == again.distance / 1852.0
 
 
-def test_antenna_is_said_to_pass_north_and_other_azimuths():
+def test_antenna_reports_crossings_of_north_and_other_azimuths():
     counts = Counter()
     for azimuth, kind in ((0.0, 1), (2.0 * math.pi, 1), (-math.pi, 2), (math.pi / 2, 2)):
         data = plots_out.service_block(0x1907, 5 * NS, azimuth, 4.0)

@@ -133,7 +133,7 @@ def test_age_is_that_of_what_a_track_is_known_by(code, address, name):
     ],
 )
 def test_ages_are_those_of_the_sensors_that_saw_the_track(given, ages):
-    # Its address does not make the age that of Mode S where it is known what saw it.
+    # With a known source its address does not make the age that of Mode S.
     record = one(replace(PLAIN, address=5, age_s=60.0, since_s=3.0, sensor_ages_s=given))
     assert record["I290"].keys() == {"TRK", *ages}
     assert {name: value(record, "I290", name, name) for name in ages} == ages

@@ -118,7 +118,7 @@ def test_the_smoothed_course_is_the_mean_given_all_plots_and_the_errors(rows, co
     assert_allclose(got.velocity[:, 0], expected[:, 2:], atol=0.2)
 
 
-def test_plots_that_fill_a_row_up_say_nothing(rows, course):
+def test_padding_plots_have_no_effect(rows, course):
     def doubled(column):
         return np.concatenate([column, np.repeat(column[-1:], 5, axis=0)])
 

@@ -38,7 +38,7 @@ def test_radars_that_are_right_do_not_drift():
     for drift in monitored(SCANS):
         assert drift.residuals > LEAST
         assert drift.drifts == (False, False)
-        # What is seen is noise, and sigma says of what size.
+        # The bias seen is noise of the size of sigma.
         assert (np.abs(drift.mean) < 4.0 * drift.sigma).all()
         assert (drift.sigma < RADARS[0].noise_std).all()
 
@@ -90,13 +90,13 @@ def test_a_radar_alone_is_not_compared_with_itself():
     assert np.isnan(seen((1,))[0].mean).all()
 
 
-def test_a_track_with_two_detections_near_it_says_nothing():
+def test_a_track_with_two_detections_near_it_is_not_used():
     near = RADARS[0].measure(CALM.state) + np.array([100.0, 0.0])
     assert [drift.residuals for drift in seen((0, 1), near)] == [0, 0]
 
 
 @pytest.mark.parametrize("changes", [{"track_state": [TENTATIVE]}, {"track_id": [0]}])
-def test_tracks_that_are_none_yet_say_nothing(changes, monkeypatch):
+def test_tentative_tracks_are_not_used(changes, monkeypatch):
     changed = {name: np.array(value) for name, value in changes.items()}
     monkeypatch.setitem(globals(), "CALM", replace(CALM, **changed))
     assert [drift.residuals for drift in seen((0, 1))] == [0, 0]

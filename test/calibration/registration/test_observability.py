@@ -1,17 +1,17 @@
 import numpy as np
 
 from phd_jdtc_ros.calibration.registration.filtering import KINDS
-from phd_jdtc_ros.calibration.registration.observability import judged
+from phd_jdtc_ros.calibration.registration.observability import judge
 
 COUNT = len(KINDS)
 
 
 def information(*directions, known=1e6):
-    """Return the information of two radars that tells all but some directions."""
+    """Return the information of two radars on all but some directions."""
     found = known * np.eye(2 * COUNT)
     for direction in directions:
         unit = direction / np.linalg.norm(direction)
-        # What is already known of it is removed.
+        # Earlier information on it is removed.
         found -= np.outer(found @ unit, unit @ found) / (unit @ found @ unit)
     return found
 
@@ -23,8 +23,8 @@ def both(kind):
     return direction
 
 
-def test_the_reference_has_no_time_offset_even_if_all_else_is_told():
-    found = judged(information(both("time_offset_s")), np.ones(2 * COUNT), 1)
+def test_the_reference_has_no_time_offset_even_if_all_else_is_observable():
+    found = judge(information(both("time_offset_s")), np.ones(2 * COUNT), 1)
     assert found.common == ("time_offset_s",)
     assert not found.hidden
     assert found.free.tolist() == [True] * 7 + [False]
@@ -32,25 +32,25 @@ def test_the_reference_has_no_time_offset_even_if_all_else_is_told():
     assert found.covariance[7].tolist() == [0.0] * 8
 
 
-def test_the_reference_is_right_where_only_differences_are_told():
+def test_the_reference_is_unbiased_where_only_differences_are_observable():
     lacking = information(both("time_offset_s"), both("azimuth"))
-    found = judged(lacking, np.ones(2 * COUNT), 0)
+    found = judge(lacking, np.ones(2 * COUNT), 0)
     assert found.common == ("time_offset_s", "azimuth")
     assert not found.hidden
     assert np.flatnonzero(~found.free).tolist() == [2, 3]
 
 
-def test_an_error_of_one_radar_that_is_not_told_is_hidden():
+def test_an_unobservable_error_of_one_radar_is_hidden():
     alone = np.zeros(2 * COUNT)
     alone[COUNT + KINDS.index("range_gain")] = 1.0
-    found = judged(information(both("time_offset_s"), alone), np.ones(2 * COUNT), 0)
+    found = judge(information(both("time_offset_s"), alone), np.ones(2 * COUNT), 0)
     assert found.common == ("time_offset_s",)
     assert found.hidden == (COUNT + 1,)
 
 
-def test_what_is_told_worse_than_by_one_plot_is_not_told():
+def test_a_bias_less_certain_than_one_plot_is_not_observable():
     weak = 0.5 * np.eye(2 * COUNT)
-    found = judged(weak, np.ones(2 * COUNT), 0)
+    found = judge(weak, np.ones(2 * COUNT), 0)
     assert not found.free.any()
     assert len(found.hidden) + len(found.common) == 2 * COUNT
-    assert judged(weak, 10.0 * np.ones(2 * COUNT), 0).free.sum() == 2 * COUNT - 1
+    assert judge(weak, 10.0 * np.ones(2 * COUNT), 0).free.sum() == 2 * COUNT - 1

@@ -9,7 +9,7 @@ import pytest
 from phd_jdtc_ros.calibration.registration.common import common_targets
 from phd_jdtc_ros.calibration.registration.filtering import KINDS
 from phd_jdtc_ros.calibration.registration.sensors import RegistrationError
-from phd_jdtc_ros.calibration.registration.solution import registered
+from phd_jdtc_ros.calibration.registration.solution import register
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
 
 TRUE = RadarBias(80.0, 0.0, -np.radians(0.3), 0.5)
@@ -24,7 +24,7 @@ def sensors():
 
 @pytest.fixture(scope="module")
 def found(sensors):
-    return registered(sensors, "west")
+    return register(sensors, "west")
 
 
 def numbers(bias):
@@ -37,21 +37,21 @@ def test_the_errors_of_one_radar_of_three_are_found_and_those_of_the_others_are_
         off = np.abs(numbers(each.bias) - true)
         told = np.isfinite(each.std)
         assert (off[told] < BOUNDS[told]).all(), each.name
-        # They are as far off as is said: within four deviations, and these are not arbitrary.
+        # Errors are within four standard deviations, and these are not arbitrary.
         assert (off[told] < 4.0 * each.std[told]).all(), each.name
         assert (each.std[told] < BOUNDS[told]).all(), each.name
         assert each.plots > 300
 
 
-def test_a_time_offset_is_told_relative_to_the_reference_only(found, sensors):
+def test_a_time_offset_is_observable_relative_to_the_reference_only(found, sensors):
     assert found.common == ("time_offset_s",)
     assert not found.hidden
     assert np.isnan(found.radars[0].std[3])
     assert found.radars[0].bias.time_offset_s == 0.0
-    other = registered(sensors, "east")
+    other = register(sensors, "east")
     west = other.radars[0].bias.time_offset_s
     assert west == pytest.approx(-found.radars[1].bias.time_offset_s, abs=0.02)
-    # Where a radar stands and looks is told all the same.
+    # A radar's position and yaw are observable all the same.
     assert other.radars[1].bias.azimuth == pytest.approx(found.radars[1].bias.azimuth, abs=1e-4)
 
 
@@ -70,7 +70,7 @@ def test_errors_that_are_removed_already_are_not_found_again(sensors, found):
     for each, known in zip(sensors, found.radars, strict=True):
         plots = each.corrected(known.bias)
         right.append(replace(each, time_s=plots.time_s, measurement=plots.measurement))
-    again = registered(right, "west")
+    again = register(right, "west")
     for each in again.radars:
         told = np.isfinite(each.std)
         assert (np.abs(numbers(each.bias)[told]) < 0.5 * each.std[told]).all(), each.name
@@ -80,15 +80,15 @@ def test_a_wrong_yaw_is_found_as_an_error_of_the_azimuth(sensors):
     turned = np.radians(0.8)
     south = sensors[2]
     wrong = replace(south, pose=south.pose + np.array([0.0, 0.0, turned]))
-    again = registered([*sensors[:2], wrong], "west")
+    again = register([*sensors[:2], wrong], "west")
     assert again.radars[2].bias.azimuth == pytest.approx(turned, abs=BOUNDS[2])
 
 
-def test_radars_at_one_place_do_not_tell_what_they_have_in_common():
+def test_common_biases_of_radars_at_one_place_are_not_observable():
     given = biased.document(scans=151)
     for name in ("east", "south"):
         given["parameters"][name]["position"] = given["parameters"]["west"]["position"]
-    found = registered(biased.sensors(given, seed=4), "west")
+    found = register(biased.sensors(given, seed=4), "west")
     assert {"azimuth", "time_offset_s"} <= set(found.common)
     assert found.radars[0].bias.azimuth == 0.0
     east = found.radars[1]
@@ -99,10 +99,10 @@ def test_radars_at_one_place_do_not_tell_what_they_have_in_common():
 def test_radars_that_see_nothing_together_are_refused(sensors):
     far = replace(sensors[1], pose=sensors[1].pose + np.array([4e5, 0.0, 0.0]))
     with pytest.raises(RegistrationError, match=r"no common targets: east has \d+ tracks"):
-        registered([sensors[0], far, sensors[2]], "west")
+        register([sensors[0], far, sensors[2]], "west")
     later = replace(sensors[1], time_s=sensors[1].time_s + 1e4)
     with pytest.raises(RegistrationError, match="in 0 s in which all radars report"):
-        registered([sensors[0], later], "west")
+        register([sensors[0], later], "west")
 
 
 def test_targets_that_both_see_are_joined_and_no_radar_has_two_at_a_time(sensors, found):

@@ -61,7 +61,7 @@ def test_turn_is_known_after_the_first_minute():
     assert turns.turn_s == pytest.approx(4.0016, abs=0.01)
 
 
-def test_short_recording_tells_its_turn_at_the_end():
+def test_short_recording_has_its_turn_at_the_end():
     assert found(swept(4.0, 30.0, 12.0)) == pytest.approx(4.0, abs=0.01)
 
 

@@ -84,7 +84,7 @@ def assert_told(found, radar, probability):
     assert radar.clutter_rate / 1.5 < found.clutter.value < 1.5 * radar.clutter_rate
 
 
-def test_a_radar_that_stands_is_told_from_its_plots():
+def test_parameters_of_a_stationary_radar_are_estimated_from_its_plots():
     config, recorded = standing()
     for radar, plots in zip(config.model.radars, recorded, strict=True):
         found = findings(plots)
@@ -97,7 +97,7 @@ def test_a_radar_that_stands_is_told_from_its_plots():
         assert found.field.clutter_range == pytest.approx(radar.clutter_max_range, rel=0.02)
 
 
-def test_a_radar_that_reports_sectors_is_told_from_its_plots():
+def test_parameters_of_a_radar_that_reports_sectors_are_estimated_from_its_plots():
     config, plots = turning(**{"tower.sectors": 8})
     found = findings(plots)
     assert_told(found, config.model.radars[0], 0.85)
@@ -106,7 +106,7 @@ def test_a_radar_that_reports_sectors_is_told_from_its_plots():
     assert found.levels is None
 
 
-def test_places_that_answer_again_and_again_are_told_from_a_target_that_passes():
+def test_recurring_places_are_separated_from_a_passing_target():
     rng, ship = np.random.default_rng(6), one_target(count=70)
     east = np.linspace(-2500.0, 2500.0, 20)
     coast = np.stack([np.hypot(east, 1500.0), np.arctan2(-1500.0, east)], axis=1)
@@ -180,7 +180,7 @@ def one_target(count=60, missed=(), clutter=0, seed=2):
 
 
 GUESS = Guess(20.0, 0.01, (0.01, 1.0), 20.0, 0.9, 1.0)
-SECONDS = Timing(2.0, 0.0)
+SECONDS = Timing(2.0)
 
 
 def test_one_target_is_one_track_through_misses():
@@ -254,7 +254,7 @@ def test_likelihood_of_one_motion_is_that_of_a_kalman_filter():
     assert found == pytest.approx(exact + np.log1p(-noise.WRONG), abs=1e-3)
 
 
-def test_amplitudes_tell_targets_from_clutter_once_there_are_some():
+def test_amplitudes_separate_targets_from_clutter_if_there_are_some():
     rng = np.random.default_rng(4)
     plots = one_target(count=60, clutter=1)
     first = np.diff(plots.cloud, prepend=-1) > 0
@@ -266,7 +266,7 @@ def test_amplitudes_tell_targets_from_clutter_once_there_are_some():
     assert not log_ratio(plots, plots, Tracks((), 0.0)).any()
 
 
-def test_a_moving_radar_is_told_like_one_that_stands():
+def test_parameters_of_a_moving_radar_are_estimated_as_well():
     config, recorded = standing()
     radar, still = config.model.radars[0], recorded[0]
     drift = np.stack([8.0 * still.time_s, -5.0 * still.time_s, 0.002 * still.time_s], axis=1)
@@ -283,10 +283,10 @@ def test_a_moving_radar_is_told_like_one_that_stands():
     assert findings(moving).noise.range_std == pytest.approx(radar.range_std, rel=0.25)
 
 
-# Recordings that say too little.
+# Recordings without enough information.
 
 
-def test_recordings_that_say_too_little_say_what_is_missing():
+def test_insufficient_recordings_name_what_is_missing():
     empty = Detections(np.zeros((0, 2)), None)
     nothing = plots_of([(cloud * 10**9, empty) for cloud in range(50)])
     with pytest.raises(TuningError, match=r"0 detections in 49.0 s, must be at least 30"):
@@ -310,7 +310,7 @@ def told():
     return config, findings(plots)
 
 
-def test_a_radar_that_reports_whole_turns_is_told_from_its_plots(told):
+def test_parameters_of_a_radar_that_reports_whole_turns_are_estimated_from_its_plots(told):
     config, found = told
     assert_told(found, config.model.radars[0], 0.85)
     assert (found.timing.sectors, found.timing.clockwise) == (0, True)
@@ -322,7 +322,7 @@ def rows_of(told, **given):
     return {row.name: row for row in proposal.rows(found, values, "tower")}
 
 
-def test_rows_say_what_is_proposed_and_what_is_set_now(told):
+def test_rows_list_proposed_and_current_values(told):
     rows = rows_of(told)
     assert (rows["rotation_s"].value, rows["rotation_s"].now) == (5.0, 5.0)
     assert 0.03 < rows["range_std"].std / rows["range_std"].value < 0.15

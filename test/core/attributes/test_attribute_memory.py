@@ -43,7 +43,7 @@ def truth(time_s):
 
 
 def scans(seed=9000, columns=("code", "address"), codes=CODES, addresses=ADDRESSES):
-    """Return scans of both targets, each with what its transponder says."""
+    """Return scans of both targets, each with its transponder's reply."""
     rng = np.random.default_rng(seed)
     found = []
     for number in range(SCANS):

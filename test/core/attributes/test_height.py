@@ -9,7 +9,7 @@ from phd_jdtc_ros.core.attributes import height
 from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
 from phd_jdtc_ros.core.attributes.history import History
 
-# Next to no garbled heights, none that are given up, so that what is known stays Gaussian.
+# Almost no garbled heights and none given up: the belief stays Gaussian.
 MODEL = HeightModel(std=8.0, noise_density=0.5, climb_std=12.0, garbled=1e-12, kept_s=1e15)
 FIRST = np.zeros(1, dtype=np.int64)
 ROW = np.array([[1.0, 0.0]])
@@ -82,7 +82,7 @@ def test_filter_is_the_kalman_filter_and_history_smooths_as_rauch_tung_and_strie
 
 def test_smoothed_height_between_two_scans_is_that_of_a_step_of_its_own(record):
     times, measured = record
-    # A measurement that says nothing, at 10 s, makes that time one of the textbook's.
+    # A measurement without information, at 10 s, adds that time to the textbook's.
     filtered, _ = textbook(times, measured)
     between = 10.0
     before = int(np.searchsorted(times, between)) - 1
@@ -176,7 +176,7 @@ def test_target_whose_height_began_wrong_finds_the_right_one():
     assert heights.mean[0, 0] == pytest.approx(3048.0, abs=10.0)
 
 
-def test_unknown_height_tells_nothing_and_is_worth_nothing():
+def test_unknown_height_has_no_likelihood_and_no_effect():
     heights = Heights(np.full(1, 0.8), np.array([[3000.0, 2.0]]), np.diag([30.0, 1.0])[None])
     told = height.compare(heights, FIRST, np.array([np.nan]), np.zeros(1), HeightModel())
     found, _ = height.update(told, FIRST, np.ones(1), np.zeros(1))
@@ -218,7 +218,7 @@ def test_both_engines_publish_filtered_and_smoothed_heights(engine, level):
         known = published[k].attributes
         np.testing.assert_allclose(known.height[0], filtered[k][0], atol=1.0)
         np.testing.assert_allclose(known.height_covariance[0], filtered[k][1], rtol=0.1, atol=1.0)
-    # The others are smoothed with fewer scans than are known at last.
+    # The others are smoothed with fewer scans than the last one.
     for k in range(8, 12):
         known = smoothed[k].attributes
         np.testing.assert_allclose(known.height[0], hindsight[k][0], atol=1.0)

@@ -65,7 +65,7 @@ def belief_of(*rows):
     return Belief(candidate, weight)
 
 
-def test_fresh_belief_says_what_nobody_in_particular_does():
+def test_fresh_belief_is_the_prior_of_replies():
     shown = np.array([0, 3, 5, UNKNOWN])
     fresh = Belief.fresh(4, MODEL)
     np.testing.assert_allclose(
@@ -88,7 +88,7 @@ def test_certain_detection_gives_the_posterior_of_bayes_rule(shown):
     assert np.exp(seen.log_factor[0]) == pytest.approx(evidence / nobodys)
 
 
-def test_detection_that_says_nothing_tells_nothing():
+def test_detection_without_a_reply_changes_nothing():
     belief, target = belief_of(({2: 0.5}, 0.3, 0.2)), np.zeros(1, dtype=np.int64)
     seen = identity.compare(belief, target, np.array([identity.NOTHING]), MODEL)
     assert seen.log_factor[0] == 0.0

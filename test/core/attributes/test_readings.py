@@ -21,7 +21,7 @@ HEIGHTS = Heights(
 )
 
 
-# What plots tell: nothing, their targets' heights, and garbled ones.
+# Heights of plots: none, their targets' heights, and garbled ones.
 MISSING, TRUE, GARBLED = range(0, 10), range(10, 16), range(16, 20)
 
 
@@ -53,7 +53,7 @@ def by_hand(expected, target, detections):
         std, own, told = RADAR.noise_std.copy(), target[row], detections.height[column]
         height, off = HEIGHTS.mean[own, 0], np.sqrt(HEIGHTS.covariance[own, 0, 0])
         false = not (abs(told - height) < 1000.0 or explained(expected, target, detections, column))
-        # Of a height that is not well known another one says that it was wrong.
+        # Another height contradicts an uncertain one.
         if HEIGHTS.known[own] > (0.5 if np.isnan(told) else 0.99) and false:
             square = distance**2 + np.nan_to_num(told) ** 2
             ground, lower = (np.sqrt(square - above**2) for above in (height, height + off))

@@ -16,7 +16,7 @@ SIZE = 5
 MODEL = IdentityModel(SIZE, equipped=0.8, reply=0.9, garbled=0.0, unique=True)
 SHOWN = 3
 EXISTENCE, DETECTED = np.array([0.7, 0.9]), np.array([0.6, 0.95])
-# What each target's state, and clutter's and unknown targets' intensities say of the detection.
+# Likelihoods of the detection: each target's state, then clutter and unknown targets.
 LIKELIHOOD, CLUTTER, UNKNOWN_TARGETS = np.array([2.0, 0.1]), 0.3, 0.2
 
 
@@ -42,8 +42,8 @@ def by_state(weight, candidates):
 def weights_of_all_events():
     """Return the weight of each source: the targets, clutter and an unknown target.
 
-    The sum over who exists, what they have and which were missed. Nobody else has what the source
-    of the detection has.
+    The sum over who exists, what they have and which were missed. No other target has what
+    the source of the detection has.
     """
     belief = beliefs()
     tables = [by_state(w, c) for w, c in zip(belief.weight, belief.candidate, strict=True)]
@@ -71,7 +71,7 @@ def weights_of_all_events():
     return weight
 
 
-def test_sources_of_a_detection_weigh_what_all_events_say():
+def test_sources_of_a_detection_have_the_weight_of_all_events():
     belief, target, column = beliefs(), np.arange(2), np.zeros(2, dtype=np.int64)
     shown = np.array([SHOWN])
     missed = EXISTENCE * (1.0 - DETECTED)

@@ -87,7 +87,7 @@ def run(parameters, kinds):
     return found
 
 
-def test_filtered_estimates_say_when_each_sensor_saw_their_target():
+def test_filtered_estimates_have_the_time_of_each_sensors_last_detection():
     found = run({**TOWER, "tower.fields.kind": "kind"}, [3, 3, 3, 3, 1, 1, 0])
     last = found[FILTERED][-1]
     ages = (last.stamp_ns - last.attributes.seen_ns) / NS

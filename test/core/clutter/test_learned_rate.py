@@ -67,7 +67,7 @@ def test_learned_rate_tracks_as_well_as_the_right_one(rate):
 
 
 def test_many_false_detections_are_no_targets_once_the_rate_is_learned():
-    """Births are at detections, and there are five times as many as it is told of."""
+    """Births are at detections, with five times the configured clutter."""
     anywhere = {"births": [], "detection_births.rates": [0.05, 0.05], "amplitude": "none"}
     run = run_of(RATES[1], 40)
     wrong = distances(engine_of("gaussian", **anywhere, **rates(START_RATE)), run)

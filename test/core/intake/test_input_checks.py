@@ -64,7 +64,7 @@ def test_a_field_of_view_that_is_not_configured_is_noticed_once():
     assert not noticed(watch_of(rotation_s=4.0), reports)
 
 
-def test_few_detections_say_nothing_of_the_field_of_view():
+def test_few_detections_do_not_determine_the_field_of_view():
     reports = uniform(FIELD_DETECTIONS - 1, 1, -1.0, 1.0)
     assert not noticed(watch_of(), reports)
 
@@ -122,6 +122,6 @@ def test_slices_of_a_turn_are_not_counted_as_scans_of_a_turn():
     assert sum(overdue) == 1
 
 
-def test_scans_without_estimates_that_are_due_say_nothing_of_targets():
+def test_scans_without_due_estimates_give_no_figures_of_targets():
     watch = ResultWatch(4.0)
     assert not any(watch.stepped(scan, step(0, due=False)) for scan in scans(3 * PATIENCE, 5))

@@ -1,10 +1,10 @@
-"""A sector that never comes misses nobody; one that comes empty misses who is in it."""
+"""A lost sector is no miss of its targets; an empty one is."""
 
 import numpy as np
 import pytest
 import sweep
 
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, Detections
 

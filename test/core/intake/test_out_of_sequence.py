@@ -8,7 +8,7 @@ import pytest
 import sweep
 from scenes import no_detections, short_scenario, small
 
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.intake.out_of_sequence import EARNED, SAVED, Budget
 from phd_jdtc_ros.core.intake.scans import Rejection

@@ -58,7 +58,7 @@ def test_close_messages_do_not_make_their_noise_the_velocity():
     assert found.position[0] == pytest.approx(24.9, abs=0.1)
 
 
-def test_one_message_says_nothing_of_the_time_after_it_or_before():
+def test_one_message_gives_no_pose_after_it_or_before():
     poses = track((1, 0, 0, 0))
     assert poses.at(round(1.1 * S))[0] is None
     assert poses.at(round(0.9 * S))[0] is None

@@ -14,7 +14,7 @@ START = 1_700_000_000 * S
 
 
 def report(tag=0.0):
-    """Return a report that can be told from others."""
+    """Return a report with a detection of its own."""
     return Detections(np.array([[float(tag), 0.0]]), None)
 
 
@@ -186,7 +186,7 @@ def test_add_keeps_the_first_of_duplicates():
     assert scan.detections[0].measurement[0, 0] == 1.0
 
 
-def test_add_says_how_far_the_stamps_jumped_back():
+def test_add_reports_how_far_the_stamps_jumped_back():
     group = grouper()
     feed(group, (0, 100), (1, 100), (0, 106))
     (_, found) = group.add(1, START, report())
@@ -203,7 +203,7 @@ def test_add_resets_behind_a_gap_above_the_limit(gap_s, reset):
     assert shape(found) == [*([Reset] if reset else []), (gap_s, (0, 1))]
 
 
-def test_add_says_how_far_the_stamps_jumped_ahead():
+def test_add_reports_how_far_the_stamps_jumped_ahead():
     group = grouper(1, max_gap_s=30.0)
     feed(group, (0, 0))
     found, scan = group.add(0, START + 3600 * S, report())

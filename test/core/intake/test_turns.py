@@ -127,7 +127,7 @@ def test_what_the_antenna_passed_is_covered_once_and_little_else(radar, seed, dr
             np.testing.assert_allclose(
                 [row[1] for row in found], [row[1] for row in wanted], atol=2.0
             )
-    # Two turns until the sectors' edges are known; few detections say little of them.
+    # Two turns until the sectors' edges are learned: detections are few.
     settled = off[2 * radar.per_turn :]
     assert max(settled) < 30.0
     assert np.mean(settled) < 15.0
@@ -249,7 +249,7 @@ def test_times_that_do_not_go_with_the_azimuth_are_kept_and_counted(wrong_s, cou
     wanted = absolute(sent.stamp_ns, wrong)
     assert [row[0] for row in found] == [row[0] for row in wanted]
     np.testing.assert_allclose([row[1] for row in found], [row[1] for row in wanted], atol=2.0)
-    # A time that is a turn off goes with its azimuth: nobody can tell, and nothing follows from it.
+    # A time that is a turn off fits its azimuth: it is indistinguishable, and harmless.
     assert +turns.doubts == ({counted: len(chosen)} if counted else {})
     for slices in [pieces, *fed(turns, reports[4:])]:
         assert (np.abs(covered(slices) - 1.0) > 0.0).mean() < 0.01
@@ -314,7 +314,7 @@ def test_an_antenna_that_turns_the_other_way_is_found_again():
 @pytest.mark.parametrize("compass", [False, True])
 @pytest.mark.parametrize("timed", [False, True])
 @pytest.mark.parametrize("sectors", [4, 16])
-def test_a_sector_covers_what_its_number_says(sectors, timed, compass):
+def test_a_sector_covers_the_azimuths_of_its_number(sectors, timed, compass):
     # Numbers count in the direction of azimuths, from azimuth zero.
     radar = TurningRadar(
         sectors=sectors, timed=timed, clockwise=compass, cut=-0.5 * np.pi if compass else 0.0
@@ -337,7 +337,7 @@ def test_a_sector_covers_what_its_number_says(sectors, timed, compass):
 @pytest.mark.parametrize("compass", [False, True])
 @pytest.mark.parametrize("timed", [False, True])
 def test_a_sector_of_a_misaligned_antenna_covers_where_it_truly_was(timed, compass):
-    # The antenna is 3 degrees clockwise of where it says, and its sectors with it.
+    # The antenna, and its sectors, are 3 degrees clockwise of the reported azimuth.
     bias = np.radians(3.0)
     cut = -0.5 * np.pi + bias if compass else -bias
     radar = TurningRadar(sectors=16, timed=timed, clockwise=compass, cut=cut)

@@ -190,8 +190,8 @@ def test_times_never_change_and_coverages_follow_the_antenna(hour):
 
 
 @pytest.mark.parametrize("guess", [0.03, -0.03, -1.0])
-def test_an_hour_of_an_approach_radar_is_cut_where_the_antenna_was(guess):
-    length_s = 3600.0 if guess > 0.0 else 900.0
+def test_turns_of_an_approach_radar_are_cut_where_the_antenna_was(guess):
+    length_s = 1800.0 if guess > 0.0 else 900.0
     hour = Hour(seed=1, length_s=length_s, guess=guess, clouds_per_turn=16.0, jitter_s=0.05)
     turns = turns_of(hour)
     rejected, covered = run(hour, turns)
@@ -202,7 +202,7 @@ def test_an_hour_of_an_approach_radar_is_cut_where_the_antenna_was(guess):
     assert turns.turn_s == pytest.approx(hour.rotation_s, rel=0.01)
 
 
-def test_a_clock_that_goes_back_loses_what_it_says_twice_and_no_more():
+def test_a_clock_that_goes_back_loses_the_repeated_times_and_no_more():
     hour = Hour(seed=2, length_s=600.0, step_s=300.0, step_by_s=-1.5, clouds_per_turn=16.0)
     rejected, covered = run(hour, turns_of(hour))
     assert 0 < rejected < 1.6 / hour.rotation_s * 2.0 * hour.plots_per_turn

@@ -112,7 +112,7 @@ def test_intensity_equals_the_density_written_out():
     np.testing.assert_allclose(found_intensity, expected, rtol=1e-6)
 
 
-def test_update_leaves_strong_detections_that_nobody_explains_as_newborn():
+def test_update_leaves_strong_unclaimed_detections_as_newborn():
     # 45 dB: no clutter is that strong; 4: any clutter is.
     report = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 4.0]))
     (found,) = update(EMPTY, Report(RADAR, report), steps_of(unknown()), 6.0).newborns
@@ -123,7 +123,7 @@ def test_update_leaves_strong_detections_that_nobody_explains_as_newborn():
 
 
 def reports_of_one_target(amplitude=200.0):
-    """Return what both radars say of a target, and a model of them that knows no places."""
+    """Return both radars' reports of a target, and a model of them without birth places."""
     model = unknown()
     state = np.array([[5e3, 0.0, 4e3, 0.0, 0.0]])
     reports = [Detections(r.measure(state), np.array([amplitude])) for r in model.radars]

@@ -57,7 +57,7 @@ def test_where_newborn_targets_are_all_slower_or_all_faster_nothing_changes():
     np.testing.assert_array_equal(everything, [1.0])
 
 
-def test_among_reflectors_rest_is_likelier_unless_the_velocity_tells():
+def test_among_reflectors_rest_is_likelier_unless_the_velocity_is_measured():
     probability = np.array([0.0, 0.1, 0.5, 1.0])
     np.testing.assert_array_equal(
         stationary.among_reflectors(probability, np.zeros(4)), probability

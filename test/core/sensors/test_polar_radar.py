@@ -224,7 +224,7 @@ def test_gated_pairs_takes_each_detections_own_deviation():
     )
 
 
-def test_detection_noise_grows_with_the_range_where_the_driver_says_nothing():
+def test_detection_noise_grows_with_the_range_unless_reported_by_the_driver():
     radar = replace(RADAR, range_growth=0.01)
     own = np.array([[np.nan, np.nan], [50.0, 0.01]])
     found = radar.detection_noise(Detections(np.array([[10e3, 0.0]] * 2), None, noise_std=own))

@@ -112,7 +112,7 @@ def test_bernoulli_targets_do_not_both_take_one_detection():
         np.full((2, 1), 100.0), [0.999, 0.999], [1e-3], p_d=0.95, origin=np.array([3, 8])
     )
     assert claimed[0] == pytest.approx(1.0, abs=1e-3)
-    # One was detected and one missed, and it is not known which: both keep their mass.
+    # One was detected and one missed, either of them: both keep their mass.
     np.testing.assert_allclose(phd.weight, [0.99, 0.99], atol=0.01)
 
 

@@ -138,7 +138,7 @@ def test_engine_step_reports_what_it_holds():
     assert step.figures["orphans"] == 0
 
 
-def test_engine_figures_tell_how_many_particles_the_targets_are_left_with():
+def test_engine_figures_include_the_particles_per_target():
     def figures(noise):
         """Return those of scans of radars whose noise is `noise` times the usual one."""
         names = ("range_std", "azimuth_std_deg")

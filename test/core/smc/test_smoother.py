@@ -359,7 +359,7 @@ def test_smoothed_means_are_those_of_rauch_tung_striebel(rts_comparison, kind):
     means = moments[:, kind, :, 0]
     expected = np.array([mean for mean, _ in kalman[kind]])
     # The Monte Carlo error is measured over independent runs: standard error of their mean, with
-    # five of them because ten runs know it to a quarter only.
+    # five of them because ten runs estimate it to a quarter only.
     error = means.std(axis=0, ddof=1) / np.sqrt(RTS_SEEDS)
     assert (np.abs(means.mean(axis=0) - expected) < 5.0 * error).all()
     # The test has power: that error is small against the effect of smoothing.
@@ -414,7 +414,7 @@ def test_backward_pass_is_a_step_from_each_set_to_the_one_before():
     assert not np.allclose(found[2].weight, sets[0].weight, rtol=1e-3)
 
 
-def test_backward_pass_tells_rows_of_several_sets_and_leaves_those_that_nobody_continues():
+def test_backward_pass_messages_rows_of_several_sets_but_not_those_without_a_continuation():
     rng = np.random.default_rng(1)
     first, second, third = (random_set(rng, count, count) for count in (4, 3, 5))
     link = random_link(rng, 3, 5)  # of rows 1 and 3 of the first set and row 2 of the second

@@ -146,7 +146,7 @@ def test_update_with_a_huge_amplitude_gives_one_target_of_the_strong_class(stren
 
 
 @pytest.mark.parametrize(("strength", "strong_share"), [(10.0, 0.1), (250.0, 0.999)])
-def test_update_tells_the_class_by_the_amplitude(strength, strong_share):
+def test_update_infers_the_class_from_the_amplitude(strength, strong_share):
     updated = update(scattered(), reports((strength, 20.0, 20.0, 20.0)), RADAR, MODES)
     component = updated.components.toarray()[:, 0]
     strong = component[MODES.class_of[updated.mode] == 0].sum() / component.sum()
@@ -154,7 +154,7 @@ def test_update_tells_the_class_by_the_amplitude(strength, strong_share):
 
 
 def test_update_without_amplitudes_keeps_the_class_shares_at_equal_detectability():
-    # With one p_D for both classes an amplitude-free detection says nothing about the class.
+    # With one p_D for both classes a detection without amplitude leaves the class open.
     band = MODES.classes[0].snr_band
     classes = tuple(
         ClassModel(c.name, band, c.motions, c.mode_transition, 0.99) for c in MODES.classes

@@ -132,7 +132,7 @@ def test_log_densities_are_finite_where_the_densities_underflow(a):
         assert np.isfinite(amplitude_density.log_target_density(value, linear(band_db))).all()
 
 
-def test_log_densities_tell_the_classes_apart_at_a_strong_amplitude():
+def test_log_densities_separate_the_classes_at_a_strong_amplitude():
     value = np.array([250.0])
     strong, weak = (
         amplitude_density.log_target_density(value, linear(b))[0] for b in PAPER_BANDS_DB

@@ -428,7 +428,7 @@ def moving(states, model, stamp_ns, speed, std):
     return reported.track_state.tolist()
 
 
-# Not yet known, tells that it moves, tells nothing again, rests, moves again.
+# Unknown, moving, unknown again, at rest, moving again.
 VELOCITIES = [(0.0, 5.0), (6.0, 2.0), (2.5, 4.0), (0.3, 0.5), (4.0, 0.5)]
 
 
@@ -468,15 +468,15 @@ def test_where_there_is_a_map_of_clutter_tracks_at_rest_are_not_reported(given, 
     ("given", "expected"),
     [({}, [False, True, False, False, True]), ({"mast.clutter_map_speed": 0.0}, [True] * 5)],
 )
-def test_among_reflectors_only_tracks_are_reported_that_tell_that_they_move(given, expected):
+def test_among_reflectors_only_tracks_in_evident_motion_are_reported(given, expected):
     model = resolve({**COAST, **given}).model
     assert states_by_scan(with_answers(model, 5)) == expected
-    # One that answers beside it makes no quay.
+    # One reply beside it makes no quay.
     alone = states_by_scan(model)
     assert states_by_scan(with_answers(model, 1)) == alone
 
 
-def test_a_radar_that_does_not_see_a_place_says_nothing_of_its_neighbourhood():
+def test_a_radar_that_does_not_see_a_place_leaves_its_neighbourhood():
     near = with_answers(resolve(COAST).model, 5)
     far = {"far.clutter_map": True, "far.position": [6e4, 0.0], "far.max_range": 2e4}
     both = resolve({**COAST, **far, "sensors": ["mast", "far"]}).model

@@ -162,7 +162,7 @@ def test_aircraft_out_of_sight_for_a_minute_has_its_number_again(engine):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_restored_engine_knows_aircraft_that_are_out_of_sight(engine):
+def test_restored_engine_remembers_aircraft_that_are_out_of_sight(engine):
     scans = crossing(range(12, 27))
     one, other = tracker(engine), tracker(engine)
     stepped(one, scans[:24])

@@ -19,7 +19,7 @@ def smoothed(*entries):
     return list(smoothed_sets(entries, send, receive))
 
 
-def test_each_set_hears_of_the_smoothed_next_one_through_its_link():
+def test_each_set_receives_the_smoothed_next_one_through_its_link():
     first = Entry(10, "a")
     second = Entry(20, "b", (Source(10, None, 3),), "ab")
     third = Entry(30, "c", (Source(20, None, 2),), "bc")
@@ -27,7 +27,7 @@ def test_each_set_hears_of_the_smoothed_next_one_through_its_link():
     assert smoothed(first, second, third) == ["c", b, f"a(None:0-3 {b} by ab)"]
 
 
-def test_sources_of_a_scan_hear_their_own_parts_of_one_message():
+def test_sources_of_a_scan_receive_their_own_parts_of_one_message():
     first, second = Entry(10, "a"), Entry(20, "b")
     gone, some, every = Source(5, None, 4), Source(10, (1, 2), 2), Source(20, None, 7)
     third = Entry(30, "c", (gone, some, every), "link")
@@ -38,14 +38,14 @@ def test_sources_of_a_scan_hear_their_own_parts_of_one_message():
     ]
 
 
-def test_set_hears_of_all_later_ones_that_continue_it_newest_first():
+def test_set_receives_messages_of_all_its_continuations_newest_first():
     first = Entry(10, "a")
     second = Entry(20, "b", (Source(10, (0,), 1),), "x")
     third = Entry(30, "c", (Source(10, (1,), 1),), "y")
     assert smoothed(first, second, third)[-1] == "a((1,):0-1 c by y; (0,):0-1 b by x)"
 
 
-def test_sets_without_a_link_or_with_sources_that_have_left_tell_nothing():
+def test_sets_without_a_link_or_with_expired_sources_send_no_message():
     first = Entry(10, "a")
     second = Entry(20, "b", (Source(10, None, 1),), None)
     third = Entry(30, "c", (Source(5, None, 1),), "gone")

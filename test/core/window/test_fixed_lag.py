@@ -108,7 +108,7 @@ def put(name, value):
         (lambda stored: stored.arrays.pop(f"filtered.{7 * SECOND}.weight"), "weight: missing"),
     ],
 )
-def test_restore_says_what_is_wrong_and_leaves_a_new_engine(change, named):
+def test_restore_reports_what_is_wrong_and_leaves_a_new_engine(change, named):
     of, fresh = engine(), engine()
     stepped_through(of, 0, 7)
     held = stored_and_read(of.snapshot())
@@ -171,7 +171,7 @@ def test_stamp_before_all_sets_has_no_targets():
     assert [len(estimates) for estimates in others] == [4, 4]
 
 
-def test_steps_tell_their_parts_and_figures():
+def test_steps_report_their_parts_and_figures():
     of, parts = engine(lag=2), []
     of.forward.done = parts.append
     assert of.step(sector(0)).figures == {"touched": 0}
@@ -181,7 +181,7 @@ def test_steps_tell_their_parts_and_figures():
     assert parts[2:] == ["extraction", "backward", "extraction"]
 
 
-def test_steps_by_period_tell_the_same_parts():
+def test_steps_by_period_report_the_same_parts():
     parts = []
     of = MarkEngine(MarkFilter(MODEL, done=parts.append), Lag(2), Schedule(SECOND * 3), rule(0.5))
     stepped_through(of, 0, 3)

@@ -67,7 +67,7 @@ def survival(since, until_ns):
 
 
 def filtered_at(targets, stamp_ns, latest):
-    """Return the weight of each target that exists at a stamp, as known after a scan."""
+    """Return the weight of each target that exists at a stamp, given all scans up to one."""
     weights = {}
     for number, target in enumerate(targets):
         known = [index for index in target.stored if index <= latest]
@@ -77,7 +77,7 @@ def filtered_at(targets, stamp_ns, latest):
 
 
 def smoothed_at(targets, stamp_ns, latest, linked):
-    """Return the same at a stamp as a later scan knows it; with links, by its last mark."""
+    """Return the same at a stamp, given a later scan; with links, by its last mark."""
     weights = {}
     for number, target in enumerate(targets):
         known = [index for index in target.stored if index <= latest]

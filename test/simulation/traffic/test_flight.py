@@ -34,7 +34,7 @@ def test_a_flight_turns_at_its_rates_and_accelerates_in_between():
     np.testing.assert_allclose(course, [0.0, 0.0, 60.0, 60.0, 60.0, 22.5], atol=1e-9)
 
 
-def test_a_flight_tells_the_turn_rate_of_its_leg():
+def test_a_flight_has_the_turn_rate_of_its_leg():
     rates = flown().states(np.array([10.0, 40.0, 59.0, 60.0, 100.0]))[:, 4]
     np.testing.assert_allclose(np.degrees(rates), [0.0, 3.0, 3.0, 0.0, -1.5])
 

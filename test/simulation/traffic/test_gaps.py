@@ -26,7 +26,7 @@ def test_gaps_are_of_fast_targets_that_are_there_before_and_after():
     for seed in range(20):
         found, faults = drawn(seed=seed)
         assert not faults
-        # Of one that taxis, and one that is there for too short a time, there are none.
+        # None for one that taxis, and for one that is there for too short a time.
         assert sorted(gap.number for gap in found) == [1, 4]
         for gap in found:
             own = FLIGHTS[gap.number - 1]

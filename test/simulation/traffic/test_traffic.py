@@ -18,7 +18,7 @@ def states(flight):
     return flight.states(np.arange(flight.start_s, flight.end_s, 0.5))
 
 
-def test_traffic_has_the_aircraft_that_it_is_told(flights):
+def test_traffic_has_the_given_aircraft(flights):
     assert len(flights) == 63
     for flight in flights:
         assert 0.0 <= flight.start_s < flight.end_s <= BUSY.duration_s + 1e-6
@@ -87,7 +87,7 @@ def test_entering_aircraft_come_in_over_the_edge_all_through_the_run():
     assert np.quantile([flight.start_s for flight in begun], 0.75) > 2000.0
 
 
-def test_traffic_flies_legs_and_turns_as_it_is_told():
+def test_traffic_flies_the_given_legs_and_turns():
     calm = replace(BUSY, straight_s=(300.0, 400.0), turn_deg=(5.0, 20.0))
     for flight in draw(calm)[:50]:
         turned = [np.degrees(abs(leg.turn_rate)) * leg.duration_s for leg in flight.legs]

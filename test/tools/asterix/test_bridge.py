@@ -6,12 +6,12 @@ import estimate_sets
 import numpy as np
 import pytest
 from asterix_reference import decoded, value
+from bag_content import messages, write
 
 from msg_adapters import detections, estimates, interfaces, names
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.types import SOURCES, Detections
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
@@ -57,8 +57,8 @@ def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
         "left out: none",
         "where radar_1_2 stands is not known: shapes and distances are right on the round earth, "
         "latitudes and longitudes are not; set radar_1_2.geodetic and world_origin",
-        "radar_1_2: 300 s of its plots do not tell its noise; that of the profile air_traffic is "
-        "used",
+        "radar_1_2: its noise cannot be estimated from 300 s of plots; that of the profile "
+        "air_traffic is used",
     ]
     found = reports(out)
     assert [report.stamp_ns - DAY_NS for report in found] == [
@@ -113,7 +113,7 @@ def test_framings_of_one_recording_give_the_same_bag(bridge, kind):
     assert one == other
 
 
-def test_radars_are_named_and_turned_as_parameters_say(bridge):
+def test_radars_are_named_and_turned_by_the_parameters(bridge):
     data = b"".join(
         part
         for pair in zip(made.turns(2, sic=1), made.turns(2, sic=9), strict=True)
@@ -142,7 +142,7 @@ def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
     assert BagReader(out).counts == {TOPIC: 8}
 
 
-def test_a_port_is_not_asked_of_recordings_that_do_not_say_it(bridge):
+def test_a_port_is_not_required_of_recordings_without_ports(bridge):
     blocks = enumerate(made.turns(1))
     data = b"".join(made.final(block, 1000.0 + k / 8.0) for k, block in blocks)
     status, out, said = bridge(data, "--port", "8600", "-p", "sectors:=8")
@@ -151,7 +151,7 @@ def test_a_port_is_not_asked_of_recordings_that_do_not_say_it(bridge):
     assert BagReader(out).counts == {TOPIC: 8}
 
 
-def test_wrong_clock_and_second_source_are_said(bridge):
+def test_wrong_clock_and_second_source_are_reported(bridge):
     blocks = [*made.turns(1, start_s=1000.0)]
     packets = []
     for k, block in enumerate(blocks):
@@ -172,7 +172,7 @@ def tracks(count):
     return [b"\x3e" + (6).to_bytes(2, "big") + b"\x80\x01\x02"] * count
 
 
-def test_recording_of_tracks_alone_fails_and_says_what_it_holds(bridge):
+def test_recording_of_tracks_alone_fails_with_its_contents(bridge):
     status, _, said = bridge(b"".join(tracks(20)))
     assert status == 3
     assert "0 of 20 records could be used; all records: CAT062 20; CAT062 is tracks" in said.err
@@ -197,7 +197,7 @@ def test_recording_whose_end_is_missing_is_used_and_fails(bridge):
     assert BagReader(out).counts[TOPIC] > 0
 
 
-def test_trailers_of_datagrams_are_said_and_no_faults(bridge):
+def test_trailers_of_datagrams_are_reported_and_no_faults(bridge):
     blocks = [*made.turns(1, seen=SEEN)]
     packets = [
         (round((1000.0 + k / 8.0) * 1e9), made.packet(block + b"\xee\xff\0\1" + bytes([k] * 4)))
@@ -324,21 +324,18 @@ TRUE = {1: (-10e3, 10e3, 200.0, 50.0), 2: (20e3, -5e3, 0.0, 200.0)}
 def with_estimates(by_sector):
     """Return a bag with estimates of two aircraft every 4 s, 2 m off in x."""
     out = by_sector.parent / "tracked"
-    with BagWriter(out) as bag:
-        for source in SOURCES:
-            bag.add_topic(Topic(names.estimates(source), names.CLOUD))
-        for time_s in range(1000, 1044, 4):
-            since_s = time_s - 1000.0
-            true = np.array([*TRUE.values()])
-            found = estimate_sets.estimates(
-                estimate_sets.states(true[:, :2] + since_s * true[:, 2:] + [2.0, 0.0], true[:, 2:]),
-                np.diag([900.0, 4.0, 400.0, 1.0, 1e-6]),
-                stamp_ns=time_s * 10**9,
-                track_id=np.array([*TRUE]),
-            )
-            data = interfaces.encode(estimates.to_msg(found, "map"))
-            for source in SOURCES:
-                bag.write(names.estimates(source), data, found.stamp_ns)
+    topics, entries = [names.estimates(source) for source in SOURCES], []
+    for time_s in range(1000, 1044, 4):
+        since_s = time_s - 1000.0
+        true = np.array([*TRUE.values()])
+        found = estimate_sets.estimates(
+            estimate_sets.states(true[:, :2] + since_s * true[:, 2:] + [2.0, 0.0], true[:, 2:]),
+            np.diag([900.0, 4.0, 400.0, 1.0, 1e-6]),
+            stamp_ns=time_s * 10**9,
+            track_id=np.array([*TRUE]),
+        )
+        entries += [(topic, estimates.to_msg(found, "map"), found.stamp_ns) for topic in topics]
+    write(out, topics, entries)
     (out / "parameters.yaml").write_bytes((by_sector / "parameters.yaml").read_bytes())
     return out
 
@@ -364,7 +361,7 @@ def test_detections_of_a_bag_go_to_asterix_and_back(by_sector, tmp_path, capsys)
         return np.concatenate(found)
 
     before, after = places(by_sector), places(again)
-    # The bag knows only where the antenna is from the first sectors on.
+    # The bag has the antenna's position only from the first sectors on.
     assert len(before) - 5 <= len(after) <= len(before)
     nearest = [np.abs(before[:, 1:] - row[1:]).max(axis=1).argmin() for row in after]
     np.testing.assert_allclose(after[:, 0], before[nearest, 0], atol=0.005)
@@ -374,10 +371,8 @@ def test_detections_of_a_bag_go_to_asterix_and_back(by_sector, tmp_path, capsys)
 def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
     bag, out = tmp_path / "bag", tmp_path / "plots.ast"
     measured = np.array([[400e3, 0.5], [474.2e3, 1.0]])
-    with BagWriter(bag) as written:
-        written.add_topic(Topic("/far/detections", names.CLOUD))
-        cloud = detections.to_msg(Detections(measured, np.ones(2)), 10**12, "far")
-        written.write("/far/detections", interfaces.encode(cloud), 10**12)
+    cloud = detections.to_msg(Detections(measured, np.ones(2)), 10**12, "far")
+    write(bag, ["/far/detections"], [("/far/detections", cloud, 10**12)])
     values = {"sensors": ["far"], "far.max_range": 5e5, "far.clutter_max_range": 5e5}
     bag_parameters.write(bag / bag_parameters.NAME, tracker_params.config(values).values)
     assert run("asterix_bridge", [str(bag), "--plots", "--out", str(out)]) == 0
@@ -446,17 +441,18 @@ def test_tracks_come_with_each_cloud_where_asked(with_estimates, tmp_path):
 
 def test_tracks_of_a_recording_that_begins_again_are_written_too(with_estimates, tmp_path):
     topic = names.estimates("filtered")
-    entries = list(BagReader(with_estimates).messages([topic]))
-    clouds = [interfaces.decode(entry.data, names.CLOUD) for entry in entries]
+    clouds = messages(with_estimates, topic)
 
     def tracks(begins):
         bag, out = tmp_path / f"bag_{len(begins)}", tmp_path / f"{len(begins)}.ast"
         received_ns = itertools.count(10**18, 10**9)
-        with BagWriter(bag) as written:
-            written.add_topic(Topic(topic, names.CLOUD))
+
+        def restamped():
             for begin, (index, cloud) in itertools.product(begins, enumerate(clouds)):
                 cloud.header.stamp.sec = begin + index
-                written.write(topic, interfaces.encode(cloud), next(received_ns))
+                yield topic, cloud, next(received_ns)
+
+        write(bag, [topic], restamped())
         assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
         return [r for r in decoded(out.read_bytes()) if r["category"] == 62]
 
@@ -467,13 +463,10 @@ def test_tracks_of_a_recording_that_begins_again_are_written_too(with_estimates,
 def test_outputs_do_not_go_on_through_a_gap_of_the_estimates(with_estimates, tmp_path):
     bag, out = tmp_path / "gap", tmp_path / "tracks.ast"
     topic = names.estimates("filtered")
-    first = next(iter(BagReader(with_estimates).messages([topic])))
-    with BagWriter(bag) as written:
-        written.add_topic(Topic(topic, names.CLOUD))
-        for time_s in (1, 2_000_000_000):
-            cloud = interfaces.decode(first.data, names.CLOUD)
-            cloud.header.stamp.sec = time_s
-            written.write(topic, interfaces.encode(cloud), time_s * 10**9)
+    ends = messages(with_estimates, topic)[:2]
+    for cloud, time_s in zip(ends, (1, 2_000_000_000), strict=True):
+        cloud.header.stamp.sec = time_s
+    write(bag, [topic], [(topic, cloud, cloud.header.stamp.sec * 10**9) for cloud in ends])
     assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
     records = decoded(out.read_bytes())
     # Predicted for 10 s, then ended, and there again.
@@ -493,10 +486,8 @@ def test_bag_of_which_less_than_half_becomes_asterix_fails(tmp_path, capsys):
     """Estimates that are no such clouds, as of another program on the topic."""
     bag, out = tmp_path / "bag", tmp_path / "tracks.ast"
     topic = names.estimates("filtered")
-    with BagWriter(bag) as written:
-        written.add_topic(Topic(topic, names.CLOUD))
-        for k in range(3):
-            cloud = detections.to_msg(Detections(np.ones((1, 2)), np.ones(1)), 10**9 * k, "map")
-            written.write(topic, interfaces.encode(cloud), 10**9 * k)
+    stamps_ns = [10**9 * k for k in range(3)]
+    none = Detections(np.ones((1, 2)), np.ones(1))
+    write(bag, [topic], [(topic, detections.to_msg(none, ns, "map"), ns) for ns in stamps_ns])
     assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 3
     assert "0% of its clouds could be used; dropped: schema 3" in capsys.readouterr().err

@@ -175,14 +175,14 @@ def test_bag_of_the_bridge_is_tracked_with_nothing_set(bridged, tmp_path):
     assert run("track_bag", [str(bag), "--out", str(tmp_path / "tracked")]) == 0
 
 
-def test_place_that_is_not_known_is_guessed_and_said(bridged):
+def test_unknown_position_is_guessed_and_reported(bridged):
     _, data = sweep(60.0, 4.0, targets(20, 100e3))
     _, _, said, given = bridged(data)
     assert given["world_origin"] == given["radar_1_2.geodetic"] == [0.0, 0.0, 0.0]
     assert "where radar_1_2 stands is not known" in said.out
 
 
-def test_files_of_tracks_say_that_a_guessed_place_is_not_true(bridged, tmp_path, capsys):
+def test_files_of_tracks_flag_a_guessed_position(bridged, tmp_path, capsys):
     _, data = sweep(40.0, 4.0, targets(20, 100e3))
     _, bag, _, _ = bridged(data)
     tracked, csv = tmp_path / "tracked", tmp_path / "tracks.csv"
@@ -190,7 +190,7 @@ def test_files_of_tracks_say_that_a_guessed_place_is_not_true(bridged, tmp_path,
     assert "latitudes and longitudes are not true" in capsys.readouterr().err
 
 
-def test_place_that_is_given_or_said_is_used(bridged):
+def test_given_or_reported_position_is_used(bridged):
     _, data = sweep(60.0, 4.0, targets(20, 100e3))
     names_ = ["-p", "radars:=[a]", "-p", "a.source:=[1, 2]"]
     _, _, said, given = bridged(data, *names_, "-p", "a.geodetic:=[50.0, 8.0, 90.0]", out="given")
@@ -250,11 +250,11 @@ def test_guessed_place_gives_the_ground_ranges_of_the_true_one(bridged, latitude
     number = np.round(compass / 0.05).astype(int) % len(turned)
     plane = SystemPlane(place)
     true = np.hypot(*plane.to_plane(north, longitude))[number]
-    # Steps of 1/256 NM in range, and 11 km up at 20 km tells much of them.
+    # Steps of 1/256 NM in range, and 11 km up at 20 km the effect is large.
     np.testing.assert_allclose(ground, true, atol=8.0)
 
 
-def test_clouds_have_no_sector_where_no_crossing_tells_one(bridged):
+def test_clouds_have_no_sector_without_a_crossing(bridged):
     _, data = sweep(30.0, 4.0, targets(20, 100e3))
     _, bag, _, _ = bridged(data)
     first = next(iter(BagReader(bag).messages()))

@@ -97,7 +97,7 @@ def test_turn_and_wobble_are_in_times_and_azimuths(approach):
     assert 0.5 * np.ptp(shown) == pytest.approx(expected, rel=0.02)
 
 
-def test_approach_radar_sends_some_plots_a_block_and_says_nothing_of_its_antenna(approach):
+def test_approach_radar_sends_some_plots_a_block_and_no_antenna_messages(approach):
     assert len(approach.plots) == len(approach.messages)
     data, at, sizes = approach.path.read_bytes(), 0, []
     while at < len(data):
@@ -137,7 +137,7 @@ def test_aircraft_out_of_sight_come_back_with_their_address(approach):
     assert lost >= 4
 
 
-def test_capture_says_when_plots_of_a_wrong_clock_came(en_route):
+def test_capture_times_plots_of_a_wrong_clock(en_route):
     received = np.array(en_route.plots_received) * 1e-9
     own = en_route.column("time_of_day") * TICK_S
     # The clock is ahead; a plot comes 0.3 s after the antenna has left its sector of 0.375 s.
@@ -148,7 +148,7 @@ def test_capture_says_when_plots_of_a_wrong_clock_came(en_route):
     assert np.mean(en_route.column("code") != NONE) > 0.8
 
 
-def test_en_route_radar_tells_each_sector_at_once(en_route):
+def test_en_route_radar_reports_each_sector_at_once(en_route):
     services = [
         (received * 1e-9, each)
         for received, each in zip(en_route.received, en_route.messages, strict=True)

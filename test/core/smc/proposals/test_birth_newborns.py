@@ -101,10 +101,10 @@ def test_the_velocities_of_others_stay(particles):
     [{"range_rate": np.array([3.0])}, {"time_s": np.array([0.2])}],
     ids=["range rate", "time"],
 )
-def test_a_scan_that_tells_of_velocities_leaves_them(column):
+def test_a_scan_with_range_rates_leaves_velocities(column):
     particles = resampled()
     assert spread_of(particles, scan(**column)) is particles
 
 
-def test_times_at_the_stamp_tell_nothing_of_velocities():
+def test_times_at_the_stamp_have_no_effect_on_velocities():
     assert len(spread_of(resampled(), scan(time_s=np.zeros(1)))) == COPIES.sum()

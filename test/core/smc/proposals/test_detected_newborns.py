@@ -98,7 +98,7 @@ def test_informed_takes_only_the_rows_that_are_touched():
     assert (found.state[::2] != rows.entry.stored.state[::2]).any()
 
 
-def test_informed_leaves_velocities_that_range_rates_tell():
+def test_informed_leaves_velocities_measured_by_range_rates():
     radars = tuple(replace(radar, range_rate=RangeRateModel(2.0)) for radar in MODEL.radars)
     rows, rng = newborn(), np.random.default_rng(0)
     model = replace(MODEL, radars=radars)

@@ -1,4 +1,7 @@
-"""Code that the launch files share and that needs no launch: arguments, names, when to respawn."""
+"""The arguments of the launch files: values, names of nodes, and when a node is started again.
+
+Nothing here imports launch, so that it can be tested without.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,7 @@ _BOOLEANS = {"true": True, "True": True, "1": True, "false": False, "False": Fal
 
 
 def booleans(given: Mapping[str, str]) -> dict[str, bool]:
-    """Return the values of launch arguments that are true or false.
-
-    Raises
-    ------
-    ConfigError
-        With every argument that is neither.
-    """
+    """Return the values of Boolean launch arguments; `ConfigError` lists all that are not."""
     faults = [
         f"{name}: {text!r} given, must be one of {', '.join(_BOOLEANS)}"
         for name, text in given.items()
@@ -35,26 +32,14 @@ def booleans(given: Mapping[str, str]) -> dict[str, bool]:
 
 
 def whole(name: str, text: str) -> int:
-    """Return the value of a launch argument that is a whole number.
-
-    Raises
-    ------
-    ConfigError
-        If it is none, or negative.
-    """
+    """Return the value of a launch argument that must be a whole number, at least 0."""
     if not (text.isascii() and text.isdigit() and len(text) < 10):
         raise ConfigError([f"{name}: {text!r} given, must be a whole number, at least 0"])
     return int(text)
 
 
 def rate(text: str) -> float:
-    """Return the value of the launch argument that is the rate of a replay.
-
-    Raises
-    ------
-    ConfigError
-        If the replay would refuse it.
-    """
+    """Return the rate of a replay; `ConfigError` if `sensor_replay` would refuse it."""
     try:
         given: float | str = float(text)
     except ValueError:
@@ -68,9 +53,9 @@ def full_namespace(pushed: str | None, given: str) -> str:
     Parameters
     ----------
     pushed : str or None
-        That of the group that the launch file is in (PushRosNamespace).
+        Namespace of the group that includes the launch file (PushRosNamespace).
     given : str
-        Relative to it, unless it begins with a slash.
+        Relative to `pushed`, unless it begins with a slash.
     """
     names = given.split("/") if given.startswith("/") else f"{pushed or ''}/{given}".split("/")
     return "/" + "/".join(filter(None, names))
@@ -82,7 +67,7 @@ def full_name(namespace: str, node: str) -> str:
 
 
 def load(params_file: str, tracker: str) -> TrackerConfig:
-    """Return the configuration of the tracker of that full name; without a file the defaults.
+    """Return the configuration in a file for the tracker of this full name, or the defaults.
 
     Raises
     ------
@@ -95,10 +80,7 @@ def load(params_file: str, tracker: str) -> TrackerConfig:
 
 
 def outputs(params_file: str, tracker: str, frames: bool) -> list[str]:
-    """Return the tracker's ``outputs`` with or without the radars' frames, whatever its file says.
-
-    The file is one that `load` takes.
-    """
+    """Return the ``outputs`` in a file that `load` accepts, with or without the radars' frames."""
     given = sections.read(Path(params_file)).values(tracker) if params_file else {}
     others = given.get("outputs", tracker_node.Node().outputs)
     return [*(name for name in others if name != "frames"), *(["frames"] if frames else [])]
@@ -106,13 +88,7 @@ def outputs(params_file: str, tracker: str, frames: bool) -> list[str]:
 
 @dataclass(frozen=True)
 class Demo:
-    """What a demo plays, and to which tracker.
-
-    Parameters
-    ----------
-    params_file : str
-        Of the tracker; empty for its defaults.
-    """
+    """The bag of a demo, and the tracker's parameter file, empty for the defaults."""
 
     bag: Path
     params_file: str
@@ -127,9 +103,9 @@ def demo(bag: str, params_file: str, tracker: str, out: Path) -> Demo:
     bag : str
         Path of a bag, or the name of a shipped one.
     params_file : str
-        Of the tracker; empty if there is none.
+        Parameter file of the tracker, or empty.
     tracker : str
-        Its full name.
+        Full name of the tracker.
     out : Path
         Directory for a parameter file with the tracker's name.
 
@@ -152,15 +128,5 @@ def demo(bag: str, params_file: str, tracker: str, out: Path) -> Demo:
 
 
 def is_final(status: int, ends: int, retries: int) -> bool:
-    """Return whether a node that has failed is not to be started again.
-
-    Parameters
-    ----------
-    status : int
-        Its exit status.
-    ends : int
-        How often it has ended by now.
-    retries : int
-        How often it may be started again.
-    """
+    """Return whether a node that ended with `status`, for the `ends`-th time, stays ended."""
     return status == USAGE or (status != OK and ends > retries)

@@ -1,4 +1,4 @@
-"""How a launch ends with another status than 0, which it does for an exception alone."""
+"""A failed node ends its launch with status 1: only an exception gives a launch another status."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from launch import Event, EventHandler, LaunchContext
 class Failure(Event):
     """A node has failed: the launch shuts down with status 1.
 
-    As an event, so that others learn of the node's end before.
+    It is an event, so that other handlers are informed of the node's end first.
     """
 
     name = "phd_jdtc_ros.Failure"
@@ -19,8 +19,8 @@ class Failure(Event):
         self.reason = reason
 
 
-def watched() -> RegisterEventHandler:
-    """Return the action that lets failures end the launch."""
+def handler() -> RegisterEventHandler:
+    """Return the action that ends the launch at a failure."""
     return RegisterEventHandler(
         EventHandler(
             matcher=lambda event: isinstance(event, Failure),

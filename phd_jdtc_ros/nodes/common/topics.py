@@ -1,0 +1,126 @@
+"""Topics: QoS that users can override, full names, and hints about topics without a publisher."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+from rclpy.subscription import Subscription
+
+from msg_adapters import interfaces
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.quoting import short
+
+# Largest number of topics in a hint.
+MAX_LISTED = 5
+
+
+def reliable(depth: int) -> QoSProfile:
+    """Return a reliable, volatile QoS.
+
+    It is a new one each time, because rclpy writes overrides into the profile that it is given.
+    """
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def latched(depth: int) -> QoSProfile:
+    """Return a new reliable QoS with which late subscribers receive the last messages too."""
+    qos = reliable(depth)
+    qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+    return qos
+
+
+@contextmanager
+def qos_of(topic: str) -> Iterator[None]:
+    """Raise `ConfigError` with the parameter if a QoS override is not valid in this block.
+
+    `topic` is the full name of the topic whose endpoint the block creates.
+    """
+    try:
+        yield
+    # rclpy raises these for an unknown policy, for a value of a wrong type, and for a refusal.
+    except (RuntimeError, ParameterException, ValueError, InvalidQosOverridesError) as error:
+        raise ConfigError([f"qos_overrides.{topic}: {error}"]) from error
+
+
+def full_name(node: Node, topic: str, parameter: str, given: str | None = None) -> str:
+    """Return the name of a topic after remapping.
+
+    Parameters
+    ----------
+    parameter : str
+        The parameter that the topic comes from, for the error.
+    given : str or None
+        The parameter's value; None if that is the topic.
+
+    Raises
+    ------
+    ConfigError
+        If there cannot be a topic of this name.
+    """
+    try:
+        name: str = node.resolve_topic_name(topic)
+    except RuntimeError as error:  # rcl's own, whose type is private
+        what = "topic" if given is None else "node"
+        value = topic if given is None else given
+        raise ConfigError([f"{parameter}: {value!r} given, must be a {what}'s name"]) from error
+    return name
+
+
+def subscribe(
+    node: Node,
+    message_type: type,
+    topic: str,
+    callback: Callable[..., None],
+    depth: int,
+    parameter: str,
+    given: str | None = None,
+) -> Subscription:
+    """Subscribe reliably, unless ``qos_overrides.TOPIC.subscription`` has another reliability.
+
+    `parameter`, `given` and errors are as in `full_name`; invalid QoS overrides are errors too.
+    """
+    options = QoSOverridingOptions.with_default_policies()
+    with qos_of(full_name(node, topic, parameter, given)):
+        return node.create_subscription(
+            message_type, topic, callback, reliable(depth), qos_overriding_options=options
+        )
+
+
+def publisher_hint(node: Node, topic: str, message_class: type) -> str:
+    """Return the fault of a topic without publishers of a type, empty if it has some.
+
+    It lists other topics of that type, except for the node's own. `topic` is a full name.
+    """
+    expected = interfaces.type_name(message_class)
+    types = {info.topic_type for info in node.get_publishers_info_by_topic(topic)}
+    if expected in types:
+        return ""
+    if types:
+        return f"{topic} is published as {', '.join(sorted(types))}, must be {expected}"
+    found = _topics_of(node, expected)
+    listed = ", ".join(map(short, found[:MAX_LISTED])) + (", ..." if found[MAX_LISTED:] else "")
+    where = f"is on {listed}" if found else "is on no other topic"
+    return f"no publisher on {topic}; {expected} {where}"
+
+
+def _topics_of(node: Node, type_name: str) -> list[str]:
+    """Return the topics on which other nodes publish messages of a type."""
+    name, namespace = node.get_name(), node.get_namespace()
+    own = {
+        topic
+        for listed in (
+            node.get_subscriber_names_and_types_by_node(name, namespace),
+            node.get_publisher_names_and_types_by_node(name, namespace),
+        )
+        for topic, _ in listed
+    }
+    return [
+        topic
+        for topic, types in node.get_topic_names_and_types()
+        if type_name in types and topic not in own and node.count_publishers(topic)
+    ]

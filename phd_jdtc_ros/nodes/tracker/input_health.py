@@ -1,0 +1,212 @@
+"""The health of the tracker's inputs, as diagnostics."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from msg_adapters import diagnostics, doubts, names
+from phd_jdtc_ros.calibration.innovations import Fit
+
+from ..common.health import WARNING_MEMORY_S, Condition, Rhythm, Rises, first
+from ..common.sequence_numbers import SequenceNumbers
+
+ERROR, STALE, WARN = DiagnosticStatus.ERROR, DiagnosticStatus.STALE, DiagnosticStatus.WARN
+
+# A radar is silent after this number of its usual intervals and the slack. Noticing it takes two
+# checks, up to 0.2 s, and the message its way: it is reported within half a second.
+SILENT_AFTER_SCANS, SILENCE_SLACK_S = 2.0, 0.25
+# A killed publisher stays in the graph for the middleware's lease, by default at most 20 s. Two
+# that are listed together for longer than this must both be alive.
+LEASE_S = 30.0
+# If more than this share of the time since a radar's previous message was spent on work, a loss is
+# the tracker's own: its queue overflows meanwhile. A loss on the way is as likely at any time.
+WORKING_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class Publishers:
+    """The publishers on a topic according to the graph, which lists a killed one for a while.
+
+    Parameters
+    ----------
+    identities : frozenset
+        One identifier per publisher.
+    incompatible : tuple of str
+        One reason per publisher whose QoS prevents receiving from it.
+    hint : str
+        Fault of a topic without publishers of the type; empty if it has some.
+    """
+
+    identities: frozenset[Hashable]
+    incompatible: tuple[str, ...] = ()
+    hint: str = ""
+
+
+@dataclass
+class InputHealth:
+    """One radar's stream of reports since the tracker was configured.
+
+    Parameters
+    ----------
+    topic : str
+        Its full name, after remapping.
+    rhythm : Rhythm
+        Intervals between its usable reports, by the wall clock.
+    turn_found_s : float
+        Estimated time of a turn that is not configured, seconds; 0 if there is none.
+    fit : Fit or None
+        The radar's innovations compared with its noise, if known.
+    """
+
+    name: str
+    topic: str
+    rhythm: Rhythm
+    received: int = 0
+    deadlines_missed: int = 0
+    incompatible_qos: int = 0
+    turn_found_s: float = 0.0
+    doubts: Counter[str] = field(default_factory=Counter)
+    dropped: Counter[str] = field(default_factory=Counter)
+    fit: Fit | None = None
+    _last_s: float | None = None
+    _worked_s: float = 0.0
+    _lost: int = 0
+    _lost_by_overload: int = 0
+    _numbering: SequenceNumbers = field(default_factory=SequenceNumbers)
+    _listed_since_s: dict[Hashable, float] = field(default_factory=dict)
+    _warnings: int = 0
+    _warning: str = ""
+    _rises: Rises = field(default_factory=Rises)
+
+    def arrived(self, now_s: float, sequence: int | None, worked_s: float) -> None:
+        """Count a message and those lost before it.
+
+        Parameters
+        ----------
+        sequence : int or None
+            Its publisher's number for it.
+        worked_s : float
+            Time that the tracker has worked so far, of `now_s`.
+        """
+        self.received += 1
+        if sequence is not None:
+            before = self.gaps
+            self._numbering.add(sequence)
+            if self.gaps > before and self._last_s is not None:
+                share = (worked_s - self._worked_s) / max(now_s - self._last_s, 1e-9)
+                self._lost += self.gaps - before
+                self._lost_by_overload += (self.gaps - before) * (share > WORKING_SHARE)
+        self._last_s, self._worked_s = now_s, worked_s
+
+    def pause(self) -> None:
+        """Let the next message begin a new series: messages until then were not expected."""
+        self._numbering.pause()
+        self.rhythm.pause()
+        self._last_s = None
+
+    @property
+    def gaps(self) -> int:
+        """Number of lost messages, as far as messages are numbered."""
+        return self._numbering.lost
+
+    def drop(self, reason: str, count: int = 1) -> None:
+        """Count detections or messages that were not used."""
+        self.dropped[reason] += count
+
+    def warn(self, counts: Counter[str], text: str) -> None:
+        """Count input that is used but contradicts its configuration, as the text describes."""
+        self.doubts += counts
+        self._warnings, self._warning = self._warnings + 1, text
+
+    def lost_by_overload(self, now_s: float) -> int:
+        """Return the number of messages lost recently because the tracker is too slow."""
+        return self._rises.recent("lost by overload", self._lost_by_overload, now_s)
+
+    def silent(self, checked_s: float) -> bool:
+        """Return whether nothing has arrived for `SILENT_AFTER_SCANS` of its usual intervals.
+
+        Parameters
+        ----------
+        checked_s : float
+            All messages that had arrived by this time have been received. Messages that wait in
+            the queue of a slow tracker must not count as silence.
+        """
+        if self._last_s is None:
+            return True
+        limit_s = SILENT_AFTER_SCANS * self.rhythm.interval_s + SILENCE_SLACK_S
+        return checked_s - self._last_s > limit_s
+
+    def status(
+        self, node: str, now_s: float, checked_s: float, publishers: Publishers
+    ) -> DiagnosticStatus:
+        """Return the radar's status; `checked_s` is as in `silent`."""
+        self._listed_since_s = {
+            identity: self._listed_since_s.get(identity, now_s)
+            for identity in publishers.identities
+        }
+        values: dict[str, object] = {"topic": self.topic, "received": self.received}
+        if self._last_s is not None:
+            values |= {"age_s": now_s - self._last_s, "interval_s": self.rhythm.interval_s}
+        values |= {
+            "gaps": self.gaps,
+            "deadlines_missed": self.deadlines_missed,
+            "incompatible_qos": self.incompatible_qos,
+            "publishers": len(publishers.identities),
+            **{f"dropped_{reason}": count for reason, count in sorted(self.dropped.items())},
+            **dict(sorted(self.doubts.items())),
+        }
+        if self.turn_found_s:
+            values["turn_found_ms"] = round(1e3 * self.turn_found_s)
+        if self.fit is not None and self.fit.seen:
+            ranges, azimuths = map(float, self.fit.axes)
+            values |= {"range_innovation": ranges, "azimuth_innovation": azimuths}
+        condition = self._condition(now_s, self.silent(checked_s), publishers)
+        return diagnostics.status(
+            names.health(self.name, node), values, *condition, names.hardware(self.name, node)
+        )
+
+    def _condition(self, now_s: float, silent: bool, publishers: Publishers) -> Condition:
+        """Return the worst condition.
+
+        A silent radar is STALE and not ERROR, because tracking goes on without it.
+        """
+        listed, several = len(publishers.identities), ""
+        if listed > 1:
+            several = (
+                f"{listed} publishers listed on {self.topic}, must be one; a killed one disappears "
+                "by itself"
+            )
+        age = "nothing received yet"
+        if self._last_s is not None:
+            age = f"silent for {now_s - self._last_s:.1f} s"
+        silence = "; ".join(filter(None, (age, several, publishers.hint)))
+        incompatible = f"incompatible QoS on {self.topic}: {'; '.join(publishers.incompatible)}"
+        shared = self._shared(now_s, silent)
+        warned = self._rises.recent("warnings", self._warnings, now_s)
+        dropped = self._rises.recent("dropped", self.dropped.total() + self.deadlines_missed, now_s)
+        lost, where = self._rises.recent("lost", self._lost, now_s), "on the way to the tracker"
+        if self.lost_by_overload(now_s):
+            where = "the tracker is too slow, see its step time"
+        noise = None if self.fit is None else doubts.of_noise(self.fit)
+        return first(
+            (ERROR, shared, f"several publishers on {self.topic}, must be one"),
+            (ERROR, publishers.incompatible, incompatible),
+            (ERROR, publishers.identities and publishers.hint, publishers.hint),
+            (STALE, silent, silence),
+            (WARN, several, several),
+            (WARN, warned, self._warning),
+            (WARN, lost, f"{lost} messages lost in the last {WARNING_MEMORY_S:g} s: {where}"),
+            (WARN, dropped, "input was dropped or missed its deadline"),
+            (WARN, noise, noise or ""),
+            (DiagnosticStatus.OK, True, "receiving"),
+        )
+
+    def _shared(self, now_s: float, silent: bool) -> bool:
+        """Return whether several publishers are alive, by their numbers or by the graph."""
+        if self._numbering.several and not silent:
+            return True
+        return sum(now_s - since_s > LEASE_S for since_s in self._listed_since_s.values()) > 1

@@ -1,0 +1,175 @@
+"""What track_bag refuses, and what it makes of damaged bags."""
+
+import numpy as np
+import pytest
+from bag_content import recorded
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from small_bags import chunked
+
+from msg_adapters import interfaces, names
+
+RADARS = [names.detections("radar_1"), names.detections("radar_2")]
+POSES = "geometry_msgs/msg/PoseArray"
+
+
+def foreign(file, topic, kind):
+    """Write an MCAP file whose topic has a type that is not installed."""
+    with file.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        schema = writer.register_schema(kind, "ros2msg", b"float64 x\n")
+        writer.register_channel(topic, "cdr", schema)
+        for radar in RADARS:
+            definition = interfaces.definition(names.CLOUD).encode()
+            schema = writer.register_schema(names.CLOUD, "ros2msg", definition)
+            if radar != topic:
+                writer.register_channel(radar, "cdr", schema)
+        writer.finish()
+    return file
+
+
+def test_track_bag_rejects_a_missing_bag(track, tmp_path, faults):
+    status, out = track(tmp_path / "none")
+    assert status == 2
+    assert faults() == [f"{tmp_path / 'none'}: no such bag"]
+    assert not out.exists()
+
+
+def test_track_bag_refuses_to_overwrite(short_bag, track, tmp_path, faults):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine").write_text("kept")
+    status, out = track(short_bag)
+    assert status == 2
+    assert faults() == [f"{out}: already exists, a bag is not overwritten"]
+    assert [path.name for path in out.iterdir()] == ["mine"]
+
+
+def test_track_bag_of_a_bag_without_a_radar_names_the_topic(short_bag, track, faults):
+    status, out = track(short_bag, "-p", "radar_2.topic:=/other")
+    assert status == 2
+    _, fault = faults()
+    assert fault == f"{short_bag}: /other is missing, must be {names.CLOUD}"
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("topic", "kind"),
+    [
+        (RADARS[0], "radar_msgs/msg/RadarScan"),
+        (names.TRUTH, POSES),
+        (names.TRUTH, "radar_msgs/msg/RadarTracks"),
+    ],
+)
+def test_track_bag_of_another_type_names_topic_and_type(track, tmp_path, faults, topic, kind):
+    bag = foreign(tmp_path / "foreign.mcap", topic, kind)
+    status, out = track(bag)
+    assert status == 2
+    assert faults() == [f"{bag}: {topic} is {kind}, must be {names.CLOUD}"]
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"no bag", b"\0" * 500])
+def test_track_bag_rejects_a_corrupt_bag(track, tmp_path, faults, content):
+    (tmp_path / "bad.mcap").write_bytes(content)
+    status, out = track(tmp_path / "bad.mcap")
+    assert status == 3
+    (fault,) = faults()
+    assert fault.startswith(f"{tmp_path / 'bad.mcap'}: ")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("content", ["nothing", "bag"])
+def test_track_bag_of_a_corrupt_bag_leaves_an_older_output_out_of_it(
+    short_bag, track, tmp_path, capsys, content
+):
+    (tmp_path / "bad.mcap").write_bytes(b"no bag")
+    if content == "bag":
+        assert track(short_bag)[0] == 0
+    else:
+        (tmp_path / "out").mkdir()
+    capsys.readouterr()
+    status, _ = track(tmp_path / "bad.mcap")
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert len(err.splitlines()) == 1
+    assert status in (2, 3)  # whichever of the two faults is seen first
+
+
+def test_track_bag_lists_every_fault_of_the_parameters(short_bag, track, faults):
+    status, out = track(
+        short_bag, "-p", "lag:=101", "-p", "engine:=best", "-p", "radar_3.yaw_deg:=0.0",
+    )  # fmt: skip
+    assert status == 2
+    listed = faults()
+    assert len(listed) == 3
+    assert listed[1].startswith("lag: 101 given, must be a whole number of scans from ")
+    assert listed[0].startswith("engine: 'best' given, must be one of ")
+    assert listed[2] == "radar_3.yaw_deg: unknown parameter"
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("value", ["[1,", "1" + "0" * 400, "{a: 1}", "", "1e400"])
+def test_track_bag_refuses_a_value_that_is_none_in_one_line(short_bag, track, faults, value):
+    status, out = track(short_bag, "-p", f"interval_s:={value}")
+    assert status == 2
+    (fault,) = faults()
+    assert "interval_s" in fault
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("given", ["0", "-1", "nan", "inf", "near"])
+def test_track_bag_refuses_a_cutoff_that_is_no_distance(short_bag, track, given, capsys):
+    with pytest.raises(SystemExit) as caught:
+        track(short_bag, f"--cutoff={given}")
+
+    assert caught.value.code == 2
+    assert f"--cutoff: {given} given, must be a number of at least" in capsys.readouterr().err
+
+
+def assert_tracks_what_precedes(status, out, end_ns, tracked):
+    assert status == 3
+    expected = [e for e in recorded(tracked) if e.stamp_ns < end_ns]
+    assert len(expected) >= 3
+    survivors = recorded(out)
+    assert len(expected) <= len(survivors) <= 8
+    assert len(recorded(out, "smoothed")) == len(survivors)
+    for one, other in zip(expected, survivors, strict=False):
+        assert one.stamp_ns == other.stamp_ns
+        np.testing.assert_array_equal(one.state, other.state)
+
+
+@pytest.mark.parametrize(
+    ("damage", "reason"), [("cut", ""), ("flipped", "is damaged: ")], ids=["cut", "flipped"]
+)
+def test_track_bag_of_a_bag_damaged_in_the_middle_tracks_what_precedes(
+    short_bag, track, tracked, tmp_path, faults, damage, reason
+):
+    bag = chunked(tmp_path / "small", short_bag, chunk_size=2000)
+    with bag.open("rb") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+    middle = chunks[len(chunks) // 2]
+    data = bytearray(bag.read_bytes())
+    at = middle.chunk_start_offset + middle.chunk_length // 2
+    if damage == "cut":
+        del data[at:]
+    else:
+        data[at] ^= 1
+    bag.write_bytes(data)
+    status, out = track(bag)
+    (fault,) = faults()
+    assert fault.startswith(f"{bag}: {reason}")
+    assert_tracks_what_precedes(status, out, middle.message_start_time, tracked)
+
+
+@pytest.mark.parametrize("kept", [5, 20, 1000, 0.5, 0.99])
+def test_track_bag_of_a_cut_bag_ends_with_one_line_and_status_3(
+    short_bag, track, tmp_path, faults, kept
+):
+    whole = (short_bag / "short_0.mcap").read_bytes()
+    bag = tmp_path / "cut.mcap"
+    bag.write_bytes(whole[: kept if kept > 1 else int(kept * len(whole))])
+    status, _ = track(bag)
+    assert status == 3
+    (fault,) = faults()
+    assert fault.startswith(f"{bag}: ")
