@@ -27,7 +27,7 @@ from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.parameter_files import sections
-from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
+from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
 from . import live, messages, traffic
 from .timing import percentiles
@@ -110,7 +110,7 @@ def _free() -> udp.Address:
 class _Site:
     """A radar that sends a scene, and a display that receives tracks."""
 
-    def __init__(self, reports: Sequence[Report], rotation_s: float) -> None:
+    def __init__(self, reports: Sequence[SimulatedReport], rotation_s: float) -> None:
         self.radar, self.display = _free(), _free()
         self._out = udp.sender(self.radar, "")
         self._in = udp.receiving_socket(self.display, "")
@@ -126,7 +126,7 @@ class _Site:
         self._out.close()
         self._in.close()
 
-    def send(self, report: Report) -> None:
+    def send(self, report: SimulatedReport) -> None:
         """Send a sector's plots and its crossing."""
         stamp_ns = report.stamp_ns + self._shift_ns
         found = report.detections
@@ -141,8 +141,8 @@ class _Site:
             with contextlib.suppress(ConnectionRefusedError):  # the bridge is not there yet
                 self._out.send(block)
 
-    def answered(self, report: Report, timeout_s: float) -> bool:
-        """Send a sector and return whether tracks came; the first one is repeated until they do.
+    def answered(self, report: SimulatedReport, timeout_s: float) -> bool:
+        """Send a sector and return whether tracks came; the first one again until they do.
 
         The bridge needs the first sector to know the antenna's position.
         """
@@ -157,7 +157,7 @@ class _Site:
             self.send(report)
         return self.wait_for(report, timeout_s)
 
-    def wait_for(self, report: Report, timeout_s: float) -> bool:
+    def wait_for(self, report: SimulatedReport, timeout_s: float) -> bool:
         """Wait for the tracks of a sector."""
         end = time.monotonic() + timeout_s
         while self.reply_to(report) is None:
@@ -166,7 +166,7 @@ class _Site:
             self.receive(0.05)
         return True
 
-    def reply_to(self, report: Report) -> tuple[float, int] | None:
+    def reply_to(self, report: SimulatedReport) -> tuple[float, int] | None:
         """Return when the tracks of a sector were received, and how many; None if they were not."""
         end_s = (report.stamp_ns + self._shift_ns) * 1e-9 % 86_400
         for time_s, reply in self._received.items():
@@ -191,7 +191,7 @@ class _Site:
                 self._tracks = 0
                 return
 
-    def in_real_time(self, reports: Sequence[Report]) -> dict[str, Any]:
+    def in_real_time(self, reports: Sequence[SimulatedReport]) -> dict[str, Any]:
         """Send every sector when the antenna has passed it, and return the figures."""
         self._received.clear()
         begin_s = time.monotonic() + 0.5 - 1e-9 * reports[0].stamp_ns

@@ -7,14 +7,14 @@ copy in a row of its own (`copies`).
   one block per destination mode. As in the paper, Step 4 is carried out at every lag, so all
   kernels are evaluated again each time. There is no gate, so the error of the smoother's gate is
   measured against this form.
-- Dense products are the dense form written for speed: each particle once, the
-  distances of a block by one matrix product, and every kernel kept for the other lags. By origin,
-  only particles of one origin are paired, origin by origin.
+- Dense products are the dense form as one would write it for speed: each particle once, the
+  distances of a block by one matrix product, and every kernel kept for the other lags. By label,
+  only particles of one label are paired, label by label.
 - The k-d tree form keeps the pairs within the smoother's gate, found by
   `scipy.spatial.cKDTree.sparse_distance_matrix` over all whitened coordinates.
 
-Where origins are targets (the default corrector), all but the form by origin find the same pairs
-and then drop those of different origins; births and spawned targets do not enter mu.
+Where labels are targets (the default corrector), all but the form by label find the same pairs
+and then drop those of different labels; births and spawned targets do not enter mu.
 
 None of them shares code with `phd_jdtc_ros.core.smc.kernel.backward_kernel`.
 """
@@ -32,7 +32,7 @@ from scipy.spatial import cKDTree
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.smc.correction import Corrector, scale_rows
-from phd_jdtc_ros.core.smc.kernel.backward_kernel import GATE_SIGMA, Transition
+from phd_jdtc_ros.core.smc.kernel.backward_kernel import KERNEL_GATE_SIGMA, Transition
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_step
 from phd_jdtc_ros.core.targets.motion import whitener
@@ -49,7 +49,7 @@ def copies(phd: ParticleSet) -> ParticleSet:
         phd,
         state=phd.state[row],
         mode=phd.mode[row],
-        origin=phd.origin[row],
+        row_label=phd.row_label[row],
         parent=phd.parent[row],
         multiplicity=np.ones(len(row), dtype=np.int64),
         poisson=phd.poisson[row] * share,
@@ -111,7 +111,7 @@ def dense(
             *_pair(earlier, later, model, mode, rows, sources, dt), _motion_noise(model, mode, dt)
         )
         if corrector.labelled:
-            kernel *= later.origin[rows][:, None] == earlier.origin[sources]
+            kernel *= later.row_label[rows][:, None] == earlier.row_label[sources]
         mu = born[rows] + kernel @ earlier.weight[sources]
         parents, rate = _parents(earlier, model, corrector, mode, dt)
         if len(parents):
@@ -131,12 +131,12 @@ def dense_products(
     return dense(earlier, later, model, corrector, dt, _product_gaussian)
 
 
-def dense_by_origin(
+def dense_by_label(
     earlier: ParticleSet, later: ParticleSet, model: TrackerModel, corrector: Corrector, dt: float
 ) -> Transition:
-    """Return the transition between particles of one origin, origin by origin, by products.
+    """Return the transition between particles of one label, label by label, by products.
 
-    Only with a corrector for which origins are targets.
+    Only with a corrector for which labels are targets.
     """
     survival = model.modes.survival(dt)[earlier.mode]
     blocks = []
@@ -144,7 +144,7 @@ def dense_by_origin(
         sources, share = _survivors(earlier, model, mode, dt)
         states, means = _pair(earlier, later, model, mode, rows, sources, dt)
         noise = _motion_noise(model, mode, dt)
-        for own, from_ in _by_origin(later.origin[rows], earlier.origin[sources]):
+        for own, from_ in _by_label(later.row_label[rows], earlier.row_label[sources]):
             kernel = share[from_] * _product_gaussian(states[own], means[from_], noise)
             mu = kernel @ earlier.weight[sources[from_]]
             kernel /= np.where(mu > 0.0, mu, 1.0)[:, None]
@@ -152,13 +152,13 @@ def dense_by_origin(
     return Transition(ratio=_Blocks(len(earlier), blocks), survival=survival, orphans=0)
 
 
-def _by_origin(later: IntArray, earlier: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
-    """Yield the indices of each origin that is in both."""
+def _by_label(later: IntArray, earlier: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
+    """Yield the indices of each label that is in both."""
     common = np.intersect1d(later, earlier)
     parts = []
-    for origin in (later, earlier):
-        order = np.argsort(origin, kind="stable")
-        ends = (np.searchsorted(origin[order], common, side=side) for side in ("left", "right"))
+    for label in (later, earlier):
+        order = np.argsort(label, kind="stable")
+        ends = (np.searchsorted(label[order], common, side=side) for side in ("left", "right"))
         parts.append([order[start:stop] for start, stop in zip(*ends, strict=True)])
     yield from zip(*parts, strict=True)
 
@@ -176,7 +176,7 @@ def k_d_tree(
             *_pair(earlier, later, model, mode, rows, sources, dt), _motion_noise(model, mode, dt)
         )
         if corrector.labelled:
-            own = later.origin[rows[near]] == earlier.origin[sources[source]]
+            own = later.row_label[rows[near]] == earlier.row_label[sources[source]]
             near, source, density = near[own], source[own], density[own]
         kernel = share[source] * density
         np.add.at(mu, rows[near], kernel * earlier.weight[sources[source]])
@@ -229,7 +229,7 @@ def _survivors(
 def _parents(
     earlier: ParticleSet, model: TrackerModel, corrector: Corrector, mode: int, dt: float
 ) -> tuple[IntArray, FloatArray]:
-    """Return the rows that can spawn into a flat mode within an origin, with their rates."""
+    """Return the rows that can spawn into a flat mode within a label, with their rates."""
     if corrector.labelled:
         return np.zeros(0, dtype=np.int64), np.zeros(0)
     rate = model.spawn.rate * dt / model.modes.interval_s
@@ -241,7 +241,7 @@ def _parents(
 def _born(later: ParticleSet, model: TrackerModel, corrector: Corrector, dt: float) -> FloatArray:
     """Return the birth intensity at every row, without a gate, shape (N,)."""
     total = np.zeros(len(later))
-    if corrector.labelled:  # births have new origins
+    if corrector.labelled:  # births have new labels
         return total
     for mode, rows in _destinations(later, model):
         support = list(model.modes.motions[mode].support)
@@ -322,7 +322,7 @@ def _near_gaussian(
         empty = np.zeros(0, dtype=np.int64)
         return empty, empty, np.zeros(0)
     pairs = cKDTree(state.T).sparse_distance_matrix(
-        cKDTree(mean.T), GATE_SIGMA, output_type="ndarray"
+        cKDTree(mean.T), KERNEL_GATE_SIGMA, output_type="ndarray"
     )
     return pairs["i"], pairs["j"], scale * np.exp(-0.5 * pairs["v"] ** 2)
 

@@ -10,7 +10,7 @@ from typing import Any
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.pipeline import LATE_REWORKED, Stepped
+from phd_jdtc_ros.core.pipeline import REPROCESSED, Stepped
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -94,7 +94,7 @@ def _steps(config: TrackerConfig, reports: Sequence[Report]) -> Iterator[tuple[f
         if stepped:
             yield taken, waiting
             waiting = False
-        waiting |= pipeline.take_doubts(radar)[LATE_REWORKED] > 0
+        waiting |= pipeline.take_anomalies(radar)[REPROCESSED] > 0
 
 
 def _median(steps: Sequence[tuple[float, bool]], settling: int) -> dict[str, float]:

@@ -50,7 +50,7 @@ class TimedEngine:
         if not isinstance(engine, FixedLagEngine):
             raise TypeError(f"engine: {config.engine} does not report the ends of its parts")
         self._engine: FixedLagEngine[Any, Any] = engine
-        self._engine.forward.done = self._note
+        self._engine.forward.on_stage_end = self._note
         self._interval_ns = round(config.model.modes.interval_s * 1e9)
         self._start = start
         self._latest_s = 0.0
@@ -69,7 +69,7 @@ class TimedEngine:
     @property
     def stored(self) -> Any:
         """The last stored set."""
-        return self._engine.forward.current[-1].entry.stored
+        return self._engine.forward.unswept[-1].entry.stored
 
     def _note(self, part: str) -> None:
         now = time.process_time()

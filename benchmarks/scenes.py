@@ -13,7 +13,8 @@ from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
-from phd_jdtc_ros.simulation.scenario import Scenario, TargetScript, Truth, paper_scenario, truth_at
+from phd_jdtc_ros.simulation.scenario import Scenario, Truth, paper_scenario, truth_at
+from phd_jdtc_ros.simulation.traffic.target_script import TargetScript
 
 # Targets are within this distance of (0, 0), metres; both radars cover all of it.
 FIELD_RADIUS = 13e3
@@ -112,7 +113,7 @@ def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenari
 def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> ParticleSet:
     """Return the set of a filter that tracks all targets, one interval before the scene begins.
 
-    Every target has its own origin, and ``particles_per_target`` rows with a total mass of one,
+    Every target has its own row_label, and ``particles_per_target`` rows with a total mass of one,
     about half of them in each motion of its class.
     """
     before: Truth = truth_at(scene, 0)
@@ -130,8 +131,8 @@ def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> 
     return ParticleSet(
         state=state,
         mode=mode,
-        # Negative, because the origins of births count from 0.
-        origin=-1 - target,
+        # Below those of births, which are counted from 0.
+        row_label=-1 - target,
         parent=np.full(len(target), -1),
         multiplicity=np.ones(len(target), dtype=np.int64),
         poisson=np.full(len(target), 1.0 / count),

@@ -21,7 +21,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Scan
-from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
+from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
 from . import live, messages, traffic
 from .timing import percentiles
@@ -75,7 +75,7 @@ def _arguments(engine: str) -> list[str]:
     return ["--ros-args", "--params-file", file, *(word for pair in changes for word in pair)]
 
 
-def _settle(radars: Radars, reports: Sequence[Report], sector_ns: int) -> bool:
+def _settle(radars: Radars, reports: Sequence[SimulatedReport], sector_ns: int) -> bool:
     """Send sectors, each when the one before has been answered; return whether all have been."""
     for report in reports:
         radars.send(_scan(report))
@@ -84,7 +84,9 @@ def _settle(radars: Radars, reports: Sequence[Report], sector_ns: int) -> bool:
     return True
 
 
-def _in_real_time(radars: Radars, reports: Sequence[Report], sector_ns: int) -> dict[str, Any]:
+def _in_real_time(
+    radars: Radars, reports: Sequence[SimulatedReport], sector_ns: int
+) -> dict[str, Any]:
     """Send every sector when it has been passed, and return the figures."""
     zero_s = time.monotonic() + PAUSE_S - 1e-9 * (reports[0].stamp_ns - sector_ns)
     for report in reports:
@@ -106,7 +108,9 @@ def _in_real_time(radars: Radars, reports: Sequence[Report], sector_ns: int) -> 
     }
 
 
-def latencies(reports: Sequence[Report], replies: Sequence[Reply], zero_s: float) -> FloatArray:
+def latencies(
+    reports: Sequence[SimulatedReport], replies: Sequence[Reply], zero_s: float
+) -> FloatArray:
     """Return the latency of every detection, seconds, shape (M,).
 
     Parameters
@@ -124,5 +128,5 @@ def latencies(reports: Sequence[Report], replies: Sequence[Reply], zero_s: float
     return np.concatenate([np.zeros(0), *late])
 
 
-def _scan(report: Report) -> Scan:
+def _scan(report: SimulatedReport) -> Scan:
     return Scan(report.stamp_ns, (report.detections,))

@@ -11,7 +11,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Pipeline, RunEnded
-from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
+from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
 from . import backends, sector_latency, traffic
 from .recursion import GAUSSIAN, PARTICLES
@@ -66,7 +66,7 @@ def cost(turns: int, settling: int = traffic.SETTLING) -> dict[str, Any]:
     return found
 
 
-def _by_turn(config: TrackerConfig, turns: int) -> Iterator[Sequence[Report]]:
+def _by_turn(config: TrackerConfig, turns: int) -> Iterator[Sequence[SimulatedReport]]:
     """Yield the reports of one turn after the other."""
     scene = traffic.scene(turns, config, seed=0)
     reports = iter(simulate_reports(scene, config.inputs, seed=0))
@@ -74,7 +74,7 @@ def _by_turn(config: TrackerConfig, turns: int) -> Iterator[Sequence[Report]]:
         yield list(itertools.islice(reports, max(config.inputs[0].sectors, 1)))
 
 
-def _take(pipeline: Pipeline, reports: Sequence[Report]) -> float:
+def _take(pipeline: Pipeline, reports: Sequence[SimulatedReport]) -> float:
     """Take in reports; return the expected number of targets after the last."""
     mass = 0.0
     for report in reports:

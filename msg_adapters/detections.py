@@ -81,7 +81,7 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     cloud : PointCloud2
         Range, azimuth, elevation, times, heights, range rates and standard deviations are floats;
         amplitude, sector, code, address and kind may also be integers. If the cloud lacks a
-        configured field that is not a coordinate, its quantity is unknown, which counts as a doubt.
+        configured field that is not a coordinate, its quantity is unknown: an anomaly.
     radar : RadarInput
         Field names, units and conventions. With an elevation or a height field, ranges are slant
         ranges.
@@ -107,7 +107,7 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     found = {what: columns[name] for what, (name, _) in named.items() if name in columns}
     report = select(stamps.of_header(cloud.header), radar, Columns(**found))
     lacking = Counter(f"{what}_missing" for what in missing if what != "level")
-    return replace(report, doubts=report.doubts + lacking) if lacking else report
+    return replace(report, anomalies=report.anomalies + lacking) if lacking else report
 
 
 def _recognised(radar: RadarInput, there: Collection[str]) -> RadarInput:

@@ -8,7 +8,13 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
-from phd_jdtc_ros.core.sensors.slant_range import LEAST, MAX_HEIGHT, Ground, over_ground, slant_of
+from phd_jdtc_ros.core.sensors.slant_range import (
+    MAX_HEIGHT,
+    MIN_SLANT_RANGE,
+    Ground,
+    over_ground,
+    slant_of,
+)
 from phd_jdtc_ros.core.types import Detections
 
 
@@ -116,5 +122,5 @@ def measure_at_antenna_height(detections: Detections, radar: RadarInput) -> Floa
         return np.stack([distance, azimuth, np.zeros(len(distance))], axis=1)
     own = np.full(len(distance), site.geodetic[2])
     slant, measured = site.to_slant(distance, azimuth, own)
-    sine = site.elevation_of(np.maximum(slant, LEAST), measured, own)
+    sine = site.elevation_of(np.maximum(slant, MIN_SLANT_RANGE), measured, own)
     return np.stack([slant, wrap_angle(measured), np.arcsin(np.clip(sine, -1.0, 1.0))], axis=1)

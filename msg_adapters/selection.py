@@ -48,8 +48,8 @@ class Report:
     dropped : Counter
         Points left out, by reason: ``not_finite``, ``height``, ``range``, ``azimuth``, ``time``,
         ``amplitude``.
-    doubts : Counter
-        Points, or messages, that are used but contradict their configuration; see `doubts`.
+    anomalies : Counter
+        Points, or messages, that are used but contradict their configuration; see `anomalies`.
     sector : int or None
         Number of the sector; None if unknown.
     """
@@ -57,7 +57,7 @@ class Report:
     stamp_ns: int
     detections: Detections
     dropped: Counter[str]
-    doubts: Counter[str] = field(default_factory=Counter)
+    anomalies: Counter[str] = field(default_factory=Counter)
     sector: int | None = None
 
 
@@ -151,7 +151,7 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
     repeated, kept = int(np.count_nonzero(repeats)), kept & ~repeats
     noise_std, unusable = _noise_std(columns, kept, radar)
     sector, confused = _sector(columns.sector, radar)
-    range_rate, rate_doubts = _range_rate(columns.range_rate, kept, radar)
+    range_rate, rate_anomalies = _range_rate(columns.range_rate, kept, radar)
     code, unusable_codes = identities.read(columns.code, kept, identities.CODES)
     address, unusable_addresses = identities.read(columns.address, kept, identities.ADDRESSES)
     range_rate_std, unusable_rates = _range_rate_std(columns.range_rate_std, kept)
@@ -169,16 +169,16 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
     )
     beyond = 0 if radar.azimuth_in_degrees else np.count_nonzero(turns[kept] > A_TURN)
     unknown = 0 if columns.height is None else np.count_nonzero(~np.isfinite(columns.height[kept]))
-    doubts = Counter(
+    anomalies = Counter(
         detections_repeated=repeated,
         azimuths_beyond_a_turn=int(beyond),
         heights_unknown=int(unknown),
         deviations_unusable=unusable + unusable_rates,
         sectors_unusable=confused,
         identities_unusable=unusable_codes + unusable_addresses,
-        **rate_doubts,
+        **rate_anomalies,
     )
-    return Report(stamp_ns - radar.bias.offset_ns, detections, dropped, +doubts, sector)
+    return Report(stamp_ns - radar.bias.offset_ns, detections, dropped, +anomalies, sector)
 
 
 def _repeats(columns: Columns) -> BoolArray:

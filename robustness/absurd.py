@@ -45,7 +45,8 @@ from phd_jdtc_ros.core.types import (
     Truth,
 )
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.evaluation.evaluation import Evaluation, PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.handover import checks
 from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params

@@ -90,8 +90,8 @@ def measure() -> Found:
     )
     prompt = max(answers) <= ANSWER_S and stop_s <= STOP_S and status == 0
     reached = prompt and memory_mb <= MEMORY_MB and counted
-    figures = {"answer_s": max(answers), "stop_s": stop_s, "memory_mb": memory_mb, "lost": lost[0]}
-    return text, reached, figures
+    details = {"answer_s": max(answers), "stop_s": stop_s, "memory_mb": memory_mb, "lost": lost[0]}
+    return text, reached, details
 
 
 def _answer_s(radars: Radars) -> float:

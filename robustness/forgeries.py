@@ -152,10 +152,10 @@ def _of_another(part: str) -> Change:
 
 def _of_particles() -> dict[str, Change]:
     return {
-        "a random state of huge numbers": lambda s: s.facts["filter.rng"]["state"].update(
+        "a random state of huge numbers": lambda s: s.json_values["filter.rng"]["state"].update(
             state=10**60
         ),
-        "no random state": lambda s: s.facts.pop("filter.rng"),
+        "no random state": lambda s: s.json_values.pop("filter.rng"),
         "states of other axes": _other_axes(f"{OLDEST}.state"),
         "states as text": _whole(f"{OLDEST}.state"),
         "survival above one": _put(f"{NEXT}.link.survival", 1.5),

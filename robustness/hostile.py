@@ -113,7 +113,7 @@ def measure_repeated() -> Found:
         seen = Detections(np.tile([5e3, 0.5], (copies, 1)), np.full(copies, 20.0))
         stamp_ns = DAY_NS + round(scan * config.model.modes.interval_s * NS)
         report = from_msg(to_msg(seen, stamp_ns, ""), OWN_LAYOUT)
-        counted += report.doubts["detections_repeated"]
+        counted += report.anomalies["detections_repeated"]
         for event in pipeline.add(0, report.stamp_ns, report.detections):
             if isinstance(event, Stepped):
                 targets += [len(own) for own in event.step.filtered]

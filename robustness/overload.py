@@ -87,8 +87,12 @@ def measure(count: int = SCANS) -> Found:
     return result(
         text,
         received + lost == sent and lost > 0 and growth <= MOST_KIB,
-        **{"sent": sent, "received": received, "gaps": lost, "factor": factor},
-        **{"sustainable_hz": 1.0 / (period * FACTOR), "memory_kib": growth},
+        sent=sent,
+        received=received,
+        gaps=lost,
+        factor=factor,
+        sustainable_hz=1.0 / (period * FACTOR),
+        memory_kib=growth,
     )
 
 

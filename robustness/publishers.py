@@ -40,9 +40,15 @@ def measure(restarts: int = RESTARTS, run_s: float = RUN_S) -> Found:
     )
     # Unless both publishers were listed, the restarts prove nothing.
     reached = needed is not None and errors == 0 and listed > 1 and gaps + gaps_of_restarted == 0
-    counts = {"scans": needed, "reports": len(levels), "errors": errors}
-    gaps += gaps_of_restarted
-    return result(text, reached, **counts, publishers_listed=listed, gaps=gaps)
+    return result(
+        text,
+        reached,
+        scans=needed,
+        reports=len(levels),
+        errors=errors,
+        publishers_listed=listed,
+        gaps=gaps + gaps_of_restarted,
+    )
 
 
 def _side_by_side() -> tuple[int | None, int]:

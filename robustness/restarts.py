@@ -10,7 +10,7 @@ from statistics import median
 
 from phd_jdtc_ros.nodes.tracker.name_claim import NEWCOMER_S
 
-from .figures import Found, measures, result
+from .figures import Found, measures
 from .radars import Radars
 from .rig import LIGHT, RELIABLE, Node, Rig
 from .stamps_and_time import BAG
@@ -156,6 +156,6 @@ def measure_second() -> Found:
         restarted = third.alive and bool(radars.answered)
     outcome = "goes on beside the first" if status is None else f"rc {status}: {message[0]}"
     text = f"{outcome}; restarted after kill -9: {'tracks' if restarted else 'held up'}"
-    times = {"status": status, "seconds": seconds}
     reached = status == 2 and alive and restarted
-    return result(text, reached, **times, first_goes_on=alive, restarted=restarted)
+    details = {"status": status, "first_goes_on": alive, "restarted": restarted}
+    return text, reached, {**details, "seconds": seconds}

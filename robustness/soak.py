@@ -73,7 +73,12 @@ def measure(count: int = SCANS) -> Found:
     return result(
         text,
         reached,
-        **{"scans": answered, "seconds": seconds, "growth_kib": growth, "not_finite": not_finite},
-        **{"descriptors": descriptors, "threads": threads, "load_average": os.getloadavg()[0]},
+        scans=answered,
+        seconds=seconds,
+        growth_kib=growth,
+        descriptors=descriptors,
+        threads=threads,
+        not_finite=not_finite,
+        load_average=os.getloadavg()[0],
         resident_kib={str(index): resident for index, resident, *_ in samples},
     )

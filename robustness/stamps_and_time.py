@@ -45,8 +45,12 @@ def measure_time_faults(loops: int = LOOPS, duration_s: float = 0.0) -> Found:
     return result(
         text,
         looped == back_jumps == loops and shuffled == ordered == late == 0,
-        **{"jumps_back": back_jumps, "resets": looped, "resets_of_shuffled": shuffled},
-        **{"resets_of_ordered": ordered, "late_of_ordered": late, "answered_of_ordered": answered},
+        jumps_back=back_jumps,
+        resets=looped,
+        resets_of_shuffled=shuffled,
+        resets_of_ordered=ordered,
+        late_of_ordered=late,
+        answered_of_ordered=answered,
     )
 
 
@@ -113,8 +117,8 @@ def measure_gap() -> Found:
         f"memory +{growth / 1024:.0f} MiB{'' if whole else ', scans lost'}"
     )
     reached = whole and short == 0 and epoch == 5 and growth <= 10_000_000 / 1024
-    resets = {"resets": epoch - short, "resets_of_short": short}
-    return result(text, reached, **resets, seconds=seconds, memory_kib=growth)
+    details = {"resets": epoch - short, "resets_of_short": short, "memory_kib": growth}
+    return text, reached, {**details, "seconds": seconds}
 
 
 @measures("silent radar alarm", "2 scans + 0.5 s")

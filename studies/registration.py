@@ -21,8 +21,8 @@ from rich.table import Table
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.calibration.registration.filtering import KINDS
 from phd_jdtc_ros.calibration.registration.result import Registration
-from phd_jdtc_ros.calibration.registration.sensors import RegistrationError, sensor
 from phd_jdtc_ros.calibration.registration.solution import register
+from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError, tracked_radar
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
@@ -78,7 +78,7 @@ def registration_of(scenario: Scenario, config: TrackerConfig, seed: int) -> Reg
     sensors = []
     for index, radar in enumerate(scenario.radars):
         own = [(each.stamp_ns, each.detections) for each in reports if each.radar == index]
-        sensors.append(sensor(plots_of(own), radar, scenario.start_ns, moving=False))
+        sensors.append(tracked_radar(plots_of(own), radar, scenario.start_ns, moving=False))
     return register(sensors, scenario.radars[0].name)
 
 

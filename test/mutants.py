@@ -103,7 +103,7 @@ PARTS = {
         ),
     ),
     "window": Part(
-        ("window/fixed_lag.py",),
+        ("window/fixed_lag.py", "window/window_rows.py"),
         ("window/test_fixed_lag.py", "window/test_window_enumeration.py"),
     ),
 }

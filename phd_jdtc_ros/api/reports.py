@@ -15,7 +15,7 @@ from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.polar_geometry import LEAST_RANGE
+from phd_jdtc_ros.core.sensors.polar_geometry import MIN_RANGE
 
 from .tables import Columns, numbers, require_column, rows_by_stamp, stamps_ns
 
@@ -183,7 +183,7 @@ class _Reader:
         std = np.full(len(x), self._range_std)
         if POSITION_STD in columns:
             std = numbers(columns, POSITION_STD)
-        across = np.minimum(std / np.maximum(distance, LEAST_RANGE), np.pi)
+        across = np.minimum(std / np.maximum(distance, MIN_RANGE), np.pi)
         return {
             "distance": distance,
             "azimuth": sent_columns.azimuth(np.arctan2(y, x) - self._yaw, radar),

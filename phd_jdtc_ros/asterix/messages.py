@@ -83,7 +83,7 @@ class ServiceMessage(NamedTuple):
     azimuth : float
         Azimuth that the antenna passes, radians clockwise from north; NaN if unknown.
     rotation_s : float
-        Time of a turn, seconds; NaN if unknown.
+        Rotation period, seconds; NaN if unknown.
     site : tuple of three floats or None
         Position of the radar: latitude and longitude, degrees, and height, metres.
     """

@@ -21,21 +21,22 @@ from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.targets.motion import MotionModel
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 
-# Number of innovations of a median, least number that shows that the noise is too large, and least
-# number that shows that it is too small: then few tracks are left, and the effect is strong.
-MEMORY, LEAST, FEW = 200, 30, 6
+# Number of innovations of a median, and least numbers that show that the noise is too large or too
+# small. If it is too small, few tracks are left, and the effect is strong.
+MEMORY, MIN_FOR_TOO_LARGE, MIN_FOR_TOO_SMALL = 200, 30, 6
 # Factor by which a track's detection must be nearer than the next one, and than to other tracks.
 APART = 3.0
 # Largest age of an estimate that is compared, in scans of the slowest radar.
-LATELY = 2.5
+MAX_AGE_SCANS = 2.5
 # Medians of chi-square distributions with one and with two degrees of freedom.
 ONE, TWO = 0.4549, 2.0 * np.log(2.0)
-# The noise is too small if squares exceed the expected ones by EXPECTED and the noise alone by
-# ALONE. Squares beyond the noise by BEYOND suffice, because tracks that are lost and born again are
-# so uncertain that any innovation is expected. The noise is too large if squares are below SMALLER
-# of the expected ones. With the right noise the shipped simulated recordings have 0.4 to 1.1 of the
-# expected squares and 0.7 to 3.5 of the noise's, at first up to 1.8 and 8.5; with a tenth of the
-# noise or less 60 and more of the noise's; with ten times the noise at most 0.1 of the expected.
+# The configured noise is too small if the median squared innovation exceeds EXPECTED times its
+# expected value and ALONE times the noise variance, or BEYOND times the noise variance alone (a
+# lost and reborn track is so uncertain that any innovation is expected). It is too large below
+# SMALLER times the expected value. Figures of the shipped recordings, as ratios to the expected
+# value and to the noise: right noise 0.4 to 1.1 and 0.7 to 3.5 (at the start up to 1.8 and 8.5);
+# noise ten times too small: ratio to the noise 60 and more; ten times too large: at most 0.1 of
+# the expected value.
 EXPECTED, ALONE, BEYOND, SMALLER = 1.2, 20.0, 1000.0, 0.2
 # A warning ends when the square has returned to this share of its threshold.
 BACK = 0.8
@@ -46,32 +47,31 @@ class Fit(NamedTuple):
 
     Parameters
     ----------
-    seen : int
         Number of innovations, at most `MEMORY`.
-    expected : float
+    ratio_to_expected : float
         Ratio of the median squared innovation to the expected one; NaN without any.
-    alone : float
+    ratio_to_noise : float
         The same ratio to the noise alone.
     axes : array of shape (2,)
         Ratio of the innovations of range and azimuth to the noise, as standard deviations.
-    larger, smaller : bool
-        Whether innovations show that the configured noise is too small, or too large.
+    noise_too_small, noise_too_large : bool
+        Whether the innovations show this of the configured noise.
     """
 
     radar: str
-    seen: int
-    expected: float
-    alone: float
+    innovations: int
+    ratio_to_expected: float
+    ratio_to_noise: float
     axes: FloatArray
-    larger: bool = False
-    smaller: bool = False
+    noise_too_small: bool = False
+    noise_too_large: bool = False
 
 
 class InnovationMonitor:
-    """Keeps the innovations of each radar's detections; it changes no estimate."""
+    """Stores the innovations of each radar's detections; it changes no estimate."""
 
     def __init__(self, model: TrackerModel) -> None:
-        self._kept: list[deque[FloatArray]] = [deque(maxlen=MEMORY) for _ in model.radars]
+        self._innovations: list[deque[FloatArray]] = [deque(maxlen=MEMORY) for _ in model.radars]
         self._fits = [_fit(radar, ()) for radar in model.radars]
         self._tracks: Estimates | None = None
         self.retune(model)
@@ -80,22 +80,22 @@ class InnovationMonitor:
         """Use another model of the same structure from the next scan on."""
         self._model = model
         turns_s = (radar.rotation_s for radar in model.radars)
-        self._lately_s = LATELY * max(model.modes.interval_s, *turns_s)
+        self._max_age_s = MAX_AGE_SCANS * max(model.modes.interval_s, *turns_s)
 
     def forget_tracks(self) -> None:
         """Begin a new run; the innovations stay."""
         self._tracks = None
 
-    def stepped(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
-        """Compare a scan's detections with the tracks before it, and keep those after it."""
+    def add_scan(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
+        """Compare a scan's detections with the tracks before it, and store the tracks after it."""
         tracks = self._tracks
         since_s = 0.0 if tracks is None else (scan.stamp_ns - tracks.stamp_ns) * 1e-9
-        if tracks is not None and len(tracks) and 0.0 < since_s <= self._lately_s:
-            for kept, radar, found in zip(
-                self._kept, self._model.radars, scan.detections, strict=True
+        if tracks is not None and len(tracks) and 0.0 < since_s <= self._max_age_s:
+            for innovations, radar, found in zip(
+                self._innovations, self._model.radars, scan.detections, strict=True
             ):
                 if found is not None and len(found):
-                    kept.extend(self._squares(radar.at(found.pose), found, tracks, since_s))
+                    innovations.extend(self._squares(radar.at(found.pose), found, tracks, since_s))
         if filtered:
             self._tracks = filtered[-1]
 
@@ -104,7 +104,7 @@ class InnovationMonitor:
     ) -> Iterator[FloatArray]:
         """Yield squared innovations relative to the expected ones, and by axis to the noise."""
         position = tracks.position + since_s * tracks.velocity
-        passed = radar.missable(radar.linearise(position)[0], found.coverage) > 0.5
+        passed = radar.coverage_probability(radar.linearise(position)[0], found.coverage) > 0.5
         row, column = _pairs(position, radar.to_world(found.measurement), passed)
         own = found.time_s
         after_s = since_s + (np.zeros(len(found)) if own is None else own)[column]
@@ -114,15 +114,15 @@ class InnovationMonitor:
         )
         innovation = found.measurement[column] - expected
         innovation[:, 1] = wrap_angle(innovation[:, 1])
-        noise = radar.deviations(found)[column]
+        noise = radar.noise_std_of(found)[column]
         variance = np.broadcast_to(noise**2, innovation.shape)
-        spread = slope @ self._spread(tracks, row, after_s) @ slope.swapaxes(-1, -2)
-        whole = spread + variance[:, :, None] * np.eye(2)
-        normal = np.linalg.solve(whole, innovation[:, :, None])[:, :, 0]
-        squares = (innovation * normal).sum(axis=1)
-        yield from np.column_stack([squares, innovation**2 / variance])
+        predicted = slope @ self._predicted(tracks, row, after_s) @ slope.swapaxes(-1, -2)
+        innovation_covariance = predicted + variance[:, :, None] * np.eye(2)
+        normal = np.linalg.solve(innovation_covariance, innovation[:, :, None])[:, :, 0]
+        distance2 = (innovation * normal).sum(axis=1)
+        yield from np.column_stack([distance2, innovation**2 / variance])
 
-    def _spread(self, tracks: Estimates, row: IntArray, after_s: FloatArray) -> FloatArray:
+    def _predicted(self, tracks: Estimates, row: IntArray, after_s: FloatArray) -> FloatArray:
         """Return the covariances of tracks' positions, predicted by `after_s`, (P, 2, 2)."""
         place, speed = list(tracks.space.position), list(tracks.space.velocity)
         covariance = tracks.covariance[row]
@@ -138,8 +138,10 @@ class InnovationMonitor:
     def fits(self) -> list[Fit]:
         """Return the comparison of each radar's innovations with its noise."""
         self._fits = [
-            _judge(_fit(radar, kept), before)
-            for radar, kept, before in zip(self._model.radars, self._kept, self._fits, strict=True)
+            _with_verdict(_fit(radar, innovations), before)
+            for radar, innovations, before in zip(
+                self._model.radars, self._innovations, self._fits, strict=True
+            )
         ]
         return self._fits
 
@@ -152,13 +154,13 @@ def _pairs(position: FloatArray, world: FloatArray, passed: BoolArray) -> tuple[
     near, column = cKDTree(world).query(position[row], k=2)
     column = column[:, 0]
     # The second distance is infinite if there is one detection only.
-    alone = near[:, 1] >= APART * near[:, 0]
-    row, column, near = row[alone], column[alone], near[alone, 0]
+    clear = near[:, 1] >= APART * near[:, 0]
+    row, column, near = row[clear], column[clear], near[clear, 0]
     if not len(row):
         return row, column
     others, _ = cKDTree(position).query(world[column], k=2)
-    alone = others[:, 1] >= APART * near
-    return row[alone], column[alone]
+    clear = others[:, 1] >= APART * near
+    return row[clear], column[clear]
 
 
 def _process_noise(motions: Sequence[MotionModel], dt: float) -> float:
@@ -172,19 +174,22 @@ def _process_noise(motions: Sequence[MotionModel], dt: float) -> float:
     )
 
 
-def _fit(radar: Sensor, kept: Sequence[FloatArray] | deque[FloatArray]) -> Fit:
-    if not kept:
+def _fit(radar: Sensor, innovations: Sequence[FloatArray] | deque[FloatArray]) -> Fit:
+    if not innovations:
         return Fit(radar.name, 0, np.nan, np.nan, np.full(2, np.nan))
-    squares = np.array(kept)
-    alone = float(np.median(squares[:, 1:].sum(axis=1))) / TWO
+    squares = np.array(innovations)
+    to_noise = float(np.median(squares[:, 1:].sum(axis=1))) / TWO
     axes = np.sqrt(np.median(squares[:, 1:], axis=0) / ONE)
-    return Fit(radar.name, len(squares), float(np.median(squares[:, 0])) / TWO, alone, axes)
+    return Fit(radar.name, len(squares), float(np.median(squares[:, 0])) / TWO, to_noise, axes)
 
 
-def _judge(fit: Fit, before: Fit) -> Fit:
+def _with_verdict(fit: Fit, before: Fit) -> Fit:
     """Return a fit with its verdict, which has hysteresis."""
-    share = BACK if before.larger else 1.0
-    larger = fit.alone > share * BEYOND
-    larger |= fit.expected > share * EXPECTED and fit.alone > share * ALONE
-    smaller = fit.expected < (SMALLER / BACK if before.smaller else SMALLER)
-    return fit._replace(larger=larger and fit.seen >= FEW, smaller=smaller and fit.seen >= LEAST)
+    share = BACK if before.noise_too_small else 1.0
+    too_small = fit.ratio_to_noise > share * BEYOND
+    too_small |= fit.ratio_to_expected > share * EXPECTED and fit.ratio_to_noise > share * ALONE
+    too_large = fit.ratio_to_expected < (SMALLER / BACK if before.noise_too_large else SMALLER)
+    return fit._replace(
+        noise_too_small=too_small and fit.innovations >= MIN_FOR_TOO_SMALL,
+        noise_too_large=too_large and fit.innovations >= MIN_FOR_TOO_LARGE,
+    )

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from phd_jdtc_ros.core.gaussian.bounds import Bounds
-from phd_jdtc_ros.core.intake.antenna import SHORTEST_S
+from phd_jdtc_ros.core.intake.antenna import MIN_PERIOD_S
 from phd_jdtc_ros.core.intake.input_checks import ReportWatch
 from phd_jdtc_ros.core.intake.poses import Platform
 from phd_jdtc_ros.core.intake.scans import ScanGrouper
 from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
-from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.smc.resampling import ParticleBudget
 from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule, rule_of
@@ -167,9 +166,9 @@ class TrackerConfig(Tracking):
                 *(radar.rotation_s, radar.sectors, radar.compass, self.reset_threshold_s),
                 azimuth_bias=radar.bias.azimuth,
                 # Without labels all targets are one row, and no part of them is updated alone.
-                shortest_s=SHORTEST_S if self.rule.labelled else math.inf,
+                min_period_s=MIN_PERIOD_S if self.rule.labelled and model.polar else math.inf,
             )
-            for radar in self.inputs
+            for radar, model in zip(self.inputs, self.model.radars, strict=True)
         )
 
     @property
@@ -190,12 +189,12 @@ class TrackerConfig(Tracking):
         """Return the platform of each radar, in the configured order, None for a fixed radar."""
         return tuple(
             platform_of(radar, model, self.reset_threshold_s)
-            for radar, model in zip(self.inputs, polar_radars(self.model.radars), strict=True)
+            for radar, model in zip(self.inputs, self.model.radars, strict=True)
         )
 
     def watches(self) -> tuple[ReportWatch, ...]:
         """Return new checks of each radar's reports, in the configured order."""
-        return tuple(map(watch_of, self.inputs, polar_radars(self.model.radars)))
+        return tuple(map(watch_of, self.inputs, self.model.radars))
 
 
 def resolve(

@@ -12,7 +12,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors import wgs84
-from phd_jdtc_ros.core.sensors.site import MOST_FROM_ORIGIN
+from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 from phd_jdtc_ros.core.targets import amplitude_density
 
 from .forms import FIXED
@@ -204,10 +204,10 @@ def _place(radar: RadarInput, parts: Parts) -> Faults:
         yield f"world_origin: [] given, must be a place on the earth, as {name}.geodetic is one"
     else:
         apart = math.dist(wgs84.to_cartesian(*place), wgs84.to_cartesian(*origin))
-        if apart > MOST_FROM_ORIGIN:
+        if apart > MAX_SITE_DISTANCE:
             yield (
                 f"{name}.geodetic: {place} given, is {apart / 1e3:.0f} km from world_origin, must "
-                f"be at most {MOST_FROM_ORIGIN / 1e3:.0f} km"
+                f"be at most {MAX_SITE_DISTANCE / 1e3:.0f} km"
             )
     if radar.position != (*REFERENCE.get(f"{name}.position", [0.0, 0.0]), 0.0):
         yield f"{name}.position: given beside geodetic, must be one of the two"

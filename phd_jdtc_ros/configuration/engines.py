@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.intake.input_checks import ResultWatch
-from phd_jdtc_ros.core.intake.out_of_sequence import LATE_REPORTS
+from phd_jdtc_ros.core.intake.out_of_sequence import POLICIES
 from phd_jdtc_ros.core.intake.turn_history import TurnHistory
 from phd_jdtc_ros.core.pipeline import EVERYWHERE, Pipeline, start_cold
 from phd_jdtc_ros.core.tracks.common_stamp import Schedule
@@ -110,7 +110,7 @@ def new_pipeline(
         config.watches(),
         ResultWatch(config.model.modes.interval_s),
         platforms,
-        LATE_REPORTS[config.late_reports](engine, len(turns)),
+        POLICIES[config.late_reports](engine, len(turns)),
         histories,
         config.region or EVERYWHERE,
         (config.model, config.rule),

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from phd_jdtc_ros.core.engine import Lag
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.tracks.region import Region
 
 from .schema import Form, number, numbers
@@ -215,5 +215,5 @@ BIASES = Form(
     "4 numbers: range within 100000 m, gain within 0.5, azimuth within 180 degrees, time within "
     "60 s",
     _read_biases,
-    lambda given: RadarBias(given[0], given[1], math.radians(given[2]), given[3]),
+    lambda given: SensorBias(given[0], given[1], math.radians(given[2]), given[3]),
 )

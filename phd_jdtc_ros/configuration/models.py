@@ -11,7 +11,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.attributes.height import HeightModel
 from phd_jdtc_ros.core.attributes.identity import ADDRESSES, CODES, IdentityModel
-from phd_jdtc_ros.core.attributes.memory import AttributeModel
+from phd_jdtc_ros.core.attributes.records import AttributeModel
 from phd_jdtc_ros.core.clutter.amplitude_law import ClutterAmplitude, Learned, LogNormal, Rayleigh
 from phd_jdtc_ros.core.clutter.grid import GroundGrid, PolarGrid
 from phd_jdtc_ros.core.clutter.map import ClutterMap
@@ -23,8 +23,9 @@ from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
+from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.sensors.site import Plane, Site
-from phd_jdtc_ros.core.sensors.slant_range import HeightReading
+from phd_jdtc_ros.core.sensors.slant_range import HeightProjection
 from phd_jdtc_ros.core.sensors.visibility import TURN_TOLERANCE, Visibility
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.targets.birth import BirthTerm
@@ -225,7 +226,9 @@ def radar_model(radar: RadarInput) -> RadarModel:
         if fields.range_rate
         else None,
         cluster_distance=radar.cluster_distance,
-        height_reading=HeightReading(radar.height, radar.datum, radar.site, radar.assumed_height)
+        height_projection=HeightProjection(
+            radar.height, radar.datum, radar.site, radar.assumed_height
+        )
         if fields.height and not fields.elevation
         else None,
     )
@@ -270,7 +273,7 @@ def _sector(begin_deg: float, end_deg: float, compass: bool) -> Coverage:
     return Coverage(math.radians(start), min(math.radians(width), FULL_TURN))
 
 
-def platform_of(radar: RadarInput, model: RadarModel, reset_threshold_s: float) -> Platform | None:
+def platform_of(radar: RadarInput, model: Sensor, reset_threshold_s: float) -> Platform | None:
     """Return the platform of a radar; None if the radar does not move."""
     if not radar.pose.topic:
         return None
@@ -278,8 +281,10 @@ def platform_of(radar: RadarInput, model: RadarModel, reset_threshold_s: float) 
     return Platform(track, Mount(model.position, model.yaw))
 
 
-def watch_of(radar: RadarInput, model: RadarModel) -> ReportWatch:
-    """Return the checks of a radar's reports against its configuration."""
+def watch_of(radar: RadarInput, model: Sensor) -> ReportWatch:
+    """Return the checks of a radar's reports against its configuration; none for other kinds."""
+    if not isinstance(model, RadarModel):
+        return ReportWatch()
     whole = model.visibility.fov.width > FULL_TURN - TURN_TOLERANCE
     ground_known = (
         radar.fields.height

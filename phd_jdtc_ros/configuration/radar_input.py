@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 from phd_jdtc_ros.core.clutter.rate import START_RATE
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.site import Site
 
 from . import forms
@@ -239,7 +239,7 @@ class RadarInput:
         choices=("enu_ccw", "compass_cw"),
     )
     azimuth_unit: str = parameter("rad", "Unit of azimuths.", choices=("rad", "deg"))
-    biases: RadarBias = parameter(
+    biases: SensorBias = parameter(
         [0.0, 0.0, 0.0, 0.0],
         "Biases that are subtracted from range (m), range per range, azimuth (degrees, in the "
         "radar's direction) and time (s; positive for late stamps). register estimates them.",
@@ -285,11 +285,11 @@ class RadarInput:
         return -1.0 if self.compass and self.message == "point_cloud" else 1.0
 
     @cached_property
-    def bias(self) -> RadarBias:
+    def bias(self) -> SensorBias:
         """Biases that are removed from its measurements, azimuths counter-clockwise."""
         return replace(self.biases, azimuth=self.biases.azimuth * self.sense)
 
-    def bias_parameters(self, bias: RadarBias) -> dict[str, list[float]]:
+    def bias_parameters(self, bias: SensorBias) -> dict[str, list[float]]:
         """Return the parameter for these biases, by dotted name."""
         azimuth_deg = math.degrees(bias.azimuth) * self.sense
         found = [bias.range_bias, bias.range_gain, azimuth_deg, bias.time_offset_s]

@@ -31,6 +31,7 @@ Where there are two kinds of inner loops, `backend` selects them and `numba_loop
 The packages import downwards only, see the contracts in ``pyproject.toml``::
 
     pipeline
+    events
     gaussian, smc
     window
     intake

@@ -12,9 +12,12 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 # scipy ships no type information.
 SparseArray = Any
-# `SHORT_RUN` is the mean length of a run of equal values above which a sum by runs is faster.
-# `FEW_VALUES` is the number of values up to which the test for runs costs more than it saves.
+# Golden ratio less 1: the fractional parts of its multiples are spread evenly, whatever their
+# number.
+GOLDEN_RATIO = 0.5 * (5.0**0.5 - 1.0)
+# Mean length of a run of equal values above which a sum by runs is faster.
 SHORT_RUN = 4
+# Number of values up to which the test for runs costs more than it saves.
 FEW_VALUES = 64
 # Largest number of cells per entry at which a table of all cells is faster than a sort of entries.
 CELLS_AN_ENTRY = 8
@@ -39,7 +42,7 @@ def contiguous(*arrays: Any) -> tuple[Any, ...]:
 
 
 def wrap_angle(angle: FloatArray) -> FloatArray:
-    """Return `angle` in radians wrapped to (-pi, pi]; shape kept."""
+    """Return `angle` in radians wrapped to (-pi, pi], elementwise."""
     wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
     inside: FloatArray = np.where(wrapped > -np.pi, wrapped, np.pi)  # rounding may reach -pi
     return inside

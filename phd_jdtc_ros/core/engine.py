@@ -95,11 +95,9 @@ class Engine(Protocol):
         ValueError
             If the stamp is not later than the previous one.
         """
-        ...
 
     def flush(self) -> tuple[Estimates, ...]:
         """Return the pending smoothed estimates, oldest first, and reset."""
-        ...
 
     def interrupt(self) -> tuple[Estimates, ...]:
         """Flush without reuse of track numbers.
@@ -107,23 +105,18 @@ class Engine(Protocol):
         This is for a gap after which the stamps continue to increase: a subscriber that follows
         tracks by number must not mistake a new target for an old one.
         """
-        ...
 
     def clutter_raster(self) -> ClutterRaster | None:
         """Return the learned clutter density; None if nothing was learned."""
-        ...
 
     def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
         """Use another model of equal structure and another rule from the next scan on."""
-        ...
 
     def reset(self) -> None:
         """Return to the initial state."""
-        ...
 
     def save_state(self) -> EngineState:
         """Return the engine's state, from which later scans can be reprocessed."""
-        ...
 
     def reprocess(self, scans: Sequence[tuple[EngineState, Scan]]) -> Reprocessed:
         """Reprocess scans, with other scans between them or other reports in them.
@@ -138,11 +131,9 @@ class Engine(Protocol):
             Every scan from some stamp on, in ascending order. The engine returns to the first
             `EngineState`; only the model and the rule of the others are used.
         """
-        ...
 
     def snapshot(self) -> Snapshot:
         """Return the engine's state; its arrays are shared and must not be changed."""
-        ...
 
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot as if the engine had never stopped.
@@ -157,7 +148,6 @@ class Engine(Protocol):
         ValueError
             If the snapshot does not fit; the engine is then reset.
         """
-        ...
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Snapshots: an engine's state as named arrays, to be stored and restored.
+"""An engine's state: saved by reference (`Stateful`), or as named arrays to be stored (`Snapshot`).
 
 A value type declares the bounds of the array with each field, for example
 ``mean: Annotated[FloatArray, floats("TD", -1e9, 1e9)]``. `to_snapshot` and `from_snapshot` follow
@@ -11,9 +11,10 @@ could have stored, so that none of them crashes the tracker or becomes an estima
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, Protocol, TypeVar, cast, get_args, get_type_hints
+from typing import Any, ClassVar, Protocol, TypeVar, cast, get_args, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -22,14 +23,14 @@ from scipy import sparse
 AnyArray = npt.NDArray[Any]
 T = TypeVar("T")
 # The latest stamp that a ROS message can have.
-MOST_STAMP_NS = (1 << 31) * 1_000_000_000 - 1
+MAX_STAMP_NS = (1 << 31) * 1_000_000_000 - 1
 # Bound on labels and rows; sums of them cannot overflow.
-MOST_INDEX = 1 << 60
+MAX_INDEX = 1 << 60
 # Largest component of a state: metres, metres per second, radians per second.
-MOST_STATE = 1e9
-# Largest mass of one target, and of the mass traced back to it. Both exceed 1 at times, because a
-# random draw preserves a mass only in the mean.
-MASS_SLACK = 100.0
+MAX_STATE = 1e9
+# Largest mass of a target, filtered or smoothed, that is accepted in a snapshot. It can exceed 1,
+# because random draws preserve the mass only on average.
+MAX_MASS = 100.0
 # Tolerance for rounding in the correlations of a covariance.
 ROUNDING = 1e-6
 
@@ -44,13 +45,13 @@ class Snapshot:
         Stamp of the last scan; None before the first.
     arrays : dict of name to array
         Arrays by dotted name.
-    facts : dict
-        Values that JSON can represent: the states of random generators.
+    json_values : dict
+        Values that are stored as JSON: the states of random generators.
     """
 
     stamp_ns: int | None
     arrays: dict[str, AnyArray] = field(default_factory=dict)
-    facts: dict[str, Any] = field(default_factory=dict)
+    json_values: dict[str, Any] = field(default_factory=dict)
 
     def array(self, name: str) -> AnyArray:
         """Return a stored array.
@@ -73,15 +74,17 @@ class Snapshot:
 
 
 class _Stored(Protocol):
-    """Storage of a field, and the bounds of its arrays."""
+    """Storage of a field under a key, by default the field's name, and bounds of its arrays."""
+
+    @property
+    def key(self) -> str:
+        """Name in the snapshot, if it is not the field's."""
 
     def put(self, snapshot: Snapshot, name: str, value: Any) -> None:
         """Store a value under a name."""
-        ...
 
     def get(self, snapshot: Snapshot, name: str, sizes: dict[str, int]) -> Any:
         """Return the value of a name; raises ValueError if the tracker could not have stored it."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -95,6 +98,7 @@ class _Array:
     below: str = ""
     ascending: bool = False
     covariances: bool = False
+    key: str = ""
 
     def put(self, snapshot: Snapshot, name: str, value: Any) -> None:
         snapshot.arrays[name] = np.asarray(value, None if self.shape else f"{self.kind}8")
@@ -124,6 +128,7 @@ class _Sparse:
     matrix: Any
     shape: str
     high: float = np.inf
+    key: str = ""
 
     def put(self, snapshot: Snapshot, name: str, value: Any) -> None:
         for part in ("data", "indices", "indptr"):
@@ -132,8 +137,8 @@ class _Sparse:
 
     def get(self, snapshot: Snapshot, name: str, sizes: dict[str, int]) -> Any:
         bounds = {"data": _Array("f", "n", 0.0, self.high)}
-        bounds |= {part: _Array("i", part[0], 0, MOST_INDEX) for part in ("indices", "shape")}
-        bounds["indptr"] = _Array("i", "p", 0, MOST_INDEX)
+        bounds |= {part: _Array("i", part[0], 0, MAX_INDEX) for part in ("indices", "shape")}
+        bounds["indptr"] = _Array("i", "p", 0, MAX_INDEX)
         parts = {part: bound.get(snapshot, f"{name}.{part}", {}) for part, bound in bounds.items()}
         shape = tuple(parts.pop("shape").tolist())
         _require_shape(name, shape, self.shape, sizes)
@@ -142,8 +147,48 @@ class _Sparse:
         return matrix
 
 
+class Stateful(Protocol):
+    """An object whose state is saved by reference, for reprocessing.
+
+    `STATE` names the attributes that change from scan to scan. Their values are replaced and never
+    modified, so that a shallow copy is enough to restore a state; an attribute that is `Stateful`
+    or a random generator saves its own state.
+    """
+
+    STATE: ClassVar[tuple[str, ...]]
+
+
+def shared_state(owner: Stateful) -> dict[str, Any]:
+    """Return the state of an object, for `restore_shared`; its values are shared."""
+
+    def saved(value: Any) -> Any:
+        if hasattr(value, "STATE"):
+            return shared_state(value)
+        return value.bit_generator.state if isinstance(value, np.random.Generator) else copy(value)
+
+    return {name: saved(getattr(owner, name)) for name in owner.STATE}
+
+
+def restore_shared(owner: Stateful, state: Mapping[str, Any]) -> None:
+    """Return an object to a saved state."""
+    for name in owner.STATE:
+        value: Any = getattr(owner, name)
+        if hasattr(value, "STATE"):
+            restore_shared(value, state[name])
+        elif isinstance(value, np.random.Generator):
+            value.bit_generator.state = state[name]
+        else:
+            setattr(owner, name, copy(state[name]))
+
+
 def integers(
-    shape: str, low: int, high: int = MOST_INDEX, *, below: str = "", ascending: bool = False
+    shape: str,
+    low: int,
+    high: int = MAX_INDEX,
+    *,
+    below: str = "",
+    ascending: bool = False,
+    key: str = "",
 ) -> _Stored:
     """Declare an array of integers.
 
@@ -157,8 +202,10 @@ def integers(
         Letter of an axis, in the place of `high`: all numbers are below the size of that axis.
     ascending : bool
         Whether the numbers must increase.
+    key : str
+        Name of the array in snapshots, if it is not the field's.
     """
-    return _Array("i", shape, low, high, below, ascending)
+    return _Array("i", shape, low, high, below, ascending, key=key)
 
 
 def floats(shape: str, low: float, high: float) -> _Stored:
@@ -196,14 +243,13 @@ def to_snapshot(value: Any, snapshot: Snapshot, name: str) -> None:
 
     Parameters
     ----------
-    value : dataclass or named tuple
     name : str
         The fields are stored under ``name.field``.
     """
     for part, (stored, _) in _fields(cast(Any, type(value))).items():
         content = getattr(value, part)
         if content is not None:
-            stored.put(snapshot, f"{name}.{part}", content)
+            stored.put(snapshot, f"{name}.{stored.key or part}", content)
 
 
 def from_snapshot(
@@ -227,7 +273,7 @@ def from_snapshot(
     """
     known, values = dict(sizes), others
     for part, (stored, optional) in _fields(cast(Any, kind)).items():
-        full = f"{name}.{part}"
+        full = f"{name}.{stored.key or part}"
         absent = optional and full not in snapshot.arrays
         values[part] = None if absent else stored.get(snapshot, full, known)
     return kind(**values)
@@ -253,11 +299,11 @@ def _require_covariances(name: str, array: AnyArray) -> None:
     scale = std[..., None] * std[..., None, :]
     used = scale > 0.0
     correlation = np.where(used, array / np.where(used, scale, 1.0), 0.0)
-    turned = correlation.swapaxes(-1, -2)
+    transposed = correlation.swapaxes(-1, -2)
     if (
         (variance < 0.0).any()
         or array[~used].any()
-        or (np.abs(correlation - turned) > ROUNDING).any()
+        or (np.abs(correlation - transposed) > ROUNDING).any()
         or np.linalg.eigvalsh(correlation).min(initial=0.0) < -ROUNDING
     ):
         raise ValueError(f"{name}: not a covariance")

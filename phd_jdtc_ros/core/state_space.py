@@ -16,7 +16,6 @@ class StateSpace:
 
     Parameters
     ----------
-    axes : tuple of D str
     position, velocity : tuples of int
         Axes in the world frame, x first; metres and metres per second.
     turn_rate : int

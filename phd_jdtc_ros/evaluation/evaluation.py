@@ -4,27 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES
+from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 
 from .accumulators.gaps import LONG_GAP_S
 from .accumulators.tracks import OSPA2_WINDOW
 from .comparison import ALL, PairedScan, PointSet, class_set
 from .metric_table import reduction
+from .passes import Passes, put
 from .run_scores import RunScores, ScanScore
 from .true_tracks import TrueTracks, without_slow
-
-__all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
-
-# A repeated stamp of the truth begins a new pass if more than JUMP_SCANS known stamps are later;
-# otherwise it is ignored as a duplicate. RESET_THRESHOLD_SCANS is the tracker's counterpart.
-JUMP_SCANS = 3
-
-Key = TypeVar("Key")
-Value = TypeVar("Value")
 
 
 @dataclass
@@ -75,18 +67,14 @@ class Evaluation:
     _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)
     # Stamps with a score of one source only so far, and this source.
     _half: dict[int, str] = field(init=False, default_factory=dict)
-    # Stamps of the truth and scored (source, stamp) in this pass; `_owed` are the (source, stamp)
-    # of the previous pass whose estimates were still to come.
-    _seen: dict[int, None] = field(init=False, default_factory=dict)
-    _done: dict[tuple[str, int], None] = field(init=False, default_factory=dict)
-    _owed: set[tuple[str, int]] = field(init=False, default_factory=set)
+    _passes: Passes = field(init=False)
     _scans: int = field(init=False, default=0)
     # Number of slow targets, summed over all scores.
     _slow: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
         self.scores = {source: {} for source in SOURCES}
-        self._truth = TrueTracks(self.keep)
+        self._truth, self._passes = TrueTracks(self.keep), Passes(self.keep)
         settings = self.classes, self.cutoff, self.order
         self._runs = {source: RunScores(*settings) for source in SOURCES}
 
@@ -103,17 +91,14 @@ class Evaluation:
         samples or more have no estimates, as with a longer period of output.
         """
         apart = max(_interval_ns(scores) for scores in self.scores.values())
-        return self._between or apart >= 2.0 * _interval_ns(self._seen) > 0.0
+        return self._between or apart >= 2.0 * _interval_ns(self._passes.stamps) > 0.0
 
     def add_truth(self, stamp_ns: int, truth: PointSet) -> list[ScanScore]:
         """Add the targets of a stamp; return the scores that became possible."""
-        if stamp_ns in self._seen:
-            if sum(other > stamp_ns for other in self._seen) <= JUMP_SCANS:
-                self.repeated += 1
-                return []
-            self._begin_pass()
+        if not self._passes.add_truth(stamp_ns):
+            self.repeated += 1
+            return []
         self.truth_scans += 1
-        self._put(self._seen, stamp_ns, None)
         self._truth.add(stamp_ns, truth)
         scores = []
         for source, waiting_ns in sorted(self._waiting, key=_by_stamp):
@@ -126,44 +111,28 @@ class Evaluation:
     def add_estimates(self, source: str, stamp_ns: int, estimate: PointSet) -> list[ScanScore]:
         """Add a source's estimates of a stamp; return the scores that became possible."""
         key = source, stamp_ns
-        if key in self._owed:
-            self._owed.remove(key)
-        elif key in self._done or key in self._waiting:
+        repeated = self._passes.is_scored(key) or key in self._waiting
+        if not self._passes.take_due(key) and repeated:
             self.repeated += 1
             return []
         targets = self._truth.at(stamp_ns)
         if targets is None:
-            self._put(self._waiting, key, estimate)
+            put(self._waiting, key, estimate, self.keep)
             return []
         return [self._score(source, stamp_ns, targets, estimate)]
-
-    def _begin_pass(self) -> None:
-        """Allow stamps to be scored again; the last estimates of a pass arrive after its end."""
-        stamps = {*self._seen, *(stamp for _, stamp in self._done)}
-        self._owed = {(source, stamp) for source in SOURCES for stamp in stamps}
-        self._owed.difference_update(self._done)
-        self._done.clear()
-        self._seen.clear()
-
-    def _put(self, store: dict[Key, Value], key: Key, value: Value, each: int = 1) -> None:
-        """Store the newest entry, and remove the oldest ones beyond `each` times `keep`."""
-        store.pop(key, None)
-        store[key] = value
-        while self.keep is not None and len(store) > each * self.keep:
-            del store[next(iter(store))]
 
     def _score(
         self, source: str, stamp_ns: int, targets: PointSet, estimate: PointSet
     ) -> ScanScore:
-        judged, found = without_slow(targets, estimate, self.least_speed, self.cutoff)
-        self._slow += len(targets) - len(judged)
-        scan = PairedScan.of(stamp_ns, judged, found, self.cutoff)
+        fast, found = without_slow(targets, estimate, self.least_speed, self.cutoff)
+        self._slow += len(targets) - len(fast)
+        scan = PairedScan.of(stamp_ns, fast, found, self.cutoff)
         score = ScanScore(source, stamp_ns, self._runs[source].add(scan))
-        self._put(self.scores[source], stamp_ns, score)
-        self._put(self._done, (source, stamp_ns), None, len(SOURCES))
+        put(self.scores[source], stamp_ns, score, self.keep)
+        self._passes.record((source, stamp_ns))
         self._between |= stamp_ns not in self._truth
         if self._half.get(stamp_ns, source) == source:
-            self._put(self._half, stamp_ns, source)
+            put(self._half, stamp_ns, source, self.keep)
         else:
             del self._half[stamp_ns]
             self._scans += 1

@@ -19,8 +19,8 @@ GROUPS: dict[Group, tuple[Metric, ...]] = {
     for group in dict.fromkeys(metric.group for metric in METRICS)
 }
 # Metrics of every set in `metrics.json`, and metrics of all targets only.
-OF_SETS = tuple(m for group, metrics in GROUPS.items() if group.of_sets for m in metrics)
-OF_ALL = tuple(m for group, metrics in GROUPS.items() if not group.of_sets for m in metrics)
+SET_METRICS = tuple(m for group, metrics in GROUPS.items() if group.of_sets for m in metrics)
+GLOBAL_METRICS = tuple(m for group, metrics in GROUPS.items() if not group.of_sets for m in metrics)
 # Names of the values that the evaluator publishes per scan and set, and as single numbers.
 PUBLISHED = tuple(name for each in ACCUMULATORS for name in each.published)
 PLOTTED = tuple(name for each in ACCUMULATORS for name in each.plotted)

@@ -12,7 +12,7 @@ from .accumulator import Accumulator, Metric
 from .accumulators import ACCUMULATORS, consistency
 from .accumulators.pairs import confusion_matrix
 from .comparison import ALL, Comparison, PairedScan, set_names
-from .metric_table import BY_KEY, OF_ALL, OF_SETS
+from .metric_table import BY_KEY, GLOBAL_METRICS, SET_METRICS
 from .totals import Totals
 
 # Values of a scan by set and name; None for a missing value.
@@ -106,16 +106,17 @@ class RunScores:
         Returns
         -------
         dict
-            The figures of `OF_SETS` by set; for all targets also the figures of `OF_ALL` and
-            ``confusion``, the `confusion_matrix` of the run. None for an undefined figure.
+            The figures of `SET_METRICS` by set; for all targets also the figures of
+            `GLOBAL_METRICS` and ``confusion``, the `confusion_matrix` of the run. None for an
+            undefined figure.
         """
         totals = self._totals()
-        of_sets = {metric.key: _by_set(metric, totals) for metric in OF_SETS}
+        of_sets = {metric.key: _by_set(metric, totals) for metric in SET_METRICS}
         result: dict[str, dict[str, Any]] = {
             key: {name: figures[row] for name, figures in of_sets.items()}
             for row, key in enumerate(self._sets)
         }
-        result[ALL].update((metric.key, _by_set(metric, totals)[0]) for metric in OF_ALL)
+        result[ALL].update((metric.key, _by_set(metric, totals)[0]) for metric in GLOBAL_METRICS)
         result[ALL]["confusion"] = self._confusion.tolist() if self.scans else None
         return result
 

@@ -33,7 +33,7 @@ class Notices(Protocol):
         """Take the numbers of reports that waited for poses in vain, by reason."""
 
     def warn(self, radar: int, counts: Counter[str]) -> None:
-        """Take the numbers of contradictions of the configuration; see `doubts`."""
+        """Take the numbers of contradictions of the configuration; see `anomalies`."""
 
     def turning(self, radar: int, turn_s: float) -> None:
         """Take the estimated time of a turn, seconds; 0 if it is configured or unknown."""
@@ -48,7 +48,7 @@ class Notices(Protocol):
 class Monitor(Protocol):
     """Watches the scans that are stepped."""
 
-    def stepped(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
+    def add_scan(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
         """Take a scan and its filtered estimates."""
 
     def forget_tracks(self) -> None:
@@ -91,8 +91,8 @@ class Feed:
         """Take in a report; see `message`."""
         self._notices.read(radar, report)
         events = self.pipeline.add(radar, report.stamp_ns, report.detections, report.sector)
-        self._notices.warn(radar, report.doubts + self.pipeline.take_doubts(radar))
-        self._notices.turning(radar, self.pipeline.turn_found_s(radar))
+        self._notices.warn(radar, report.anomalies + self.pipeline.take_anomalies(radar))
+        self._notices.turning(radar, self.pipeline.first_period_s(radar))
         if isinstance(events, Rejection):
             self._notices.rejected(radar, events.value, report)
             return None
@@ -135,8 +135,8 @@ class Feed:
                 if isinstance(event, RunEnded):
                     monitor.forget_tracks()
                 else:
-                    monitor.stepped(event.scan, event.step.filtered)
+                    monitor.add_scan(event.scan, event.step.filtered)
             yield event
         for radar in range(self._radars):
             self._notices.lost_later(radar, self.pipeline.take_drops(radar))
-            self._notices.warn(radar, self.pipeline.take_doubts(radar))
+            self._notices.warn(radar, self.pipeline.take_anomalies(radar))

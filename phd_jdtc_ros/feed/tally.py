@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from msg_adapters import doubts
+from msg_adapters import anomalies
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.selection import Report
 from phd_jdtc_ros.calibration.innovations import Fit
@@ -75,30 +75,30 @@ class Tally:
     def stepped(self, event: Stepped) -> None:
         """Record whether targets were found."""
         self._targets_seen |= event.step.targets > 0
-        self._overdue = event.overdue or self._overdue
+        self._overdue = event.scans_without_targets or self._overdue
 
     def about_radars(self) -> Iterator[tuple[int, str]]:
         """Yield each contradiction of the configuration once, with the radar's index."""
         for index, radar in enumerate(self._config.inputs):
-            for text in doubts.of(radar, self._warned[index]):
+            for text in anomalies.of(radar, self._warned[index]):
                 yield index, text
 
     def about_targets(self) -> Iterator[str]:
         """Yield the warning that no target was ever reported, if some are overdue."""
         if self._overdue and not self._targets_seen:
-            yield doubts.no_targets(self._overdue)
+            yield anomalies.no_targets(self._overdue)
 
     def warnings(self, fits: Sequence[Fit]) -> Iterator[str]:
         """Yield all warnings of a run; `fits` are the innovations of the radars."""
         listed = list(self.about_radars())
         for index, radar in enumerate(self._config.inputs):
             if index in self._without_amplitude and len(self._config.model.modes.classes) > 1:
-                yield doubts.no_amplitude(radar)
+                yield anomalies.no_amplitude(radar)
             if self._turns_s[index]:
-                yield doubts.turn_found(radar, self._turns_s[index])
+                yield anomalies.turn_found(radar, self._turns_s[index])
             yield from (f"{radar.topic}: {text}" for own, text in listed if own == index)
         for radar, fit in zip(self._config.inputs, fits, strict=True):
-            wrong = doubts.of_noise(fit)
+            wrong = anomalies.of_noise(fit)
             if wrong is not None:
                 yield f"{radar.topic}: {wrong}"
         yield from self.about_targets()

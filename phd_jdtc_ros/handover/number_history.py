@@ -31,7 +31,8 @@ class Numbers:
     Parameters
     ----------
     wait_ns : int
-        Longest delay after a stamp with which its tracks receive their numbers.
+        Longest time after a stamp at which a track of this stamp may still receive its number,
+        nanoseconds.
     """
 
     wait_ns: int

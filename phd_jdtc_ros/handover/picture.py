@@ -107,7 +107,7 @@ class JointPicture:
 
     @property
     def parted(self) -> int:
-        """Number of the latest `LATEST_STAMPS` without estimates of some live tracker."""
+        """Number of the last `LATEST_STAMPS` stamps at which a live tracker sent no estimates."""
         return self._common.count(False)
 
     @property

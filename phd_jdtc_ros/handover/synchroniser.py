@@ -90,8 +90,8 @@ class Gathering:
     def expected_ns(self, at_most_ns: float = math.inf) -> dict[int, float]:
         """Return the latest stamp whose estimates may still arrive from each tracker, nanoseconds.
 
-        This is the longest delay after its next stamp, extrapolated by its last interval. Trackers
-        without estimates are left out.
+        It is the tracker's latest stamp plus its last interval plus the longest delay. Trackers
+        without estimates are omitted.
         """
         longest_ns = self.longest_delay_s * 1e9
         return {

@@ -48,13 +48,7 @@ class MapScale:
 
 
 def places_of(record: Record) -> FloatArray:
-    """Return the positions of a record's targets and estimates, or of its detections without any.
-
-    Returns
-    -------
-    array of shape (N, 2)
-        Metres.
-    """
+    """Return the positions of targets and estimates, or else of detections, (N, 2), metres."""
     targets = _concat(
         entry.position
         for part in (record.truth, record.filtered, record.smoothed)

@@ -28,7 +28,7 @@ from phd_jdtc_ros.core.intake.posed_reports import PosedReport, PosedReports
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
-from .record import Plot, RadarSite, Record
+from .record import RadarPlots, RadarSite, Record
 
 
 def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> Record:
@@ -168,13 +168,13 @@ def posed_reports(
     yield from pending.released(everything=True)
 
 
-def _plots(report: PosedReport, model: RadarModel) -> Iterator[Plot]:
+def _plots(report: PosedReport, model: RadarModel) -> Iterator[RadarPlots]:
     """Yield the detections of a report in the world frame; none if the pose is unknown."""
     found = report.detections
     if found is None:
         return
     unknown = np.full(len(found), np.nan)
-    yield Plot(
+    yield RadarPlots(
         stamp_ns=report.stamp_ns,
         radar=model.name,
         position=model.at(found.pose).to_world(found.measurement),

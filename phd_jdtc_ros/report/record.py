@@ -18,8 +18,8 @@ from .sets import Sets
 
 
 @dataclass(frozen=True)
-class Plot:
-    """One radar's detections at one stamp, in the world frame.
+class RadarPlots:
+    """The detections of one radar at one stamp, in the world frame.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Record:
     """
 
     truth: tuple[Truth, ...]
-    plots: tuple[Plot, ...]
+    plots: tuple[RadarPlots, ...]
     filtered: tuple[Estimates, ...]
     smoothed: tuple[Estimates, ...]
     classes: int

@@ -22,7 +22,7 @@ from phd_jdtc_ros.evaluation.accumulator import (
     Metric,
 )
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.metric_table import BY_KEY, GROUPS, OF_ALL, reduction
+from phd_jdtc_ros.evaluation.metric_table import BY_KEY, GLOBAL_METRICS, GROUPS, reduction
 
 from .sets import Sets
 
@@ -202,7 +202,7 @@ def _of_tracks(summary: dict[str, Any]) -> str:
     sources = [summary[source]["all"] for source in (FILTERED, SMOOTHED)]
     known = [
         metric
-        for metric in OF_ALL
+        for metric in GLOBAL_METRICS
         if metric.group != CLASSES and any(each.get(metric.key) is not None for each in sources)
     ]
     lines = [

@@ -8,6 +8,6 @@
     Scenario: targets, turns, radars         scenario, platform
       |  detect, with clutter                simulate, clutter
     (Truth, Scan) by stamp
-      |  where antennas turn                 looks, turning_antenna
-    Report by turn or sector, with times
+      |  for turning radars                  looks, plots, turning_antenna
+    SimulatedReport by turn or sector, with times
 """

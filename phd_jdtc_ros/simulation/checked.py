@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 PLACE = Parameter("", [0.0, 0.0], "Latitude and longitude, degrees.", -180.0, 360.0, length=2)
 
@@ -66,6 +67,42 @@ def mapping(given: Mapping[str, Any], name: str, faults: list[str]) -> Mapping[s
         return value
     faults.append(f"{name}: must be a mapping")
     return {}
+
+
+def by_radar(
+    document: Mapping[str, Any], block: str, radars: tuple[RadarModel, ...], faults: list[str]
+) -> Mapping[str, Any]:
+    """Return a block by name of the radar, empty if absent; add a fault for any other name."""
+    given = mapping(document, block, faults)
+    known = [radar.name for radar in radars]
+    faults += [
+        f"{block}.{name}: must be one of the radars, {', '.join(known)}"
+        for name in given
+        if name not in known
+    ]
+    return given
+
+
+def values_by_radar(
+    table: tuple[Parameter, ...],
+    document: Mapping[str, Any],
+    block: str,
+    radars: tuple[RadarModel, ...],
+    faults: list[str],
+) -> list[dict[str, Any] | None]:
+    """Return the checked values of each radar in a block, all optional; add faults to `faults`.
+
+    They are None for a radar without a mapping there, or with faults.
+    """
+    given = by_radar(document, block, radars, faults)
+    every: list[dict[str, Any] | None] = []
+    for radar in radars:
+        found: list[str] = []
+        own = mapping(given, radar.name, found)
+        values = take(table, own, f"{block}.{radar.name}.", found, names_of(table))
+        every.append(values if radar.name in given and not found else None)
+        faults += found
+    return every
 
 
 def place(given: Any, name: str, faults: list[str]) -> tuple[float, float]:

@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.core.sensors.slant_range import LEAST
+from phd_jdtc_ros.core.sensors.slant_range import MIN_SLANT_RANGE
 
 from .antenna import Antenna
 from .platform import MovingPlatform
 from .scenario import Scenario
-from .simulate import BoolArray
 from .traffic.flight import Flight
 
 # Fixed-point steps for the time of a pass; the beam is far faster than any target, so that each
@@ -144,7 +143,7 @@ def _looks_at(
         return found
     distance, azimuth = exact.T
     above = height + layout.datum
-    sine = layout.site.elevation_of(np.maximum(distance, LEAST), azimuth, above)
+    sine = layout.site.elevation_of(np.maximum(distance, MIN_SLANT_RANGE), azimuth, above)
     inside = (sine >= np.sin(antenna.lowest)) & (sine <= np.sin(antenna.highest))
     return Looks(*(column[inside] for column in found))
 

@@ -17,6 +17,7 @@ from phd_jdtc_ros.core.types import Pose
 
 from .checked import mapping, take
 from .traffic.flight import Flight
+from .traffic.targets import legs
 
 PLATFORM = (
     Parameter("radars", [], "Names of the radars on the platform.", element=str),
@@ -81,18 +82,9 @@ class MovingPlatform:
 
 
 def platform(
-    document: Mapping[str, Any],
-    radars: tuple[RadarModel, ...],
-    legs: Any,
-    faults: list[str],
+    document: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
 ) -> MovingPlatform | None:
-    """Return the platform in a scenario document, None without one; add faults to `faults`.
-
-    Parameters
-    ----------
-    legs : callable of (mapping, prefix, faults)
-        Returns the legs of a block.
-    """
+    """Return the platform in a scenario document, None without one; add faults to `faults`."""
     given = mapping(document, "platform", faults)
     if not given:
         return None

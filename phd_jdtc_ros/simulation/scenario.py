@@ -1,21 +1,19 @@
-"""Scenarios: scripted targets and the radars that observe them."""
+"""Scenarios: targets and the radars that observe them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
-from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
 from phd_jdtc_ros.core.types import UNKNOWN, Detections, Pose, Truth
 
 from .antenna import Antenna, usual_antenna
@@ -24,117 +22,10 @@ from .clutter.law import NOISE, ClutterLaw
 from .clutter.mirrors import Mirror
 from .clutter.reflectors import Reflectors
 from .platform import MovingPlatform
-from .traffic.flight import ROUNDING_S, Flight, Leg
+from .traffic.flight import Flight
 from .traffic.gaps import Gap, in_gap
+from .traffic.target_script import NOISE_FREE, TargetScript
 from .transponder import STREAM, Card, Transponders
-
-BoolArray = npt.NDArray[np.bool_]
-# True targets follow this model's mean; turn rate 0 is a straight line.
-NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
-
-
-@dataclass(frozen=True)
-class Turn:
-    """A part of a target's life in which its velocity rotates at a constant rate.
-
-    Parameters
-    ----------
-    first_scan, last_scan : int
-        The turn lasts from the stamp of the first scan to the stamp of the last, at which the
-        target flies straight again.
-    turn_rate : float
-        Radians per second, counter-clockwise.
-    """
-
-    first_scan: int
-    last_scan: int
-    turn_rate: float
-
-
-@dataclass(frozen=True)
-class TargetScript:
-    """One target that moves at constant velocity except in its turns.
-
-    Parameters
-    ----------
-    snr : float
-        Mean signal-to-noise ratio, linear.
-    position : tuple of two floats
-        Position at the first scan, world frame, metres.
-    velocity : tuple of two floats
-        Velocity at the first scan, metres per second.
-    first_scan, last_scan : int
-        First and last scan in which the target exists.
-    turns : tuple of Turn
-        Successive turns, none before the first scan.
-    height : float
-        Height above the world's zero, metres.
-    """
-
-    class_id: int
-    snr: float
-    position: tuple[float, float]
-    velocity: tuple[float, float]
-    first_scan: int
-    last_scan: int
-    turns: tuple[Turn, ...] = ()
-    height: float = 0.0
-
-    def __post_init__(self) -> None:
-        edges = [self.first_scan, *(e for t in self.turns for e in (t.first_scan, t.last_scan))]
-        if edges != sorted(edges):
-            raise ValueError(f"turns: {self.turns}, expected one after the other")
-
-    def exists_at(self, scan: int, interval_s: float) -> bool:
-        """Return whether the target exists at a scan."""
-        return self.first_scan <= scan <= self.last_scan
-
-    def state_at(self, scan: int, interval_s: float) -> FloatArray:
-        """Return the exact state at a scan, with the present turn's rate; shape (D,).
-
-        Parameters
-        ----------
-        scan : int
-            At least `first_scan`.
-        interval_s : float
-            Time between scans, seconds.
-        """
-        space = NOISE_FREE.space
-        state = space.state(self.position, self.velocity, 0.0)[None]
-        for scans, turn_rate in self._legs(scan):
-            state[0, space.turn_rate] = turn_rate
-            state = NOISE_FREE.mean(state, scans * interval_s)
-        now = [turn.turn_rate for turn in self.turns if turn.first_scan <= scan < turn.last_scan]
-        state[0, space.turn_rate] = sum(now)
-        exact: FloatArray = state[0]
-        return exact
-
-    def _legs(self, scan: int) -> Iterator[tuple[int, float]]:
-        """Yield the length in scans and the turn rate of every leg up to a scan."""
-        reached = self.first_scan
-        for turn in self.turns:
-            for until, turn_rate in ((turn.first_scan, 0.0), (turn.last_scan, turn.turn_rate)):
-                yield min(until, scan) - min(reached, scan), turn_rate
-                reached = until
-        yield scan - min(reached, scan), 0.0
-
-    def flight(self, interval_s: float) -> Flight:
-        """Return the same target with legs in seconds."""
-        legs = [
-            Leg(scans * interval_s, turn_rate)
-            for scans, turn_rate in self._legs(self.last_scan)
-            if scans
-        ]
-        return Flight(
-            self.class_id,
-            self.snr,
-            self.first_scan * interval_s,
-            self.position,
-            self.velocity,
-            tuple(legs) or (Leg(ROUNDING_S),),
-            self.height,
-        )
-
 
 Target: TypeAlias = "TargetScript | Flight"
 
@@ -164,7 +55,7 @@ class Scenario:
         A ship with radars, whose positions and directions are in its frame.
     transponders : Transponders or None
         Targets' transponders; None for none.
-    biases : tuple of RadarBias
+    biases : tuple of SensorBias
         The biases of each radar; empty for none. Only for turning radars.
     gaps : tuple of Gap
         Times in which targets are out of sight of turning radars.
@@ -184,7 +75,7 @@ class Scenario:
     reflectors: tuple[Reflectors, ...] = ()
     platform: MovingPlatform | None = None
     transponders: Transponders | None = None
-    biases: tuple[RadarBias, ...] = ()
+    biases: tuple[SensorBias, ...] = ()
     gaps: tuple[Gap, ...] = ()
     mirrors: tuple[Mirror, ...] = ()
 
@@ -204,14 +95,14 @@ class Scenario:
             object.__setattr__(self, "antennas", usual)
 
     def law(self, radar: int) -> ClutterLaw:
-        """Return the law of a radar's clutter, by the radar's index."""
+        """Return the clutter law of the radar with this index."""
         return self.clutter[radar] if self.clutter else NOISE
 
-    def laws(self, radar: int) -> tuple[ClutterLaw, Echoes | None]:
-        """Return the law of a radar's clutter and its echoes, by the radar's index."""
+    def clutter_and_echoes(self, radar: int) -> tuple[ClutterLaw, Echoes | None]:
+        """Return the clutter law and the echoes of the radar with this index."""
         return self.law(radar), self.echoes[radar] if self.echoes else None
 
-    def bias(self, radar: int) -> RadarBias:
+    def bias(self, radar: int) -> SensorBias:
         """Return the biases of a radar, by the radar's index."""
         return self.biases[radar] if self.biases else NO_BIAS
 
@@ -221,17 +112,9 @@ class Scenario:
         return self.platform if carries else None
 
     def measure(self, radar: int, state: FloatArray, time_s: FloatArray) -> FloatArray:
-        """Return noise-free (range, azimuth) of states from a radar's pose at their times.
+        """Return noise-free (range, azimuth) of states (N, D) from a radar's pose, shape (N, 2).
 
-        Parameters
-        ----------
-        state : array of shape (N, D)
-        time_s : array of shape (N,)
-            Seconds after scan 0.
-
-        Returns
-        -------
-        array of shape (N, 2)
+        `time_s`, shape (N,), has their times after scan 0, seconds.
         """
         carrier = self.carrier(radar)
         seen = state if carrier is None else carrier.to_platform(state, time_s)
@@ -298,7 +181,7 @@ class Scenario:
         """Return whether a target, by number from 1, is in a gap at times after scan 0, (N,)."""
         return in_gap(self.gaps, number, time_s)
 
-    def answers(self, number: int) -> bool:
+    def has_transponder(self, number: int) -> bool:
         """Return whether a target, by number from 1, has a transponder."""
         return number in self.cards and self.cards[number].code != UNKNOWN
 
@@ -313,12 +196,12 @@ class Scenario:
 
     def until(self, elapsed_s: float) -> Scenario:
         """Return the scenario cut at a time after scan 0, seconds."""
-        there = [row for row, flight in enumerate(self.flights) if flight.start_s <= elapsed_s]
-        number = {row + 1: own for own, row in enumerate(there, start=1)}
+        started = [row for row, flight in enumerate(self.flights) if flight.start_s <= elapsed_s]
+        number = {row + 1: own for own, row in enumerate(started, start=1)}
         return replace(
             self,
             scans=min(self.scans, int(elapsed_s / self.interval_s) + 1),
-            targets=tuple(self.targets[row] for row in there),
+            targets=tuple(self.targets[row] for row in started),
             gaps=tuple(
                 gap._replace(number=number[gap.number]) for gap in self.gaps if gap.number in number
             ),
@@ -335,40 +218,38 @@ class Scenario:
 
 def truth_at(scenario: Scenario, scan: int) -> Truth:
     """Return the scenario's targets at a scan."""
-    stamp_ns, interval_s = scenario.stamp_ns(scan), scenario.interval_s
-    found = _truth(scenario.targets, scan, interval_s, stamp_ns)
-    return _with_heights(found, scenario, scan * interval_s)
+    interval_s = scenario.interval_s
+    elapsed_s = scan * interval_s
+    states = (
+        target.state_at(elapsed_s)
+        if isinstance(target, Flight)
+        else target.state_at(scan, interval_s)
+        for target in scenario.targets
+    )
+    return _truth(scenario, elapsed_s, states)
 
 
 def truth_after(scenario: Scenario, elapsed_s: float) -> Truth:
     """Return the scenario's targets at any time after scan 0, seconds."""
-    found = _truth(scenario.flights, 1, elapsed_s, scenario.ns_after(elapsed_s))
-    return _with_heights(found, scenario, elapsed_s)
+    states = (flight.state_at(elapsed_s) for flight in scenario.flights)
+    return _truth(scenario, elapsed_s, states)
 
 
-def _truth(targets: Sequence[Target], scan: int, interval_s: float, stamp_ns: int) -> Truth:
-    alive = [
-        (number, target)
-        for number, target in enumerate(targets, start=1)
-        if target.exists_at(scan, interval_s)
-    ]
-    state = np.zeros((len(alive), len(NOISE_FREE.space)))
-    for row, (_, target) in enumerate(alive):
-        state[row] = target.state_at(scan, interval_s)
+def _truth(scenario: Scenario, elapsed_s: float, states: Iterable[FloatArray | None]) -> Truth:
+    """Return the targets at a time, given the state of each; None for those that do not exist."""
+    alive = [(row, state) for row, state in enumerate(states) if state is not None]
+    height = None
+    if scenario.transponders is not None:
+        now = np.array([elapsed_s])
+        heights = [scenario.cards[row + 1].height(now)[0] for row, _ in alive]
+        height = np.reshape(heights, (-1, 2))
     return Truth(
-        stamp_ns=stamp_ns,
-        state=state,
-        track_id=np.array([number for number, _ in alive], dtype=np.int64),
-        class_id=np.array([target.class_id for _, target in alive], dtype=np.int64),
+        stamp_ns=scenario.ns_after(elapsed_s),
+        state=np.reshape([state for _, state in alive], (-1, len(NOISE_FREE.space))),
+        track_id=np.array([row + 1 for row, _ in alive], dtype=np.int64),
+        class_id=np.array([scenario.targets[row].class_id for row, _ in alive], dtype=np.int64),
+        height=height,
     )
-
-
-def _with_heights(found: Truth, scenario: Scenario, elapsed_s: float) -> Truth:
-    if scenario.transponders is None:
-        return found
-    now = np.array([elapsed_s])
-    each = [scenario.cards[number].height(now)[0] for number in found.track_id.tolist()]
-    return replace(found, height=np.reshape(each, (-1, 2)))
 
 
 def paper_scenario(radars: tuple[RadarModel, ...]) -> Scenario:

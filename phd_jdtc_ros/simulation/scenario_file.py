@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Parameter
-from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 
 from .antenna import Antenna, usual_antenna
-from .checked import mapping, mappings, names_of, place, take
+from .checked import mapping, names_of, place, take, values_by_radar
 from .clutter import echoes, law
 from .clutter.mirrors import mirrors
 from .clutter.reflectors import reflectors
 from .platform import platform
-from .scenario import Scenario, Target, TargetScript, Turn
-from .traffic import gaps, generators
-from .traffic.flight import Flight, Leg
+from .scenario import Scenario
+from .traffic import gaps, generators, targets
+from .traffic.flight import Flight
 from .traffic.geodesy import east_north
 from .transponder import transponders
 
@@ -37,31 +36,6 @@ TIMING = (
         0,
         1000,
     ),
-)
-HEIGHT = Parameter("height", 0.0, "Height above the world's zero, m.", -1e4, 3e4)
-TARGET = (
-    Parameter("class_id", 0, "Class, from 0.", 0, 1000),
-    Parameter("snr_db", 30.0, "Mean signal-to-noise ratio, dB.", -100.0, 200.0),
-    Parameter("position", [0.0, 0.0], "Position at the first scan, world frame, m.", length=2),
-    Parameter("velocity", [0.0, 0.0], "Velocity at the first scan, world frame, m/s.", length=2),
-    Parameter("first_scan", 0, "First scan in which the target exists.", 0, 10**6),
-    Parameter("last_scan", 0, "Last scan in which the target exists.", 0, 10**6),
-    HEIGHT,
-)
-FLIGHT = (
-    Parameter("class_id", 0, "Class, from 0.", 0, 1000),
-    generators.SNR,
-    Parameter("start_s", 0.0, "Time of appearance, s after scan 0.", 0.0, 1e7),
-    Parameter("position", [0.0, 0.0], "Position at the start, world frame, m.", length=2),
-    Parameter("velocity", [0.0, 0.0], "Velocity at the start, world frame, m/s.", length=2),
-    HEIGHT,
-)
-LEG = (
-    Parameter("duration_s", 0.0, "Length of the leg, s.", SMALL, 1e7),
-    Parameter(
-        "turn_rate_deg_s", 0.0, "Turn rate, counter-clockwise, degrees per second.", -180.0, 180.0
-    ),
-    Parameter("acceleration", 0.0, "Change of the speed, m/s^2.", -1e3, 1e3),
 )
 ANTENNA = (
     Parameter(
@@ -91,13 +65,6 @@ BIAS = (
     ),
     Parameter("time_offset_s", 0.0, "Time bias: reported minus true time, s.", -60.0, 60.0),
 )
-TURN = (
-    Parameter("first_scan", 0, "Scan at which the turn begins.", 0, 10**6),
-    Parameter("last_scan", 0, "Scan at which the turn ends.", 0, 10**6),
-    Parameter(
-        "turn_rate_deg_s", 0.0, "Turn rate, counter-clockwise, degrees per second.", -180.0, 180.0
-    ),
-)
 OTHER_KEYS = (
     "targets",
     "parameters",
@@ -124,15 +91,13 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     Parameters
     ----------
     document : mapping
-        The keys of `TIMING`, all optional, and ``targets``: a list of mappings with all keys of
-        `TARGET`. A target may have ``turns``: a list of mappings with all keys of `TURN`. A target
-        with ``legs``, a list of mappings of `LEG`, has the keys of `FLIGHT` instead. ``traffic``
-        and ``manoeuvres`` generate many targets, see `generators`. By name of the radar,
-        ``antennas`` has the keys of `ANTENNA`, ``biases`` the keys of `BIAS`, ``clutter`` the law
-        of the amplitudes, see `clutter.law`, and ``echoes`` further detections of targets, see
-        `echoes`. ``world_origin`` is the latitude and longitude of the world's zero, and ``sites``
-        has the positions of radars by name, see `site_parameters`. ``reflectors`` is a list of
-        mappings, see `reflectors`, and ``platform`` a ship that carries radars, with ``legs``.
+        The keys of `TIMING`, all optional, and ``targets``, see `traffic.targets`. ``traffic`` and
+        ``manoeuvres`` generate many targets, see `generators`. By name of the radar, ``antennas``
+        has the keys of `ANTENNA`, ``biases`` the keys of `BIAS`, ``clutter`` the law of the
+        amplitudes, see `clutter.law`, and ``echoes`` further detections of targets, see `echoes`.
+        ``world_origin`` is the latitude and longitude of the world's zero, and ``sites`` has the
+        positions of radars by name, see `site_parameters`. ``reflectors`` is a list of mappings,
+        see `reflectors`, and ``platform`` a ship that carries radars, with ``legs``.
         ``transponders`` describes targets' replies, see `transponder`, ``gaps`` times out of sight,
         see `gaps`, and ``mirrors`` surfaces that reflect replies, see `mirrors`. ``parameters`` (of
         the tracker and the radars), ``sites`` and ``sending`` (timing of messages) are ignored
@@ -147,21 +112,21 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         raise ConfigError(["scenario: must be a mapping"])
     faults: list[str] = []
     timing = take(TIMING, document, "", faults, names_of(TIMING), OTHER_KEYS)
-    targets = _targets(document, faults)
-    antennas = _antennas(mapping(document, "antennas", faults), radars, faults)
-    biases = _biases(mapping(document, "biases", faults), radars, faults)
+    every = targets.targets(document, faults)
+    antennas = _antennas(document, radars, faults)
+    biases = _biases(document, radars, faults)
     clutter = law.laws(document, radars, faults)
-    answers = echoes.of_radars(document, radars, faults)
-    carrier = platform(document, radars, _legs, faults)
-    still = reflectors(document, radars, faults)
+    echo_laws = echoes.of_radars(document, radars, faults)
+    carrier = platform(document, radars, faults)
+    fixed = reflectors(document, radars, faults)
     replies = transponders(document, faults)
     reflecting = mirrors(document, faults)
     duration_s = 0.0 if faults else (timing["scans"] - 1) * timing["interval_s"]
-    targets += generators.traffic(mapping(document, "traffic", faults), duration_s, faults)
+    every += generators.traffic(mapping(document, "traffic", faults), duration_s, faults)
     given = mapping(document, "manoeuvres", faults)
-    targets += generators.manoeuvres(given, _origin(document, faults), duration_s, faults)
+    every += generators.manoeuvres(given, _origin(document, faults), duration_s, faults)
     interval_s = timing.get("interval_s") or 1.0
-    flights = [t if isinstance(t, Flight) else t.flight(interval_s) for t in targets]
+    flights = [t if isinstance(t, Flight) else t.flight(interval_s) for t in every]
     unseen = gaps.of_targets(document, flights, faults)
     faults = faults or _time_faults(timing)
     if faults:
@@ -170,13 +135,13 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         start_ns=round(timing["start_s"] * 1e9),
         interval_s=timing["interval_s"],
         scans=timing["scans"],
-        targets=tuple(targets),
+        targets=tuple(every),
         radars=radars,
         antennas=antennas,
         most_radars=timing["most_radars"],
         clutter=clutter,
-        echoes=answers,
-        reflectors=still,
+        echoes=echo_laws,
+        reflectors=fixed,
         platform=carrier,
         transponders=replies,
         biases=biases,
@@ -225,172 +190,42 @@ def _has_height(document: Mapping[str, Any]) -> bool:
 
 
 def _antennas(
-    given: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
+    document: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
 ) -> tuple[Antenna, ...]:
     """Return every radar's antenna, by default the usual one; add faults to `faults`."""
-    known = [radar.name for radar in radars]
-    faults += [
-        f"antennas.{name}: must be one of the radars, {', '.join(known)}"
-        for name in given
-        if name not in known
-    ]
-    antennas = []
-    for index, name in enumerate(known):
-        of_radar = mapping(given, name, faults)
-        if not of_radar:
-            antennas.append(usual_antenna(index))
-            continue
-        found: list[str] = []
-        values = take(ANTENNA, of_radar, f"antennas.{name}.", found, names_of(ANTENNA))
-        faults += found
-        if not found:
-            antennas.append(
-                Antenna(
-                    math.radians(values["bearing_deg"]),
-                    values["clockwise"],
-                    values["wobble"],
-                    values["wobble_period_s"],
-                    math.radians(values["lowest_deg"]),
-                    math.radians(values["highest_deg"]),
-                )
-            )
-    return tuple(antennas)
+    every = values_by_radar(ANTENNA, document, "antennas", radars, faults)
+    return tuple(
+        usual_antenna(index)
+        if values is None
+        else Antenna(
+            math.radians(values["bearing_deg"]),
+            values["clockwise"],
+            values["wobble"],
+            values["wobble_period_s"],
+            math.radians(values["lowest_deg"]),
+            math.radians(values["highest_deg"]),
+        )
+        for index, values in enumerate(every)
+    )
 
 
 def _biases(
-    given: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
-) -> tuple[RadarBias, ...]:
+    document: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
+) -> tuple[SensorBias, ...]:
     """Return every radar's biases; empty if none are given; add faults to `faults`."""
-    known = [radar.name for radar in radars]
-    faults += [
-        f"biases.{name}: must be one of the radars, {', '.join(known)}"
-        for name in given
-        if name not in known
-    ]
-    if not given:
-        return ()
-    biases = []
-    for name in known:
-        found: list[str] = []
-        of_radar = mapping(given, name, found)
-        values = take(BIAS, of_radar, f"biases.{name}.", found, names_of(BIAS))
-        faults += found
-        biases.append(NO_BIAS if found else _bias(values))
-    return tuple(biases)
-
-
-def _bias(values: Mapping[str, Any]) -> RadarBias:
-    return RadarBias(
-        values["range_bias"],
-        values["range_gain"],
-        -math.radians(values["azimuth_bias_deg"]),
-        values["time_offset_s"],
+    every = values_by_radar(BIAS, document, "biases", radars, faults)
+    biases = tuple(
+        NO_BIAS
+        if values is None
+        else SensorBias(
+            values["range_bias"],
+            values["range_gain"],
+            -math.radians(values["azimuth_bias_deg"]),
+            values["time_offset_s"],
+        )
+        for values in every
     )
-
-
-def _targets(document: Mapping[str, Any], faults: list[str]) -> list[Target]:
-    """Return the checked targets; add faults to `faults`."""
-    targets = [
-        (_flight if "legs" in script else _target)(script, f"targets[{index}].", faults)
-        for index, script in enumerate(mappings(document, "targets", "", faults))
-    ]
-    return [target for target in targets if target is not None]
-
-
-def _flight(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Flight | None:
-    """Return a checked flight; add its faults to `faults` and return None if there are any."""
-    found: list[str] = []
-    values = take(FLIGHT, script, prefix, found, ("snr_db", "start_s", "height"), ("legs",))
-    legs = _legs(script, prefix, found)
-    if not found:
-        try:
-            return Flight(
-                class_id=values["class_id"],
-                snr=snr_from_db(values["snr_db"]),
-                start_s=values["start_s"],
-                position=tuple(values["position"]),
-                velocity=tuple(values["velocity"]),
-                legs=legs,
-                height=values["height"],
-            )
-        except ValueError as error:
-            found.append(f"{prefix}{error}")
-    faults += found
-    return None
-
-
-def _legs(script: Mapping[str, Any], prefix: str, faults: list[str]) -> tuple[Leg, ...]:
-    """Return the checked legs of a block; add faults to `faults` and then return none."""
-    found: list[str] = []
-    legs = []
-    for index, given in enumerate(mappings(script, "legs", prefix, found)):
-        name = f"{prefix}legs[{index}]."
-        leg = take(LEG, given, name, found, ("turn_rate_deg_s", "acceleration"))
-        if leg.get("turn_rate_deg_s") and leg.get("acceleration"):
-            found.append(f"{name}acceleration: {leg['acceleration']} given, must be 0 in a turn")
-        legs.append(leg)
-    if not legs and not found:
-        found.append(f"{prefix}legs: none given, must be at least one")
-    faults += found
-    if found:
-        return ()
-    return tuple(
-        Leg(leg["duration_s"], math.radians(leg["turn_rate_deg_s"]), leg["acceleration"])
-        for leg in legs
-    )
-
-
-def _target(script: Mapping[str, Any], prefix: str, faults: list[str]) -> TargetScript | None:
-    """Return a checked target; add its faults to `faults` and return None if there are any."""
-    found: list[str] = []
-    target = take(TARGET, script, prefix, found, ("height",), ("turns",))
-    turns = [
-        take(TURN, turn, f"{prefix}turns[{index}].", found)
-        for index, turn in enumerate(mappings(script, "turns", prefix, found))
-    ]
-    found = found or _order_faults(target, turns, prefix)
-    faults += found
-    if found:
-        return None
-    return TargetScript(
-        class_id=target["class_id"],
-        snr=snr_from_db(target["snr_db"]),
-        position=tuple(target["position"]),
-        velocity=tuple(target["velocity"]),
-        first_scan=target["first_scan"],
-        last_scan=target["last_scan"],
-        turns=tuple(
-            Turn(turn["first_scan"], turn["last_scan"], math.radians(turn["turn_rate_deg_s"]))
-            for turn in turns
-        ),
-        height=target["height"],
-    )
-
-
-def _order_faults(
-    target: Mapping[str, Any], turns: Sequence[Mapping[str, Any]], prefix: str
-) -> list[str]:
-    """Return the faults in the order of a target's scans."""
-    first, last = target["first_scan"], target["last_scan"]
-    if last < first:
-        return [f"{prefix}last_scan: {last} given, must be at least first_scan, {first}"]
-    faults = []
-    earliest = first
-    for index, turn in enumerate(turns):
-        begin, end = turn["first_scan"], turn["last_scan"]
-        name = f"{prefix}turns[{index}]"
-        if begin < earliest:
-            event = "previous turn ends" if index else "target appears"
-            faults.append(
-                f"{name}.first_scan: {begin} given, must be at least {earliest}, when the {event}"
-            )
-        if not begin < end <= last:
-            faults.append(
-                f"{name}.last_scan: {end} given, must be above its first_scan, {begin}, and at "
-                f"most the target's last_scan, {last}"
-            )
-        earliest = end
-    return faults
+    return biases if any(every) else ()
 
 
 def _time_faults(timing: Mapping[str, Any]) -> list[str]:

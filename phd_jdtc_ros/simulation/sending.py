@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from phd_jdtc_ros.configuration.schema import Parameter
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
-from .checked import mapping, names_of, take
+from .checked import values_by_radar
 
 SENDING = (
     Parameter("sectors", 32, "Number of sectors per turn in which plots are sent.", 1, 1024),
@@ -34,18 +34,5 @@ def of_radars(
     document: Mapping[str, object], radars: tuple[RadarModel, ...], faults: list[str]
 ) -> tuple[Sending, ...]:
     """Return the timing of each radar's messages in a document; add faults to `faults`."""
-    given = mapping(document, "sending", faults)
-    known = [radar.name for radar in radars]
-    faults += [
-        f"sending.{name}: must be one of the radars, {', '.join(known)}"
-        for name in given
-        if name not in known
-    ]
-    found = []
-    for name in known:
-        wrong: list[str] = []
-        of_radar = mapping(given, name, wrong)
-        values = take(SENDING, of_radar, f"sending.{name}.", wrong, names_of(SENDING))
-        faults += wrong
-        found.append(Sending() if wrong else Sending(**values))
-    return tuple(found)
+    every = values_by_radar(SENDING, document, "sending", radars, faults)
+    return tuple(Sending(**(values or {})) for values in every)

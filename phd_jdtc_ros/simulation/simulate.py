@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import FULL_TURN, Detections, Scan, Truth
 
@@ -16,8 +15,6 @@ from .clutter.law import NOISE, ClutterLaw
 from .clutter.reflectors import Reflectors
 from .noise import polar, with_noise
 from .scenario import Scenario, truth_at
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 def detect(
@@ -169,7 +166,7 @@ def _reflector_detections(
     for kind in reflectors:
         state = np.zeros((len(kind.points), len(radar.space)))
         state[:, list(radar.space.position)] = kind.points
-        found = kind.answers(radar.measure(state), radar, rng)
+        found = kind.measure(radar.measure(state), radar, rng)
         measurement.append(found.measurement[found.seen])
         amplitude.append(found.amplitude[found.seen])
     return np.concatenate(measurement), np.concatenate(amplitude)
@@ -196,7 +193,7 @@ def simulate_with_sources(
                 snr_of[truth.track_id - 1],
                 scenario.radar_at(number, elapsed_s),
                 rng,
-                *scenario.laws(number),
+                *scenario.clutter_and_echoes(number),
                 scenario.reflectors,
             )
             for number in range(len(scenario.radars))

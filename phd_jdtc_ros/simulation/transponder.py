@@ -158,13 +158,13 @@ class Transponders:
                 continue
             code[own], address[own] = card.code, card.address
             height[own] = card.height(time_s[own])[:, 0]
-        answers = code != UNKNOWN
-        code = np.where(garbled[0] & answers, wrong, code)
+        replies = code != UNKNOWN
+        code = np.where(garbled[0] & replies, wrong, code)
         # Drawn last, so that the other draws do not depend on it.
         other = rng.random(count) < self.address_garbled
         address = np.where(other & (address != UNKNOWN), rng.integers(1, 1 << 24, count), address)
         height = np.where(garbled[1], wrong_height, height)
-        height = np.where(answers, MODE_C * np.round(height / MODE_C), np.nan)
+        height = np.where(replies, MODE_C * np.round(height / MODE_C), np.nan)
         return replace(found, code=code, address=address, height=height)
 
 

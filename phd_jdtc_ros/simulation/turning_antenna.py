@@ -5,17 +5,17 @@
     Scenario, seed
       |  passes of the beam over targets         passes, looks
       |  detection, noise, clutter               plots_of
-    Plots of a radar, ordered by time
+    SimulatedPlots of a radar, ordered by time
       |  by turn or by sector                    reports_of
       |  slant ranges to the plane               to_plane
-    Report: stamp, detections, sources
+    SimulatedReport: stamp, detections, sources
 
 A seed gives the same plots whether they are reported by turn or by sector.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -24,20 +24,19 @@ import numpy as np
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
-from phd_jdtc_ros.core.sensors.slant_range import HeightReading, over_ground
+from phd_jdtc_ros.core.sensors.slant_range import HeightProjection, over_ground
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 
 from .antenna import Antenna
-from .looks import looks, looks_beside, passes
+from .plots import SimulatedPlots, plot_times, plots_of
 from .scenario import Scenario, truth_at
-from .simulate import detect, false_detections, observe, range_rates
-from .traffic.flight import Flight, Leg
+from .simulate import detect
 
 # Kinds of plots, the TYP of I048/020.
 PRIMARY, COMBINED = 1, 3
 
 
-class Report(NamedTuple):
+class SimulatedReport(NamedTuple):
     """One message of a radar.
 
     Parameters
@@ -56,42 +55,9 @@ class Report(NamedTuple):
     source: IntArray
 
 
-class Plots(NamedTuple):
-    """The plots of one radar in a run.
-
-    Parameters
-    ----------
-    turns : array of shape (M,)
-        Turns of the antenna from the start of scan 0's turn to the measured azimuth, ascending.
-    measurement : array of shape (M, 2)
-        Range and azimuth; slant range and azimuth from true east for a radar with a site.
-    amplitude : array of shape (M,)
-    source : int array of shape (M,)
-        The track_id of each plot's target; 0 for clutter.
-    answering : int array of shape (M,)
-        The track_id of the target whose transponder replies; set also for a mirrored reply, whose
-        source is clutter.
-    range_rate : array of shape (M,) or None
-    """
-
-    turns: FloatArray
-    measurement: FloatArray
-    amplitude: FloatArray
-    source: IntArray
-    answering: IntArray
-    range_rate: FloatArray | None = None
-
-    def take(self, rows: IntArray) -> Plots:
-        """Return the plots of some rows."""
-        rate = None if self.range_rate is None else self.range_rate[rows]
-        turns, measurement, amplitude, source, answering, _ = self
-        return Plots(
-            *(turns[rows], measurement[rows], amplitude[rows]),
-            *(source[rows], answering[rows], rate),
-        )
-
-
-def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int) -> list[Report]:
+def simulate_reports(
+    scenario: Scenario, inputs: Sequence[RadarInput], seed: int
+) -> list[SimulatedReport]:
     """Return the reports of all radars, ordered by stamp and then by radar.
 
     Parameters
@@ -107,8 +73,8 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
             plots = plots_of(scenario, index, rng, layout)
             reports += reports_of(scenario, index, plots, layout, seed)
         else:
-            reports += _still_reports(scenario, index, layout, rng, seed)
-    reports = [_biased(report, scenario) for report in reports]
+            reports += _staring_reports(scenario, index, layout, rng, seed)
+    reports = [_add_bias(report, scenario) for report in reports]
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
 
 
@@ -125,7 +91,7 @@ def check_sites(inputs: Sequence[RadarInput]) -> None:
 
 def plots_with_replies(
     scenario: Scenario, index: int, layout: RadarInput, seed: int
-) -> tuple[Plots, Detections]:
+) -> tuple[SimulatedPlots, Detections]:
     """Return the plots of a turning radar from scan 0 on, and the same as detections.
 
     The detections have the radar's biases, all replies of its targets and a sensor type,
@@ -133,11 +99,11 @@ def plots_with_replies(
     Their times are `plot_times`.
     """
     plots = plots_of(scenario, index, _generator(seed, index), layout)
-    found = _answers(scenario, index, plots, seed)
+    found = _replies(scenario, index, plots, seed)
     if scenario.transponders is None:
         every = slice(0, len(plots.turns))
         found = replace(found, height=_heights(scenario, index, plots, every))
-    _, found = scenario.bias(index).apply_to(0, replace(found, kind=_kind(found)))
+    _, found = scenario.bias(index).apply_to(0, replace(found, kind=_sensor_types(found)))
     rows = np.flatnonzero(plot_times(scenario, index, plots) >= 0.0)
     return plots.take(rows), found.take(rows)
 
@@ -147,120 +113,15 @@ def _generator(seed: int, index: int) -> np.random.Generator:
     return np.random.default_rng([seed, index])
 
 
-def _biased(report: Report, scenario: Scenario) -> Report:
+def _add_bias(report: SimulatedReport, scenario: Scenario) -> SimulatedReport:
     """Return a report with the biases of its radar."""
     stamp_ns, found = scenario.bias(report.radar).apply_to(report.stamp_ns, report.detections)
     return report._replace(stamp_ns=stamp_ns, detections=found)
 
 
-def plots_of(
-    scenario: Scenario, index: int, rng: np.random.Generator, layout: RadarInput | None = None
-) -> Plots:
-    """Return the plots of one radar, with clutter, ordered by time.
-
-    `layout` has the radar's site on the round earth; None if it measures over a plane.
-    """
-    radar, antenna = scenario.radars[index], scenario.antennas[index]
-    _, state, true, source = own = looks(scenario, index, layout)
-    snr = np.array([0.0, *(flight.snr for flight in scenario.flights)])[source]
-    found, amplitude, seen = observe(true, snr, radar, rng)
-    turned = _plot_turns(antenna, antenna.turns_at(own.time_s, radar.rotation_s), true, found)
-    targets = Plots(turned[seen], found[seen], amplitude[seen], source[seen], source[seen])
-    parts = (
-        targets,
-        _clutter(scenario, index, rng),
-        *_reflector_plots(scenario, index, rng),
-        *_mirror_plots(scenario, index, layout, rng),
-    )
-    turned = np.concatenate([part.turns for part in parts])
-    others = len(turned) - len(targets.turns)
-    range_rate = range_rates(state[seen], others, radar, rng)
-    every = Plots(
-        turned,
-        np.concatenate([part.measurement for part in parts]),
-        np.concatenate([part.amplitude for part in parts]),
-        np.concatenate([part.source for part in parts]),
-        np.concatenate([part.answering for part in parts]),
-        range_rate,
-    )
-    return every.take(np.argsort(turned, kind="stable"))
-
-
-def _plot_turns(
-    antenna: Antenna, turns: FloatArray, exact: FloatArray, found: FloatArray
-) -> FloatArray:
-    """Return the turns at which the antenna points at measured azimuths.
-
-    Parameters
-    ----------
-    turns : array of shape (N,)
-        Turns at which the antenna points at the true azimuths.
-    exact, found : arrays of shape (N, 2)
-        True and measured range and azimuth.
-    """
-    moved = wrap_angle(found[:, 1] - exact[:, 1]) / FULL_TURN
-    return turns + (-moved if antenna.clockwise else moved)
-
-
-def _reflector_plots(scenario: Scenario, index: int, rng: np.random.Generator) -> Iterator[Plots]:
-    """Yield a radar's plots of each kind of reflectors."""
-    radar, antenna = scenario.radars[index], scenario.antennas[index]
-    whole = (Leg(max(scenario.duration_s, radar.rotation_s)),)
-    for kind in scenario.reflectors:
-        exact, turns = [np.zeros((0, 2))], [np.zeros(0)]
-        for point in kind.points:
-            still = Flight(0, 0.0, 0.0, point, (0.0, 0.0), whole)
-            time = passes(still, radar, antenna, scenario.duration_s, scenario.carrier(index))
-            exact.append(scenario.measure(index, still.states(time), time))
-            turns.append(antenna.turns_at(time, radar.rotation_s))
-        true = np.concatenate(exact)
-        found, amplitude, seen = kind.answers(true, radar, rng)
-        turned = _plot_turns(antenna, np.concatenate(turns), true, found)
-        none = np.zeros(int(np.count_nonzero(seen)), dtype=np.int64)
-        yield Plots(turned[seen], found[seen], amplitude[seen], none, none)
-
-
-def _mirror_plots(
-    scenario: Scenario, index: int, layout: RadarInput | None, rng: np.random.Generator
-) -> Iterator[Plots]:
-    """Yield a radar's plots of each target's replies by each mirror."""
-    radar, antenna = scenario.radars[index], scenario.antennas[index]
-    axes = list(radar.space.position)
-    for mirror in scenario.mirrors:
-        for number, flight in enumerate(scenario.flights, start=1):
-            if not scenario.answers(number):
-                continue
-            own = looks_beside(scenario, index, layout, number, mirror.position)
-            position = own.state[:, axes]
-            exact = own.exact + np.stack(
-                [mirror.detour(position, radar), np.zeros(len(position))], axis=1
-            )
-            snr = np.full(len(position), flight.snr)
-            found, amplitude, seen = observe(exact, snr, radar, rng)
-            seen &= mirror.reflects(position, radar, rng)
-            turned = _plot_turns(
-                antenna, antenna.turns_at(own.time_s, radar.rotation_s), exact, found
-            )
-            none = np.zeros(int(np.count_nonzero(seen)), dtype=np.int64)
-            yield Plots(turned[seen], found[seen], amplitude[seen], none, own.source[seen])
-
-
-def _clutter(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
-    """Return one radar's clutter in its field of view; the clutter rate is per whole turn."""
-    radar, antenna = scenario.radars[index], scenario.antennas[index]
-    end = antenna.turns_at(np.array([scenario.duration_s]), radar.rotation_s)
-    last = int(np.ceil(end[0]))
-    count = rng.poisson(radar.clutter_rate, last)
-    measurement, amplitude = false_detections(radar, int(count.sum()), rng, scenario.law(index))
-    turns = np.repeat(np.arange(last), count) + antenna.turns_to(measurement[:, 1])
-    kept = radar.visibility.sees(measurement) > 0.0
-    none = np.zeros(int(np.count_nonzero(kept)), dtype=np.int64)
-    return Plots(turns[kept], measurement[kept], amplitude[kept], none, none)
-
-
 def reports_of(
-    scenario: Scenario, index: int, plots: Plots, layout: RadarInput, seed: int = 0
-) -> list[Report]:
+    scenario: Scenario, index: int, plots: SimulatedPlots, layout: RadarInput, seed: int = 0
+) -> list[SimulatedReport]:
     """Return one report per turn or sector of a radar, also without plots.
 
     Incomplete turns at the start and the end of the run are omitted. `seed` is the seed of the
@@ -270,7 +131,7 @@ def reports_of(
     # Turns and sectors begin by the biased azimuth that the antenna reports.
     ahead = scenario.bias(index).azimuth / FULL_TURN * (-1.0 if antenna.clockwise else 1.0)
     turned, offset = plots.turns + ahead, antenna.begin + ahead
-    answers = _answers(scenario, index, plots, seed)
+    replies = _replies(scenario, index, plots, seed)
     time_s = plot_times(scenario, index, plots)
     parts = max(layout.sectors, 1)
     first = int(np.ceil(offset)) * parts
@@ -288,23 +149,26 @@ def reports_of(
         coverage = _coverage(antenna, number % parts, parts) if layout.sectors else None
         detections = _to_detections(plots, rows, own_s, coverage, layout)
         if scenario.transponders is not None:
-            own = answers.take(np.arange(len(plots.turns))[rows])
-            detections = _with_answers(detections, own, layout)
-            detections = _read(detections, _heights(scenario, index, plots, rows), layout)
+            own = replies.take(np.arange(len(plots.turns))[rows])
+            detections = _with_replies(detections, own, layout)
+            detections = _with_decoded_ranges(
+                detections, _heights(scenario, index, plots, rows), layout
+            )
         elif layout.fields.height and layout.site is not None:
             detections = replace(detections, height=_heights(scenario, index, plots, rows))
         detections = to_plane(detections, layout)
-        reports.append(Report(index, scenario.ns_after(end_s), detections, plots.source[rows]))
+        reports.append(
+            SimulatedReport(index, scenario.ns_after(end_s), detections, plots.source[rows])
+        )
     return reports
 
 
-def plot_times(scenario: Scenario, index: int, plots: Plots) -> FloatArray:
-    """Return the times of one radar's plots, seconds after scan 0, shape (M,)."""
-    return scenario.antennas[index].times_at(plots.turns, scenario.radars[index].rotation_s)
-
-
 def _to_detections(
-    plots: Plots, rows: slice, time_s: FloatArray, coverage: Coverage | None, layout: RadarInput
+    plots: SimulatedPlots,
+    rows: slice,
+    time_s: FloatArray,
+    coverage: Coverage | None,
+    layout: RadarInput,
 ) -> Detections:
     """Return some plots as detections with the fields of the radar's messages."""
     return Detections(
@@ -316,7 +180,7 @@ def _to_detections(
     )
 
 
-def _heights(scenario: Scenario, index: int, plots: Plots, rows: slice) -> FloatArray:
+def _heights(scenario: Scenario, index: int, plots: SimulatedPlots, rows: slice) -> FloatArray:
     """Return the heights of the targets of some plots, metres; NaN for clutter."""
     return _heights_at(scenario, plots.source[rows], plot_times(scenario, index, plots)[rows])
 
@@ -330,7 +194,7 @@ def _heights_at(scenario: Scenario, source: IntArray, time_s: FloatArray) -> Flo
     return height
 
 
-def _read(found: Detections, true: FloatArray, layout: RadarInput) -> Detections:
+def _with_decoded_ranges(found: Detections, true: FloatArray, layout: RadarInput) -> Detections:
     """Return detections over a plane with ranges as a reader converts them, given their heights.
 
     Parameters
@@ -342,7 +206,7 @@ def _read(found: Detections, true: FloatArray, layout: RadarInput) -> Detections
     """
     if layout.site is not None or found.height is None:
         return found
-    reading = HeightReading(layout.height)
+    reading = HeightProjection(layout.height)
     return replace(found, measurement=reading.at(found.measurement, true, found.height))
 
 
@@ -365,28 +229,28 @@ def to_plane(found: Detections, layout: RadarInput) -> Detections:
     )
 
 
-def _answers(scenario: Scenario, index: int, plots: Plots, seed: int) -> Detections:
+def _replies(scenario: Scenario, index: int, plots: SimulatedPlots, seed: int) -> Detections:
     """Return all plots with their targets' replies, independent of the messages."""
     found = Detections(plots.measurement, None)
     time_s = plot_times(scenario, index, plots)
     return scenario.with_replies(found, plots.answering, time_s, (seed, index))
 
 
-def _with_answers(found: Detections, answers: Detections, layout: RadarInput) -> Detections:
+def _with_replies(found: Detections, replies: Detections, layout: RadarInput) -> Detections:
     """Return detections with the replies that the radar's messages contain."""
     return replace(
         found,
-        code=answers.code if layout.fields.code else None,
-        address=answers.address if layout.fields.address else None,
-        height=answers.height if layout.fields.height else None,
-        kind=_kind(answers) if layout.fields.kind else None,
+        code=replies.code if layout.fields.code else None,
+        address=replies.address if layout.fields.address else None,
+        height=replies.height if layout.fields.height else None,
+        kind=_sensor_types(replies) if layout.fields.kind else None,
     )
 
 
-def _kind(answers: Detections) -> IntArray:
+def _sensor_types(replies: Detections) -> IntArray:
     """Return the sensor types of a combined radar's plots: primary, or combined with a reply."""
-    kind = np.full(len(answers), PRIMARY)
-    for known in (answers.code, answers.address):
+    kind = np.full(len(replies), PRIMARY)
+    for known in (replies.code, replies.address):
         if known is not None:
             kind[known != UNKNOWN] = COMBINED
     return kind
@@ -399,9 +263,9 @@ def _coverage(antenna: Antenna, sector: int, sectors: int) -> Coverage:
     return Coverage(float(wrap_angle(np.array(np.pi / 2.0 + start))), width)
 
 
-def _still_reports(
+def _staring_reports(
     scenario: Scenario, index: int, layout: RadarInput, rng: np.random.Generator, seed: int
-) -> list[Report]:
+) -> list[SimulatedReport]:
     """Return the reports of a staring radar, one per scan."""
     snr_of = np.array([target.snr for target in scenario.targets])
     reports = []
@@ -409,14 +273,14 @@ def _still_reports(
         truth = truth_at(scenario, scan)
         snr = snr_of[truth.track_id - 1]
         radar = scenario.radar_at(index, scan * scenario.interval_s)
-        laws = scenario.laws(index)
+        laws = scenario.clutter_and_echoes(index)
         found, source = detect(truth, snr, radar, rng, *laws, scenario.reflectors)
         if not layout.fields.amplitude:
             found = replace(found, amplitude=None)
         time_s = np.full(len(source), scan * scenario.interval_s)
-        answers = scenario.with_replies(found, source, time_s, (seed, scan, index))
-        found = _read(
-            _with_answers(found, answers, layout), _heights_at(scenario, source, time_s), layout
+        replies = scenario.with_replies(found, source, time_s, (seed, scan, index))
+        found = _with_decoded_ranges(
+            _with_replies(found, replies, layout), _heights_at(scenario, source, time_s), layout
         )
-        reports.append(Report(index, truth.stamp_ns, found, source))
+        reports.append(SimulatedReport(index, truth.stamp_ns, found, source))
     return reports

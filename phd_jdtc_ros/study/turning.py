@@ -31,7 +31,7 @@ from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.feed.feed import Feed
 from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
-from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
+from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
 from .runs import TAXIING, Ignored, SimulatedRun, Tracked
 
@@ -132,7 +132,7 @@ def estimates_of(
 
 
 def _events(
-    config: TrackerConfig, scenario: Scenario, reports: Iterable[Report]
+    config: TrackerConfig, scenario: Scenario, reports: Iterable[SimulatedReport]
 ) -> Iterator[Event]:
     feed = Feed(config, Tally(config))
     poses = iter(scenario.poses())

@@ -20,11 +20,11 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.registration.result import Registration
-from phd_jdtc_ros.calibration.registration.sensors import RegistrationError, sensor
 from phd_jdtc_ros.calibration.registration.solution import register
+from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError, tracked_radar
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
@@ -167,7 +167,7 @@ def _found(
                     f"{f' (dropped: {said})' if said else ''}; must have some, or be left out of "
                     "radars"
                 )
-            sensors.append(sensor(plots, radar, bag.start_ns, bool(layout.pose.topic)))
+            sensors.append(tracked_radar(plots, radar, bag.start_ns, bool(layout.pose.topic)))
         return register(sensors, reference), recorded
     except RegistrationError as error:
         raise BagError(f"{source}: {error}") from error
@@ -185,7 +185,7 @@ def _parameters(config: TrackerConfig, found: Registration) -> dict[str, list[fl
     """Return the corrections of radars with observable biases, with those that are set already."""
     parameters: dict[str, list[float]] = {}
     for layout, each in zip(config.inputs, found.radars, strict=True):
-        bias: RadarBias = layout.bias.followed_by(each.bias)
+        bias: SensorBias = layout.bias.followed_by(each.bias)
         for name, biases in layout.bias_parameters(bias).items():
             chosen = registered_table.corrections(each, biases, config.values[name])
             if chosen is not None:

@@ -10,7 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from phd_jdtc_ros.calibration.registration.filtering import KINDS
-from phd_jdtc_ros.calibration.registration.result import Found, Registration
+from phd_jdtc_ros.calibration.registration.result import RadarEstimate, Registration
 from phd_jdtc_ros.configuration.build import TrackerConfig
 
 # Smallest width of the tables, characters, at which each error fits a line.
@@ -52,7 +52,9 @@ class Row(NamedTuple):
     now: float
 
 
-def corrections(found: Found, biases: Sequence[float], now: Sequence[float]) -> list[float] | None:
+def corrections(
+    found: RadarEstimate, biases: Sequence[float], now: Sequence[float]
+) -> list[float] | None:
     """Return the rounded `biases` of a radar; the configured ones if they are unobservable.
 
     It is None if all of them are unobservable.

@@ -38,8 +38,9 @@ from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.simulation.looks import looks, slant
+from phd_jdtc_ros.simulation.plots import plot_times
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
-from phd_jdtc_ros.simulation.turning_antenna import Report, plot_times, plots_with_replies
+from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, plots_with_replies
 from phd_jdtc_ros.study.peers.plot_kalman import follow
 from phd_jdtc_ros.study.runs import TAXIING
 from phd_jdtc_ros.study.turning import turn_ends
@@ -177,8 +178,8 @@ class Hour:
         plane = self.scenario.measure(0, truth.state, np.full(len(height), time_s))
         distance, azimuth = slant(self.layout, plane, height).T
         # The height of a target without a transponder is unknown to every tracker.
-        told = [self.scenario.answers(number) for number in truth.track_id.tolist()]
-        known = np.where(told, height + self.layout.datum, np.nan)
+        equipped = [self.scenario.has_transponder(number) for number in truth.track_id.tolist()]
+        known = np.where(equipped, height + self.layout.datum, np.nan)
         ground, _ = reader.ground(distance, azimuth, known)
         return truth, reader.radar.to_world(ground)
 
@@ -238,7 +239,7 @@ def plot_kalman(hour: Hour, reader: Reader, times_s: FloatArray) -> list[PointSe
     detections = Detections(ground[possible], None, time_s=time_s[possible])
     true = hour.scenario.radars[0]
     own = replace(true, position=reader.radar.position, yaw=reader.radar.yaw)
-    return follow([Report(0, 0, detections, np.zeros(0, np.int64))], [own], _ns(times_s))
+    return follow([SimulatedReport(0, 0, detections, np.zeros(0, np.int64))], [own], _ns(times_s))
 
 
 def _ns(times_s: FloatArray) -> list[int]:

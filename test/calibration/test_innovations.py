@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from estimate_sets import estimates, states
 
-from phd_jdtc_ros.calibration.innovations import BACK, FEW, LEAST, SMALLER, InnovationMonitor
+from phd_jdtc_ros.calibration.innovations import (
+    BACK,
+    MIN_FOR_TOO_LARGE,
+    MIN_FOR_TOO_SMALL,
+    SMALLER,
+    InnovationMonitor,
+)
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
@@ -32,15 +38,15 @@ def monitored(config):
     engine, monitor = new_engine(config), InnovationMonitor(config.model)
     found = []
     for scan in SCANS:
-        monitor.stepped(scan, engine.step(scan).filtered)
+        monitor.add_scan(scan, engine.step(scan).filtered)
         found.append(monitor.fits())
     return found
 
 
 def test_right_noise_is_never_warned_of():
     for fits in monitored(TRUE):
-        assert not any(fit.larger or fit.smaller for fit in fits)
-    assert all(fit.seen > LEAST for fit in fits)
+        assert not any(fit.noise_too_small or fit.noise_too_large for fit in fits)
+    assert all(fit.innovations > MIN_FOR_TOO_LARGE for fit in fits)
     assert all((np.abs(fit.axes - 1.0) < 0.4).all() for fit in fits)
 
 
@@ -50,12 +56,12 @@ def test_right_noise_is_never_warned_of():
 )
 def test_wrong_noise_is_noticed_of_every_radar(scale, verdict):
     fits = monitored(configured(scale))[-1]
-    assert [(fit.larger, fit.smaller) for fit in fits] == [verdict, verdict]
+    assert [(fit.noise_too_small, fit.noise_too_large) for fit in fits] == [verdict, verdict]
 
 
 def test_axes_show_which_standard_deviation_is_wrong():
     for fit in monitored(configured(1.0, azimuth_scale=0.1))[-1]:
-        assert fit.larger
+        assert fit.noise_too_small
         assert fit.axes[1] > 5.0 > 2.0 > fit.axes[0]
 
 
@@ -72,8 +78,8 @@ def looks(monitor, measurements, coverage=None, times=1):
     """Let one track, whose place is known, be seen some times; return the radar's fit."""
     report = Detections(np.array(measurements), None, coverage=coverage)
     for _ in range(times):
-        monitor.stepped(Scan(0, (None,)), (STILL,))
-        monitor.stepped(Scan(10**8, (report,)), ())
+        monitor.add_scan(Scan(0, (None,)), (STILL,))
+        monitor.add_scan(Scan(10**8, (report,)), ())
     return monitor.fits()[0]
 
 
@@ -88,7 +94,7 @@ def looks(monitor, measurements, coverage=None, times=1):
     ids=["alone", "two near", "one near", "elsewhere"],
 )
 def test_detection_is_a_tracks_if_it_is_beyond_doubt(measurements, coverage, seen):
-    assert looks(InnovationMonitor(ALONE), measurements, coverage).seen == seen
+    assert looks(InnovationMonitor(ALONE), measurements, coverage).innovations == seen
 
 
 def test_detections_between_two_tracks_are_of_neither():
@@ -99,9 +105,9 @@ def test_detections_between_two_tracks_are_of_neither():
         track_state=np.ones(2, int),
     )
     monitor = InnovationMonitor(ALONE)
-    monitor.stepped(Scan(0, (None,)), (two,))
-    monitor.stepped(Scan(10**8, (Detections(np.array([[5.25e3, 0.0]]), None),)), ())
-    assert monitor.fits()[0].seen == 0
+    monitor.add_scan(Scan(0, (None,)), (two,))
+    monitor.add_scan(Scan(10**8, (Detections(np.array([[5.25e3, 0.0]]), None),)), ())
+    assert monitor.fits()[0].innovations == 0
 
 
 def test_verdict_stays_until_it_is_clearly_otherwise():
@@ -113,7 +119,7 @@ def test_verdict_stays_until_it_is_clearly_otherwise():
         return looks(monitor, [(5e3 + off, 0.0)], times=200)
 
     between = 0.5 * (SMALLER + SMALLER / BACK)
-    assert [after(share).smaller for share in (between, 0.9 * SMALLER, between, 0.5)] == [
+    assert [after(share).noise_too_large for share in (between, 0.9 * SMALLER, between, 0.5)] == [
         False,
         True,
         True,
@@ -124,9 +130,9 @@ def test_verdict_stays_until_it_is_clearly_otherwise():
 def test_few_innovations_reveal_too_small_a_noise_and_many_too_large_a_noise():
     monitor = InnovationMonitor(ALONE)
     far = [(5e3 + 2000.0, 0.0)]
-    assert not looks(monitor, far, times=FEW - 1).larger
-    assert looks(monitor, far).larger
+    assert not looks(monitor, far, times=MIN_FOR_TOO_SMALL - 1).noise_too_small
+    assert looks(monitor, far).noise_too_small
     monitor = InnovationMonitor(ALONE)
     near = [(5e3 + 0.1, 0.0)]
-    assert not looks(monitor, near, times=LEAST - 1).smaller
-    assert looks(monitor, near).smaller
+    assert not looks(monitor, near, times=MIN_FOR_TOO_LARGE - 1).noise_too_large
+    assert looks(monitor, near).noise_too_large

@@ -92,17 +92,17 @@ def test_targets_keep_their_numbers(default_run):
 def test_scan_leaves_targets_alone_that_the_antenna_did_not_pass(default_run):
     engine, _, _ = default_run(8)
     forward = engine.forward
-    before = {rows.entry.stamp_ns: rows.entry.stored for rows in forward.current}
-    alive = {origin for rows in forward.current for origin in rows.origin.tolist()}
+    before = {rows.entry.stamp_ns: rows.entry.stored for rows in forward.unswept}
+    alive = {row_label for rows in forward.unswept for row_label in rows.row_label.tolist()}
     engine.step(scans(9)[8 * SECTORS + 2])
-    others = [rows for rows in forward.current[:-1] if rows.rows is None]
+    others = [rows for rows in forward.unswept[:-1] if rows.rows is None]
     assert len(others) >= 2
     for rows in others:
         assert rows.entry.stored is before[rows.entry.stamp_ns]
-    now = {origin for rows in forward.current for origin in rows.origin.tolist()}
-    touched = {*forward.current[-1].entry.stored.origin.tolist()}
+    now = {row_label for rows in forward.unswept for row_label in rows.row_label.tolist()}
+    touched = {*forward.unswept[-1].entry.stored.row_label.tolist()}
     # Every target is in one place, and none is in two.
-    assert sum(len({*rows.origin.tolist()}) for rows in forward.current) == len(now)
+    assert sum(len({*rows.row_label.tolist()}) for rows in forward.unswept) == len(now)
     assert alive - touched <= now
 
 
@@ -111,7 +111,7 @@ def test_missed_target_is_missed_once_a_turn_and_not_by_every_sector(default_run
     reported, _ = stepped(engine, scans(11, missed=1.0)[10 * SECTORS :])
     # p_D is 0.95: one miss leaves an existence probability near 0.95, sixteen would leave none.
     assert len(filtered[-1]) == len(reported[-1]) == len(TARGETS)
-    mass = sum(rows.class_mass(np.zeros(2, dtype=int), 1)[0] for rows in engine.forward.current)
+    mass = sum(rows.class_mass(np.zeros(2, dtype=int), 1)[0] for rows in engine.forward.unswept)
     assert 3.0 < mass < 4.1
 
 
@@ -212,7 +212,7 @@ def seen_at(seconds, targets, coverage=None):
 def test_newborn_particles_of_one_set_are_drawn_again_one_after_the_other_and_stay_so():
     engine = engine_of("particles")
     engine.step(seen_at(0.0, [0, 1]))
-    ((rows, born),) = [(rows, rows.entry.stored) for rows in engine.forward.current]
+    ((rows, born),) = [(rows, rows.entry.stored) for rows in engine.forward.unswept]
     drawn = []
     for seconds, target in ((4.0, 0), (4.5, 1)):
         (x, y) = position_at(seconds)[target]
@@ -220,7 +220,10 @@ def test_newborn_particles_of_one_set_are_drawn_again_one_after_the_other_and_st
         (entry,) = [each for each in engine._window if each.stamp_ns == rows.entry.stamp_ns]
         changed = (entry.stored.state != born.state).any(axis=1)
         drawn.append(
-            (set(born.origin[changed]), entry.stored.state[born.origin == min(born.origin)])
+            (
+                set(born.row_label[changed]),
+                entry.stored.state[born.row_label == min(born.row_label)],
+            )
         )
     (first, of_first), (both, later_of_first) = drawn
     # The first one's velocities are those that its next detection was explained with.

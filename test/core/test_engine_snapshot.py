@@ -60,7 +60,7 @@ def shortened(name):
         (shortened("stored.1.label"), "stored.1"),
         (shortened("stored.1.link.survival"), "stored.1.link"),
         (without("filter.scan_index"), "filter.scan_index: missing"),
-        (lambda snapshot: snapshot.facts.update({"extraction.rng": {}}), "snapshot"),
+        (lambda snapshot: snapshot.json_values.update({"extraction.rng": {}}), "snapshot"),
     ],
 )
 def test_restore_refuses_what_is_no_particle_engine_and_leaves_a_new_one(change, named):

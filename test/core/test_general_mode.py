@@ -7,8 +7,8 @@ import pytest
 from scenes import plain, short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.simulation.scenario import TargetScript
 from phd_jdtc_ros.simulation.simulate import simulate
+from phd_jdtc_ros.simulation.traffic.target_script import TargetScript
 
 SEEDS = 12
 SCANS = 6

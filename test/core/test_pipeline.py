@@ -7,7 +7,7 @@ from scenes import short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import new_engine, new_pipeline
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.intake.turns import SLICES
+from phd_jdtc_ros.core.intake.slices import SLICES
 from phd_jdtc_ros.core.pipeline import RunEnded, Stepped
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -181,7 +181,7 @@ def test_slices_that_are_late_are_counted_by_report_and_none_is_with_reorder_s(r
         else:
             scans += sum(isinstance(event, Stepped) for event in events)
     scans += sum(isinstance(event, Stepped) for event in pipeline.flush())
-    late = sum(pipeline.take_doubts(radar)["slices_late"] for radar in (0, 1))
+    late = sum(pipeline.take_anomalies(radar)["slices_late"] for radar in (0, 1))
     assert rejected == 0
     assert (late > 0) == (reorder_s == 0.0)
     cut = small(BOTH).turns()
@@ -192,12 +192,12 @@ def test_slices_that_are_late_are_counted_by_report_and_none_is_with_reorder_s(r
     assert 11 * SLICES < sum(pieces) == scans + late
 
 
-def test_doubts_are_taken_once():
+def test_anomalies_are_taken_once():
     pipeline = new_pipeline(small(AT_ONCE))
     reports = TURNING.reports(4)
     turned(pipeline, [reports[0], reports[1], reports[3]])
-    assert pipeline.take_doubts(0) == {"clouds_missing": 1}
-    assert not pipeline.take_doubts(0)
+    assert pipeline.take_anomalies(0) == {"clouds_missing": 1}
+    assert not pipeline.take_anomalies(0)
 
 
 def test_sectors_step_the_engine_with_what_they_cover():
@@ -225,8 +225,8 @@ def test_a_turn_that_is_not_set_is_found_and_targets_are_tracked(engine, timed):
         found += [
             one for event in events if isinstance(event, Stepped) for one in event.step.filtered
         ]
-    assert pipeline.turn_found_s(0) == pytest.approx(4.0, rel=0.01)
-    assert pipeline.turn_s(0) == pytest.approx(sweep.ROTATION_S, rel=5e-3)
+    assert pipeline.first_period_s(0) == pytest.approx(4.0, rel=0.01)
+    assert pipeline.period_s(0) == pytest.approx(sweep.ROTATION_S, rel=5e-3)
     last = found[-1]
     truth = sweep.position_at(sweep.seconds_of(last.stamp_ns))
     apart = np.hypot(*(truth[:, None] - last.position).transpose(2, 0, 1)).min(axis=1)
@@ -241,5 +241,5 @@ def test_a_turn_is_found_once_and_known_after_a_reset():
         for radar, stamp_ns, detections, _sector in reports:
             list(pipeline.add(radar, stamp_ns, detections))
         pipeline.reset()
-    assert pipeline.turn_found_s(0) == pytest.approx(4.0, rel=0.01)
-    assert pipeline.turn_s(0) == pytest.approx(sweep.ROTATION_S, rel=5e-3)
+    assert pipeline.first_period_s(0) == pytest.approx(4.0, rel=0.01)
+    assert pipeline.period_s(0) == pytest.approx(sweep.ROTATION_S, rel=5e-3)

@@ -115,9 +115,9 @@ def test_newborn_gaussians_are_one_hypothesis_for_each_fold():
 
     mass = found.mass
     for row in range(3):
-        own = found.origin == 1000 + row
+        own = found.row_label == 1000 + row
         assert mass[own].sum() == pytest.approx(newborn.mass[row].sum(), rel=1e-9)
-    own = np.flatnonzero(found.origin == 1000)
+    own = np.flatnonzero(found.row_label == 1000)
     toward = np.array([np.cos(0.4), np.sin(0.4)])
     radial = found.mean[own, 0][:, [1, 3]] @ toward
     gain = births.velocity_std**2 / (births.velocity_std**2 + 0.15**2)
@@ -132,7 +132,7 @@ def test_newborn_gaussians_are_one_hypothesis_for_each_fold():
     np.testing.assert_allclose(np.sqrt(toward @ spread @ toward), expected, rtol=0.02)
     across = np.array([-toward[1], toward[0]])
     np.testing.assert_allclose(np.sqrt(across @ spread @ across), 12.0, rtol=0.01)
-    assert np.count_nonzero(found.origin == 1002) == 1
+    assert np.count_nonzero(found.row_label == 1002) == 1
 
 
 @pytest.mark.parametrize("engine", ["gaussian", "particles"])

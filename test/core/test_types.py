@@ -76,7 +76,7 @@ def test_particle_phd_effective_sample_size_is_never_above_the_particles(
 
 
 @pytest.mark.parametrize(
-    ("weight", "origin", "expected"),
+    ("weight", "row_label", "expected"),
     [
         ([0.1, 0.1, 0.1, 0.1], [0, 0, 0, 0], 1.0),
         ([1.0, 0.0, 0.0, 0.0], [0, 0, 0, 0], 0.25),
@@ -87,8 +87,8 @@ def test_particle_phd_effective_sample_size_is_never_above_the_particles(
         ([0.0, 0.0], [0, 1], 0.0),
     ],
 )
-def test_particle_phd_effective_share_is_that_of_the_targets(weight, origin, expected):
-    phd = intensity(np.zeros((len(weight), 5)), weight, origin=np.array(origin))
+def test_particle_phd_effective_share_is_that_of_the_targets(weight, row_label, expected):
+    phd = intensity(np.zeros((len(weight), 5)), weight, row_label=np.array(row_label))
     assert phd.effective_share == pytest.approx(expected)
 
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
-from phd_jdtc_ros.evaluation.comparison import LabelledPoints
-from phd_jdtc_ros.evaluation.evaluation import Evaluation, PointSet
+from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
 CUTOFF = 100.0
 

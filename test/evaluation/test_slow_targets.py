@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.evaluation.comparison import PointSet
-from phd_jdtc_ros.evaluation.evaluation import FILTERED, Evaluation
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.true_tracks import without_slow
 
 NEAR = 200.0

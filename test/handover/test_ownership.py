@@ -132,7 +132,7 @@ def test_tracks_that_part_are_two_targets_again():
 
 
 def test_heights_and_identities_stay_with_their_targets():
-    def told(found, code):
+    def coded(found, code):
         count = len(found)
         known = Attributes(
             np.full((count, 2), float(code)),
@@ -143,7 +143,7 @@ def test_heights_and_identities_stay_with_their_targets():
         return replace(found, attributes=known)
 
     west, east = estimates(0, {3: (-50e3, 0.0)}), estimates(0, {7: (50e3, 0.0), 8: (60e3, 0.0)})
-    found = Handover(REGIONS, HYSTERESIS).add(dict(enumerate([told(west, 11), told(east, 22)])))
+    found = Handover(REGIONS, HYSTERESIS).add(dict(enumerate([coded(west, 11), coded(east, 22)])))
     order = np.argsort(found.position[:, 0])
     assert found.attributes.code[order].tolist() == [11, 22, 22]
     assert found.attributes.height[order, 0].tolist() == [11.0, 22.0, 22.0]

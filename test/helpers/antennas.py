@@ -1,15 +1,19 @@
 """Detections of an antenna that turns, as reports of whole turns or of sectors."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phd_jdtc_ros.core.sensors.visibility import within
+from phd_jdtc_ros.core.intake.turns import Turns
+from phd_jdtc_ros.core.sensors.visibility import sector_probability
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
+S = 1_000_000_000
 START_NS = 1_700_000_000_000_000_000
 # No azimuth is the edge of a sector.
 GRID = np.linspace(-np.pi, np.pi, 720, endpoint=False) + 1e-4
+NONE = Detections(np.zeros((0, 2)), None)
+NONE_TIMED = Detections(np.zeros((0, 2)), None, np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -89,10 +93,38 @@ def covered(pieces):
     """Return how often each azimuth of `GRID` is covered by pieces."""
     times = np.zeros(len(GRID))
     for _, piece in pieces:
-        times += 1.0 if piece.coverage is None else within(GRID, piece.coverage)
+        times += 1.0 if piece.coverage is None else sector_probability(GRID, piece.coverage)
     return times
 
 
 def degrees_off(sent, pieces):
     """Return how many degrees are covered too often or too rarely by a report's pieces."""
     return float(np.abs(covered(pieces) - sent.passed).sum()) * 360.0 / len(GRID)
+
+
+def turns_of(radar, **changes):
+    given = {"compass": False, "reset_threshold_s": 3.0 * radar.rotation_s, **changes}
+    return Turns(radar.rotation_s, radar.sectors, **given)
+
+
+def fed(turns, reports, numbers=False):
+    """Return the pieces of each report."""
+    return [
+        turns.split(sent.stamp_ns, sent.detections, sent.sector if numbers else None)
+        for sent in reports
+    ]
+
+
+def emptied(sent):
+    nothing = NONE if sent.detections.time_s is None else NONE_TIMED
+    return replace(sent, detections=nothing)
+
+
+def absolute(stamp_ns, detections):
+    """Return range and absolute time (ns) of detections, in the order of ranges."""
+    time_s = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
+    rows = [
+        (distance, stamp_ns - START_NS + round(own * 1e9))
+        for distance, own in zip(detections.measurement[:, 0], time_s, strict=True)
+    ]
+    return sorted(rows)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from phd_jdtc_ros.calibration.registration.sensors import sensor
+from phd_jdtc_ros.calibration.registration.tracked_radars import tracked_radar
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
@@ -34,5 +34,5 @@ def sensors(given, seed, **parameters):
     found = []
     for index, radar in enumerate(config.model.radars):
         own = [(each.stamp_ns, each.detections) for each in reports if each.radar == index]
-        found.append(sensor(plots_of(own), radar, scenario.start_ns, False))
+        found.append(tracked_radar(plots_of(own), radar, scenario.start_ns, False))
     return found

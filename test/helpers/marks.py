@@ -1,4 +1,4 @@
-"""An engine whose rows are no particles: one for each origin, with the scan that touched it."""
+"""An engine whose rows are no particles: one for each row_label, with the scan that touched it."""
 
 from dataclasses import dataclass, field, replace
 
@@ -9,7 +9,7 @@ from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.core.window import window_snapshot
 from phd_jdtc_ros.core.window.backward_pass import smoothed_sets
-from phd_jdtc_ros.core.window.entries import Current, Entry, Extents
+from phd_jdtc_ros.core.window.entries import Entry, Extents, UnsweptRows
 from phd_jdtc_ros.core.window.fixed_lag import FixedLagEngine
 from phd_jdtc_ros.core.window.forward_filter import Filtered, ForwardFilter
 from phd_jdtc_ros.core.window.swept import partition_swept
@@ -21,28 +21,28 @@ PLACES = 50e3 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 
 @dataclass(frozen=True)
 class Marks:
-    """One row for each origin, with the index of the latest scan known to have touched it."""
+    """One row for each row_label, with the index of the latest scan known to have touched it."""
 
-    origin: np.ndarray
+    row_label: np.ndarray
     mark: np.ndarray
 
     @property
     def label(self):
-        return self.origin
+        return self.row_label
 
     def __len__(self):
-        return len(self.origin)
+        return len(self.row_label)
 
     def take(self, rows):
-        return Marks(self.origin[rows], self.mark[rows])
+        return Marks(self.row_label[rows], self.mark[rows])
 
     def class_mass(self, class_of, classes, rows=None):
         return np.full(classes, (len(self) if rows is None else len(rows)) / classes)
 
     def extents(self, space):
         none = np.zeros(len(self))
-        place = PLACES[self.origin]
-        return Extents(self.origin, np.arange(len(self)), place, 0.0 * place, none, none)
+        place = PLACES[self.row_label]
+        return Extents(self.row_label, np.arange(len(self)), place, 0.0 * place, none, none)
 
 
 @dataclass
@@ -51,8 +51,8 @@ class MarkFilter(ForwardFilter):
 
     Parameters
     ----------
-    begins, ends : dict of origin to int
-        Scans that begin an origin, 0 if it is not named, and that drop it if they touch it.
+    begins, ends : dict of row_label to int
+        Scans that begin an row_label, 0 if it is not named, and that drop it if they touch it.
     noted : float
         What a scan adds to the marks of earlier sets whose rows it touches.
     """
@@ -64,32 +64,32 @@ class MarkFilter(ForwardFilter):
     def step(self, scan, linked):
         self._interval(scan)
         index = self._scan_index
-        touched, others = partition_swept(self.current, scan, self.model, labelled=True)
-        earlier = np.concatenate([np.arange(0), *(rows.origin for rows in touched)])
+        touched, others = partition_swept(self.unswept, scan, self.model, labelled=True)
+        earlier = np.concatenate([np.arange(0), *(rows.row_label for rows in touched)])
         new = [each for each in range(len(PLACES)) if self.begins.get(each, 0) == index]
         kept = [each for each in earlier.tolist() if self.ends.get(each, index + 1) > index]
-        origin = np.array(sorted([*kept, *new]), dtype=np.int64)
-        stored = Marks(origin, np.full(len(origin), float(index)))
+        row_label = np.array(sorted([*kept, *new]), dtype=np.int64)
+        stored = Marks(row_label, np.full(len(row_label), float(index)))
         link = None
         if linked and touched:
-            link = np.where(np.isin(earlier, origin), np.searchsorted(origin, earlier), -1)
+            link = np.where(np.isin(earlier, row_label), np.searchsorted(row_label, earlier), -1)
         entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)
         noted = {rows.entry.stamp_ns: self._noted(rows) for rows in touched}
         left = [noted.get(rows.entry.stamp_ns, rows.entry) for rows in others]
-        self._keep(entry, list(map(Current, left, (rows.rows for rows in others))))
+        self._keep(entry, list(map(UnsweptRows, left, (rows.rows for rows in others))))
         return Filtered(stored, entry, tuple(noted.values()))
 
     def _noted(self, rows):
         mark = rows.entry.stored.mark.copy()
         mark[slice(None) if rows.rows is None else rows.rows] += self.noted
-        return replace(rows.entry, stored=Marks(rows.entry.stored.origin, mark))
+        return replace(rows.entry, stored=Marks(rows.entry.stored.row_label, mark))
 
 
 class MarkEngine(FixedLagEngine):
     def _extract(self, stored, stamp_ns, lag, threshold):
         count, modes = len(stored), self.forward.model.modes
         state = np.zeros((count, len(modes.space)))
-        state[:, list(modes.space.position)] = PLACES[stored.origin]
+        state[:, list(modes.space.position)] = PLACES[stored.row_label]
         estimates = Estimates(
             stamp_ns=stamp_ns,
             lag=lag,
@@ -98,7 +98,7 @@ class MarkEngine(FixedLagEngine):
             weight=stored.mark + 1.0,
             class_probability=np.full((count, len(modes.classes)), 1.0 / len(modes.classes)),
             class_id=np.zeros(count, dtype=np.int64),
-            track_id=stored.origin + 1,
+            track_id=stored.row_label + 1,
             space=modes.space,
         )
         return estimates.take(np.flatnonzero(estimates.weight > threshold))
@@ -117,14 +117,14 @@ class MarkEngine(FixedLagEngine):
             rows = slice(None) if part.rows is None else part.rows
             message = part.content[part.part]
             mark[rows] = np.where(np.isnan(message), mark[rows], message)
-        return Marks(stored.origin, mark)
+        return Marks(stored.row_label, mark)
 
     def _figures(self, step):
         return {"touched": sum(len(entry.stored) for entry in step.earlier)}
 
     def _entry_to_snapshot(self, entry, held, name):
         window_snapshot.sources_to_snapshot(entry, held, name)
-        held.arrays[f"{name}.origin"] = entry.stored.origin
+        held.arrays[f"{name}.origin"] = entry.stored.row_label
         held.arrays[f"{name}.mark"] = entry.stored.mark
         if entry.link is not None:
             held.arrays[f"{name}.link"] = entry.link

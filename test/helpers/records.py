@@ -6,7 +6,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.state_space import PLANAR, X, Y
 from phd_jdtc_ros.core.types import Estimates, Truth
-from phd_jdtc_ros.report.record import Plot, RadarSite, Record
+from phd_jdtc_ros.report.record import RadarPlots, RadarSite, Record
 
 START_NS = 1_700_000_000_000_000_000
 SCANS = 12
@@ -47,7 +47,7 @@ def estimates_of(scan, classes, lag, count=None):
 
 def plot_of(scan, classes):
     position = np.concatenate([states(scan, classes)[:, [X, Y]], [[-5e3, 4e3]]])
-    return Plot(stamp_ns(scan), "radar_1", position, np.r_[np.full(classes, 200.0), 3.8])
+    return RadarPlots(stamp_ns(scan), "radar_1", position, np.r_[np.full(classes, 200.0), 3.8])
 
 
 def record_of(classes=2, **parts):

@@ -33,12 +33,12 @@ def stored_and_read(snapshot):
         name: np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
         for name, array in snapshot.arrays.items()
     }
-    return Snapshot(snapshot.stamp_ns, arrays, json.loads(json.dumps(snapshot.facts)))
+    return Snapshot(snapshot.stamp_ns, arrays, json.loads(json.dumps(snapshot.json_values)))
 
 
 def assert_same(ours, theirs):
     """Assert that two snapshots are the same, bit by bit."""
-    assert (ours.stamp_ns, ours.facts) == (theirs.stamp_ns, theirs.facts)
+    assert (ours.stamp_ns, ours.json_values) == (theirs.stamp_ns, theirs.json_values)
     assert ours.arrays.keys() == theirs.arrays.keys()
     for name, array in ours.arrays.items():
         np.testing.assert_array_equal(array, theirs.arrays[name])

@@ -58,7 +58,7 @@ def intensity(
     state,
     weight,
     mode=None,
-    origin=None,
+    row_label=None,
     components=None,
     multiplicity=None,
     label=None,
@@ -69,7 +69,7 @@ def intensity(
     return ParticleSet(
         state=np.asarray(state, dtype=float),
         mode=np.zeros(count, dtype=int) if mode is None else mode,
-        origin=np.zeros(count, dtype=int) if origin is None else origin,
+        row_label=np.zeros(count, dtype=int) if row_label is None else row_label,
         parent=np.full(count, -1),
         multiplicity=np.ones(count, dtype=int) if multiplicity is None else multiplicity,
         poisson=np.asarray(weight, dtype=float),
@@ -110,7 +110,7 @@ def scattered(seed=0, count=300, mass=2.0):
     state[:, OMEGA] = np.where(mode % 2 == 1, rng.normal(0.0, 1e-2, count), 0.0)
     weight = rng.exponential(1.0, count)
     return intensity(
-        state, weight * mass / weight.sum(), mode=mode, origin=rng.integers(0, 3, count)
+        state, weight * mass / weight.sum(), mode=mode, row_label=rng.integers(0, 3, count)
     )
 
 

@@ -44,7 +44,7 @@ def parameters(arguments):
 
 
 @pytest.fixture
-def said(tmp_path, monkeypatch):
+def printed(tmp_path, monkeypatch):
     """Return a function that launches the file and returns how it started what it started."""
     prefix = tmp_path / "prefix"
     notes = tmp_path / "notes"
@@ -96,8 +96,8 @@ def said(tmp_path, monkeypatch):
     return run
 
 
-def test_the_tracker_gets_its_parameters_and_its_name(said):
-    found = said(["phd_jdtc_ros"], namespace="alpha", use_sim_time="true")
+def test_the_tracker_gets_its_parameters_and_its_name(printed):
+    found = printed(["phd_jdtc_ros"], namespace="alpha", use_sim_time="true")
 
     (started,) = found["tracker"]
     arguments = started["arguments"]
@@ -107,8 +107,8 @@ def test_the_tracker_gets_its_parameters_and_its_name(said):
     assert found["rviz2"] == []
 
 
-def test_rviz_shows_the_tracker_of_the_namespace(said):
-    found = said(["phd_jdtc_ros", "rviz2"], namespace="alpha", rviz="true")
+def test_rviz_shows_the_tracker_of_the_namespace(printed):
+    found = printed(["phd_jdtc_ros", "rviz2"], namespace="alpha", rviz="true")
 
     (started,) = found["rviz2"]
     assert any(entry.endswith("rviz/demo.rviz") for entry in started["arguments"])
@@ -124,16 +124,16 @@ def test_rviz_shows_the_tracker_of_the_namespace(said):
         ("True", ["detections", "markers", "plots", "frames"]),
     ],
 )
-def test_frames_are_published_by_the_tracker_alone_as_asked(said, given, expected):
-    (started,) = said([*EXECUTABLES], frames=given)["tracker"]
+def test_frames_are_published_by_the_tracker_alone_as_asked(printed, given, expected):
+    (started,) = printed([*EXECUTABLES], frames=given)["tracker"]
 
     assert parameters(started["arguments"]).get("outputs") == expected
 
 
-def test_parameters_of_the_node_alone_are_no_obstacle(said, tmp_path):
+def test_parameters_of_the_node_alone_are_no_obstacle(printed, tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(MINE)
-    found = said([*EXECUTABLES], params_file=str(path), rviz="true")
+    found = printed([*EXECUTABLES], params_file=str(path), rviz="true")
 
     assert len(found["tracker"]) == 1
     (rviz,) = found["rviz2"]
@@ -141,14 +141,14 @@ def test_parameters_of_the_node_alone_are_no_obstacle(said, tmp_path):
     assert not [word for word in rviz["arguments"] if ":=/north" in word]
 
 
-def test_dds_stays_as_it_is_unless_asked(said):
-    (started,) = said(["phd_jdtc_ros"])["tracker"]
+def test_dds_stays_as_it_is_unless_asked(printed):
+    (started,) = printed(["phd_jdtc_ros"])["tracker"]
 
     assert not {*PROFILE_VARIABLES} & {*started["environment"]}
 
 
-def test_all_that_is_started_keeps_to_this_machine_if_asked(said):
-    found = said([*EXECUTABLES], localhost_only="true", rviz="true")
+def test_all_that_is_started_keeps_to_this_machine_if_asked(printed):
+    found = printed([*EXECUTABLES], localhost_only="true", rviz="true")
 
     profile = SHARE / "config" / "dds" / "localhost_only.xml"
     processes = [started["environment"] for name in found for started in found[name]]
@@ -158,9 +158,9 @@ def test_all_that_is_started_keeps_to_this_machine_if_asked(said):
             assert Path(environment[name]).samefile(profile)
 
 
-def test_a_dds_profile_of_the_users_stays_in_force(said, monkeypatch):
+def test_a_dds_profile_of_the_users_stays_in_force(printed, monkeypatch):
     monkeypatch.setenv(PROFILE_VARIABLES[0], "/etc/site.xml")
-    (started,) = said(["phd_jdtc_ros"], localhost_only="true")["tracker"]
+    (started,) = printed(["phd_jdtc_ros"], localhost_only="true")["tracker"]
 
     assert started["environment"][PROFILE_VARIABLES[0]] == "/etc/site.xml"
     assert PROFILE_VARIABLES[1] not in started["environment"]
@@ -177,32 +177,32 @@ def test_a_dds_profile_of_the_users_stays_in_force(said, monkeypatch):
     ],
     ids=lambda wrong: next(iter(wrong)),
 )
-def test_nothing_is_started_with_a_wrong_argument(said, wrong):
-    found = said([*EXECUTABLES], status=1, **wrong)
+def test_nothing_is_started_with_a_wrong_argument(printed, wrong):
+    found = printed([*EXECUTABLES], status=1, **wrong)
 
     assert not any(found.values())
 
 
 @pytest.mark.parametrize("text", ["tracker: {ros__parameters: {lag: 2}}", MINE + "    lak: 2\n"])
-def test_nothing_is_started_with_a_file_that_the_tracker_refuses(said, tmp_path, text):
+def test_nothing_is_started_with_a_file_that_the_tracker_refuses(printed, tmp_path, text):
     path = tmp_path / "site.yaml"
     path.write_text(text)
-    found = said([*EXECUTABLES], status=1, params_file=str(path), namespace="s1")
+    found = printed([*EXECUTABLES], status=1, params_file=str(path), namespace="s1")
 
     assert not any(found.values())
 
 
 @pytest.mark.parametrize("yes", ["true", "True", "1"])
-def test_booleans_follow_one_rule(said, yes):
-    found = said([*EXECUTABLES], rviz=yes, frames=yes, localhost_only=yes, use_sim_time=yes)
+def test_booleans_follow_one_rule(printed, yes):
+    found = printed([*EXECUTABLES], rviz=yes, frames=yes, localhost_only=yes, use_sim_time=yes)
 
     assert [len(found[name]) for name in EXECUTABLES.values()] == [1, 1]
 
 
-def test_pushed_namespace_reaches_rviz_and_the_file(said, tmp_path):
+def test_pushed_namespace_reaches_rviz_and_the_file(printed, tmp_path):
     path = tmp_path / "site.yaml"
     path.write_text("/site/alpha/t2: {ros__parameters: {lag: 2}}")
-    found = said(
+    found = printed(
         ["phd_jdtc_ros", "rviz2"],
         pushed="site",
         namespace="alpha",
@@ -216,8 +216,8 @@ def test_pushed_namespace_reaches_rviz_and_the_file(said, tmp_path):
     assert "/tracker/markers:=/site/alpha/t2/markers" in rviz["arguments"]
 
 
-def test_log_level_and_enclave_reach_the_tracker(said):
-    (started,) = said(["phd_jdtc_ros"], log_level="debug", enclave="/s1")["tracker"]
+def test_log_level_and_enclave_reach_the_tracker(printed):
+    (started,) = printed(["phd_jdtc_ros"], log_level="debug", enclave="/s1")["tracker"]
 
     words = " ".join(started["arguments"])
     assert "--log-level debug" in words
@@ -229,10 +229,10 @@ def test_log_level_and_enclave_reach_the_tracker(said):
     [(2, "True", 1), (1, "True", 2), (1, "false", 1)],
 )
 def test_a_tracker_that_is_finally_dead_ends_the_launch_with_status_1(
-    said, ends_with, respawn, starts
+    printed, ends_with, respawn, starts
 ):
     """Respawn is bounded, and of no use after status 2."""
-    found = said(
+    found = printed(
         ["phd_jdtc_ros"],
         status=1,
         respawn=respawn,
@@ -243,7 +243,7 @@ def test_a_tracker_that_is_finally_dead_ends_the_launch_with_status_1(
     assert len(found["tracker"]) == starts
 
 
-def test_a_tracker_that_ends_well_ends_the_launch_with_status_0(said):
-    found = said(["phd_jdtc_ros"], status=0, respawn="true", respawn_max_retries="1")
+def test_a_tracker_that_ends_well_ends_the_launch_with_status_0(printed):
+    found = printed(["phd_jdtc_ros"], status=0, respawn="true", respawn_max_retries="1")
 
     assert len(found["tracker"]) == 2

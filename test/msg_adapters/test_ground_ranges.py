@@ -11,10 +11,10 @@ from pyproj import Geod, Transformer
 from samples import FRAME, STAMP_NS, cloud, radar
 from sensor_msgs.msg import PointField
 
+from msg_adapters import anomalies, radar_scan
 from msg_adapters import detections as adapter
-from msg_adapters import doubts, radar_scan
 from phd_jdtc_ros.core.sensors.site import Site
-from phd_jdtc_ros.core.sensors.slant_range import HeightReading
+from phd_jdtc_ros.core.sensors.slant_range import HeightProjection
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.earth import SystemPlane
 
@@ -76,7 +76,7 @@ def test_plots_with_heights_are_where_the_targets_are(distance, height):
     latitude, longitude, slant, compass, _ = around(distance, height)
     report = read([(*plot, height) for plot in zip(slant, compass, strict=True)])
     assert not report.dropped
-    assert not report.doubts
+    assert not report.anomalies
     expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
     assert_allclose(in_plane(report.detections), expected, rtol=0.0, atol=0.01)
     # Heights are above the world's zero, that of the origin.
@@ -126,8 +126,8 @@ def test_a_height_that_is_not_known_is_the_antennas():
     report = read([(*plot, NAN) for plot in zip(slant, compass, strict=True)])
     expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
     assert_allclose(in_plane(report.detections), expected, rtol=0.0, atol=0.01)
-    assert report.doubts == {"heights_unknown": 24}
-    (text,) = doubts.of(sited(), report.doubts)
+    assert report.anomalies == {"heights_unknown": 24}
+    (text,) = anomalies.of(sited(), report.anomalies)
     assert "the antenna's height is assumed, set radar_1.assumed_height" in text
 
 
@@ -151,7 +151,7 @@ def test_a_plot_without_a_height_is_read_again_as_with_it(layout, height):
     unknown = read([(*point[:2], NAN) for point in points], **layout).detections.measurement
     assert np.abs(known - unknown)[:, 0].max() > 10.0
     own = sited(**layout)
-    again = HeightReading(own.height, own.datum, own.site, own.assumed_height).at(
+    again = HeightProjection(own.height, own.datum, own.site, own.assumed_height).at(
         *(unknown, np.full(4, NAN), np.full(4, height - own.datum))
     )
     assert_allclose(again, known, rtol=0.0, atol=1e-3)
@@ -162,7 +162,7 @@ def test_a_plot_with_a_false_height_is_read_again_as_with_the_true_one():
     true = read(points).detections
     false = read([(*point[:2], 2000.0) for point in points]).detections
     own = sited()
-    reading = HeightReading(own.height, own.datum, own.site, own.assumed_height)
+    reading = HeightProjection(own.height, own.datum, own.site, own.assumed_height)
     again = reading.at(false.measurement, false.height, true.height)
     assert_allclose(again, true.measurement, rtol=0.0, atol=1e-3)
 
@@ -276,5 +276,5 @@ def test_whatever_numbers_a_cloud_has_its_detections_are_possible(points, layout
     assert np.isfinite(found).all()
     assert ((found[:, 0] >= 0.0) & (found[:, 0] <= 450e3)).all()
     assert (np.abs(found[:, 1]) <= np.pi).all()
-    repeated = report.doubts["detections_repeated"]
+    repeated = report.anomalies["detections_repeated"]
     assert len(found) + sum(report.dropped.values()) + repeated == len(points)

@@ -36,7 +36,7 @@ def test_what_is_sent_comes_back():
     assert_array_equal(report.detections.height, given.height)
     # On the way its first range is a slant range, twice that over ground.
     assert_allclose(report.detections.measurement, given.measurement, rtol=1e-6)
-    assert report.doubts == {"heights_unknown": 1}
+    assert report.anomalies == {"heights_unknown": 1}
 
 
 def test_without_the_fields_nothing_is_known_of_them():
@@ -46,12 +46,12 @@ def test_without_the_fields_nothing_is_known_of_them():
     assert report.detections.code is report.detections.address is report.detections.height is None
 
 
-def test_a_configured_field_that_a_cloud_lacks_is_a_doubt():
+def test_a_configured_field_that_a_cloud_lacks_is_an_anomaly():
     plain = layout(LAYOUT, height_field="", code_field="", address_field="")
     report = adapter.from_msg(adapter.to_msg(found(), 0, "radar_1", plain), LAYOUT)
 
     assert report.detections.code is None
-    assert report.doubts == {"code_missing": 1, "address_missing": 1, "height_missing": 1}
+    assert report.anomalies == {"code_missing": 1, "address_missing": 1, "height_missing": 1}
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from samples import STAMP_NS, radar
 
-from msg_adapters import doubts
+from msg_adapters import anomalies
 from msg_adapters.selection import Columns, select
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
@@ -26,13 +26,13 @@ def columns(count, **more):
 def test_select_counts_identical_detections_once():
     report = select(STAMP_NS, radar(), columns(500))
     assert len(report.detections) == 1
-    assert report.doubts == {"detections_repeated": 499}
+    assert report.anomalies == {"detections_repeated": 499}
     assert not report.dropped
 
 
 def test_select_reports_a_repeating_driver():
     report = select(STAMP_NS, radar(), columns(3))
-    (text,) = doubts.of(radar(), report.doubts)
+    (text,) = anomalies.of(radar(), report.anomalies)
     assert text.startswith("2 detections that repeat another one")
 
 

@@ -37,7 +37,7 @@ def test_times_relative_to_the_stamp_are_read_in_their_unit(unit, scale, datatyp
     report = timed(-1.5 * scale, 0.25 * scale, time_unit=unit, datatype=datatype)
     assert_allclose(report.detections.time_s, [-1.5, 0.25], rtol=1e-12)
     assert not report.dropped
-    assert not report.doubts
+    assert not report.anomalies
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("s", 1), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
@@ -76,7 +76,7 @@ def test_times_that_do_not_rise_are_kept_as_they_are():
 
 
 @pytest.mark.parametrize(
-    ("parameter", "doubt"),
+    ("parameter", "anomaly"),
     [
         ("time_field", "time_missing"),
         ("sector_field", "sector_missing"),
@@ -85,9 +85,9 @@ def test_times_that_do_not_rise_are_kept_as_they_are():
         ("azimuth_std_field", "azimuth_std_missing"),
     ],
 )
-def test_a_field_that_is_configured_and_missing_is_a_doubt(parameter, doubt):
+def test_a_field_that_is_configured_and_missing_is_an_anomaly(parameter, anomaly):
     report = read([], [(1000.0, 0.5)], **{parameter: "gone"})
-    assert report.doubts == {doubt: 1}
+    assert report.anomalies == {anomaly: 1}
     assert report.detections.time_s is None
     assert report.detections.noise_std is None
     assert report.detections.measurement.tolist() == [[1000.0, 0.5]]
@@ -103,7 +103,7 @@ def test_the_sector_is_one_number_of_any_type(datatype):
     points = [(1000.0, 0.1, 3), (1200.0, 0.2, 3)]
     report = read(["sector"], points, datatype, sector_field="sector", rotation_s=4.0, sectors=16)
     assert report.sector == 3
-    assert not report.doubts
+    assert not report.anomalies
 
 
 @pytest.mark.parametrize("values", [(3, 4), (16, 16), (-1, -1), (2.5, 2.5), (NAN, NAN), (1e300, 0)])
@@ -111,14 +111,14 @@ def test_a_sector_that_makes_no_sense_is_a_doubt(values):
     points = [(1000.0, 0.1, values[0]), (1200.0, 0.2, values[1])]
     report = read(["sector"], points, sector_field="sector", rotation_s=4.0, sectors=16)
     assert report.sector is None
-    assert report.doubts == {"sectors_unusable": 1}
+    assert report.anomalies == {"sectors_unusable": 1}
     assert len(report.detections) == 2
 
 
 def test_an_empty_cloud_has_no_sector():
     report = read(["sector"], [], sector_field="sector", rotation_s=4.0, sectors=16)
     assert report.sector is None
-    assert not report.doubts
+    assert not report.anomalies
 
 
 def high(*heights, distance=5000.0, antenna=0.0, **changes):
@@ -151,7 +151,7 @@ def test_without_a_height_the_slant_range_is_used_and_that_is_a_doubt(unknown):
     report = high(3000.0, unknown)
     assert_allclose(report.detections.measurement[:, 0], [4000.0, 5000.0])
     assert not report.dropped
-    assert report.doubts == {"heights_unknown": 1}
+    assert report.anomalies == {"heights_unknown": 1}
 
 
 def test_where_the_height_is_unknown_the_elevation_serves():
@@ -183,14 +183,14 @@ def test_deviations_of_each_detection_are_read_in_their_units():
 def test_an_unusable_deviation_is_left_to_the_radar_and_a_doubt(bad):
     report = read(["dr", "da"], [(1000.0, 0.1, bad, bad), (1000.0, 0.1, 5.0, 0.01)], **STDS)
     assert_array_equal(report.detections.noise_std, [[NAN, NAN], [5.0, 0.01]])
-    assert report.doubts == {"deviations_unusable": 2}
+    assert report.anomalies == {"deviations_unusable": 2}
     assert not report.dropped
 
 
 def test_an_unknown_deviation_is_the_radars_and_no_doubt():
     report = read(["dr"], [(1000.0, 0.1, NAN), (1000.0, 0.1, 5.0)], range_std_field="dr")
     assert_array_equal(report.detections.noise_std, [[NAN, NAN], [5.0, NAN]])
-    assert not report.doubts
+    assert not report.anomalies
     all_unknown = read(["dr"], [(1000.0, 0.1, NAN)], range_std_field="dr")
     assert all_unknown.detections.noise_std is None
 
@@ -219,7 +219,7 @@ def test_to_msg_writes_what_from_msg_reads(changes):
     )
     report = adapter.from_msg(adapter.to_msg(given, STAMP_NS, FRAME, layout), layout)
     assert not report.dropped
-    assert not report.doubts
+    assert not report.anomalies
     assert_allclose(report.detections.measurement, given.measurement, atol=1e-3)
     if layout.fields.time:
         assert_allclose(report.detections.time_s, given.time_s, rtol=0.0, atol=1e-6)
@@ -243,7 +243,7 @@ def test_range_rates_and_their_deviations_are_read():
     report = read(["rr", "sd"], points, **RATES)
     assert_array_equal(report.detections.range_rate, [-7.5, NAN])
     assert_array_equal(report.detections.range_rate_std, [0.2, NAN])
-    assert not report.doubts
+    assert not report.anomalies
     assert not report.dropped
 
 
@@ -252,7 +252,7 @@ def test_range_rates_and_their_deviations_are_read():
 def test_a_detection_with_an_impossible_range_rate_is_kept_without_it(bad):
     report = read(["rr"], [(1000.0, 0.1, bad), (1000.0, 0.1, 5.0)], range_rate_field="rr")
     assert_array_equal(report.detections.range_rate, [NAN, 5.0])
-    assert report.doubts == {"range_rates_unusable": 1}
+    assert report.anomalies == {"range_rates_unusable": 1}
     assert not report.dropped
 
 
@@ -260,7 +260,7 @@ def test_a_detection_with_an_impossible_range_rate_is_kept_without_it(bad):
 def test_an_unusable_deviation_of_a_range_rate_is_a_doubt(bad):
     report = read(["rr", "sd"], [(1000.0, 0.1, 1.0, bad)], **RATES)
     assert_array_equal(report.detections.range_rate_std, [NAN])
-    assert report.doubts == {"deviations_unusable": 1}
+    assert report.anomalies == {"deviations_unusable": 1}
 
 
 def test_range_rates_beyond_the_ambiguity_are_used_and_a_doubt():
@@ -268,13 +268,13 @@ def test_range_rates_beyond_the_ambiguity_are_used_and_a_doubt():
     settings = {"range_rate_field": "rr", "range_rate_ambiguity": 30.0}
     report = read(["rr"], points, **settings)
     assert_array_equal(report.detections.range_rate, [29.9, -15.0, 30.0, 30.1, -45.0, NAN])
-    assert report.doubts == {"range_rates_beyond_ambiguity": 2}
+    assert report.anomalies == {"range_rates_beyond_ambiguity": 2}
 
 
 def test_a_cloud_without_its_range_rates_is_read_and_a_doubt():
     report = read([], [(1000.0, 0.1)], **RATES)
     assert report.detections.range_rate is None
-    assert report.doubts == {"range_rate_missing": 1, "range_rate_std_missing": 1}
+    assert report.anomalies == {"range_rate_missing": 1, "range_rate_std_missing": 1}
 
 
 def test_range_rates_are_written_as_they_are_read():

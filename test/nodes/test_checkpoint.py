@@ -31,7 +31,7 @@ def path(tmp_path):
 
 def test_checkpoint_comes_back_as_it_was(path):
     found = checkpoint.read(path, CONFIGURATION)
-    assert found.facts == snapshot().facts
+    assert found.json_values == snapshot().json_values
     assert found.arrays.keys() == snapshot().arrays.keys()
     for name, array in snapshot().arrays.items():
         np.testing.assert_array_equal(found.arrays[name], array)

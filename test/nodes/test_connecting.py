@@ -39,11 +39,11 @@ def look(tmp_path):
 
 
 def test_script_of_the_page_shows_topics_clouds_and_diagnostics(radars, look, peer):
-    def said(pattern):
+    def logged(pattern):
         found = re.compile(pattern, re.MULTILINE)
         return peer.spin_until(lambda: found.search(look.read_text()))
 
-    assert said(rf"^{TOPIC} sensor_msgs/msg/PointCloud2$"), look.read_text()
+    assert logged(rf"^{TOPIC} sensor_msgs/msg/PointCloud2$"), look.read_text()
     assert peer.spin_until(lambda: radars.outputs[0].get_subscription_count() == 2)
     # The script asks for best effort: what is published before it has found the publisher is lost.
     seen = re.compile(r"^\d+\.\d{9} radar_1: \d+ x .*range azimuth", re.MULTILINE)
@@ -52,7 +52,7 @@ def test_script_of_the_page_shows_topics_clouds_and_diagnostics(radars, look, pe
         if peer.spin_until(lambda: seen.search(look.read_text()), 0.2):
             break
     assert seen.search(look.read_text()), look.read_text()
-    assert said(rf"tracker: radar_1: .* received={index + 1} "), look.read_text()
+    assert logged(rf"tracker: radar_1: .* received={index + 1} "), look.read_text()
 
 
 def test_evaluator_records_as_on_the_page_without_truth_and_tracker(processes, peer, tmp_path):

@@ -57,7 +57,7 @@ def offline(changes, later=None, since=COUNT):
     return [[bytes(estimates.to_msg(one, "map").data) for one in source] for source in found]
 
 
-def heard(group):
+def received(group):
     """Return the clouds of a tracker after its flush."""
     assert group.peer.call(Trigger, "/tracker/flush").success
     assert group.peer.spin_until(lambda: len(group.smoothed) == COUNT)
@@ -73,7 +73,7 @@ def test_gaussians_are_tracked_live_as_offline(tracker, changes):
     group = tracker(**changes)
     for index in range(COUNT):
         group.track(index)
-    found = heard(group)
+    found = received(group)
     assert found == offline(changes)
     assert any(found[0])
 
@@ -95,7 +95,7 @@ def test_gaussians_take_a_change_while_they_are_tracked(value, given, tracker, p
             assert peer.call(SetParametersAtomically, service, request).result.successful
         group.track(index)
     later = {"radar_1.clutter_rate": given}
-    assert heard(group) == offline(before, later, since=5) != offline(before)
+    assert received(group) == offline(before, later, since=5) != offline(before)
 
 
 def test_figures_and_health_are_those_of_gaussians(tracker, peer):

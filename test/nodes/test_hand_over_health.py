@@ -13,8 +13,8 @@ from phd_jdtc_ros.nodes.hand_over import health
 LIMIT_S = next(parameter.default for parameter in TABLE if parameter.name == "max_delay_s")
 
 
-def heard_at(*times):
-    """Return the health of a tracker with a filtered and a smoothed cloud at each time."""
+def history_at(*times):
+    """Return the history of a tracker with a filtered and a smoothed cloud at each time."""
     heard = health.TrackerHealth(LIMIT_S)
     for time_s in times:
         heard.take(FILTERED, time_s)
@@ -28,7 +28,7 @@ def status(heard, now_s, silent=False, behind_s=0.0):
 
 def test_a_tracker_of_slow_turns_is_not_silent_before_each_cloud():
     for turn_s in (6.0, 12.0):
-        heard = heard_at(*(turn_s * turn for turn in range(4)))
+        heard = history_at(*(turn_s * turn for turn in range(4)))
         last_s = 3.0 * turn_s + 0.1
         assert status(heard, last_s + turn_s + LIMIT_S - 0.1).level == DiagnosticStatus.OK
         found = status(heard, last_s + turn_s + LIMIT_S + 0.1)
@@ -36,17 +36,17 @@ def test_a_tracker_of_slow_turns_is_not_silent_before_each_cloud():
 
 
 def test_the_first_cloud_may_be_followed_by_a_whole_turn():
-    assert status(heard_at(0.0), 12.0).level == DiagnosticStatus.OK
-    assert status(heard_at(0.0), 18.0).level == DiagnosticStatus.WARN
+    assert status(history_at(0.0), 12.0).level == DiagnosticStatus.OK
+    assert status(history_at(0.0), 18.0).level == DiagnosticStatus.WARN
 
 
 def test_one_long_pause_does_not_make_the_next_one_usual():
-    heard = heard_at(0.0, 1.0, 2.0, 3.0, 300.0)
+    heard = history_at(0.0, 1.0, 2.0, 3.0, 300.0)
     assert heard.is_quiet(307.0)
 
 
 def test_a_tracker_whose_clouds_are_refused_is_not_called_silent():
-    heard = heard_at(0.0, 1.0)
+    heard = history_at(0.0, 1.0)
     heard.refuse("frame")
     found = status(heard, 2.0, silent=True, behind_s=300.0)
     assert found.message == "left out: frame 1; the picture is without it"

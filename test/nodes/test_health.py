@@ -119,7 +119,7 @@ def test_radar_in_trouble_is_a_warning_for_a_while(trouble):
     assert status(health, 100.0 + 1.1 * WARNING_MEMORY_S).level == OK
 
 
-def test_doubts_are_counted_and_a_warning_for_a_while():
+def test_anomalies_are_counted_and_a_warning_for_a_while():
     health = radar(60.0)
     health.warn(Counter(azimuths_beyond_a_turn=3), "3 azimuths, probably degrees")
     health.warn(Counter(azimuths_beyond_a_turn=4, time_missing=1), "4 azimuths")
@@ -132,7 +132,7 @@ def test_doubts_are_counted_and_a_warning_for_a_while():
 
 def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
     health = radar(60.0)
-    health.fit = Fit("north", 99, 1.5, 900.0, np.array([40.0, 1.5]), larger=True)
+    health.fit = Fit("north", 99, 1.5, 900.0, np.array([40.0, 1.5]), noise_too_small=True)
     found = status(health)
     assert found.level == WARN
     assert found.message.startswith(
@@ -140,9 +140,9 @@ def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
     )
     values = diagnostics.values_of(found)
     assert (values["range_innovation"], values["azimuth_innovation"]) == ("40.0", "1.5")
-    health.fit = Fit("north", 99, 0.04, 0.09, np.array([0.3, 0.3]), smaller=True)
+    health.fit = Fit("north", 99, 0.04, 0.09, np.array([0.3, 0.3]), noise_too_large=True)
     assert status(health).message.startswith("innovations are 5 times smaller than")
-    health.fit = health.fit._replace(smaller=False)
+    health.fit = health.fit._replace(noise_too_large=False)
     assert status(health).level == OK
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from phd_jdtc_ros.nodes.common.sequence_numbers import WINDOW, SequenceNumbers
 
 
-def heard(numbers):
+def received(numbers):
     numbering = SequenceNumbers()
     for number in numbers:
         numbering.add(number)
@@ -23,14 +23,14 @@ def test_what_one_publisher_lost_is_counted_exactly(steps, first):
     numbers = [first]
     for step in steps:
         numbers.append(numbers[-1] + step)
-    assert heard(numbers).lost == numbers[-1] - first + 1 - len(numbers)
-    assert not heard(numbers).several
+    assert received(numbers).lost == numbers[-1] - first + 1 - len(numbers)
+    assert not received(numbers).several
 
 
 # Messages published before the tracker discovered the new one do not count as lost.
 @pytest.mark.parametrize(("alive", "missed"), [(1, 0), (2, 0), (5, 0), (5, 3), (99, 0), (99, 3)])
 def test_restart_is_neither_a_loss_nor_a_second_publisher(alive, missed):
-    numbering = heard(range(1, alive + 1))
+    numbering = received(range(1, alive + 1))
     for number in range(1 + missed, 2 * alive + 20):
         numbering.add(number)
         assert (numbering.lost, numbering.several) == (0, False)
@@ -47,20 +47,20 @@ def test_restarts_more_than_a_window_apart_are_no_second_publisher():
 
 def test_losses_after_a_restart_are_counted_across_the_old_ones_last_number():
     numbers = [998, 999, 1000, *range(1, 996), 1004, 1005]
-    assert heard(numbers).lost == 8
+    assert received(numbers).lost == 8
 
 
 @pytest.mark.parametrize("offset", [0, 1, 2, 1000, -1000])
 def test_two_that_publish_in_turns_are_seen_within_two_scans_of_each(offset):
     numbers = in_turns(range(5000, 5002), range(5000 + offset, 5002 + offset))
-    numbering = heard([*range(4990, 5000), *numbers, 5002])
+    numbering = received([*range(4990, 5000), *numbers, 5002])
     assert numbering.several
 
 
 @pytest.mark.parametrize("offset", [0, 1, 2, 7, 1000, -1000])
 def test_two_that_publish_in_turns_lose_nothing(offset):
     numbers = in_turns(range(5000, 5100), range(5000 + offset, 5100 + offset))
-    assert heard(numbers).lost == 0
+    assert received(numbers).lost == 0
 
 
 @pytest.mark.parametrize("offset", [1000, -1000])
@@ -69,11 +69,11 @@ def test_losses_of_two_publishers_are_counted_exactly(offset):
     both = in_turns(one, other)
     for gone in (one[10], one[11], one[50], other[30], other[31], other[32]):
         both.remove(gone)
-    assert heard(both).lost == 6
+    assert received(both).lost == 6
 
 
 def test_second_publisher_that_comes_with_higher_numbers_is_no_loss_once_the_first_goes_on():
-    numbering = heard([1000, 5000, 5001])
+    numbering = received([1000, 5000, 5001])
     assert numbering.lost == 3999
     numbering.add(1001)
     assert numbering.lost == 0
@@ -82,7 +82,7 @@ def test_second_publisher_that_comes_with_higher_numbers_is_no_loss_once_the_fir
 
 
 def test_second_publisher_is_forgotten_once_it_has_gone():
-    numbering = heard(in_turns(range(100, 110), range(1, 11)))
+    numbering = received(in_turns(range(100, 110), range(1, 11)))
     assert numbering.several
     for number in range(110, 110 + WINDOW):
         numbering.add(number)
@@ -90,5 +90,5 @@ def test_second_publisher_is_forgotten_once_it_has_gone():
 
 
 def test_a_publisher_of_random_numbers_takes_no_memory():
-    numbering = heard(islice(((7919 * k) % 100_003 for k in count(1)), 10_000))
+    numbering = received(islice(((7919 * k) % 100_003 for k in count(1)), 10_000))
     assert len(numbering._sequences) <= WINDOW + 1

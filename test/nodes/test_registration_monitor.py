@@ -16,42 +16,44 @@ from msg_adapters import (
     point_cloud,
     stamps,
 )
-from phd_jdtc_ros.calibration.registration.monitor import LEAST, Drift, RegistrationMonitor
+from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual, RegistrationMonitor
 from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.nodes.tracker.health import registration_status
 
 NODE = "/tracker"
 FEW = {"engine": "gaussian", "lag": 0}
 # Of the second radar; its noise is 300 m and 1 degree.
-ERROR = RadarBias(range_bias=1000.0)
+ERROR = SensorBias(range_bias=1000.0)
 USED = 45
 WORLD = dict.fromkeys("xy", point_cloud.FLOATS)
 
 
-def drift(mean, sigma, count=LEAST, drifts=(False, False)):
-    return Drift("mast", count, np.array(mean), np.array(sigma), drifts)
+def residual(mean, sigma, count=LEAST, significant=(False, False)):
+    return MeanResidual("mast", count, np.array(mean), np.array(sigma), significant)
 
 
 @pytest.mark.parametrize(
     ("found", "level", "text"),
     [
-        (drift([1.0, 1e-3], [2.0, 1e-3]), DiagnosticStatus.OK, "agrees with the other radars"),
+        (residual([1.0, 1e-3], [2.0, 1e-3]), DiagnosticStatus.OK, "agrees with the other radars"),
         (
-            drift([80.0, 0.0], [4.0, 1e-3], drifts=(True, False)),
+            residual([80.0, 0.0], [4.0, 1e-3], significant=(True, False)),
             DiagnosticStatus.WARN,
             "off the tracks that other radars see too: ranges +80 m (sigma 4); record a bag and "
             "run register",
         ),
         (
-            drift([80.0, math.radians(-0.3)], [4.0, math.radians(0.02)], drifts=(True, True)),
+            residual(
+                [80.0, math.radians(-0.3)], [4.0, math.radians(0.02)], significant=(True, True)
+            ),
             DiagnosticStatus.WARN,
             "ranges +80 m (sigma 4), azimuths -0.3 degrees to the left (sigma 0.02)",
         ),
-        (drift([80.0, 0.0], [4.0, 0.0], count=3), DiagnosticStatus.OK, "judged from 60"),
+        (residual([80.0, 0.0], [4.0, 0.0], count=3), DiagnosticStatus.OK, "judged from 60"),
     ],
 )
 def test_a_status_lists_the_bias_and_its_standard_deviation(found, level, text):
@@ -82,9 +84,9 @@ def test_a_radar_that_is_off_is_warned_of_live_as_offline(processes, peer):
         report = detections.from_msg(cloud, config.inputs[index])
         for event in pipeline.add(index, report.stamp_ns, report.detections):
             assert isinstance(event, Stepped)
-            monitor.stepped(event.scan, event.step.filtered)
-    expected = monitor.drifts()
-    assert expected[1].drifts[0]
+            monitor.add_scan(event.scan, event.step.filtered)
+    expected = monitor.mean_residuals()
+    assert expected[1].significant[0]
 
     outputs = [peer.publisher(PointCloud2, f"/radar_{k}/detections", 50) for k in (1, 2)]
     filtered = peer.collect(PointCloud2, names.estimates("filtered"), 100)

@@ -35,7 +35,7 @@ print("up" if rclpy.ok() else "down")
 """
 
 
-def said(close):
+def logged(close):
     """Return the lines of a run whose node does that at its closing."""
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT.format(close=close)],
@@ -48,8 +48,8 @@ def said(close):
 
 
 def test_node_closes_with_its_failure():
-    assert said("pass") == ["closed with 1", "destroyed", "raised half-way", "down"]
+    assert logged("pass") == ["closed with 1", "destroyed", "raised half-way", "down"]
 
 
 def test_node_is_destroyed_and_ros_shut_down_even_if_closing_fails_too():
-    assert said("raise OSError('full')") == ["closed with 1", "destroyed", "raised full", "down"]
+    assert logged("raise OSError('full')") == ["closed with 1", "destroyed", "raised full", "down"]

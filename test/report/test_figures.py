@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.report.clock import Clock
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.pictures.figures import write_all
-from phd_jdtc_ros.report.record import Plot, Record
+from phd_jdtc_ros.report.record import RadarPlots, Record
 
 SCORED = {"number_error", "ospa", "ospa_parts"}
 EVERYTHING = {"scenario", "measurements", "trajectories"} | SCORED
@@ -59,51 +59,45 @@ def test_write_all_writes_every_picture_1200_pixels_wide(tmp_path, classes):
         assert len(path.read_bytes()) > 5000
 
 
-def test_write_all_skips_what_needs_the_truth(tmp_path):
-    assert set(written(record_of(truth=()), tmp_path)) == {"measurements", "trajectories"}
+def empty_estimates():
+    return tuple(estimates_of(k, 2, 0, 0) for k in range(SCANS))
 
 
-def test_write_all_skips_measurements_without_plots(tmp_path):
-    assert set(written(record_of(plots=()), tmp_path)) == EVERYTHING - {"measurements"}
+def first_scan():
+    parts = record_of()
+    return {name: getattr(parts, name)[:1] for name in ("truth", "plots", "filtered", "smoothed")}
 
 
-def test_write_all_skips_measurements_when_every_scan_is_empty(tmp_path):
-    nothing = Plot(START_NS, "radar_1", np.zeros((0, 2)), np.zeros(0))
-
-    assert "measurements" not in written(record_of(plots=(nothing,)), tmp_path)
+def plots_of(position, amplitude):
+    return (RadarPlots(START_NS, "radar_1", np.reshape(position, (-1, 2)), np.array(amplitude)),)
 
 
-def test_write_all_draws_a_run_of_empty_estimates(tmp_path):
-    none = tuple(estimates_of(k, 2, 0, 0) for k in range(SCANS))
-
-    assert set(written(record_of(filtered=none, smoothed=none), tmp_path)) == EVERYTHING
+UNKNOWN_AMPLITUDE = plots_of([[0.0, 0.0], [1e3, 1e3]], [np.nan, 0.0])
 
 
-def test_write_all_skips_scores_without_estimates(tmp_path):
-    pictures = written(record_of(filtered=(), smoothed=()), tmp_path)
-
-    assert set(pictures) == EVERYTHING - SCORED
-
-
-def test_write_all_draws_scores_of_one_source_alone(tmp_path):
-    assert set(written(record_of(filtered=()), tmp_path)) == EVERYTHING
+@pytest.mark.parametrize(
+    ("parts", "pictures"),
+    [
+        ({"truth": ()}, {"measurements", "trajectories"}),
+        ({"plots": ()}, EVERYTHING - {"measurements"}),
+        ({"plots": plots_of([], [])}, EVERYTHING - {"measurements"}),
+        ({"plots": UNKNOWN_AMPLITUDE}, EVERYTHING),
+        ({"filtered": empty_estimates(), "smoothed": empty_estimates()}, EVERYTHING),
+        ({"filtered": (), "smoothed": ()}, EVERYTHING - SCORED),
+        ({"filtered": ()}, EVERYTHING),
+        (first_scan(), EVERYTHING),
+    ],
+    ids=[
+        *("no truth", "no plots", "empty plots", "unknown amplitude", "empty estimates"),
+        *("no estimates", "smoothed alone", "a single scan"),
+    ],
+)
+def test_write_all_draws_what_the_record_has(tmp_path, parts, pictures):
+    assert set(written(record_of(**parts), tmp_path)) == pictures
 
 
 def test_write_all_writes_nothing_for_an_empty_record(tmp_path):
     assert written(Record((), (), (), (), 2, np.zeros(0)), tmp_path) == {}
-
-
-def test_write_all_draws_a_single_scan(tmp_path):
-    parts = record_of()
-    one = {name: getattr(parts, name)[:1] for name in ("truth", "plots", "filtered", "smoothed")}
-
-    assert set(written(record_of(**one), tmp_path)) == EVERYTHING
-
-
-def test_write_all_draws_plots_of_unknown_amplitude(tmp_path):
-    unknown = Plot(START_NS, "radar_1", np.array([[0.0, 0.0], [1e3, 1e3]]), np.array([np.nan, 0.0]))
-
-    assert "measurements" in written(record_of(plots=(unknown,)), tmp_path)
 
 
 def test_write_all_leaves_global_settings_alone(tmp_path):

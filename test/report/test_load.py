@@ -8,7 +8,8 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.report import load
-from phd_jdtc_ros.simulation.scenario import Scenario, TargetScript
+from phd_jdtc_ros.simulation.scenario import Scenario
+from phd_jdtc_ros.simulation.traffic.target_script import TargetScript
 from phd_jdtc_ros.tools.simulate import write_bag
 from phd_jdtc_ros.tools.track_bag import track_bag
 

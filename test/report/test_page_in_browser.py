@@ -12,7 +12,7 @@ from records import SCANS, estimates_of, record_of, stamp_ns, truth_of
 from phd_jdtc_ros.core.types import UNKNOWN, Attributes
 from phd_jdtc_ros.report.page import charts
 from phd_jdtc_ros.report.page.html import write_report
-from phd_jdtc_ros.report.record import Plot
+from phd_jdtc_ros.report.record import RadarPlots
 
 DUMPING = ("--virtual-time-budget=20000", "--enable-logging=stderr", "--dump-dom")
 PHONE = 390
@@ -120,7 +120,7 @@ def air_picture():
     return record_of(2, filtered=sets, smoothed=(), truth=truth)
 
 
-def said_by(opened, script):
+def result_of(opened, script):
     """Return a script's result on the drawn page of `air_picture`, by the page's title."""
     then = (
         # The browser's clock is virtual and jumps from timer to timer: real work gives real time.
@@ -139,7 +139,7 @@ def test_list_shows_identity_height_and_speed_of_the_tracks(opened):
         'return [...document.querySelectorAll("#tracks tr")].map((row) => '
         '[...row.cells].map((cell) => cell.textContent).join(" ")).join(", ");'
     )
-    assert said_by(opened, rows) == (
+    assert result_of(opened, rows) == (
         "4217 (7) FL050\N{UPWARDS ARROW} 110 kt 045°, 3C6555 (9) FL300 110 kt 045°"
     )
 
@@ -150,7 +150,7 @@ def test_track_of_the_list_is_selected_on_the_picture(opened):
         'const pressed = document.querySelector("[aria-pressed=true]").textContent;'
         'return [picture.selected, pressed, document.getElementById("details").textContent].join();'
     )
-    assert said_by(opened, click).startswith(
+    assert result_of(opened, click).startswith(
         "9,3C6555 (9),Track 9, address 3C6555, class 1 (100 %)"
     )
 
@@ -169,7 +169,7 @@ def test_tracks_are_filtered_by_level_and_class(opened, choose, left):
         'return [...document.querySelectorAll("#tracks tr")].map((row) => '
         "row.cells[0].textContent.match(/\\((\\d+)\\)/)[1]).join();"
     )
-    assert said_by(opened, script) == left
+    assert result_of(opened, script) == left
 
 
 def test_lines_have_gaps_where_a_target_was_not_there(opened):
@@ -180,7 +180,7 @@ def test_lines_have_gaps_where_a_target_was_not_there(opened):
         "picture.trace(truth, truth.start[1], truth.frame.length - 1, -1, 1);"
         "return [whole, begun - whole].join();"
     )
-    assert said_by(opened, script) == "1,2"
+    assert result_of(opened, script) == "1,2"
 
 
 def test_trails_are_of_the_time_that_is_chosen(opened):
@@ -188,7 +188,7 @@ def test_trails_are_of_the_time_that_is_chosen(opened):
         'return ["0", "30", "all"].map((seconds) => picture.frame - picture.since(seconds)).join();'
     )
     # Scans 6 s apart, with the shown one.
-    assert said_by(opened, script) == f"1,6,{SCANS}"
+    assert result_of(opened, script) == f"1,6,{SCANS}"
 
 
 def test_picture_is_moved_and_zoomed_by_keys(opened):
@@ -199,7 +199,7 @@ def test_picture_is_moved_and_zoomed_by_keys(opened):
         "const moved = [picture.scale > scale, picture.centre[0] > centre[0]];"
         'press("0"); return [...moved, picture.scale === scale].join();'
     )
-    assert said_by(opened, script) == "true,true,true"
+    assert result_of(opened, script) == "true,true,true"
 
 
 def test_play_goes_on_from_the_scan_asked_for_to_the_last_one(opened):
@@ -265,7 +265,7 @@ def test_page_is_no_wider_than_a_phone(opened, tmp_path, record):
 @pytest.mark.parametrize("width", [PHONE, 1200])
 def test_the_shown_scan_is_summarised_in_one_line(opened, tmp_path, width):
     nothing = np.zeros((0, 2)), np.zeros(0)
-    plots = tuple(Plot(stamp_ns(k), "radar_1", *nothing) for k in range(1075))
+    plots = tuple(RadarPlots(stamp_ns(k), "radar_1", *nothing) for k in range(1075))
     record = record_of(1, plots=plots, truth=(), filtered=(), smoothed=())
     said = (
         "() => { show(1059);"

@@ -24,7 +24,7 @@ from phd_jdtc_ros.report.page import frames as frames_module
 from phd_jdtc_ros.report.page import picture_words
 from phd_jdtc_ros.report.page.frames import Frames
 from phd_jdtc_ros.report.page.picture import picture_of
-from phd_jdtc_ros.report.record import Plot
+from phd_jdtc_ros.report.record import RadarPlots
 
 PLANE = SystemPlane((52.3, 4.8, 5.0))
 
@@ -180,8 +180,8 @@ def test_truth_that_is_gone_for_a_while_has_no_rows_meanwhile():
 
 
 def test_detections_have_places_shades_and_radars_in_order_of_frames():
-    late = Plot(stamp_ns(1), "b", np.array([[100.0, 0.0]]), np.array([np.nan]))
-    early = Plot(stamp_ns(0), "a", np.array([[5e3, 1e3], [0.0, 0.0]]), np.array([1.0, 100.0]))
+    late = RadarPlots(stamp_ns(1), "b", np.array([[100.0, 0.0]]), np.array([np.nan]))
+    early = RadarPlots(stamp_ns(0), "a", np.array([[5e3, 1e3], [0.0, 0.0]]), np.array([1.0, 100.0]))
     picture = picture_of(record_of(plots=(late, early)))
     rows = rows_of(picture, "plots")
 
@@ -201,7 +201,7 @@ def test_detections_without_amplitudes_have_no_scale_of_them():
 
 def test_radars_that_move_are_where_they_were():
     moving = [
-        Plot(stamp_ns(k), "mast", np.zeros((0, 2)), np.zeros(0), sensor=(100.0 * k, 7.0))
+        RadarPlots(stamp_ns(k), "mast", np.zeros((0, 2)), np.zeros(0), sensor=(100.0 * k, 7.0))
         for k in range(3)
     ]
     rows = rows_of(picture_of(record_of(plots=tuple(moving))), "carriers")
@@ -296,7 +296,7 @@ def test_an_hour_of_fifty_aircraft_is_less_than_two_megabytes():
 
     filtered, smoothed = tuple(sets(0)), tuple(sets(5))
     plots = tuple(
-        Plot(entry.stamp_ns, "radar_1", entry.position, np.full(aircraft, np.nan))
+        RadarPlots(entry.stamp_ns, "radar_1", entry.position, np.full(aircraft, np.nan))
         for entry in filtered
     )
     record = record_of(1, truth=(), plots=plots, filtered=filtered, smoothed=smoothed)

@@ -6,7 +6,7 @@ from rich.console import Console
 
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.metric_table import OF_ALL, OF_SETS
+from phd_jdtc_ros.evaluation.metric_table import GLOBAL_METRICS, SET_METRICS
 from phd_jdtc_ros.report.table import metrics, score_tables, unscored_note
 
 
@@ -71,12 +71,16 @@ def test_metrics_hold_what_the_file_promises(evaluation):
         "gospa", "gospa_localization", "missed", "false", "position_rms", "position_detection",
         "longest_gap_s", "long_gap_share", "long_gap_misses",
     }  # fmt: skip
-    of_sets = [metric.key for metric in OF_SETS]
+    of_sets = [metric.key for metric in SET_METRICS]
     assert promised <= {*of_sets}
     for source in ("filtered", "smoothed"):
         assert list(found[source]) == ["all", "class_0", "class_1"]
         everything = found[source].pop("all")
-        assert list(everything) == [*of_sets, *(metric.key for metric in OF_ALL), "confusion"]
+        assert list(everything) == [
+            *of_sets,
+            *(metric.key for metric in GLOBAL_METRICS),
+            "confusion",
+        ]
         assert "ospa2" in everything
         assert [list(means) for means in found[source].values()] == [of_sets] * 2
         found[source]["all"] = everything

@@ -8,13 +8,15 @@ import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import wrap_angle
-from phd_jdtc_ros.core.sensors.visibility import within
+from phd_jdtc_ros.core.sensors.visibility import sector_probability
 from phd_jdtc_ros.core.types import FULL_TURN
 from phd_jdtc_ros.simulation.antenna import Antenna
 from phd_jdtc_ros.simulation.looks import passes
-from phd_jdtc_ros.simulation.scenario import Scenario, TargetScript
+from phd_jdtc_ros.simulation.plots import plots_of
+from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
-from phd_jdtc_ros.simulation.turning_antenna import plots_of, simulate_reports
+from phd_jdtc_ros.simulation.traffic.target_script import TargetScript
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 ROTATION_S = 4.0
 # Precise, and nothing is missed.
@@ -114,7 +116,7 @@ def test_sectors_cover_the_turn_in_the_order_in_which_the_antenna_turns(clockwis
         # Its middle is where the antenna points in the middle of its time.
         middle = np.radians(beam_deg(antenna, 0.25 * number + 0.125))
         assert wrap_angle(coverage.start + 0.5 * coverage.width - middle) == pytest.approx(0.0)
-        assert within(report.detections.measurement[:, 1], coverage).all()
+        assert sector_probability(report.detections.measurement[:, 1], coverage).all()
         time = report.detections.time_s
         assert ((time <= 1e-9) & (time >= -0.25 - 1e-9)).all()
     assert sum(len(r.detections) for r in reports) == pytest.approx(300 * 15, rel=0.1)

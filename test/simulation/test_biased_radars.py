@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.sensors.visibility import within
+from phd_jdtc_ros.core.sensors.visibility import sector_probability
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
@@ -65,4 +65,4 @@ def test_a_misaligned_antenna_cuts_its_sectors_at_its_reported_azimuth():
     found = [report.detections for report in simulate_reports(scene, layouts, seed=1)]
     assert sum(map(len, found)) > 50
     for detections in found:
-        assert within(detections.measurement[:, 1], detections.coverage).all()
+        assert sector_probability(detections.measurement[:, 1], detections.coverage).all()

@@ -7,7 +7,8 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import UNKNOWN
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.simulation import scenario_file
-from phd_jdtc_ros.simulation.turning_antenna import plot_times, plots_with_replies
+from phd_jdtc_ros.simulation.plots import plot_times
+from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 
 PARAMETERS = {
     "sensors": ["hill"],

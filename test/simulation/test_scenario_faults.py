@@ -195,7 +195,7 @@ OF_TURNING = [
     ({"biases": {"one": {"range_gain": 2.0}}}, "biases.one.range_gain: 2.0 given, must be"),
     ({"biases": {"one": 5.0}}, "one: must be a mapping"),
     ({"biases": 5.0}, "biases: must be a mapping"),
-    ({"echoes": {"one": {}}}, "echoes.one: given, must not be"),
+    ({"echoes": {"one": {}}}, "echoes.one: given, must be absent"),
 ]
 OF_STILL = [
     ({"echoes": {"other": {}}}, "echoes.other: must be one of the radars, radar"),

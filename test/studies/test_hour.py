@@ -24,6 +24,7 @@ def reader(hour):
     return Reader(hour.layout, hour.scenario.radars[0], ground_ranges.read)
 
 
+@pytest.fixture(scope="module")
 def true_tracks(hour, reader):
     """Return the targets of every turn as tracks, those that taxi and are out of sight, too."""
     found = []
@@ -37,38 +38,37 @@ def scored(hour, reader, found):
     return hours.scores(hour, reader, hour.ends_s, found)
 
 
-def test_true_tracks_are_found_and_nothing_is_false(hour, reader):
-    found = scored(hour, reader, true_tracks(hour, reader))
+def test_true_tracks_are_found_and_nothing_is_false(hour, reader, true_tracks):
+    found = scored(hour, reader, true_tracks)
     assert found.instants > 3000
     assert (found.found, found.found_from_first, found.rms) == (1.0, 1.0, 0.0)
     assert (found.false_a_turn, found.switches, found.renumbered) == (0.0, 0, 0)
     assert found.returned > 0
 
 
-def test_slow_targets_and_those_out_of_sight_are_not_missed(hour, reader):
+def test_slow_targets_and_those_out_of_sight_are_not_missed(hour, reader, true_tracks):
     # Without tracks of what taxis, and of targets in the middle of their gaps.
     rest = []
-    for end_s, points in zip(hour.ends_s.tolist(), true_tracks(hour, reader), strict=True):
+    for end_s, points in zip(hour.ends_s.tolist(), true_tracks, strict=True):
         truth = truth_after(hour.scenario, end_s)
         kept = np.hypot(*truth.velocity.T) > 40.0
         for gap in hour.scenario.gaps:
             inside = gap.start_s + 8.0 < end_s < gap.end_s
             kept &= ~((truth.track_id == gap.number) & inside)
         rest.append(points.only(np.flatnonzero(kept)))
-    assert sum(map(len, rest)) < sum(map(len, true_tracks(hour, reader)))
+    assert sum(map(len, rest)) < sum(map(len, true_tracks))
     assert scored(hour, reader, rest).found == 1.0
 
 
-def test_nothing_is_found_without_tracks(hour, reader):
-    none = [points.only(np.zeros(0, np.int64)) for points in true_tracks(hour, reader)]
+def test_nothing_is_found_without_tracks(hour, reader, true_tracks):
+    none = [points.only(np.zeros(0, np.int64)) for points in true_tracks]
     found = scored(hour, reader, none)
     assert (found.found, found.rms, found.false_a_turn) == (0.0, FOUND_M, 0.0)
 
 
-def test_errors_are_distances_and_far_tracks_are_missed_and_false(hour, reader):
+def test_errors_are_distances_and_far_tracks_are_missed_and_false(hour, reader, true_tracks):
     near = [
-        replace(points, position=points.position + np.array([30.0, 40.0]))
-        for points in true_tracks(hour, reader)
+        replace(points, position=points.position + np.array([30.0, 40.0])) for points in true_tracks
     ]
     assert scored(hour, reader, near).rms == pytest.approx(50.0)
     far = [replace(points, position=points.position + np.array([0.0, 3e6])) for points in near]
@@ -77,19 +77,20 @@ def test_errors_are_distances_and_far_tracks_are_missed_and_false(hour, reader):
     assert found.false_a_turn == pytest.approx(np.mean([len(points) for points in far]))
 
 
-def test_changed_numbers_are_switches_in_sight_and_renumbered_after_a_gap(hour, reader):
-    tracks = true_tracks(hour, reader)
-    middle = len(tracks) // 2
+def test_changed_numbers_are_switches_in_sight_and_renumbered_after_a_gap(
+    hour, reader, true_tracks
+):
+    middle = len(true_tracks) // 2
     (end_s,) = hour.ends_s[[middle]].tolist()
-    seen = [n for n in tracks[middle].track_id if hour.passes(int(n) - 100, end_s) > 50]
-    swapped = [_renamed(points, seen[0], 7000, k > middle) for k, points in enumerate(tracks)]
+    seen = [n for n in true_tracks[middle].track_id if hour.passes(int(n) - 100, end_s) > 50]
+    swapped = [_renamed(points, seen[0], 7000, k > middle) for k, points in enumerate(true_tracks)]
     fast = scored(hour, reader, swapped)
     assert (fast.switches, fast.renumbered) in {(1, 0), (0, 0)}
     numbers = [gap.number for gap in hour.scenario.gaps if gap.end_s < 440.0]
     gap = next(each for each in hour.scenario.gaps if each.number == numbers[0])
     later = [
         _renamed(points, gap.number + 100, 7001, end > gap.start_s + 5.0)
-        for end, points in zip(hour.ends_s.tolist(), tracks, strict=True)
+        for end, points in zip(hour.ends_s.tolist(), true_tracks, strict=True)
     ]
     found = scored(hour, reader, later)
     assert (found.switches, found.renumbered) == (0, 1)

@@ -37,7 +37,7 @@ from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.simulate import simulate
-from phd_jdtc_ros.simulation.turning_antenna import Report
+from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport
 
 LAG = 3
 WITHOUT_ROS = ("peers", "steps", "step_growth", "growth", "smoother", "paper_smoother")
@@ -78,7 +78,7 @@ def test_weights_are_those_of_the_dense_form_within_the_gate(window, death_term,
 def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch, backend):
     exact = dense(window)
     good = smoothing.gate_error(window, exact, backend)
-    monkeypatch.setattr(backward_kernel, "GATE_SIGMA", 3.0)
+    monkeypatch.setattr(backward_kernel, "KERNEL_GATE_SIGMA", 3.0)
     bad = smoothing.gate_error(window, exact, backend)
 
     assert good["largest_relative"] < 1e-3
@@ -172,7 +172,7 @@ def cost():
 def test_latency_is_from_the_time_of_a_detection_to_the_estimates_of_its_sector():
     found = [Detections(np.ones((n, 2)), None, -0.1 * np.arange(n)) for n in (2, 0, 1)]
     reports = [
-        Report(0, (1000 + k) * 10**9, each, np.zeros(len(each), dtype=np.int64))
+        SimulatedReport(0, (1000 + k) * 10**9, each, np.zeros(len(each), dtype=np.int64))
         for k, each in enumerate(found)
     ]
     replies = [Reply(estimate_s=7.02), Reply(estimate_s=8.5), Reply(estimate_s=9.03)]

@@ -7,7 +7,7 @@ import pytest
 from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.metric_table import OF_ALL
+from phd_jdtc_ros.evaluation.metric_table import GLOBAL_METRICS
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Mean, Result
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
@@ -165,7 +165,7 @@ def test_figures_of_a_study_are_those_of_the_evaluator(pair):
     assert live["all"]["nees_age_0_4"] > 1.0
     assert live["all"]["outside_3_sigma"] > 0.0
     assert result.confusion(0)[0].tolist() == live["all"].pop("confusion")
-    for metric in OF_ALL:
+    for metric in GLOBAL_METRICS:
         del live["all"][metric.key]
     for key, figures in live.items():
         found = {name: result.figure(name, 0, key)[0] for name in figures}

@@ -112,7 +112,7 @@ def test_register_overwrites_nothing(bag, tmp_path, capsys):
     ("changes", "arguments", "reason"),
     [
         ({"sensors": ["west"]}, (), "west alone given, must be at least two to compare"),
-        ({"east.fields.time": ""}, (), "have no times of their own: must have them (fields.time)"),
+        ({"east.fields.time": ""}, (), "have no individual times; map them with fields.time"),
         ({"east.position": [9e5, 0.0]}, (), "no common targets: east has"),
         ({"east.topic": "/nowhere"}, (), "/nowhere"),
         ({"east.range_bais": 3.0}, (), "east.range_bais: unknown parameter"),

@@ -65,7 +65,7 @@ def service_block(radar: int, time_ns: int, azimuth: float, rotation_s: float) -
     azimuth : float
         Radians clockwise from north; azimuth 0 is sent as a north mark.
     rotation_s : float
-        Time of a turn, seconds; 0 if unknown.
+        Rotation period, seconds; 0 if unknown.
     """
     number = round(azimuth % FULL_TURN / SECTOR_UNIT) % 2**8
     items = {

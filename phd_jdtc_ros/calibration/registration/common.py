@@ -13,9 +13,9 @@ from itertools import combinations
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 
-from .sensors import Sensor
+from .tracked_radars import TrackedRadar
 
 # Interval of the comparison in scans of the slowest radar, largest number of times, and least
 # number of times that two tracks must share.
@@ -34,7 +34,7 @@ Target = tuple[Track, ...]
 
 
 @dataclass(frozen=True)
-class _Courses:
+class _SampledTracks:
     """The tracks of one radar at common times.
 
     Parameters
@@ -53,13 +53,13 @@ class _Courses:
 
 
 def common_targets(
-    sensors: Sequence[Sensor], biases: Sequence[RadarBias], known: bool
+    radars: Sequence[TrackedRadar], biases: Sequence[SensorBias], known: bool
 ) -> list[Target]:
     """Return the targets that several radars have tracked.
 
     Parameters
     ----------
-    biases : sequence of RadarBias
+    biases : sequence of SensorBias
         Current estimate of each radar's biases.
     known : bool
         Whether the biases are estimated already, so that the tracks of a target are close.
@@ -69,53 +69,53 @@ def common_targets(
     list of tuples of (radar, track)
         Each target has tracks of at least two radars.
     """
-    times = _times(sensors)
-    courses = [_courses(each, bias, times) for each, bias in zip(sensors, biases, strict=True)]
+    times = _times(radars)
+    sampled = [_sample_tracks(each, bias, times) for each, bias in zip(radars, biases, strict=True)]
     pairs = [
         pair
-        for first, second in combinations(range(len(sensors)), 2)
-        for pair in _near(first, second, courses, known)
+        for first, second in combinations(range(len(radars)), 2)
+        for pair in _near(first, second, sampled, known)
     ]
-    joined = _Joined(sensors)
+    groups = _TrackGroups(radars)
     for _, first, second in sorted(pairs):
-        joined.join(first, second)
-    return [target for target in joined.targets() if len({radar for radar, _ in target}) > 1]
+        groups.join(first, second)
+    return [target for target in groups.targets() if len({radar for radar, _ in target}) > 1]
 
 
-def _times(sensors: Sequence[Sensor]) -> FloatArray:
+def _times(radars: Sequence[TrackedRadar]) -> FloatArray:
     """Return the times at which tracks are compared, ascending, seconds."""
-    begin = max(float(each.time_s[0]) for each in sensors)
-    end = min(float(each.time_s[-1]) for each in sensors)
-    step = STEP_LOOKS * max(each.look_s for each in sensors)
+    begin = max(float(each.time_s[0]) for each in radars)
+    end = min(float(each.time_s[-1]) for each in radars)
+    step = STEP_LOOKS * max(each.look_s for each in radars)
     count = int(np.clip((end - begin) / step + 1.0, 2, MOST_TIMES)) if end > begin else 0
     return np.linspace(begin, end, count)
 
 
-def _courses(sensor: Sensor, bias: RadarBias, times: FloatArray) -> _Courses:
-    corrected = sensor.corrected(bias)
-    position = np.full((len(sensor.tracks), len(times), 2), np.nan)
-    plot_std, reach = np.zeros(len(sensor.tracks)), np.zeros(len(sensor.tracks))
-    for row, own in enumerate(sensor.tracks):
+def _sample_tracks(radar: TrackedRadar, bias: SensorBias, times: FloatArray) -> _SampledTracks:
+    corrected = radar.corrected(bias)
+    position = np.full((len(radar.tracks), len(times), 2), np.nan)
+    plot_std, reach = np.zeros(len(radar.tracks)), np.zeros(len(radar.tracks))
+    for row, own in enumerate(radar.tracks):
         time_s, place = corrected.time_s[own], corrected.position[own]
         inside = (times >= time_s[0]) & (times <= time_s[-1])
         for axis in (0, 1):
             position[row, inside, axis] = np.interp(times[inside], time_s, place[:, axis])
         distance = float(np.mean(corrected.measurement[own, 0]))
         speed = float(np.hypot(*(place[-1] - place[0]))) / max(time_s[-1] - time_s[0], 1e-9)
-        range_std, azimuth_std = sensor.noise_std
+        range_std, azimuth_std = radar.noise_std
         plot_std[row] = np.hypot(range_std, distance * azimuth_std)
         reach[row] = RANGE_STDS * range_std + (RANGE_SHARE + AZIMUTH) * distance + TIME_S * speed
-    return _Courses(position, plot_std, reach)
+    return _SampledTracks(position, plot_std, reach)
 
 
 def _near(
-    first: int, second: int, courses: Sequence[_Courses], known: bool
+    first: int, second: int, sampled: Sequence[_SampledTracks], known: bool
 ) -> Iterator[tuple[float, Track, Track]]:
     """Yield the distance of each pair of tracks that may belong to one target, and the pair."""
-    one, other = courses[first], courses[second]
+    one, other = sampled[first], sampled[second]
     for row in range(len(one.position)):
-        there = ~np.isnan(one.position[row, :, 0])
-        apart = other.position[:, there] - one.position[row, there]
+        exists = ~np.isnan(one.position[row, :, 0])
+        apart = other.position[:, exists] - one.position[row, exists]
         both = ~np.isnan(apart[..., 0])
         count = np.maximum(both.sum(axis=1), 1)
         mean = np.where(both[..., None], apart, 0.0).sum(axis=1) / count[:, None]
@@ -124,19 +124,19 @@ def _near(
         plot_std = np.hypot(one.plot_std[row], other.plot_std)
         limit = NEAR_STDS * plot_std if known else np.hypot(one.reach[row], other.reach)
         distance = np.hypot(mean[:, 0], mean[:, 1]) / limit
-        chosen = (both.sum(axis=1) >= LEAST_TIMES) & (distance < 1.0)
-        chosen &= varies < VARIES * limit + VARIES_STDS * plot_std
-        for column in np.flatnonzero(chosen).tolist():
+        near = (both.sum(axis=1) >= LEAST_TIMES) & (distance < 1.0)
+        near &= varies < VARIES * limit + VARIES_STDS * plot_std
+        for column in np.flatnonzero(near).tolist():
             yield float(distance[column]), (first, row), (second, column)
 
 
-class _Joined:
+class _TrackGroups:
     """Groups tracks into targets."""
 
-    def __init__(self, sensors: Sequence[Sensor]) -> None:
+    def __init__(self, radars: Sequence[TrackedRadar]) -> None:
         self._span = {
             (radar, row): (float(each.time_s[own[0]]), float(each.time_s[own[-1]]))
-            for radar, each in enumerate(sensors)
+            for radar, each in enumerate(radars)
             for row, own in enumerate(each.tracks)
         }
         self._target: dict[Track, list[Track]] = {track: [track] for track in self._span}

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 
 from ..tuning import kinematics
-from .sequences import BoolArray, Sequences
+from .sequences import Sequences
 
-# The biases of one radar, in the order of a `RadarBias`, and the unit of each in the equations.
+# The biases of one radar, in the order of a `SensorBias`, and the unit of each in the equations.
 KINDS = ("range_bias", "range_gain", "azimuth", "time_offset_s")
 UNITS = np.array([100.0, 1e-3, 1e-3, 0.1])
 # Standard deviations of position and velocity before the first plot, m and m/s.
@@ -26,25 +26,24 @@ ANYWHERE, ANY_SPEED = 1e6, 1e3
 
 
 @dataclass(frozen=True)
-class Course:
+class Trajectories:
     """Trajectories for the linearisation: positions (K, T, 2) and velocities (K, T, 2)."""
 
     position: FloatArray
     velocity: FloatArray
 
 
-@dataclass(frozen=True)
 class Pass:
-    """The result of a filter's pass over all targets.
+    """The result of a filter's pass over T targets, with the normal equations of the P biases.
 
-    Parameters
+    The biases are in `UNITS`, ordered by radar.
+
+    Attributes
     ----------
-    of_target : array of shape (T, P, P)
-        Information matrix of the biases from each target, in `UNITS`, ordered by radar.
+    information_of : array of shape (T, P, P)
+        Information matrix of the biases from each target.
     score : array of shape (T, P)
         Right-hand side of the equations for each target.
-    log_likelihood : float
-        Log likelihood of the best biases.
     mean : array of shape (K, T, 4)
         Filtered x, y, vx, vy.
     response : array of shape (K, T, 4, P)
@@ -52,33 +51,50 @@ class Pass:
     covariance : array of shape (K, T, 4, 4)
     """
 
-    of_target: FloatArray
-    score: FloatArray
-    log_likelihood: float
-    mean: FloatArray
-    response: FloatArray
-    covariance: FloatArray
+    def __init__(self, length: int, targets: int, biases: int) -> None:
+        self.information_of = np.zeros((targets, biases, biases))
+        self.score = np.zeros((targets, biases))
+        self.mean = np.zeros((length, targets, 4))
+        self.response = np.zeros((length, targets, 4, biases))
+        self.covariance = np.zeros((length, targets, 4, 4))
+        # Log likelihood without biases.
+        self._log_likelihood = 0.0
+
+    def add(self, found: kinematics.Innovation, sensitivity: FloatArray, valid: FloatArray) -> None:
+        """Add an innovation of each target, with its sensitivity to the biases, (T, 2, P)."""
+        weighted = valid[:, None, None] * (found.inverse @ sensitivity)
+        self.information_of += sensitivity.swapaxes(1, 2) @ weighted
+        self.score += np.einsum("tip,ti->tp", weighted, found.value)
+        self._log_likelihood -= 0.5 * float(valid @ (np.log(found.determinant) + found.distance2))
 
     @property
     def information(self) -> FloatArray:
         """Information matrix from all targets, shape (P, P)."""
-        total: FloatArray = self.of_target.sum(axis=0)
+        total: FloatArray = self.information_of.sum(axis=0)
         return total
 
-    def errors(self, free: BoolArray) -> FloatArray:
-        """Return the biases that solve the equations, in `UNITS`, (P,); 0 if not free."""
-        return _solve(self.information, self.score.sum(axis=0), free)
+    @property
+    def log_likelihood(self) -> float:
+        """Log likelihood of the best biases."""
+        score = self.score.sum(axis=0)
+        best = self.bias_estimate(np.ones(len(score), dtype=bool))
+        return self._log_likelihood + 0.5 * float(best @ score)
+
+    def bias_estimate(self, free: BoolArray) -> FloatArray:
+        """Return the least-squares estimate of the biases, shape (P,); 0 if not free."""
+        rows = np.flatnonzero(free)
+        information = self.information[np.ix_(rows, rows)]
+        found = np.zeros(len(free))
+        found[rows] = np.linalg.lstsq(information, self.score.sum(axis=0)[rows], rcond=None)[0]
+        return found
 
 
-def _solve(information: FloatArray, score: FloatArray, free: BoolArray) -> FloatArray:
-    found = np.zeros(len(score))
-    rows = np.flatnonzero(free)
-    found[rows] = np.linalg.lstsq(information[np.ix_(rows, rows)], score[rows], rcond=None)[0]
-    return found
-
-
-def filter_sequences(
-    sequences: Sequences, course: Course, density: float, weight: FloatArray, radars: int
+def filter_targets(
+    sequences: Sequences,
+    trajectories: Trajectories,
+    density: float,
+    weight: FloatArray,
+    radars: int,
 ) -> Pass:
     """Filter the targets, and return the equations of the biases.
 
@@ -90,87 +106,72 @@ def filter_sequences(
         Weight of each plot, in (0, 1], which divides its standard deviations.
     """
     length, targets = sequences.radar.shape
-    expected, jacobian = kinematics.linearise(course.position, sequences.pose)
-    error = kinematics.innovation(sequences.measurement, expected)
-    block = _block(expected, jacobian, course.velocity) * UNITS
+    expected, jacobian = kinematics.linearise(trajectories.position, sequences.pose)
+    residual = kinematics.residual(sequences.measurement, expected)
+    derivative = _derivative(sequences.radar, expected, jacobian, trajectories.velocity, radars)
     variance = (sequences.noise_std / weight[..., None]) ** 2
+    found = Pass(length, targets, len(KINDS) * radars)
     mean = np.zeros((targets, 4))
-    mean[:, :2] = course.position[0]
+    mean[:, :2] = trajectories.position[0]
     covariance = np.tile(np.diag([ANYWHERE**2] * 2 + [ANY_SPEED**2] * 2), (targets, 1, 1))
-    columns = len(KINDS) * radars
-    response, score = np.zeros((targets, 4, columns)), np.zeros((targets, columns))
-    of_target, log_likelihood = np.zeros((targets, columns, columns)), 0.0
-    kept = np.zeros((length, targets, 4)), np.zeros((length, targets, 4, columns))
-    covariances = np.zeros((length, targets, 4, 4))
-    of_row, of_axis = np.arange(targets)[:, None, None], np.arange(2)[:, None]
+    response = np.zeros(found.response.shape[1:])
     time_s = sequences.time_s
     for k in range(length):
         dt = time_s[k] - time_s[k - 1] if k else np.zeros(targets)
         mean, covariance = kinematics.predict(mean, covariance, dt, np.full(targets, density))
         response = response.copy()
         response[:, :2] += dt[:, None, None] * response[:, 2:]
-        seen = np.zeros((targets, 2, columns))
-        own = len(KINDS) * sequences.radar[k][:, None, None] + np.arange(len(KINDS))
-        seen[of_row, of_axis, own] = block[k]
-        slope = jacobian[k]
-        innovation = error[k] - _times(slope, mean[:, :2] - course.position[k])
-        shown = seen - slope @ response[:, :2]
-        cross = covariance[:, :, :2] @ slope.swapaxes(1, 2)
-        spread = slope @ cross[:, :2]
-        spread[:, 0, 0] += variance[k, :, 0]
-        spread[:, 1, 1] += variance[k, :, 1]
-        inverted, determinant = kinematics.inverse(spread)
-        there = sequences.there[k].astype(np.float64)
-        weighted = there[:, None, None] * (inverted @ shown)
-        of_target += shown.swapaxes(1, 2) @ weighted
-        score += np.einsum("tip,ti->tp", weighted, innovation)
-        square = np.einsum("ti,tij,tj->t", innovation, inverted, innovation)
-        log_likelihood -= 0.5 * float(there @ (np.log(determinant) + square))
-        gain = there[:, None, None] * (cross @ inverted)
-        mean = mean + _times(gain, innovation)
-        response = response + gain @ shown
-        covariance = covariance - gain @ cross.swapaxes(1, 2)
+        slope, valid = jacobian[k], sequences.valid[k].astype(np.float64)
+        value = residual[k] - _times(slope, mean[:, :2] - trajectories.position[k])
+        innovation = kinematics.innovation_of(value, covariance, slope, variance[k])
+        sensitivity = derivative[k] - slope @ response[:, :2]
+        found.add(innovation, sensitivity, valid)
+        gain = valid[:, None, None] * innovation.gain
+        mean = mean + _times(gain, value)
+        response = response + gain @ sensitivity
+        covariance = covariance - gain @ innovation.cross.swapaxes(1, 2)
         covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
-        kept[0][k], kept[1][k], covariances[k] = mean, response, covariance
-    total = score.sum(axis=0)
-    best = _solve(of_target.sum(axis=0), total, np.ones(columns, dtype=bool))
-    log_likelihood += 0.5 * float(best @ total)
-    return Pass(of_target, score, log_likelihood, *kept, covariances)
+        found.mean[k], found.response[k], found.covariance[k] = mean, response, covariance
+    return found
 
 
-def smooth_trajectories(
-    sequences: Sequences, found: Pass, errors: FloatArray, density: float
-) -> Course:
+def smooth_targets(
+    sequences: Sequences, found: Pass, biases: FloatArray, density: float
+) -> Trajectories:
     """Return the smoothed trajectories, given the biases in `UNITS`, shape (P,).
 
     This is the recursion of Rauch, Tung and Striebel for the means alone.
     """
-    mean = found.mean - found.response @ errors
+    mean = found.mean - found.response @ biases
     length, targets = sequences.radar.shape
-    course = np.zeros((length, targets, 4))
-    course[-1] = mean[-1]
+    state = np.zeros((length, targets, 4))
+    state[-1] = mean[-1]
     noise = np.full(targets, density)
     for k in range(length - 2, -1, -1):
         dt = sequences.time_s[k + 1] - sequences.time_s[k]
         ahead, grown = kinematics.predict(mean[k], found.covariance[k], dt, noise)
         cross = found.covariance[k].copy()
         cross[:, :, :2] += dt[:, None, None] * found.covariance[k][:, :, 2:]
-        off = np.linalg.solve(grown, (course[k + 1] - ahead)[..., None])
-        course[k] = mean[k] + (cross @ off)[..., 0]
-    return Course(course[..., :2], course[..., 2:])
+        off = np.linalg.solve(grown, (state[k + 1] - ahead)[..., None])
+        state[k] = mean[k] + (cross @ off)[..., 0]
+    return Trajectories(state[..., :2], state[..., 2:])
 
 
-def _block(expected: FloatArray, jacobian: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return the derivative of each plot with respect to its radar's biases, (K, T, 2, 4).
+def _derivative(
+    radar: IntArray, expected: FloatArray, jacobian: FloatArray, velocity: FloatArray, radars: int
+) -> FloatArray:
+    """Return the derivative of each plot with respect to all biases in `UNITS`, (K, T, 2, P).
 
-    A plot with a late time shows where its target was earlier.
+    A plot with a late time shows its target at an earlier position.
     """
-    block = np.zeros((*expected.shape, len(KINDS)))
-    block[..., 0, 0] = 1.0
-    block[..., 0, 1] = expected[..., 0]
-    block[..., 1, 2] = 1.0
-    block[..., 3] = -_times(jacobian, velocity)
-    return block
+    own = np.zeros((*expected.shape, len(KINDS)))
+    own[..., 0, 0] = 1.0
+    own[..., 0, 1] = expected[..., 0]
+    own[..., 1, 2] = 1.0
+    own[..., 3] = -_times(jacobian, velocity)
+    of_radar = np.eye(radars)[radar][..., None, :, None]
+    every: FloatArray = of_radar * (own * UNITS)[..., None, :]
+    return every.reshape(*expected.shape, -1)
 
 
 def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:

@@ -29,10 +29,10 @@ CORRELATED = 1.25
 GATE = 6.0
 # A track counts if its estimate, and its last detection by another radar, are no older than this
 # many scans of the slowest radar.
-LATELY = 2.5
+MAX_AGE_SCANS = 2.5
 
 
-class Drift(NamedTuple):
+class MeanResidual(NamedTuple):
     """Mean residuals of a radar's plots against tracks that other radars detect too.
 
     Parameters
@@ -43,7 +43,7 @@ class Drift(NamedTuple):
         Means of range and azimuth, metres and radians; NaN without residuals.
     sigma : array of shape (2,)
         Standard deviations of the means.
-    drifts : tuple of bool
+    significant : tuple of bool
         Whether each mean exceeds what noise explains.
     """
 
@@ -51,7 +51,7 @@ class Drift(NamedTuple):
     residuals: int
     mean: FloatArray
     sigma: FloatArray
-    drifts: tuple[bool, bool]
+    significant: tuple[bool, bool]
 
 
 @dataclass
@@ -62,7 +62,7 @@ class _Mean:
     mean: FloatArray = field(default_factory=lambda: np.zeros(2))
     variance: FloatArray = field(default_factory=lambda: np.zeros(2))
     # Sum of the squared weights, which is the inverse of the effective number of residuals.
-    squares: float = 1.0
+    squared_weights: float = 1.0
 
     def add(self, residual: FloatArray) -> None:
         self.count += 1
@@ -70,11 +70,11 @@ class _Mean:
         off = residual - self.mean
         self.mean = self.mean + share * off
         self.variance = (1.0 - share) * (self.variance + share * off**2)
-        self.squares = (1.0 - share) ** 2 * self.squares + share**2
+        self.squared_weights = (1.0 - share) ** 2 * self.squared_weights + share**2
 
     @property
     def sigma(self) -> FloatArray:
-        sigma: FloatArray = CORRELATED * np.sqrt(self.variance * self.squares)
+        sigma: FloatArray = CORRELATED * np.sqrt(self.variance * self.squared_weights)
         return sigma
 
 
@@ -83,7 +83,6 @@ class _Tracks(NamedTuple):
 
     Parameters
     ----------
-    number : int array of shape (T,)
     position, velocity : arrays of shape (T, 2)
     covariance : array of shape (T, 2, 2)
         Covariances of the positions.
@@ -108,7 +107,7 @@ class RegistrationMonitor:
     def __init__(self, radars: Sequence[RadarModel], interval_s: float) -> None:
         self._radars = tuple(radars)
         slowest_s = max(interval_s, *(radar.rotation_s for radar in self._radars))
-        self._lately_ns = round(LATELY * slowest_s * 1e9)
+        self._max_age_ns = round(MAX_AGE_SCANS * slowest_s * 1e9)
         self._means = [_Mean() for _ in self._radars]
         self._tracks: _Tracks | None = None
         # Stamp of each radar's last detection of each track, by the track's number.
@@ -122,10 +121,10 @@ class RegistrationMonitor:
         """Begin a new run, in which numbers belong to other tracks. The means stay."""
         self._tracks, self._seen_ns = None, {}
 
-    def stepped(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
-        """Compare a scan's detections with the tracks before it, and keep those after it."""
+    def add_scan(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
+        """Compare a scan's detections with the tracks before it, and store the tracks after it."""
         tracks = self._tracks
-        if tracks is not None and 0 < scan.stamp_ns - tracks.stamp_ns <= self._lately_ns:
+        if tracks is not None and 0 < scan.stamp_ns - tracks.stamp_ns <= self._max_age_ns:
             for index, detections in enumerate(scan.detections):
                 if detections is not None and len(detections) and len(tracks.number):
                     self._compare(index, scan.stamp_ns, detections, tracks)
@@ -144,32 +143,32 @@ class RegistrationMonitor:
         expected, slope = radar.linearise(position)
         residual = detections.measurement - expected
         residual[..., 1] = wrap_angle(residual[..., 1])
-        noise = radar.detection_noise(detections)
-        variance = (radar.noise_std if noise is None else noise) ** 2
-        spread = slope @ tracks.covariance[:, None] @ slope.swapaxes(-1, -2)
-        limit = GATE * np.sqrt(np.diagonal(spread, axis1=-2, axis2=-1) + variance)
+        variance = radar.noise_std_of(detections) ** 2
+        predicted = slope @ tracks.covariance[:, None] @ slope.swapaxes(-1, -2)
+        limit = GATE * np.sqrt(np.diagonal(predicted, axis1=-2, axis2=-1) + variance)
         near = (np.abs(residual) < limit).all(axis=-1)
-        alone = near & (near.sum(axis=0) == 1) & (near.sum(axis=1) == 1)[:, None]
-        for row, column in np.argwhere(alone).tolist():
+        unambiguous = near & (near.sum(axis=0) == 1) & (near.sum(axis=1) == 1)[:, None]
+        for row, column in np.argwhere(unambiguous).tolist():
             seen = self._seen_ns.setdefault(int(tracks.number[row]), {})
             others = [when for radar, when in seen.items() if radar != index]
             seen[index] = stamp_ns
-            if others and stamp_ns - max(others) <= self._lately_ns:
+            if others and stamp_ns - max(others) <= self._max_age_ns:
                 self._means[index].add(residual[row, column])
 
-    def drifts(self) -> list[Drift]:
+    def mean_residuals(self) -> list[MeanResidual]:
         """Return each radar's mean residuals."""
-        return [_drift(radar, mean) for radar, mean in zip(self._radars, self._means, strict=True)]
+        means = zip(self._radars, self._means, strict=True)
+        return [_mean_residual(radar, mean) for radar, mean in means]
 
 
-def _drift(radar: RadarModel, mean: _Mean) -> Drift:
+def _mean_residual(radar: RadarModel, mean: _Mean) -> MeanResidual:
     if not mean.count:
-        nothing = np.full(2, np.nan)
-        return Drift(radar.name, 0, nothing, nothing, (False, False))
+        unknown = np.full(2, np.nan)
+        return MeanResidual(radar.name, 0, unknown, unknown, (False, False))
     beyond = np.abs(mean.mean) > SIGMAS * mean.sigma + SHARE * radar.noise_std
     enough = mean.count >= LEAST
     flags = bool(enough and beyond[0]), bool(enough and beyond[1])
-    return Drift(radar.name, mean.count, mean.mean, mean.sigma, flags)
+    return MeanResidual(radar.name, mean.count, mean.mean, mean.sigma, flags)
 
 
 def _tracks(found: Estimates) -> _Tracks:

@@ -13,23 +13,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 
 from .common import Target
 from .filtering import KINDS
-from .sensors import RegistrationError, Sensor
-from .sequences import BoolArray, Sequences
+from .sequences import Sequences
+from .tracked_radars import RegistrationError, TrackedRadar
 
 # Targets are on a line if their extent across it is below this share of the extent along it.
 LINE = 0.02
 # A recording with fewer scans is short.
 SHORT = 20.0
 # A bias is not observable if its standard deviation exceeds this share of one plot's.
-TOLD = 0.5
+OBSERVABLE_SHARE = 0.5
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Observability:
     """The biases that can be estimated.
 
     Parameters
@@ -49,8 +49,8 @@ class Judgement:
     hidden: tuple[int, ...]
 
 
-def judge(information: FloatArray, one_plot: FloatArray, reference: int) -> Judgement:
-    """Return the biases that can be estimated.
+def analyse(information: FloatArray, one_plot: FloatArray, reference: int) -> Observability:
+    """Determine which biases can be estimated.
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ def judge(information: FloatArray, one_plot: FloatArray, reference: int) -> Judg
         scaled = information[np.ix_(rows, rows)] * np.outer(one_plot[rows], one_plot[rows])
         value, vector = np.linalg.eigh(scaled)
         value = np.maximum(value, 1e-12)
-        deviation = np.sqrt(((vector**2) / value).sum(axis=1))
-        if deviation.max() < TOLD:
+        std = np.sqrt(((vector**2) / value).sum(axis=1))
+        if std.max() < OBSERVABLE_SHARE:
             break
         # The least observable combination of biases decides.
         share = vector[:, 0] ** 2
@@ -91,10 +91,10 @@ def judge(information: FloatArray, one_plot: FloatArray, reference: int) -> Judg
     rows = np.flatnonzero(free)
     if len(rows):
         covariance[np.ix_(rows, rows)] = np.linalg.inv(information[np.ix_(rows, rows)])
-    return Judgement(free, covariance, tuple(common), tuple(hidden))
+    return Observability(free, covariance, tuple(common), tuple(hidden))
 
 
-def require_common(sensors: Sequence[Sensor], targets: Sequence[Target]) -> None:
+def require_common(radars: Sequence[TrackedRadar], targets: Sequence[Target]) -> None:
     """Raise `RegistrationError` if a radar has no target in common with the others."""
     linked = {0}
     while True:
@@ -102,13 +102,13 @@ def require_common(sensors: Sequence[Sensor], targets: Sequence[Target]) -> None
         if more <= linked:
             break
         linked |= more
-    alone = [each for index, each in enumerate(sensors) if index not in linked]
-    if alone and len(linked) == 1 and len(sensors) == 2:
-        alone = list(sensors)
+    alone = [each for index, each in enumerate(radars) if index not in linked]
+    if alone and len(linked) == 1 and len(radars) == 2:
+        alone = list(radars)
     if not alone:
         return
-    end = min(float(each.time_s[-1]) for each in sensors)
-    seconds = max(end - max(float(each.time_s[0]) for each in sensors), 0.0)
+    end = min(float(each.time_s[-1]) for each in radars)
+    seconds = max(end - max(float(each.time_s[0]) for each in radars), 0.0)
     counts = "; ".join(f"{each.name} has {len(each.tracks)} tracks" for each in alone)
     raise RegistrationError(
         f"no common targets: {counts}, none near a track of another radar, in the {seconds:.0f} s "
@@ -118,30 +118,30 @@ def require_common(sensors: Sequence[Sensor], targets: Sequence[Target]) -> None
 
 
 def require_observable(
-    sensors: Sequence[Sensor], free: BoolArray, reference: int, rows: Sequences
+    radars: Sequence[TrackedRadar], free: BoolArray, reference: int, rows: Sequences
 ) -> None:
     """Raise `RegistrationError` if no bias of a radar but the reference is observable."""
     nothing = [
         each.name
-        for index, each in enumerate(sensors)
+        for index, each in enumerate(radars)
         if index != reference and not free.reshape(-1, len(KINDS))[index].any()
     ]
     if nothing:
         raise RegistrationError(
-            f"{', '.join(nothing)}: no bias is observable: {hidden_reason(sensors, rows)}"
+            f"{', '.join(nothing)}: no bias is observable: {hidden_reason(radars, rows)}"
         )
 
 
-def hidden_reason(sensors: Sequence[Sensor], rows: Sequences) -> str:
+def hidden_reason(radars: Sequence[TrackedRadar], rows: Sequences) -> str:
     """Return the reason why biases are unobservable."""
-    plots, targets = int(np.count_nonzero(rows.there)), rows.there.shape[1]
+    plots, targets = int(np.count_nonzero(rows.valid)), rows.valid.shape[1]
     seen = f"{targets} common tracks with {plots} plots"
-    place = rows.position[rows.there]
+    place = rows.position[rows.valid]
     extent = np.linalg.svd(place - place.mean(axis=0), compute_uv=False)
     if extent[1] < LINE * extent[0]:
         return f"{seen}, all on one line"
-    begin, end = rows.time_s[rows.there].min(), rows.time_s[rows.there].max()
-    looks = (end - begin) / max(each.look_s for each in sensors)
+    begin, end = rows.time_s[rows.valid].min(), rows.time_s[rows.valid].max()
+    looks = (end - begin) / max(each.look_s for each in radars)
     if looks < SHORT:
         return f"{seen}, too short: {looks:.0f} looks in {end - begin:.0f} s"
     return f"{seen}, too few, or all in one place"

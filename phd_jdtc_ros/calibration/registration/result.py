@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,8 @@ class Residuals:
     time_s : array of shape (N,)
         Ascending only within a target, seconds.
     before, after : array of shape (N, 2)
-        Residuals with and without the biases; range and azimuth, metres and radians.
+        Residuals of the plots as reported, and after removal of the estimated biases; range and
+        azimuth, metres and radians.
     """
 
     time_s: FloatArray
@@ -26,22 +27,22 @@ class Residuals:
 
 
 @dataclass(frozen=True)
-class Found:
+class RadarEstimate:
     """The estimated biases of one radar.
 
     Parameters
     ----------
-    bias : RadarBias
+    bias : SensorBias
         Zero for unobservable biases.
     std : array of shape (4,)
-        Standard deviations in the order and units of a `RadarBias`; NaN for unobservable biases.
+        Standard deviations in the order and units of a `SensorBias`; NaN for unobservable biases.
     tracks, plots : int
         Number of common tracks with its plots, and number of these plots. A target that is lost and
         found again is another track.
     """
 
     name: str
-    bias: RadarBias
+    bias: SensorBias
     std: FloatArray
     tracks: int
     plots: int
@@ -66,7 +67,7 @@ class Registration:
         Spectral density of the targets' white acceleration, m^2/s^3.
     """
 
-    radars: tuple[Found, ...]
+    radars: tuple[RadarEstimate, ...]
     reference: str
     common: tuple[str, ...]
     hidden: dict[tuple[str, str], str]

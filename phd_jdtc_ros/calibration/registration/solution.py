@@ -8,58 +8,67 @@ from dataclasses import dataclass
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 
 from ..tuning import kinematics
 from .common import Target, common_targets
-from .filtering import KINDS, UNITS, Course, Pass, filter_sequences, smooth_trajectories
-from .observability import Judgement, hidden_reason, judge, require_common, require_observable
-from .result import Found, Registration, Residuals
-from .sensors import Sensor
+from .filtering import KINDS, UNITS, Pass, Trajectories, filter_targets, smooth_targets
+from .observability import (
+    Observability,
+    analyse,
+    hidden_reason,
+    require_common,
+    require_observable,
+)
+from .result import RadarEstimate, Registration, Residuals
 from .sequences import Sequences, sequences
+from .tracked_radars import TrackedRadar
 
-# Rounds of finding common targets, and of linearisations in each.
+# Largest number of association rounds, and of relinearisations in each after a first pass for the
+# process noise.
 ROUNDS, PASSES = 3, 3
 # The rounds end when no bias changes by more than this many standard deviations.
-SETTLED = 0.2
+CONVERGED = 0.2
 # Plots with larger residuals, in standard deviations, have less weight, but at least LEAST_WEIGHT.
 FAR, LEAST_WEIGHT = 2.5, 0.02
 # Median of the square of a two-dimensional residual of unit variances.
 MEDIAN_SQUARE = 2.0 * np.log(2.0)
 # Search for the process noise: factor of a step, and largest number of steps.
 FACTOR, STEPS = 4.0, 8
-# Its start: deviation of targets from a straight line between scans, in standard deviations of a
-# range.
+# OFF_COURSE sets the initial process noise: the displacement by acceleration between two scans, in
+# range standard deviations.
 OFF_COURSE = 0.5
 # Speed that is assumed if all targets are stationary, m/s.
 LEAST_SPEED = 0.1
 
 
 @dataclass(frozen=True)
-class _Round:
-    """The state after a round.
+class _Iteration:
+    """The estimates after an association round.
 
     Parameters
     ----------
     std : array of shape (P,)
         Standard deviations of the biases, in `UNITS`; NaN if unobservable.
+    density : float
+        Spectral density of the white acceleration, m^2/s^3.
     """
 
     targets: Sequence[Target]
-    biases: tuple[RadarBias, ...]
+    biases: tuple[SensorBias, ...]
     std: FloatArray
-    judgement: Judgement
+    observability: Observability
     density: float
     rows: Sequences
-    course: Course
+    trajectories: Trajectories
 
 
-def register(sensors: Sequence[Sensor], reference: str) -> Registration:
-    """Return the biases of radars.
+def register(radars: Sequence[TrackedRadar], reference: str) -> Registration:
+    """Estimate the biases of all radars, with the targets as nuisance parameters.
 
     Parameters
     ----------
-    sensors : sequence of Sensor
+    radars : sequence of TrackedRadar
         At least two.
     reference : str
         Name of the radar that is assumed to have no bias where the recording cannot show it.
@@ -69,114 +78,119 @@ def register(sensors: Sequence[Sensor], reference: str) -> Registration:
     RegistrationError
         If no bias of some radar is observable; the message has the reason.
     """
-    index = [each.name for each in sensors].index(reference)
-    biases: tuple[RadarBias, ...] = (NO_BIAS,) * len(sensors)
-    density = _first_density(sensors)
+    index = [each.name for each in radars].index(reference)
+    biases: tuple[SensorBias, ...] = (NO_BIAS,) * len(radars)
+    density = _first_density(radars)
     for number in range(ROUNDS):
-        targets = common_targets(sensors, biases, known=number > 0)
-        require_common(sensors, targets)
+        targets = common_targets(radars, biases, known=number > 0)
+        require_common(radars, targets)
         before = biases
-        found = _round(sensors, targets, biases, density, index)
+        found = _iterate(radars, targets, biases, density, index)
         biases, density = found.biases, found.density
-        if number and _change(before, found) < SETTLED:
+        if number and _change(before, found) < CONVERGED:
             break
-    require_observable(sensors, found.judgement.free, index, found.rows)
-    return _registration(sensors, found, reference)
+    require_observable(radars, found.observability.free, index, found.rows)
+    return _registration(radars, found, reference)
 
 
-def _round(
-    sensors: Sequence[Sensor],
+def _iterate(
+    radars: Sequence[TrackedRadar],
     targets: Sequence[Target],
-    biases: Sequence[RadarBias],
+    biases: Sequence[SensorBias],
     density: float,
     reference: int,
-) -> _Round:
+) -> _Iteration:
     """Return the biases of all radars, given the targets, by repeated linearisation."""
-    rows = sequences(sensors, biases, targets)
+    rows = sequences(radars, biases, targets)
     weight = np.ones(rows.radar.shape)
     # The velocities are unknown until the first pass.
-    course = Course(rows.position, np.zeros_like(rows.position))
+    trajectories = Trajectories(rows.position, np.zeros_like(rows.position))
     for number in range(PASSES + 1):
-        found = filter_sequences(rows, course, density, weight, len(sensors))
-        judgement = judge(found.information, _one_plot(sensors, rows, course), reference)
-        errors = found.errors(judgement.free)
-        course = smooth_trajectories(rows, found, errors, density)
+        found = filter_targets(rows, trajectories, density, weight, len(radars))
+        one_plot = _one_plot(radars, rows, trajectories)
+        observability = analyse(found.information, one_plot, reference)
+        correction = found.bias_estimate(observability.free)
+        trajectories = smooth_targets(rows, found, correction, density)
         if number == 0:
-            density = _best_density(rows, course, density, weight, len(sensors))
+            density = _best_density(rows, trajectories, density, weight, len(radars))
             continue
-        biases = _follow(biases, errors)
-        std = _deviations(found, errors, judgement)
-        rows = sequences(sensors, biases, targets)
-        weight = _weights(rows, course)
-    return _Round(targets, tuple(biases), std, judgement, density, rows, course)
+        biases = _add_correction(biases, correction)
+        std = _standard_deviations(found, correction, observability)
+        rows = sequences(radars, biases, targets)
+        weight = _weights(rows, trajectories)
+    return _Iteration(targets, tuple(biases), std, observability, density, rows, trajectories)
 
 
-def _follow(biases: Sequence[RadarBias], errors: FloatArray) -> list[RadarBias]:
+def _add_correction(biases: Sequence[SensorBias], correction: FloatArray) -> list[SensorBias]:
     """Return the biases after a correction in `UNITS`."""
-    rest = errors.reshape(-1, len(KINDS)) * UNITS
+    rest = correction.reshape(-1, len(KINDS)) * UNITS
     return [
-        bias.followed_by(RadarBias(*row.tolist())) for bias, row in zip(biases, rest, strict=True)
+        bias.followed_by(SensorBias(*row.tolist())) for bias, row in zip(biases, rest, strict=True)
     ]
 
 
-def _weights(rows: Sequences, course: Course) -> FloatArray:
+def _weights(rows: Sequences, trajectories: Trajectories) -> FloatArray:
     """Return the weights of plots; those far from their target's trajectory have less weight.
 
     The weights divide the standard deviations. A plot with residual r has the weight c / r and
     therefore counts (c / r)^2, less than by Huber's rule, by which it would count c / r.
     """
-    error = _residual(rows, course) / rows.noise_std
-    square = (error**2).sum(axis=-1)
-    scale = np.sqrt(np.median(square[rows.there]) / MEDIAN_SQUARE)
-    far = np.sqrt(square) / max(float(scale), 1e-9)
+    distance2 = ((_residual(rows, trajectories) / rows.noise_std) ** 2).sum(axis=-1)
+    scale = np.sqrt(np.median(distance2[rows.valid]) / MEDIAN_SQUARE)
+    far = np.sqrt(distance2) / max(float(scale), 1e-9)
     weight: FloatArray = np.maximum(FAR / np.maximum(far, FAR), LEAST_WEIGHT)
     return weight
 
 
-def _residual(rows: Sequences, course: Course) -> FloatArray:
+def _residual(rows: Sequences, trajectories: Trajectories) -> FloatArray:
     """Return the residuals of plots against the trajectories, shape (K, T, 2)."""
-    expected, _ = kinematics.linearise(course.position, rows.pose)
-    return kinematics.innovation(rows.measurement, expected)
+    expected, _ = kinematics.linearise(trajectories.position, rows.pose)
+    return kinematics.residual(rows.measurement, expected)
 
 
-def _deviations(found: Pass, errors: FloatArray, judgement: Judgement) -> FloatArray:
+def _standard_deviations(
+    found: Pass, correction: FloatArray, observability: Observability
+) -> FloatArray:
     """Return the standard deviations of the biases in `UNITS`, NaN if unobservable, shape (P,).
 
-    Each is the larger of two: that from the noise, and that from the disagreement of the targets
-    (White 1980), because a target that manoeuvres or has plots of another one is wrong as a whole.
+    Each is the larger of the standard deviation from the plot noise and the sandwich estimate over
+    targets (White 1980): a target that manoeuvres, or contains plots of another target, has
+    correlated errors.
     """
-    rest = found.score - found.of_target @ errors
-    spread = judgement.covariance @ (rest.T @ rest) @ judgement.covariance
-    std = np.sqrt(np.maximum(np.diag(judgement.covariance), np.diag(spread)))
-    return np.where(judgement.free, std, np.nan)
+    rest = found.score - found.information_of @ correction
+    sandwich = observability.covariance @ (rest.T @ rest) @ observability.covariance
+    std = np.sqrt(np.maximum(np.diag(observability.covariance), np.diag(sandwich)))
+    return np.where(observability.free, std, np.nan)
 
 
-def _one_plot(sensors: Sequence[Sensor], rows: Sequences, course: Course) -> FloatArray:
+def _one_plot(
+    radars: Sequence[TrackedRadar], rows: Sequences, trajectories: Trajectories
+) -> FloatArray:
     """Return the noise of one plot of each radar as a bias of each kind, in `UNITS`, (P,)."""
     found = []
-    for index, each in enumerate(sensors):
-        own = rows.there & (rows.radar == index)
+    for index, each in enumerate(radars):
+        own = rows.valid & (rows.radar == index)
         range_std, azimuth_std = each.noise_std
         farthest = float(rows.measurement[..., 0][own].max(initial=1.0))
-        speed = max(float(np.median(np.hypot(*course.velocity[own].T))), LEAST_SPEED)
+        speed = max(float(np.median(np.hypot(*trajectories.velocity[own].T))), LEAST_SPEED)
         found.append([range_std, range_std / farthest, azimuth_std, range_std / speed])
     scaled: FloatArray = np.array(found) / UNITS
     return scaled.ravel()
 
 
-def _first_density(sensors: Sequence[Sensor]) -> float:
+def _first_density(radars: Sequence[TrackedRadar]) -> float:
     """Return an initial spectral density of the white acceleration, m^2/s^3."""
-    position = min(float(each.noise_std[0]) for each in sensors)
-    return 3.0 * (OFF_COURSE * position) ** 2 / max(each.look_s for each in sensors) ** 3
+    position = min(float(each.noise_std[0]) for each in radars)
+    return 3.0 * (OFF_COURSE * position) ** 2 / max(each.look_s for each in radars) ** 3
 
 
 def _best_density(
-    rows: Sequences, course: Course, start: float, weight: FloatArray, radars: int
+    rows: Sequences, trajectories: Trajectories, start: float, weight: FloatArray, radars: int
 ) -> float:
     """Return the most probable spectral density, within a factor of two."""
 
     def value(density: float) -> float:
-        return filter_sequences(rows, course, density, weight, radars).log_likelihood
+        return filter_targets(rows, trajectories, density, weight, radars).log_likelihood
 
     best, known = start, value(start)
     for factor in (FACTOR, 1.0 / FACTOR):
@@ -190,24 +204,26 @@ def _best_density(
     return best
 
 
-def _change(before: Sequence[RadarBias], found: _Round) -> float:
+def _change(before: Sequence[SensorBias], found: _Iteration) -> float:
     """Return the largest change of a bias, in its standard deviations."""
     change = (_numbers(found.biases) - _numbers(before)) / UNITS
     return float(np.nanmax(np.abs(change.ravel() / found.std)))
 
 
-def _numbers(biases: Sequence[RadarBias]) -> FloatArray:
+def _numbers(biases: Sequence[SensorBias]) -> FloatArray:
     """Return the biases of radars, shape (R, 4)."""
     return np.array([[getattr(bias, kind) for kind in KINDS] for bias in biases])
 
 
-def _registration(sensors: Sequence[Sensor], found: _Round, reference: str) -> Registration:
+def _registration(
+    radars: Sequence[TrackedRadar], found: _Iteration, reference: str
+) -> Registration:
     std = found.std.reshape(-1, len(KINDS)) * UNITS
-    radars = []
-    for index, each in enumerate(sensors):
-        own = found.rows.there & (found.rows.radar == index)
-        radars.append(
-            Found(
+    estimates = []
+    for index, each in enumerate(radars):
+        own = found.rows.valid & (found.rows.radar == index)
+        estimates.append(
+            RadarEstimate(
                 each.name,
                 found.biases[index],
                 std[index],
@@ -217,30 +233,31 @@ def _registration(sensors: Sequence[Sensor], found: _Round, reference: str) -> R
             )
         )
     hidden = {
-        (sensors[error // len(KINDS)].name, KINDS[error % len(KINDS)]): hidden_reason(
-            sensors, found.rows
+        (radars[bias // len(KINDS)].name, KINDS[bias % len(KINDS)]): hidden_reason(
+            radars, found.rows
         )
-        for error in sorted(found.judgement.hidden)
+        for bias in sorted(found.observability.hidden)
     }
     return Registration(
-        tuple(radars),
+        tuple(estimates),
         reference,
-        found.judgement.common,
+        found.observability.common,
         hidden,
         len(found.targets),
         found.density,
     )
 
 
-def _residuals(sensor: Sensor, found: _Round, index: int) -> Residuals:
+def _residuals(radar: TrackedRadar, found: _Iteration, index: int) -> Residuals:
     """Return the residuals of a radar's plots, as reported and corrected."""
-    rows, own = found.rows, found.rows.there & (found.rows.radar == index)
+    rows, own = found.rows, found.rows.valid & (found.rows.radar == index)
     plot, pose = rows.plot[own], rows.pose[own]
     late_s = found.biases[index].time_offset_s
-    position, velocity = found.course.position[own], found.course.velocity[own]
+    trajectories = found.trajectories
+    position, velocity = trajectories.position[own], trajectories.velocity[own]
     then, _ = kinematics.linearise(position + late_s * velocity, pose)
     return Residuals(
         rows.time_s[own],
-        kinematics.innovation(sensor.measurement[plot], then),
-        _residual(rows, found.course)[own],
+        kinematics.residual(radar.measurement[plot], then),
+        _residual(rows, trajectories)[own],
     )

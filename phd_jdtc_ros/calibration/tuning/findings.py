@@ -15,10 +15,10 @@ from .plots import Plots
 from .rates import Rate, clutter_rate, detection_probability, looks_of
 from .rotation import Timing, timing
 from .start import first_guess
-from .tracks import Guess, Tracks, link_plots
+from .tracks import LinkModel, Tracks, link_plots
 
 # Largest number of rounds, and the logarithmic change of the guess below which they end.
-ROUNDS, SETTLED = 8, 0.02
+ROUNDS, CONVERGED = 8, 0.02
 # A recording needs at least these numbers of clouds, of tracks and of plots in tracks.
 LEAST_CLOUDS, LEAST_TRACKS, LEAST_PLOTS = 10, 1, 30
 # If land clutter makes up more than this share of the plots it is left out, because tracks would
@@ -129,8 +129,8 @@ def _without_land(
 
 
 def _iterate(
-    plots: Plots, when: Timing, guess: Guess, tracks: Tracks
-) -> tuple[Guess, Tracks, Noise]:
+    plots: Plots, when: Timing, guess: LinkModel, tracks: Tracks
+) -> tuple[LinkModel, Tracks, Noise]:
     """Estimate noise and tracks alternately until the guess converges."""
     noise = _as_noise(guess)
     for _ in range(ROUNDS):
@@ -141,7 +141,7 @@ def _iterate(
         best = int(np.argmax([each.score for each in found]))
         change = np.abs(_logarithms(candidates[best]) - _logarithms(guess)).max()
         guess, tracks = candidates[best], found[best]
-        if change < SETTLED:
+        if change < CONVERGED:
             break
     _require_tracks(plots, when, tracks)
     ratio = log_ratio(plots, plots, tracks)
@@ -175,14 +175,14 @@ def _require_tracks(plots: Plots, when: Timing, tracks: Tracks) -> None:
     )
 
 
-def _as_noise(guess: Guess) -> Noise:
+def _as_noise(guess: LinkModel) -> Noise:
     """Return the initial value of the first search for the noise."""
     return Noise(guess.range_std, guess.azimuth_std, guess.densities, np.ones(2), 0)
 
 
 def _candidates(
-    guess: Guess, noise: Noise, plots: Plots, when: Timing, tracks: Tracks
-) -> list[Guess]:
+    guess: LinkModel, noise: Noise, plots: Plots, when: Timing, tracks: Tracks
+) -> list[LinkModel]:
     """Return the guesses that some tracks suggest.
 
     The last one keeps the noise with which the tracks were linked, since wrong links enlarge it.
@@ -204,7 +204,7 @@ def _candidates(
     return [fitting, wild, estimated]
 
 
-def _logarithms(guess: Guess) -> FloatArray:
+def _logarithms(guess: LinkModel) -> FloatArray:
     """Return the logarithms of the figures whose convergence is tested, shape (4,)."""
     numbers = [guess.range_std, guess.azimuth_std, guess.detection_probability, guess.clutter_rate]
     logarithms: FloatArray = np.log(np.array(numbers))

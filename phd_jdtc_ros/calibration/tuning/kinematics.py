@@ -6,6 +6,8 @@ axes are free.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
@@ -71,11 +73,69 @@ def linearise(position: FloatArray, pose: FloatArray) -> tuple[FloatArray, Float
     return np.stack([distance, azimuth], axis=-1), jacobian
 
 
-def innovation(measured: FloatArray, expected: FloatArray) -> FloatArray:
+def residual(measured: FloatArray, expected: FloatArray) -> FloatArray:
     """Return the difference of (range, azimuth) rows, azimuths wrapped, shape (..., 2)."""
     difference = measured - expected
     difference[..., 1] = np.mod(difference[..., 1] + np.pi, 2.0 * np.pi) - np.pi
     return difference
+
+
+class Innovation(NamedTuple):
+    """Innovations of (range, azimuth) plots in an extended Kalman filter.
+
+    Parameters
+    ----------
+    value : array of shape (..., 2)
+        Metres and radians.
+    cross : array of shape (..., 4, 2)
+        Covariance of state and plot.
+    inverse : array of shape (..., 2, 2)
+        Inverse of the innovation covariance.
+    determinant : array of shape (...)
+        Determinant of the innovation covariance.
+    """
+
+    value: FloatArray
+    cross: FloatArray
+    inverse: FloatArray
+    determinant: FloatArray
+
+    @property
+    def distance2(self) -> FloatArray:
+        """Squared Mahalanobis distances, shape (...)."""
+        scaled = np.einsum("...ij,...j->...i", self.inverse, self.value)
+        return np.asarray((scaled * self.value).sum(axis=-1))
+
+    @property
+    def gain(self) -> FloatArray:
+        """Kalman gains, shape (..., 4, 2)."""
+        return self.cross @ self.inverse
+
+
+def innovation(
+    mean: FloatArray,
+    covariance: FloatArray,
+    measured: FloatArray,
+    pose: FloatArray,
+    variance: FloatArray,
+) -> Innovation:
+    """Return the innovations of plots, linearised at the predicted means.
+
+    `variance`, shape (..., 2), has the variances of range and azimuth, m^2 and rad^2.
+    """
+    expected, jacobian = linearise(mean[..., :2], pose)
+    return innovation_of(residual(measured, expected), covariance, jacobian, variance)
+
+
+def innovation_of(
+    value: FloatArray, covariance: FloatArray, jacobian: FloatArray, variance: FloatArray
+) -> Innovation:
+    """Return innovations of these values, given the Jacobians of the plots; see `innovation`."""
+    cross = covariance[..., :2] @ jacobian.swapaxes(-1, -2)
+    matrix = jacobian @ cross[..., :2, :]
+    matrix[..., 0, 0] += variance[..., 0]
+    matrix[..., 1, 1] += variance[..., 1]
+    return Innovation(value, cross, *inverse(matrix))
 
 
 def inverse(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -89,11 +149,7 @@ def inverse(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def initial_state(
-    measurement: FloatArray,
-    pose: FloatArray,
-    range_var: FloatArray,
-    azimuth_var: FloatArray,
-    speed_std: float,
+    measurement: FloatArray, pose: FloatArray, variance: FloatArray, speed_std: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return mean and covariance after a first detection, with a velocity of mean 0.
 
@@ -101,8 +157,8 @@ def initial_state(
     ----------
     measurement : array of shape (..., 2)
     pose : array of shape (..., 3)
-    range_var, azimuth_var : arrays of shape (...)
-        Variances of the detection, square metres and square radians.
+    variance : array of shape (..., 2)
+        Variances of range and azimuth, square metres and square radians.
     speed_std : float
         Standard deviation of the velocity along each axis, metres per second.
     """
@@ -112,8 +168,8 @@ def initial_state(
     mean = np.zeros((*bearing.shape, 4))
     mean[..., :2] = pose[..., :2] + measurement[..., :1] * along
     distance = np.maximum(measurement[..., 0], LEAST_RANGE)
-    spread = range_var[..., None, None] * along[..., :, None] * along[..., None, :]
-    sideways = (distance**2 * azimuth_var)[..., None, None]
+    spread = variance[..., 0][..., None, None] * along[..., :, None] * along[..., None, :]
+    sideways = (distance**2 * variance[..., 1])[..., None, None]
     spread = spread + sideways * across[..., :, None] * across[..., None, :]
     covariance = np.zeros((*spread.shape[:-2], 4, 4))
     covariance[..., :2, :2] = spread

@@ -1,7 +1,7 @@
 """Measurement and process noise by the likelihood of tracks' innovations.
 
-A target keeps its velocity for most of the time and manoeuvres for some: two motions with white
-accelerations of different densities, mixed as in an interacting multiple model filter. Both
+A target mostly keeps its velocity and sometimes manoeuvres. This is an interacting multiple model
+(IMM) filter with two nearly-constant-velocity modes of different acceleration density. Both
 densities and the two standard deviations of the measurement maximise the likelihood of all
 innovations of all tracks; its curvature at the maximum gives their uncertainty.
 
@@ -20,22 +20,23 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray
 
 from . import kinematics
-from .plots import Plots
-from .tracks import GATE, Deviations, Tracks
+from .plots import Plots, PlotSequences, padded
+from .tracks import GATE, NoiseModel, Tracks
 
-# Transition probabilities [motion, motion at the next plot].
-SWITCH = np.array([[0.95, 0.05], [0.2, 0.8]])
-FIRST = np.array([0.8, 0.2])
+# Transition probabilities [mode, mode at the next plot], and the probabilities of the modes at a
+# track's first plot.
+MODE_TRANSITION = np.array([[0.95, 0.05], [0.2, 0.8]])
+INITIAL_MODE_PROBABILITY = np.array([0.8, 0.2])
 # Prior probability that a track's plot is clutter, uniform in the gate; amplitudes refine it.
-WRONG = 0.01
+OUTLIER_PROBABILITY = 0.01
 # Approximate number of plots used; a regular subset of the tracks is taken if there are more.
 MOST_PLOTS = 1000
 # Logarithmic distance of the search's bounds from its start: for the measurement noise, and for
 # the spectral densities.
-FAR, FAR_DENSITY = np.log(30.0), np.log(1e4)
+SEARCH_WIDTH, DENSITY_SEARCH_WIDTH = np.log(30.0), np.log(1e4)
 # Smallest standard deviations, m and rad: only synthetic plots are more accurate.
 LEAST_STD = (0.01, 1e-5)
 # Step of the finite differences, and least logarithmic ratio of the second density to the first.
@@ -43,13 +44,13 @@ STEP, LEAST_RATIO = 0.02, np.log(4.0)
 
 
 @dataclass(frozen=True)
-class Noise(Deviations):
+class Noise(NoiseModel):
     """Maximum likelihood estimate of the noise.
 
     Parameters
     ----------
     range_std, azimuth_std, densities
-        See `Deviations`.
+        See `NoiseModel`.
     log_std : array of shape (2,)
         Standard errors of the logarithms of `range_std` and `azimuth_std`.
     plots : int
@@ -61,13 +62,9 @@ class Noise(Deviations):
 
 
 @dataclass(frozen=True)
-class _Sequences:
-    """Tracks as T rows of K plots; shorter tracks are padded."""
+class _Sequences(PlotSequences):
+    """Tracks with the log likelihood ratios of their amplitudes, shape (K, T)."""
 
-    time_s: FloatArray
-    measurement: FloatArray
-    pose: FloatArray
-    there: FloatArray
     log_ratio: FloatArray
 
 
@@ -92,9 +89,9 @@ def fit_noise(
     least = np.log([*LEAST_STD, np.finfo(float).tiny])
     begin = np.maximum(np.log([start.range_std, start.azimuth_std, start.densities[0]]), least)
     begin = np.append(begin, max(ratio, LEAST_RATIO))
-    reach = np.array([FAR, FAR, FAR_DENSITY])
+    reach = np.array([SEARCH_WIDTH, SEARCH_WIDTH, DENSITY_SEARCH_WIDTH])
     lowest = np.maximum(begin[:3] - reach, least)
-    bounds = [*zip(lowest, begin[:3] + reach, strict=True), (LEAST_RATIO, FAR_DENSITY)]
+    bounds = [*zip(lowest, begin[:3] + reach, strict=True), (LEAST_RATIO, DENSITY_SEARCH_WIDTH)]
 
     def cost(point: FloatArray) -> tuple[float, FloatArray]:
         around = np.concatenate([point[None], point + STEP * _AXES, point - STEP * _AXES])
@@ -113,7 +110,7 @@ def fit_noise(
         azimuth_std=float(np.exp(point[1])),
         densities=densities,
         log_std=_standard_errors(sequences, point, speed_std),
-        plots=int(sequences.there.sum()),
+        plots=int(sequences.valid.sum()),
     )
 
 
@@ -139,8 +136,8 @@ def _standard_errors(sequences: _Sequences, point: FloatArray, speed_std: float)
         curvature[i, j] = curvature[j, i] = -(pp - pm - mp + mm) / (4.0 * step**2)
     # A prior of a factor of e^3 bounds the parameters that the data do not determine.
     covariance = np.linalg.inv(_positive(curvature) + np.eye(4) / 9.0)
-    deviations: FloatArray = np.sqrt(np.diag(covariance)[:2])
-    return deviations
+    errors: FloatArray = np.sqrt(np.diag(covariance)[:2])
+    return errors
 
 
 def _positive(matrix: FloatArray) -> FloatArray:
@@ -151,18 +148,14 @@ def _positive(matrix: FloatArray) -> FloatArray:
 
 
 def _sequences(plots: Plots, tracks: Tracks, log_ratio: FloatArray) -> _Sequences:
-    """Return long and short tracks as rows; tracks of manoeuvring targets are short."""
+    """Return a regular selection of the tracks, sorted by length.
+
+    Manoeuvring targets have short tracks, which must be represented too.
+    """
     ordered = sorted(tracks.plots, key=len, reverse=True)
-    chosen: list[IntArray] = ordered[:: max(1, round(len(tracks.claimed) / MOST_PLOTS))]
-    longest = max(map(len, chosen))
-    rows = np.array([np.append(own, np.full(longest - len(own), own[-1])) for own in chosen])
-    there = np.arange(longest) < np.array([[len(own)] for own in chosen])
+    rows, valid = padded(ordered[:: max(1, round(len(tracks.claimed) / MOST_PLOTS))])
     return _Sequences(
-        time_s=plots.time_s[rows],
-        measurement=plots.measurement[rows],
-        pose=plots.pose[rows],
-        there=there.astype(np.float64),
-        log_ratio=log_ratio[rows],
+        valid, plots.time_s[rows], plots.measurement[rows], plots.pose[rows], log_ratio[rows]
     )
 
 
@@ -179,42 +172,40 @@ def _log_likelihood(sequences: _Sequences, points: FloatArray, speed_std: float)
     """
     variance = np.exp(2.0 * points[:, :2])[:, None, None, :]
     density = np.exp(np.stack([points[:, 2], points[:, 2] + points[:, 3]], axis=1))[:, :, None]
-    tracks, length = sequences.time_s.shape
-    first, pose = sequences.measurement[:, 0], sequences.pose[:, 0]
+    length, tracks = sequences.time_s.shape
     mean, covariance = kinematics.initial_state(
-        first,
-        pose,
-        variance[..., 0] * np.ones(tracks),
-        variance[..., 1] * np.ones(tracks),
-        speed_std,
+        sequences.measurement[0], sequences.pose[0], variance, speed_std
     )
     mean = np.repeat(mean, 2, axis=1)
     covariance = np.repeat(covariance, 2, axis=1)
-    weight = np.tile(FIRST[None, :, None], (len(points), 1, tracks))
+    probability = np.tile(INITIAL_MODE_PROBABILITY[None, :, None], (len(points), 1, tracks))
     total = np.zeros(len(points))
     for k in range(1, length):
-        there = sequences.there[:, k]
-        dt = sequences.time_s[:, k] - sequences.time_s[:, k - 1]
-        mixed, weight = _mix(mean, covariance, weight)
-        grown = kinematics.predict(*mixed, dt + np.zeros_like(weight), density + 0.0 * weight)
-        mean, covariance, log_density = _update(
-            *grown,
-            sequences.measurement[:, k],
-            sequences.pose[:, k],
-            variance,
-            np.log(2.0 * WRONG / GATE**2) - sequences.log_ratio[:, k],
+        dt = sequences.time_s[k] - sequences.time_s[k - 1]
+        mixed, probability = _mix(mean, covariance, probability)
+        predicted = kinematics.predict(
+            *mixed, dt + np.zeros_like(probability), density + 0.0 * probability
         )
-        likelihood = np.einsum("brt->bt", weight * np.exp(log_density))
-        total += (np.log(np.maximum(likelihood, np.finfo(float).tiny)) * there).sum(axis=1)
-        weight = weight * np.exp(log_density) / np.maximum(likelihood, 1e-300)[:, None]
+        mean, covariance, log_density = _update(
+            *predicted,
+            sequences.measurement[k],
+            sequences.pose[k],
+            variance,
+            np.log(2.0 * OUTLIER_PROBABILITY / GATE**2) - sequences.log_ratio[k],
+        )
+        joint = probability * np.exp(log_density)
+        likelihood = np.einsum("brt->bt", joint)
+        log_likelihood = np.log(np.maximum(likelihood, np.finfo(float).tiny))
+        total += (log_likelihood * sequences.valid[k]).sum(axis=1)
+        probability = joint / np.maximum(likelihood, 1e-300)[:, None]
     return total
 
 
 def _mix(
-    mean: FloatArray, covariance: FloatArray, weight: FloatArray
+    mean: FloatArray, covariance: FloatArray, probability: FloatArray
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
-    """Return the moment-matched Gaussian of each motion at the next plot, (B, 2, T, ...)."""
-    joint = weight[:, :, None, :] * SWITCH[None, :, :, None]
+    """Return the moment-matched Gaussian of each mode at the next plot, (B, 2, T, ...)."""
+    joint = probability[:, :, None, :] * MODE_TRANSITION[None, :, :, None]
     later = joint.sum(axis=1)
     share = joint / np.maximum(later, 1e-300)[:, None]
     centre = np.einsum("bijt,bitd->bjtd", share, mean)
@@ -237,21 +228,16 @@ def _update(
     `log_outlier`, shape (T,), is the log density of clutter in the gate relative to the peak of a
     target's density.
     """
-    expected, jacobian = kinematics.linearise(
-        mean[..., :2], np.broadcast_to(pose, (*mean.shape[:-1], 3))
+    found = kinematics.innovation(mean, covariance, measured, pose, variance)
+    log_norm = -np.log(2.0 * np.pi) - 0.5 * np.log(found.determinant)
+    log_inlier = np.log1p(-OUTLIER_PROBABILITY) - 0.5 * found.distance2
+    log_density = log_norm + np.logaddexp(log_inlier, log_outlier)
+    inlier_probability = np.exp(log_inlier - (log_density - log_norm))
+    gain = found.gain
+    step = np.einsum("brtij,brtj->brti", gain, found.value)
+    reduction = gain @ found.cross.swapaxes(-1, -2)
+    return (
+        mean + inlier_probability[..., None] * step,
+        covariance - inlier_probability[..., None, None] * reduction,
+        log_density,
     )
-    error = kinematics.innovation(np.broadcast_to(measured, expected.shape).copy(), expected)
-    cross = covariance[..., :, :2] @ jacobian.swapaxes(-1, -2)
-    spread = jacobian @ cross[..., :2, :]
-    spread[..., 0, 0] += variance[..., 0]
-    spread[..., 1, 1] += variance[..., 1]
-    inverted, determinant = kinematics.inverse(spread)
-    scaled = np.einsum("brtij,brtj->brti", inverted, error)
-    square = (scaled * error).sum(axis=-1)
-    log_norm = -np.log(2.0 * np.pi) - 0.5 * np.log(determinant)
-    log_density = log_norm + np.logaddexp(np.log1p(-WRONG) - 0.5 * square, log_outlier)
-    right = np.exp(np.log1p(-WRONG) - 0.5 * square - (log_density - log_norm))
-    gain = cross @ inverted
-    mean = mean + right[..., None] * np.einsum("brtij,brtj->brti", gain, error)
-    covariance = covariance - right[..., None, None] * (gain @ cross.swapaxes(-1, -2))
-    return mean, covariance, log_density

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.types import Detections
 
 # More plots take longer and hardly sharpen the estimates.
@@ -81,6 +81,41 @@ class Plots:
         )
 
 
+@dataclass(frozen=True)
+class PlotSequences:
+    """The plots of T tracks or targets by time, at most K each, padded with the last plot.
+
+    Parameters
+    ----------
+    valid : bool array of shape (K, T)
+        False for padding.
+    time_s : array of shape (K, T)
+        Ascending, seconds.
+    measurement : array of shape (K, T, 2)
+    pose : array of shape (K, T, 3)
+        Pose of the radar at each plot.
+    """
+
+    valid: BoolArray
+    time_s: FloatArray
+    measurement: FloatArray
+    pose: FloatArray
+
+
+def padded(rows: Sequence[IntArray]) -> tuple[IntArray, BoolArray]:
+    """Return T rows as columns, padded with their last entry, and the mask of valid entries.
+
+    Returns
+    -------
+    columns, valid : arrays of shape (K, T)
+    """
+    length = np.array([len(row) for row in rows])
+    step = np.arange(length.max())[:, None]
+    place = np.cumsum(length) - length + np.minimum(step, length - 1)
+    columns: IntArray = np.concatenate(rows)[place]
+    return columns, step < length
+
+
 def limit_plots(plots: Plots, most: int = MOST_PLOTS) -> Plots:
     """Return the plots of the first clouds, about `most` of them."""
     if len(plots) <= most:
@@ -102,7 +137,8 @@ def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
     sizes = [len(found) for _, found in ordered]
     cloud = np.repeat(np.arange(len(ordered)), sizes)
     timed = any(
-        found.time_s is not None and np.ptp(found.time_s) > 0.0 for _, found in _full(ordered)
+        len(found) and found.time_s is not None and np.ptp(found.time_s) > 0.0
+        for _, found in ordered
     )
     offset = np.concatenate(
         [np.zeros(len(found)) if found.time_s is None else found.time_s for _, found in ordered]
@@ -127,10 +163,6 @@ def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
         pose=np.concatenate([_poses(found) for _, found in ordered])[order],
         timed=timed,
     )
-
-
-def _full(reports: Sequence[tuple[int, Detections]]) -> list[tuple[int, Detections]]:
-    return [(stamp_ns, found) for stamp_ns, found in reports if len(found)]
 
 
 def _poses(found: Detections) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +26,9 @@ MOST_BEYOND = 1.5
 NOISE_FACTOR = 1.25
 MOST_PROBABILITY = 0.999
 
+# Returns the current value of a radar's parameter, None if none is set.
+Now = Callable[[str], Any]
+
 
 @dataclass(frozen=True)
 class Row:
@@ -41,15 +44,17 @@ class Row:
         The data it was estimated from.
     now : value or str or None
         The current value; None if none is set.
+    std : float
+        Standard deviation; NaN if there is none.
     proposed : bool
         Whether the value is proposed for the parameter.
     """
 
     name: str
     value: Value
-    std: float
     source: str
     now: Any = None
+    std: float = math.nan
     proposed: bool = True
 
 
@@ -67,59 +72,18 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
     def now(name: str) -> Any:
         return values.get(f"{radar}.{name}")
 
-    when, noise = found.timing, found.noise
-    tracks = f"{noise.plots} plots, {found.tracks} tracks"
-    clouds = f"{found.looks:.0f} {'turns' if when.rotation_s else 'clouds'}"
-    entries = []
-    if when.rotation_s:
-        turns = rounded(when.rotation_s, when.rotation_std_s)
-        entries.append(Row("rotation_s", turns, when.rotation_std_s, clouds, now("rotation_s")))
-        if not when.timed or now("sectors"):
-            entries.append(Row("sectors", when.sectors, math.nan, clouds, now("sectors")))
-    elif now("rotation_s"):
-        # The rotation is not observable from plots that share one time.
-        note = "as configured: not observable from the plots"
-        entries.append(
-            Row("rotation_s", now("rotation_s"), math.nan, note, now("rotation_s"), False)
-        )
-    azimuth_deg = math.degrees(noise.azimuth_std)
-    for name, value, log_std in zip(
-        ("range_std", "azimuth_std_deg"), (noise.range_std, azimuth_deg), noise.log_std, strict=True
-    ):
-        std = value * float(log_std)
-        entries.append(Row(name, rounded(value, std), std, tracks, now(name)))
     by_band = found.levels is not None and values.get("amplitude", "none") != "none"
-    entries.append(_detection(found, now, by_band))
-    farthest = _up(found.field.max_range)
-    seen = f"{found.plots} plots"
-    limit = now("max_range")
-    far = limit is None or not farthest <= limit <= MOST_BEYOND * farthest
-    entries.append(Row("max_range", farthest, math.nan, seen, limit, far))
-    rate = found.clutter
-    free = f"{rate.count} plots outside tracks"
-    # A learned clutter rate stays learned.
-    given = now("clutter_rate")
-    entries.append(
-        Row(
-            "clutter_rate",
-            rounded(rate.value, rate.std),
-            rate.std,
-            free,
-            given,
-            given != AUTO,
-        )
-    )
-    reach = farthest if limit is None or far else limit
-    clutter_range = min(rounded(found.field.clutter_range, 0.01 * farthest), reach)
-    entries.append(
-        Row("clutter_max_range", clutter_range, math.nan, free, now("clutter_max_range"))
-    )
-    if found.land > MOST_LAND:
-        again = f"{100.0 * found.land:.0f} % of plots in recurring places"
-        entries.append(Row("clutter_map", True, math.nan, again, now("clutter_map")))
-    if found.field.arc is not None:
-        entries.append(Row("fov_deg", _fov(found.field.arc, now), math.nan, seen, now("fov_deg")))
-    return entries + _amplitudes(found, now) + _motion(found)
+    max_range = _max_range(found, now("max_range"))
+    return [
+        *_rotation(found, now),
+        *_noise(found, now),
+        _detection(found, now, by_band),
+        max_range,
+        *_clutter(found, now, max_range.value if max_range.proposed else max_range.now),
+        *_fov(found, now),
+        *_amplitudes(found, now),
+        *_motion(found),
+    ]
 
 
 def interval_s(found: Mapping[str, Findings]) -> float:
@@ -128,79 +92,107 @@ def interval_s(found: Mapping[str, Findings]) -> float:
     return rounded(shortest, 1e-3 * shortest)
 
 
-def _detection(found: Findings, now: Any, by_band: bool) -> Row:
+def _tracks(found: Findings) -> str:
+    return f"{found.noise.plots} plots, {found.tracks} tracks"
+
+
+def _rotation(found: Findings, now: Now) -> Iterator[Row]:
+    timing = found.timing
+    source = f"{found.looks:.0f} turns"
+    if timing.rotation_s:
+        period, std = rounded(timing.rotation_s, timing.rotation_std_s), timing.rotation_std_s
+        yield Row("rotation_s", period, source, now("rotation_s"), std)
+        if not timing.timed or now("sectors"):
+            yield Row("sectors", timing.sectors, source, now("sectors"))
+    elif given := now("rotation_s"):
+        # The rotation is not observable from plots that share one time.
+        note = "as configured: not observable from the plots"
+        yield Row("rotation_s", given, note, given, proposed=False)
+
+
+def _noise(found: Findings, now: Now) -> Iterator[Row]:
+    noise = found.noise
+    values = {"range_std": noise.range_std, "azimuth_std_deg": math.degrees(noise.azimuth_std)}
+    for (name, value), log_std in zip(values.items(), noise.log_std, strict=True):
+        std = value * float(log_std)
+        yield Row(name, rounded(value, std), _tracks(found), now(name), std)
+
+
+def _max_range(found: Findings, limit: float | None) -> Row:
+    farthest = _up(found.field.max_range)
+    proposed = limit is None or not farthest <= limit <= MOST_BEYOND * farthest
+    return Row("max_range", farthest, f"{found.plots} plots", limit, proposed=proposed)
+
+
+def _clutter(found: Findings, now: Now, max_range: Any) -> Iterator[Row]:
+    rate, given = found.clutter, now("clutter_rate")
+    source = f"{rate.count} untracked plots"
+    value = rounded(rate.value, rate.std)
+    # A learned clutter rate stays learned.
+    yield Row("clutter_rate", value, source, given, rate.std, given != AUTO)
+    clutter_range = rounded(found.field.clutter_range, 0.01 * _up(found.field.max_range))
+    value = min(clutter_range, max_range)
+    yield Row("clutter_max_range", value, source, now("clutter_max_range"))
+    if found.land > MOST_LAND:
+        source = f"{100.0 * found.land:.0f} % of plots in recurring places"
+        yield Row("clutter_map", True, source, now("clutter_map"))
+
+
+def _detection(found: Findings, now: Now, by_band: bool) -> Row:
     """Return the detection probability; SNR bands or a configured table that agrees are kept."""
-    rate = found.detection
+    rate, name = found.detection, "detection_probability"
     value = min(rounded(rate.value, 0.01), MOST_PROBABILITY)
-    source = f"{rate.count} opportunities"
-    table = given = now("detection_probability")
-    if isinstance(table, list):
-        mean = float(np.mean(table[1::2]))
-        least, most = min(table[1::2]), max(table[1::2])
-        other = not least - SAME_PROBABILITY <= value <= most + SAME_PROBABILITY
-        return Row("detection_probability", value, rate.std, source, f"table, {mean:.3g}", other)
-    if by_band:
-        return Row("detection_probability", value, rate.std, source, "from SNR bands", False)
-    return Row("detection_probability", value, rate.std, source, given)
+    given, proposed = now(name), not by_band
+    if isinstance(given, list):
+        shares = given[1::2]
+        proposed = not min(shares) - SAME_PROBABILITY <= value <= max(shares) + SAME_PROBABILITY
+        given = f"table, {np.mean(shares):.3g}"
+    elif by_band:
+        given = "from SNR bands"
+    return Row(name, value, f"{rate.count} looks", given, rate.std, proposed)
 
 
-def _amplitudes(found: Findings, now: Any) -> list[Row]:
+def _amplitudes(found: Findings, now: Now) -> Iterator[Row]:
     levels = found.levels
     if levels is None:
-        return [Row("amplitudes", "none", math.nan, f"{found.plots} plots", None, False)]
-    source = f"{levels.clutter} plots outside tracks"
-    alarm = levels.false_alarm_probability
+        yield Row("amplitudes", "none", f"{found.plots} plots", proposed=False)
+        return
+    alarm, name = levels.false_alarm_probability, "false_alarm_probability"
     known = ALARMS[0] <= alarm <= ALARMS[1]
-    entries = [
-        Row(
-            "false_alarm_probability",
-            rounded(alarm, 0.1 * alarm) if alarm > 0.0 else 0.0,
-            math.nan,
-            f"{levels.clutter + levels.targets} amplitudes",
-            now("false_alarm_probability"),
-            known,
-        )
-    ]
+    value = rounded(alarm, 0.1 * alarm)
+    source = f"{levels.clutter + levels.targets} amplitudes"
+    yield Row(name, value, source, now(name), proposed=known)
     if levels.clutter and known:
         noise = 1.0 / NOISE_FACTOR <= levels.excess <= NOISE_FACTOR
-        law = "rayleigh" if noise else "learned"
+        law, name = "rayleigh" if noise else "learned", "clutter_amplitude"
         # A configured clutter law stays if the recording shows only noise.
-        entries.append(
-            Row("clutter_amplitude", law, math.nan, source, now("clutter_amplitude"), not noise)
-        )
+        source = f"{levels.clutter} untracked plots"
+        yield Row(name, law, source, now(name), proposed=not noise)
     low, high = levels.target_db
     if math.isfinite(low):
         band = [round(low, 1), round(high, 1)]
-        entries.append(
-            Row("tracks' SNR, dB", band, math.nan, f"{found.tracks} tracks", None, False)
-        )
-    return entries
+        yield Row("tracks' SNR, dB", band, f"{found.tracks} tracks", proposed=False)
 
 
-def _motion(found: Findings) -> list[Row]:
-    """Return the targets' speeds and accelerations, which the motion models must cover."""
-    calm, hard = (rounded(density, 0.1 * density) for density in found.noise.densities)
-    source = f"{found.noise.plots} plots, {found.tracks} tracks"
-    return [
-        Row(
-            "speeds, m/s",
-            rounded(found.speed_std * math.sqrt(2.0), 0.1),
-            math.nan,
-            source,
-            None,
-            False,
-        ),
-        Row("accelerations, m^2/s^3", [calm, hard], math.nan, source, None, False),
-    ]
+def _motion(found: Findings) -> Iterator[Row]:
+    """Yield the targets' speeds and accelerations, which the motion models must cover."""
+    speed = rounded(found.speed_std * math.sqrt(2.0), 0.1)
+    yield Row("speeds, m/s", speed, _tracks(found), proposed=False)
+    densities = [rounded(density, 0.1 * density) for density in found.noise.densities]
+    yield Row("accelerations, m^2/s^3", densities, _tracks(found), proposed=False)
 
 
-def _fov(arc: tuple[float, float], now: Any) -> list[float]:
-    """Return the field of view in the radar's convention, widened by two degrees on each side."""
+def _fov(found: Findings, now: Now) -> Iterator[Row]:
+    """Yield the field of view in the radar's convention, widened by two degrees on each side."""
+    if found.field.arc is None:
+        return
+    arc = found.field.arc
     begin, width = math.degrees(arc[0]) - 2.0, min(math.degrees(arc[1]) + 4.0, 360.0)
     if now("azimuth_convention") == "compass_cw":
         begin = 90.0 - begin - width
     begin = round((begin + 180.0) % 360.0 - 180.0, 1)
-    return [begin, round(begin + width, 1)]
+    value = [begin, round(begin + width, 1)]
+    yield Row("fov_deg", value, f"{found.plots} plots", now("fov_deg"))
 
 
 def rounded(value: float, std: float) -> float:

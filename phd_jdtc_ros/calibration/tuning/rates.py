@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import IntArray
 
 from .plots import Plots
 from .rotation import Timing
@@ -29,24 +29,16 @@ def detection_probability(plots: Plots, timing: Timing, tracks: Tracks) -> Rate:
     -----
     The first and the last plot do not count: a track exists only between them.
     """
-    chances = hits = 0
+    looks = hits = 0
     for own in tracks.plots:
-        looks = int(looks_between(plots, timing, np.array([own[0]]), np.array([own[-1]]))[0])
-        chances += max(looks - 1, 0)
-        hits += min(len(own) - 2, max(looks - 1, 0))
+        first, last = own[0], own[-1]
+        elapsed = plots.time_s[last] - plots.time_s[first], plots.cloud[last] - plots.cloud[first]
+        between = max(int(np.round(timing.looks(*elapsed))) - 1, 0)
+        looks += between
+        hits += min(len(own) - 2, between)
     # Laplace's rule: one hit and one miss are added.
-    value = (hits + 1.0) / (chances + 2.0)
-    return Rate(value, float(np.sqrt(value * (1.0 - value) / (chances + 3.0))), chances)
-
-
-def looks_between(plots: Plots, timing: Timing, first: FloatArray, last: FloatArray) -> FloatArray:
-    """Return the number of looks between pairs of plots, given by index; same shape."""
-    if timing.rotation_s:
-        turns = (plots.time_s[last] - plots.time_s[first]) / timing.rotation_s
-        looks: FloatArray = np.round(turns)
-        return looks
-    clouds: FloatArray = (plots.cloud[last] - plots.cloud[first]).astype(np.float64)
-    return clouds
+    value = (hits + 1.0) / (looks + 2.0)
+    return Rate(value, float(np.sqrt(value * (1.0 - value) / (looks + 3.0))), looks)
 
 
 def looks_of(plots: Plots, timing: Timing) -> float:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import IntArray
-from phd_jdtc_ros.core.intake.antenna import SHORTEST_S, Antenna, AntennaTrack
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.intake.antenna import MIN_PERIOD_S, Antenna, AntennaTrack
 from phd_jdtc_ros.core.intake.sectors import smallest_arc
 from phd_jdtc_ros.core.types import FULL_TURN
 
@@ -22,7 +22,7 @@ PLOTS, PERIOD_S = 12, 1.0
 MOST_PLOTS = 1000
 # Over a gap of more turns their number is ambiguous.
 MOST_TURNS = 3.0
-# If a turn differs from the mean by more than this share, the antenna changed its speed.
+# If a turn differs from the mean by more than this share, the antenna has changed its speed.
 SWITCHED = 0.1
 
 
@@ -35,9 +35,9 @@ class Timing:
     cloud_interval_s : float
         Median time between clouds, seconds.
     rotation_s : float
-        Time of one turn; 0 if no rotation is observable in the plots.
+        Rotation period; 0 if no rotation is observable in the plots.
     rotation_std_s : float
-        Standard error of the mean time of a turn, seconds.
+        Standard error of the mean rotation period, seconds.
     sectors : int
         Number of clouds per turn; 0 if a cloud is a whole turn.
     clockwise : bool
@@ -58,6 +58,10 @@ class Timing:
         """Time between two looks at a target, seconds."""
         return self.rotation_s or self.cloud_interval_s
 
+    def looks(self, seconds: FloatArray, clouds: FloatArray) -> FloatArray:
+        """Return the number of looks in times, given also in clouds; turns are not rounded."""
+        return seconds / self.rotation_s if self.rotation_s else clouds
+
 
 def timing(plots: Plots) -> Timing:
     """Return the times of a radar's looks.
@@ -73,9 +77,9 @@ def timing(plots: Plots) -> Timing:
         return still
     clouds = _by_cloud(plots)
     azimuth = plots.measurement[:, 1] + plots.pose[:, 2]
-    # Plots without times of their own are known to a cloud's sector only, which suffices for turns
+    # Plots without individual times are located only to a cloud's sector, which suffices for turns
     # of two clouds or more.
-    turns = PlotTurns(max(SHORTEST_S, interval_s * (0.8 if plots.timed else 1.9)))
+    turns = PlotTurns(max(MIN_PERIOD_S, interval_s * (0.8 if plots.timed else 1.9)))
     if not plots.timed:
         for rows in clouds:
             start, width = smallest_arc(azimuth[rows])
@@ -105,15 +109,15 @@ def _by_cloud(plots: Plots) -> list[IntArray]:
 
 
 class PlotTurns:
-    """Follows the antenna as the tracker does, and counts its turns for their mean.
+    """Follows the antenna as the tracker does, and estimates its mean rotation period.
 
     Parameters
     ----------
     shortest_s : float
-        Shortest time of a turn, seconds.
+        Shortest rotation period, seconds.
     """
 
-    def __init__(self, shortest_s: float = SHORTEST_S) -> None:
+    def __init__(self, shortest_s: float = MIN_PERIOD_S) -> None:
         self._shortest_s = shortest_s
         self._track = AntennaTrack(0.0)
         self._waiting: list[tuple[float, float]] = []
@@ -123,15 +127,15 @@ class PlotTurns:
 
     @property
     def turn_s(self) -> float:
-        """Mean time of a turn, seconds; 0 if unknown."""
+        """Mean rotation period, seconds; 0 if unknown."""
         _, passed_s, turned, _ = self._counted
         if turned < FULL_TURN:
-            return self._track.rotation_s
+            return self._track.period_s
         return float(FULL_TURN * passed_s / turned)
 
     @property
     def turn_std_s(self) -> float:
-        """Standard error of `turn_s` by the scatter of the steps, seconds; infinite by too few."""
+        """Standard error of `turn_s` from the scatter of the steps, s; infinite below two steps."""
         count, passed_s, turned, squares = self._counted
         if count < 2:
             return math.inf
@@ -174,7 +178,7 @@ class PlotTurns:
         self._before = None if line is None else (now_s, line)
         if line is None:
             return
-        if self.counted_s and abs(line.turn_s / self.turn_s - 1.0) > SWITCHED:
+        if self.counted_s and abs(line.period_s / self.turn_s - 1.0) > SWITCHED:
             self._counted = np.zeros(4)
         elif before is not None:
             self._count(now_s, line, *before)
@@ -182,7 +186,7 @@ class PlotTurns:
     def _count(self, now_s: float, line: Antenna, before_s: float, before: Antenna) -> None:
         """Count the angle turned since the last step."""
         passed_s = now_s - before_s
-        if not 0.0 < passed_s < MOST_TURNS * before.turn_s:
+        if not 0.0 < passed_s < MOST_TURNS * before.period_s:
             return
         due = before.rate * passed_s
         turned = line.azimuth_at(now_s) - before.azimuth_at(before_s)

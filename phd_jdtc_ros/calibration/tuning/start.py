@@ -12,7 +12,7 @@ import numpy as np
 from .levels import log_ratio
 from .plots import Plots
 from .rotation import Timing
-from .tracks import Guess, Tracks, link_plots
+from .tracks import LinkModel, Tracks, link_plots
 
 # Grid of guesses: standard deviations of the range as shares of the farthest plot's range, of the
 # azimuth in degrees, and speeds in metres per second.
@@ -31,14 +31,14 @@ OFF_COURSE = 0.5
 
 def guess_of(
     plots: Plots, timing: Timing, range_std: float, azimuth_std: float, speed_std: float
-) -> Guess:
+) -> LinkModel:
     """Return a guess with process noise that matches its measurement noise."""
     middle = float(np.median(plots.measurement[:, 0]))
     across = middle * azimuth_std
     position = min(range_std, across) if across > 0.0 else range_std
     looks = plots.duration_s / timing.look_s + 1.0
     density = float(3.0 * (OFF_COURSE * position) ** 2 / timing.look_s**3)
-    return Guess(
+    return LinkModel(
         range_std=range_std,
         azimuth_std=azimuth_std,
         densities=(0.1 * density, density),
@@ -48,7 +48,7 @@ def guess_of(
     )
 
 
-def first_guess(plots: Plots, timing: Timing) -> tuple[Guess, Tracks]:
+def first_guess(plots: Plots, timing: Timing) -> tuple[LinkModel, Tracks]:
     """Return the guess whose tracks have the best score, and its tracks.
 
     Parameters
@@ -67,7 +67,7 @@ def first_guess(plots: Plots, timing: Timing) -> tuple[Guess, Tracks]:
     ]
     nothing = np.zeros(len(part))
 
-    def link(noise: tuple[float, float], speed: float) -> tuple[Tracks, Guess]:
+    def link(noise: tuple[float, float], speed: float) -> tuple[Tracks, LinkModel]:
         guess = guess_of(part, timing, *noise, speed)
         return link_plots(part, timing, guess, nothing), guess
 
@@ -87,5 +87,5 @@ def first_guess(plots: Plots, timing: Timing) -> tuple[Guess, Tracks]:
     return guess, tracks
 
 
-def _score(found: tuple[Tracks, Guess]) -> float:
+def _score(found: tuple[Tracks, LinkModel]) -> float:
     return found[0].score

@@ -1,12 +1,13 @@
-"""Plots linked to tracks: nearest neighbours, with the log likelihood ratio of every track.
+"""Links plots to tracks by global nearest neighbour (GNN), and scores each track.
 
 A track's score is the log likelihood ratio of its plots, target to clutter (Blackman and Popoli,
-Sec. 6.2); the sum over all tracks measures how well a guess of the noise explains a recording.
+Sec. 6.2); the sum over all tracks measures how well a model of the noise explains a recording.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -27,21 +28,23 @@ GATE = 4.5
 LOG_NEW = -np.log(50.0)
 # A track is accepted with at least this many plots and this score.
 LEAST_HITS, LEAST_SCORE = 5, 8.0
+# Least share of an accepted track's plots that belong to no better track.
+LEAST_OWN = 0.7
 # Prior probability of a manoeuvre at a plot.
 MANOEUVRES = 0.1
-# Number of plots from which on a track's plots do not start other tracks.
-SETTLED = 3
+# A plot of a track with at least OWNING_HITS plots does not start another track.
+OWNING_HITS = 3
 # A track ends when its misses are less probable than `IMPROBABLE`, within these bounds on their
 # number.
 IMPROBABLE, LEAST_MISSES, MOST_MISSES = 0.005, 3, 6
 # Tentative tracks end with more than this many consecutive misses.
 TENTATIVE_MISSES = 1
-_LOG_MOTION = np.log([1.0 - MANOEUVRES, MANOEUVRES])
+_LOG_MODE = np.log([1.0 - MANOEUVRES, MANOEUVRES])
 
 
 @dataclass(frozen=True)
-class Deviations:
-    """Measurement and process noise, which determine the gate of a target's next plot.
+class NoiseModel:
+    """Measurement noise and process noise.
 
     Parameters
     ----------
@@ -58,13 +61,13 @@ class Deviations:
 
 
 @dataclass(frozen=True)
-class Guess(Deviations):
-    """The assumed model of a radar and its targets in linking.
+class LinkModel(NoiseModel):
+    """Assumed model of a radar and its targets, used to link plots.
 
     Parameters
     ----------
     range_std, azimuth_std, densities
-        See `Deviations`.
+        See `NoiseModel`.
     speed_std : float
         Standard deviation of a new target's velocity along each axis, metres per second.
     clutter_rate : float
@@ -74,6 +77,16 @@ class Guess(Deviations):
     speed_std: float
     detection_probability: float
     clutter_rate: float
+
+    @property
+    def variance(self) -> FloatArray:
+        """Variances of range and azimuth, shape (2,)."""
+        return np.array([self.range_std, self.azimuth_std]) ** 2
+
+    @property
+    def log_miss(self) -> float:
+        """Log probability of a missed detection."""
+        return float(np.log(1.0 - self.detection_probability))
 
 
 @dataclass(frozen=True)
@@ -97,7 +110,7 @@ class Tracks:
         return np.concatenate([np.zeros(0, dtype=np.int64), *self.plots])
 
 
-def link_plots(plots: Plots, timing: Timing, guess: Guess, log_ratio: FloatArray) -> Tracks:
+def link_plots(plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatArray) -> Tracks:
     """Return the tracks of a recording.
 
     Parameters
@@ -105,7 +118,7 @@ def link_plots(plots: Plots, timing: Timing, guess: Guess, log_ratio: FloatArray
     log_ratio : array of shape (N,)
         Log likelihood ratio of each plot's amplitude, target to clutter; 0 where unknown.
     """
-    linker = _Linker(plots, timing, guess, log_ratio)
+    linker = _Linker(plots, timing, model, log_ratio)
     for batch in _batches(plots, timing):
         linker.add(batch)
     return linker.finish()
@@ -123,188 +136,174 @@ def _batches(plots: Plots, timing: Timing) -> list[IntArray]:
     return np.split(order, edges)
 
 
-class _Linker:
-    """The current tracks, one row each."""
+class _TrackRows(NamedTuple):
+    """The current tracks, one row each: state, time and cloud after the last plot."""
 
-    def __init__(self, plots: Plots, timing: Timing, guess: Guess, log_ratio: FloatArray) -> None:
-        self._plots, self._timing, self._guess, self._log_ratio = plots, timing, guess, log_ratio
-        misses = np.log(IMPROBABLE) / np.log(max(1.0 - guess.detection_probability, 1e-3))
+    mean: FloatArray
+    covariance: FloatArray
+    time_s: FloatArray
+    cloud: FloatArray
+    hits: IntArray
+    score: FloatArray
+    # Index of the track's plots in the linker.
+    number: IntArray
+
+    def take(self, rows: IntArray) -> _TrackRows:
+        """Return some tracks."""
+        return _TrackRows._make(column[rows] for column in self)
+
+    def append(self, other: _TrackRows) -> _TrackRows:
+        """Return these tracks and others."""
+        return _TrackRows._make(map(np.concatenate, zip(self, other, strict=True)))
+
+
+class _Linker:
+    """Links plots to tracks, batch by batch."""
+
+    def __init__(
+        self, plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatArray
+    ) -> None:
+        self._plots, self._timing, self._model, self._log_ratio = plots, timing, model, log_ratio
+        misses = np.log(IMPROBABLE) / np.log(max(1.0 - model.detection_probability, 1e-3))
         self._patience = float(np.clip(np.ceil(misses), LEAST_MISSES, MOST_MISSES))
         farthest = float(plots.measurement[:, 0].max(initial=1.0))
         # Log density of clutter in range and azimuth.
-        self._log_density = np.log(max(guess.clutter_rate, 0.1) / (2.0 * np.pi * farthest))
-        self._mean, self._covariance = np.zeros((0, 4)), np.zeros((0, 4, 4))
-        self._time, self._look = np.zeros(0), np.zeros(0)
-        self._hits, self._score = np.zeros(0, dtype=np.int64), np.zeros(0)
-        self._number = np.zeros(0, dtype=np.int64)
-        self._owned: list[list[int]] = []
+        self._log_clutter = np.log(max(model.clutter_rate, 0.1) / (2.0 * np.pi * farthest))
+        self._position = plots.position
+        self._plots_of: list[list[int]] = []
+        self._tracks = self._new(np.zeros(0, dtype=np.int64))
         self._ended: list[tuple[list[int], float]] = []
 
     def add(self, batch: IntArray) -> None:
         """Assign plots to confirmed tracks, then to tentative ones; the rest start tracks."""
-        now = float(self._plots.time_s[batch].min())
-        self._end(now, float(self._plots.cloud[batch].min()))
-        settled = self._hits >= LEAST_HITS
-        taken = []
-        for rows in (np.flatnonzero(settled), np.flatnonzero(~settled)):
-            found = self._assign(rows, batch)
-            batch = np.setdiff1d(batch, found[self._hits_of(found) >= SETTLED])
-            taken.append(found)
-        self._start(batch)
+        self._end(float(self._plots.time_s[batch].min()), float(self._plots.cloud[batch].min()))
+        confirmed = self._tracks.hits >= LEAST_HITS
+        for rows in (np.flatnonzero(confirmed), np.flatnonzero(~confirmed)):
+            batch = np.setdiff1d(batch, self._assign(rows, batch))
+        self._tracks = self._tracks.append(self._new(batch))
 
     def finish(self) -> Tracks:
         """End all tracks and return the accepted ones."""
         self._end(np.inf, np.inf)
-        kept = [
-            (owned, score)
-            for owned, score in self._ended
-            if len(owned) >= LEAST_HITS and score >= LEAST_SCORE
-        ]
         # A plot in two tracks goes to the track with the better score.
         taken: set[int] = set()
-        found, total = [], 0.0
-        for owned, score in sorted(kept, key=lambda entry: -entry[1]):
-            own = [plot for plot in owned if plot not in taken]
-            if len(own) >= max(LEAST_HITS, 0.7 * len(owned)):
+        accepted, total = [], 0.0
+        for plots, score in sorted(self._ended, key=lambda entry: -entry[1]):
+            own = [plot for plot in plots if plot not in taken]
+            if score >= LEAST_SCORE and len(own) >= max(LEAST_HITS, LEAST_OWN * len(plots)):
                 taken.update(own)
-                found.append(np.array(own))
+                accepted.append(np.array(own))
                 total += score
-        return Tracks(tuple(found), total)
+        return Tracks(tuple(accepted), total)
 
-    def _hits_of(self, found: IntArray) -> IntArray:
-        """Return, for each of some plots, the number of plots of the track that took it."""
-        hits = dict.fromkeys(found.tolist(), 0)
-        for row in range(len(self._number)):
-            last = self._owned[self._number[row]][-1]
-            if last in hits:
-                hits[last] = max(hits[last], int(self._hits[row]))
-        return np.array([hits[plot] for plot in found.tolist()], dtype=np.int64)
-
-    def _missed_looks(self, time_s: FloatArray, cloud: FloatArray) -> FloatArray:
-        """Return the number of looks between the tracks' last plots and a time or a cloud."""
-        if self._timing.rotation_s:
-            return np.maximum((time_s - self._time) / self._timing.rotation_s - 0.5, 0.0)
-        return np.maximum(cloud - self._look - 1.0, 0.0)
-
-    def _end(self, now: float, cloud: float) -> None:
-        missed = self._missed_looks(np.array(now), np.array(cloud))
-        patience = np.where(self._hits < SETTLED, TENTATIVE_MISSES, self._patience)
-        ended = missed > patience
-        for row in np.flatnonzero(ended).tolist():
-            number = int(self._number[row])
-            if self._hits[row] >= LEAST_HITS:
-                self._ended.append((self._owned[number], float(self._score[row])))
-        self._keep(np.flatnonzero(~ended))
-
-    def _keep(self, rows: IntArray) -> None:
-        for name in ("mean", "covariance", "time", "look", "hits", "score", "number"):
-            setattr(self, f"_{name}", getattr(self, f"_{name}")[rows])
+    def _end(self, now_s: float, cloud: float) -> None:
+        """End the tracks with too many consecutive misses before a time and a cloud."""
+        tracks = self._tracks
+        looks = self._timing.looks(now_s - tracks.time_s, cloud - tracks.cloud)
+        # A look is missed half a turn after it was due, or when the next cloud has come.
+        missed = looks - (0.5 if self._timing.rotation_s else 1.0)
+        ended = missed > np.where(tracks.hits < OWNING_HITS, TENTATIVE_MISSES, self._patience)
+        for row in np.flatnonzero(ended & (tracks.hits >= LEAST_HITS)).tolist():
+            self._ended.append((self._plots_of[tracks.number[row]], float(tracks.score[row])))
+        self._tracks = tracks.take(np.flatnonzero(~ended))
 
     def _assign(self, rows: IntArray, batch: IntArray) -> IntArray:
-        """Update tracks with the assignment of the largest sum of gains; return its plots."""
-        row, plot = (grid.ravel() for grid in np.meshgrid(rows, batch, indexing="ij"))
-        if self._timing.rotation_s:
-            fresh = self._plots.time_s[plot] - self._time[row] > AGAIN * self._timing.rotation_s
-            row, plot = row[fresh], plot[fresh]
-        reach = self._reach(row, plot)
-        row, plot = row[reach], plot[reach]
+        """Update tracks with the assignment of the largest total score.
+
+        Return the plots of the tracks that have at least `OWNING_HITS` plots with them.
+        """
+        row, plot = self._candidates(rows, batch)
         if not len(row):
-            return np.zeros(0, dtype=np.int64)
-        guess, plots = self._guess, self._plots
-        dt = plots.time_s[plot] - self._time[row]
-        # Both motions in the leading axis: shapes (2, P, ...).
-        density = np.array(guess.densities)[:, None] * np.ones(len(row))
-        mean, covariance = kinematics.predict(self._mean[row], self._covariance[row], dt, density)
-        expected, jacobian = kinematics.linearise(mean[:, :2], plots.pose[plot])
-        error = kinematics.innovation(plots.measurement[plot], expected)
-        cross = covariance[..., :2] @ jacobian.swapaxes(1, 2)
-        spread = jacobian @ cross[..., :2, :]
-        spread[..., 0, 0] += guess.range_std**2
-        spread[..., 1, 1] += guess.azimuth_std**2
-        inverted, determinant = kinematics.inverse(spread)
-        square = np.einsum("pi,rpij,pj->rp", error, inverted, error)
-        near = np.flatnonzero(square.min(axis=0) < GATE**2)
-        missed = np.round(self._looks(row, plot) - 1.0)
-        of_motion = _LOG_MOTION[:, None] - 0.5 * square - 0.5 * np.log(determinant)
-        gain = (
-            np.logaddexp(*of_motion)
+            return plot
+        tracks, plots, model = self._tracks, self._plots, self._model
+        dt = plots.time_s[plot] - tracks.time_s[row]
+        # Both modes in the leading axis: shapes (2, P, ...).
+        density = np.array(model.densities)[:, None] * np.ones(len(row))
+        mean, covariance = kinematics.predict(tracks.mean[row], tracks.covariance[row], dt, density)
+        found = kinematics.innovation(
+            mean, covariance, plots.measurement[plot], plots.pose[plot], model.variance
+        )
+        distance2 = found.distance2
+        near = np.flatnonzero(distance2.min(axis=0) < GATE**2)
+        log_mode = _LOG_MODE[:, None] - 0.5 * distance2 - 0.5 * np.log(found.determinant)
+        score = self._scores(row, plot, log_mode)
+        # The assignment compares each score with that of a missed detection in this look.
+        better = score[near] - model.log_miss
+        chosen = near[_best_assignment(row[near], plot[near], better)]
+        row, plot, mode = row[chosen], plot[chosen], np.argmax(log_mode[:, chosen], axis=0)
+        cross = found.cross[mode, chosen]
+        gain = cross @ found.inverse[mode, chosen]
+        tracks.mean[row] = mean[chosen] + np.einsum("pij,pj->pi", gain, found.value[chosen])
+        later = covariance[mode, chosen] - gain @ cross.swapaxes(1, 2)
+        tracks.covariance[row] = 0.5 * (later + later.swapaxes(1, 2))
+        tracks.score[row] += score[chosen]
+        tracks.time_s[row], tracks.cloud[row] = plots.time_s[plot], plots.cloud[plot]
+        tracks.hits[row] += 1
+        for number, index in zip(tracks.number[row], plot.tolist(), strict=True):
+            self._plots_of[number].append(index)
+        return plot[tracks.hits[row] >= OWNING_HITS]
+
+    def _candidates(self, rows: IntArray, batch: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the pairs (row, plot) that may be within the gate, by a coarse upper bound."""
+        tracks, plots, model = self._tracks, self._plots, self._model
+        row, plot = (grid.ravel() for grid in np.meshgrid(rows, batch, indexing="ij"))
+        dt = plots.time_s[plot] - tracks.time_s[row]
+        if self._timing.rotation_s:
+            fresh = dt > AGAIN * self._timing.rotation_s
+            row, plot, dt = row[fresh], plot[fresh], dt[fresh]
+        expected = tracks.mean[row, :2] + dt[:, None] * tracks.mean[row, 2:]
+        distance2 = ((self._position[plot] - expected) ** 2).sum(axis=1)
+        variance = np.diagonal(tracks.covariance, axis1=1, axis2=2)
+        place, speed = variance[:, :2].sum(axis=1), variance[:, 2:].sum(axis=1)
+        trace = 2.0 * (place[row] + dt**2 * speed[row])
+        trace += model.densities[1] * dt**3 + model.range_std**2
+        # The azimuth's standard deviation in metres, at the plot's range.
+        trace += (plots.measurement[plot, 0] * model.azimuth_std) ** 2
+        near = np.flatnonzero(distance2 < (1.5 * GATE) ** 2 * trace)
+        return row[near], plot[near]
+
+    def _scores(self, row: IntArray, plot: IntArray, log_mode: FloatArray) -> FloatArray:
+        """Return the log likelihood ratios of pairs, given those of both modes, shape (P,)."""
+        tracks, plots, model = self._tracks, self._plots, self._model
+        elapsed = plots.time_s[plot] - tracks.time_s[row], plots.cloud[plot] - tracks.cloud[row]
+        misses = np.maximum(np.round(self._timing.looks(*elapsed)) - 1.0, 0.0)
+        return np.asarray(
+            np.logaddexp(*log_mode)
             - np.log(2.0 * np.pi)
-            + np.log(guess.detection_probability)
-            + missed * np.log(1.0 - guess.detection_probability)
-            - self._log_density
+            + np.log(model.detection_probability)
+            + misses * model.log_miss
+            - self._log_clutter
             + self._log_ratio[plot]
         )
-        # Relative to a miss in this look.
-        better = gain[near] - np.log(1.0 - guess.detection_probability)
-        chosen = near[_best_assignment(row[near], plot[near], better)]
-        place, motion = row[chosen], np.argmax(of_motion[:, chosen], axis=0)
-        cross = cross[motion, chosen]
-        weight = cross @ inverted[motion, chosen]
-        self._mean[place] = mean[chosen] + np.einsum("pij,pj->pi", weight, error[chosen])
-        later = covariance[motion, chosen] - weight @ cross.swapaxes(1, 2)
-        self._covariance[place] = 0.5 * (later + later.swapaxes(1, 2))
-        self._score[place] += gain[chosen]
-        self._time[place] = plots.time_s[plot[chosen]]
-        self._look[place] = plots.cloud[plot[chosen]]
-        self._hits[place] += 1
-        for at, index in zip(place.tolist(), plot[chosen].tolist(), strict=True):
-            self._owned[self._number[at]].append(index)
-        return plot[chosen]
 
-    def _looks(self, row: IntArray, plot: IntArray) -> FloatArray:
-        """Return the number of looks from the tracks' last plots to other plots."""
-        if self._timing.rotation_s:
-            turns = (self._plots.time_s[plot] - self._time[row]) / self._timing.rotation_s
-            return np.maximum(np.round(turns), 1.0)
-        return np.maximum(self._plots.cloud[plot] - self._look[row], 1.0)
-
-    def _reach(self, row: IntArray, plot: IntArray) -> IntArray:
-        """Return the pairs that may be within the gate, by a coarse upper bound."""
-        guess, plots = self._guess, self._plots
-        dt = plots.time_s[plot] - self._time[row]
-        expected = self._mean[row, :2] + dt[:, None] * self._mean[row, 2:]
-        off = ((self._position[plot] - expected) ** 2).sum(axis=1)
-        trace = self._covariance[row, 0, 0] + self._covariance[row, 1, 1]
-        trace += dt**2 * (self._covariance[row, 2, 2] + self._covariance[row, 3, 3])
-        trace *= 2.0
-        trace += guess.densities[1] * dt**3 + guess.range_std**2
-        # The azimuth's standard deviation in metres, at the plot's range.
-        trace += (plots.measurement[plot, 0] * guess.azimuth_std) ** 2
-        return np.flatnonzero(off < (1.5 * GATE) ** 2 * trace)
-
-    @property
-    def _position(self) -> FloatArray:
-        if not hasattr(self, "_positions"):
-            self._positions = self._plots.position
-        return self._positions
-
-    def _start(self, batch: IntArray) -> None:
-        """Start a tentative track at each plot."""
-        count, guess = len(batch), self._guess
-        mean, covariance = kinematics.initial_state(
-            self._plots.measurement[batch],
-            self._plots.pose[batch],
-            np.full(count, guess.range_std**2),
-            np.full(count, guess.azimuth_std**2),
-            guess.speed_std,
+    def _new(self, batch: IntArray) -> _TrackRows:
+        """Return a tentative track for each plot."""
+        plots, count = self._plots, len(batch)
+        first = len(self._plots_of)
+        self._plots_of += [[index] for index in batch.tolist()]
+        return _TrackRows(
+            *kinematics.initial_state(
+                plots.measurement[batch],
+                plots.pose[batch],
+                self._model.variance,
+                self._model.speed_std,
+            ),
+            plots.time_s[batch],
+            plots.cloud[batch].astype(np.float64),
+            np.ones(count, dtype=np.int64),
+            LOG_NEW + self._log_ratio[batch],
+            first + np.arange(count),
         )
-        self._mean = np.concatenate([self._mean, mean])
-        self._covariance = np.concatenate([self._covariance, covariance])
-        self._time = np.concatenate([self._time, self._plots.time_s[batch]])
-        self._look = np.concatenate([self._look, self._plots.cloud[batch].astype(np.float64)])
-        self._hits = np.concatenate([self._hits, np.ones(count, dtype=np.int64)])
-        self._score = np.concatenate([self._score, LOG_NEW + self._log_ratio[batch]])
-        self._number = np.concatenate([self._number, len(self._owned) + np.arange(count)])
-        self._owned += [[index] for index in batch.tolist()]
 
 
-def _best_assignment(row: IntArray, plot: IntArray, gain: FloatArray) -> IntArray:
-    """Return the indices of the assignment with the largest sum of gains."""
+def _best_assignment(row: IntArray, plot: IntArray, score: FloatArray) -> IntArray:
+    """Return the indices of the assignment with the largest total score."""
     rows, i = np.unique(row, return_inverse=True)
     columns, j = np.unique(plot, return_inverse=True)
     table = np.zeros((len(rows), len(columns)))
     pair = np.full(table.shape, -1)
-    table[i, j], pair[i, j] = np.maximum(gain, 0.0), np.where(gain > 0.0, np.arange(len(gain)), -1)
+    table[i, j] = np.maximum(score, 0.0)
+    pair[i, j] = np.where(score > 0.0, np.arange(len(score)), -1)
     chosen = pair[linear_sum_assignment(table, maximize=True)]
     pairs: IntArray = chosen[chosen >= 0]
     return pairs

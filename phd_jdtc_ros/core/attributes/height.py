@@ -1,4 +1,4 @@
-"""Height filter: estimates the height and the climb rate of each target apart from its state.
+"""Height filter: estimates the height and climb rate of each target separately from its state.
 
 A known height has a Gaussian density. A garbled height may have any value: it does not change the
 estimate, and its detection can still belong to the target.
@@ -10,11 +10,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from ..arrays import FloatArray, IntArray, sum_by
+from ..arrays import BoolArray, FloatArray, IntArray, sum_by
 
-BoolArray = npt.NDArray[np.bool_]
 # Width of the uniform density of garbled heights and of heights of unknown targets, metres.
 SPAN = 15e3
 
@@ -99,40 +97,52 @@ class Heights(NamedTuple):
         )
 
 
-class Measured(NamedTuple):
+class HeightUpdate(NamedTuple):
     """Likelihood of the detections' heights, and the height filter's update for each pair.
 
     Parameters
     ----------
     prior : Heights
         Predicted heights of the targets.
-    part : array of shape (E, 3)
-        Probabilities that a pair's detection measures the known height, that it is garbled or has
-        no height, and that it measures a height not known before.
+    known, garbled, new : arrays of shape (E,)
+        Probabilities that an edge's detection measures the known height, that its height is garbled
+        or missing, and that it measures a height while the target's is unknown.
     posterior, first : Heights
-        Heights of each pair: updated by the measurement, and from the measurement alone.
+        Heights of each edge: updated by the measurement, and from the measurement alone.
     log_factor : array of shape (E,)
-        Log likelihood ratio of each pair's detection against an unknown target.
+        Log likelihood ratio of each edge's detection against an unknown target.
     """
 
     prior: Heights
-    part: FloatArray
+    known: FloatArray
+    garbled: FloatArray
+    new: FloatArray
     posterior: Heights
     first: Heights
     log_factor: FloatArray
 
+    @property
+    def probably_known(self) -> BoolArray:
+        """Mask of the detections that most probably measure the known height, (E,)."""
+        return (self.known >= self.garbled) & (self.known >= self.new)
+
+    @property
+    def probably_garbled(self) -> BoolArray:
+        """Mask of the detections whose height is most probably garbled or missing, (E,)."""
+        return (self.garbled > self.known) & (self.garbled >= self.new)
+
 
 def compare(
     prior: Heights, target: IntArray, height: FloatArray, since: FloatArray, model: HeightModel
-) -> Measured:
-    """Return the likelihoods of the heights measured in pairs, and the updated heights.
+) -> HeightUpdate:
+    """Return the likelihoods of the heights measured in edges, and the updated heights.
 
     Parameters
     ----------
     prior : Heights
         Of T targets, at the scan's stamp.
     target : int array of shape (E,)
-        Row of each pair in `prior`.
+        Row of each edge's target in `prior`.
     height : array of shape (E,)
         Metres; NaN where it is unknown.
     since : array of shape (E,)
@@ -146,21 +156,26 @@ def compare(
     variance = (spread * row).sum(axis=1) + model.std**2
     error = value - (before.mean * row).sum(axis=1)
     density = np.exp(-0.5 * error**2 / variance) / np.sqrt(2.0 * np.pi * variance)
-    right = before.known * (1.0 - model.garbled) * SPAN * density
-    garbled = before.known * model.garbled + (1.0 - before.known) * model.garbled
+    known = before.known * (1.0 - model.garbled) * SPAN * density
     new = (1.0 - before.known) * (1.0 - model.garbled)
-    part = np.stack([right, garbled, new], axis=1)
-    factor = part.sum(axis=1)
-    part /= factor[:, None]
-    part[~given] = 0.0, 1.0, 0.0
+    factor = known + model.garbled + new
+    known = np.where(given, known / factor, 0.0)
     log_factor = np.where(given, model.evidence * np.log(factor), 0.0)
     gain = spread / variance[:, None]
     posterior = Heights(
-        part[:, 0],
+        known,
         before.mean + gain * error[:, None],
         before.covariance - gain[:, :, None] * spread[:, None, :],
     )
-    return Measured(prior, part, posterior, _first(value, since, model), log_factor)
+    return HeightUpdate(
+        prior=prior,
+        known=known,
+        garbled=np.where(given, model.garbled / factor, 1.0),
+        new=np.where(given, new / factor, 0.0),
+        posterior=posterior,
+        first=_first(value, since, model),
+        log_factor=log_factor,
+    )
 
 
 def _first(height: FloatArray, since: FloatArray, model: HeightModel) -> Heights:
@@ -172,7 +187,7 @@ def _first(height: FloatArray, since: FloatArray, model: HeightModel) -> Heights
 
 
 def update(
-    measured: Measured, target: IntArray, own: FloatArray, none: FloatArray
+    measured: HeightUpdate, target: IntArray, probability: FloatArray, missed: FloatArray
 ) -> tuple[Heights, BoolArray]:
     """Return the heights after an association, see `identity.update`, and a mask of restarts.
 
@@ -183,16 +198,15 @@ def update(
     garbled height does not change the estimate.
     """
     prior, count = measured.prior, len(measured.prior.known)
-    kept = (none + sum_by(target, own * measured.part[:, 1], count)) * prior.known
-    right, new = own * measured.part[:, 0], own * measured.part[:, 2]
-    begun = sum_by(target, new, count)
-    again = begun > kept + sum_by(target, right, count)
-    share = np.concatenate([kept, right, new])
+    kept = (missed + sum_by(target, probability * measured.garbled, count)) * prior.known
+    known, new = probability * measured.known, probability * measured.new
+    restarted = sum_by(target, new, count) > kept + sum_by(target, known, count)
+    share = np.concatenate([kept, known, new])
     owner = np.concatenate([np.arange(count), target, target])
     of_new = np.arange(len(share)) >= count + len(target)
-    share = np.where(again[owner] == of_new, share, 0.0)
-    known = sum_by(owner, share, count)
-    share = share / np.where(known > 0.0, known, 1.0)[owner]
+    share = np.where(restarted[owner] == of_new, share, 0.0)
+    total = sum_by(owner, share, count)
+    share = share / np.where(total > 0.0, total, 1.0)[owner]
     parts = [prior, measured.posterior, measured.first]
     means = np.concatenate([part.mean for part in parts])
     spreads = np.concatenate([part.covariance for part in parts])
@@ -201,4 +215,4 @@ def update(
     spreads = spreads + apart[:, :, None] * apart[:, None, :]
     covariance = np.zeros((count, 2, 2))
     np.add.at(covariance, owner, share[:, None, None] * spreads)
-    return Heights(np.minimum(known, 1.0), mean, covariance), again
+    return Heights(np.minimum(total, 1.0), mean, covariance), restarted

@@ -6,12 +6,12 @@ smooths it.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..snapshot import MOST_STAMP_NS, MOST_STATE, covariances, floats, integers
+from ..snapshot import MAX_STAMP_NS, MAX_STATE, covariances, floats, integers
 from .height import HeightModel, Heights
 
 
@@ -20,17 +20,17 @@ class History(NamedTuple):
 
     Parameters
     ----------
-    origin, stamp_ns : int arrays of shape (R,)
+    label, stamp_ns : int arrays of shape (R,)
         Label of the target, and nanoseconds.
     mean : array of shape (R, 2)
         Height and climb rate, metres and metres per second.
     covariance : array of shape (R, 2, 2)
     """
 
-    origin: Annotated[IntArray, integers("R", 0)]
-    stamp_ns: Annotated[IntArray, integers("R", 0, MOST_STAMP_NS)]
-    mean: Annotated[FloatArray, floats("RA", -MOST_STATE, MOST_STATE)]
-    covariance: Annotated[FloatArray, covariances("RAA", MOST_STATE)]
+    label: Annotated[IntArray, integers("R", 0, key="origin")]
+    stamp_ns: Annotated[IntArray, integers("R", 0, MAX_STAMP_NS)]
+    mean: Annotated[FloatArray, floats("RA", -MAX_STATE, MAX_STATE)]
+    covariance: Annotated[FloatArray, covariances("RAA", MAX_STATE)]
 
     @staticmethod
     def empty() -> History:
@@ -40,32 +40,29 @@ class History(NamedTuple):
 
     def take(self, rows: IntArray) -> History:
         """Return these rows."""
-        columns: list[Any] = [column[rows] for column in self]
-        return History(*columns)
+        return History._make(column[rows] for column in self)
 
-    def record(self, origin: IntArray, stamp_ns: int, heights: Heights) -> History:
+    def record(self, label: IntArray, stamp_ns: int, heights: Heights) -> History:
         """Return the history with a scan's heights, which replace earlier ones of that scan."""
-        old = self.take(
-            np.flatnonzero(~((self.stamp_ns == stamp_ns) & np.isin(self.origin, origin)))
-        )
-        new = origin, np.full(len(origin), stamp_ns), heights.mean, heights.covariance
-        columns: list[Any] = [np.concatenate(pair) for pair in zip(old, new, strict=True)]
-        return History(*columns).take(np.lexsort((columns[1], columns[0])))
+        old = self.take(np.flatnonzero(~((self.stamp_ns == stamp_ns) & np.isin(self.label, label))))
+        new = label, np.full(len(label), stamp_ns), heights.mean, heights.covariance
+        every = History._make(map(np.concatenate, zip(old, new, strict=True)))
+        return every.take(np.lexsort((every.stamp_ns, every.label)))
 
-    def without(self, origin: IntArray) -> History:
+    def without(self, label: IntArray) -> History:
         """Return the history without these labels."""
-        if not np.isin(self.origin, origin).any():
+        if not np.isin(self.label, label).any():
             return self
-        return self.take(np.flatnonzero(~np.isin(self.origin, origin)))
+        return self.take(np.flatnonzero(~np.isin(self.label, label)))
 
     def since(self, stamp_ns: int, alive: IntArray) -> History:
         """Return the rows of live labels that smoothing from a stamp on may need."""
         following = np.append(self.stamp_ns[1:], np.iinfo(np.int64).max)
-        last = np.append(self.origin[1:] != self.origin[:-1], True)[: len(self.origin)]
-        needed = last | (following[: len(self.origin)] > stamp_ns)
-        return self.take(np.flatnonzero(needed & np.isin(self.origin, alive)))
+        last = np.append(self.label[1:] != self.label[:-1], True)[: len(self.label)]
+        needed = last | (following[: len(self.label)] > stamp_ns)
+        return self.take(np.flatnonzero(needed & np.isin(self.label, alive)))
 
-    def smooth(self, origin: IntArray, stamp_ns: int, model: HeightModel) -> Heights:
+    def smooth(self, label: IntArray, stamp_ns: int, model: HeightModel) -> Heights:
         """Return the heights of labels at a stamp, given the detections of all later scans.
 
         Returns
@@ -73,9 +70,9 @@ class History(NamedTuple):
         Heights
             `known` is 1 for labels with any row, and 0 for others.
         """
-        first = np.searchsorted(self.origin, origin)
-        end = np.searchsorted(self.origin, origin, side="right")
-        found = Heights.fresh(len(origin))
+        first = np.searchsorted(self.label, label)
+        end = np.searchsorted(self.label, label, side="right")
+        found = Heights.fresh(len(label))
         found.known[end > first] = 1.0
         row = end - 1
         going = np.flatnonzero(end > first)
@@ -95,8 +92,8 @@ class History(NamedTuple):
             rest = going[done]
             dt = _seconds(stamp_ns - at[done])
             last = Heights(later.known[rest], later.mean[rest], later.covariance[rest])
-            moved = last.predict(dt, model)
-            found.mean[rest], found.covariance[rest] = moved.mean, moved.covariance
+            predicted = last.predict(dt, model)
+            found.mean[rest], found.covariance[rest] = predicted.mean, predicted.covariance
             some = going[more]
             own = Heights(np.ones(len(some)), self.mean[back[more]], self.covariance[back[more]])
             ahead = _seconds((until - before_ns)[more])
@@ -124,5 +121,4 @@ def _smooth_step(before: Heights, later: Heights, dt: FloatArray, model: HeightM
 
 
 def _seconds(ns: IntArray) -> FloatArray:
-    seconds: FloatArray = ns.astype(np.float64) * 1e-9
-    return seconds
+    return ns.astype(np.float64) * 1e-9

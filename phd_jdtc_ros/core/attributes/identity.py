@@ -22,7 +22,7 @@ from ..types import UNKNOWN
 # Largest number of candidates of a target; the weight of less probable ones joins the rest.
 CANDIDATES = 4
 # Marks a detection of a sensor that does not report this identity.
-NOTHING = -2
+NOT_REPORTED = -2
 CODES, ADDRESSES = 1 << 12, 1 << 24
 # Last two columns of a belief: all other identities, and no transponder.
 REST, ABSENT = -2, -1
@@ -62,7 +62,7 @@ class IdentityModel:
     unique: bool = False
 
     def prior(self, identity: IntArray) -> FloatArray:
-        """Return the prior probability of identities for a new target; shape kept."""
+        """Return the prior probability of identities for a new target, elementwise."""
         if not self.shared:
             return np.full(np.shape(identity), 1.0 / self.size)
         own = (1.0 - self.shared_probability) / (self.size - len(self.shared))
@@ -70,21 +70,24 @@ class IdentityModel:
         return np.where(np.isin(identity, self.shared), each, own)
 
     @property
-    def answered(self) -> float:
+    def reply_probability(self) -> float:
         """Probability that a detection of an unknown target has a reply."""
         return self.equipped * self.reply + (1.0 - self.equipped) * self.garbled
 
-    def genuine(self, identity: IntArray) -> FloatArray:
-        """Return the probability that an unknown target's reply is not garbled; shape kept."""
+    def genuine_probability(self, identity: IntArray) -> FloatArray:
+        """Return the probability that an unknown target's reply is not garbled, elementwise."""
         shown = self.equipped * self.reply * (1.0 - self.garbled) * self.prior(identity)
-        return np.where(identity < 0, 0.0, shown / self.clutter_likelihood(identity))
+        return np.where(identity < 0, 0.0, shown / self.unknown_target_likelihood(identity))
 
-    def clutter_likelihood(self, identity: IntArray) -> FloatArray:
-        """Return the likelihood of replies from unknown targets; shape kept."""
+    def unknown_target_likelihood(self, identity: IntArray) -> FloatArray:
+        """Return the likelihood of each reply, or of its absence, from an unknown target.
+
+        Same shape as `identity`.
+        """
         prior = self.prior(identity)
         answer = self.reply * ((1.0 - self.garbled) * prior + self.garbled / self.size)
         shown = self.equipped * answer + (1.0 - self.equipped) * self.garbled * prior
-        return np.where(identity == UNKNOWN, 1.0 - self.answered, shown)
+        return np.where(identity == UNKNOWN, 1.0 - self.reply_probability, shown)
 
 
 class Belief(NamedTuple):
@@ -123,8 +126,8 @@ class Belief(NamedTuple):
         row = np.arange(len(best))
         return np.where(self.weight[row, best] > 0.5, self.candidate[row, best], UNKNOWN)
 
-    def of(self, target: IntArray, shown: IntArray) -> FloatArray:
-        """Return the belief of targets in the identities `shown`; all shapes (E,)."""
+    def probability_of(self, target: IntArray, shown: IntArray) -> FloatArray:
+        """Return the probability that each target has the identity shown; all shapes (E,)."""
         match = (self.candidate[target] == shown[:, None]) & (shown >= 0)[:, None]
         probability: FloatArray = (self.weight[target, :REST] * match).sum(axis=1)
         return probability
@@ -136,11 +139,11 @@ class ReplyLikelihood(NamedTuple):
     Parameters
     ----------
     prior : Belief
-        Before the update; its L candidates include every identity shown in a target's pairs.
+        Before the update; its L candidates include every identity shown in a target's edges.
     likelihood : array of shape (E, L + 2)
-        Likelihood of each pair's reply for each column of the belief.
+        Likelihood of each edge's reply for each column of the belief.
     log_factor : array of shape (E,)
-        Log likelihood ratio of each pair's detection against an unknown target.
+        Log likelihood ratio of each edge's detection against an unknown target.
     """
 
     prior: Belief
@@ -153,46 +156,46 @@ def compare(
     target: IntArray,
     shown: IntArray,
     model: IdentityModel,
-    taken: FloatArray | float = 0.0,
+    conflict: FloatArray | float = 0.0,
 ) -> ReplyLikelihood:
-    """Return the likelihoods of the replies of pairs.
+    """Return the likelihoods of the replies of edges.
 
     Parameters
     ----------
     belief : Belief
         Of T targets.
     target : int array of shape (E,)
-        Row of each pair in `belief`.
+        Row of each edge's target in `belief`.
     shown : int array of shape (E,)
-        The identity that each pair's detection shows; `UNKNOWN` for no reply, `NOTHING` if the
+        The identity that each edge's detection shows; `UNKNOWN` for no reply, `NOT_REPORTED` if the
         sensor does not report this identity.
-    taken : array of shape (E,) or float
-        Probability that another target has the identity shown, which excludes the pair's target.
+    conflict : array of shape (E,) or float
+        Probability that another target has the identity shown, which excludes the edge's target.
     """
     prior = _add_candidates(belief, target, shown, model)
-    answered = (shown >= 0)[:, None]
+    has_reply = (shown >= 0)[:, None]
     garbled = model.garbled / model.size
-    match = (prior.candidate[target] == shown[:, None]) & answered
+    match = (prior.candidate[target] == shown[:, None]) & has_reply
     likelihood = np.empty((len(target), prior.weight.shape[1]))
-    free = np.broadcast_to(1.0 - np.asarray(taken), shown.shape)[:, None]
+    free = np.broadcast_to(1.0 - np.asarray(conflict), shown.shape)[:, None]
     likelihood[:, :REST] = model.reply * ((1.0 - model.garbled) * free * match + garbled)
     # Every identity shown is a candidate: the rest can only show it garbled.
     likelihood[:, REST] = model.reply * garbled
     likelihood[:, ABSENT] = model.garbled * model.prior(shown)
     silent = np.full(prior.weight.shape[1], 1.0 - model.reply)
     silent[ABSENT] = 1.0 - model.garbled
-    likelihood = np.where(answered, likelihood, silent)
-    reports = shown != NOTHING
+    likelihood = np.where(has_reply, likelihood, silent)
+    reports = shown != NOT_REPORTED
     likelihood[~reports] = 1.0
     evidence = (prior.weight[target] * likelihood).sum(axis=1)
-    log_factor = np.where(reports, np.log(evidence / model.clutter_likelihood(shown)), 0.0)
+    log_factor = np.where(reports, np.log(evidence / model.unknown_target_likelihood(shown)), 0.0)
     return ReplyLikelihood(prior, likelihood, log_factor)
 
 
 def _add_candidates(
     belief: Belief, target: IntArray, shown: IntArray, model: IdentityModel
 ) -> Belief:
-    """Return the belief with the identities shown in pairs as further candidates."""
+    """Return the belief with the identities shown in edges as further candidates."""
     among = (belief.candidate[target] == shown[:, None]).any(axis=1)
     new = np.flatnonzero((shown >= 0) & ~among)
     owner, identity = np.divmod(np.unique(target[new] * model.size + shown[new]), model.size)
@@ -212,18 +215,19 @@ def _add_candidates(
     return Belief(candidate, weight)
 
 
-def update(shown: ReplyLikelihood, target: IntArray, own: FloatArray, none: FloatArray) -> Belief:
+def update(
+    shown: ReplyLikelihood, target: IntArray, probability: FloatArray, missed: FloatArray
+) -> Belief:
     """Return the belief after an association.
 
     Parameters
     ----------
-    shown : ReplyLikelihood
     target : int array of shape (E,)
-        Row of each pair in the belief.
-    own : array of shape (E,)
-        Probability of each pair, given that its target exists.
-    none : array of shape (T,)
-        Probability that a target has none of its pairs.
+        Row of each edge's target in the belief.
+    probability : array of shape (E,)
+        Probability of each edge, given that its target exists.
+    missed : array of shape (T,)
+        Probability that a target has none of its edges.
 
     Notes
     -----
@@ -232,8 +236,8 @@ def update(shown: ReplyLikelihood, target: IntArray, own: FloatArray, none: Floa
     """
     prior = shown.prior.weight
     joint = prior[target] * shown.likelihood
-    after = joint * (own / joint.sum(axis=1))[:, None]
-    weight = none[:, None] * prior
+    after = joint * (probability / joint.sum(axis=1))[:, None]
+    weight = missed[:, None] * prior
     np.add.at(weight, target, after)
     weight /= weight.sum(axis=1, keepdims=True)
     return _prune(Belief(shown.prior.candidate, weight))

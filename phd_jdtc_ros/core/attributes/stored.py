@@ -9,7 +9,8 @@ from ..snapshot import ROUNDING, Snapshot, from_snapshot, to_snapshot
 from ..types import SENSORS
 from .history import History
 from .identity import CANDIDATES
-from .memory import AttributeMemory, AttributeModel, Records
+from .memory import AttributeMemory
+from .records import AttributeModel, AttributeRecords
 
 NAME = "attributes"
 SIZES = {"K": CANDIDATES, "W": CANDIDATES + 2, "A": 2, "S": len(SENSORS)}
@@ -32,11 +33,11 @@ def attributes_from_snapshot(snapshot: Snapshot, model: AttributeModel) -> Attri
     memory = AttributeMemory(model)
     if not snapshot.names_below(NAME):
         return memory
-    records = from_snapshot(Records, snapshot, f"{NAME}.record", SIZES)
+    records = from_snapshot(AttributeRecords, snapshot, f"{NAME}.record", SIZES)
     history = from_snapshot(History, snapshot, f"{NAME}.history", SIZES)
     _require_belief(f"{NAME}.record.code_weight", records.code_weight)
     _require_belief(f"{NAME}.record.address_weight", records.address_weight)
-    order = np.lexsort((history.stamp_ns, history.origin))
+    order = np.lexsort((history.stamp_ns, history.label))
     if (np.diff(order) < 0).any():
         raise ValueError(f"{NAME}.history.origin: must be in order")
     memory.records, memory.history = records, history

@@ -1,4 +1,4 @@
-"""Unique identities: detections whose identity another target has, and targets that were lost.
+"""Unique identities: detections whose identity another target has, or a target outside its gates.
 
 If a known target has the identity that a detection shows, the detection is less likely from a new
 target or from any other one. This holds only if the known target may be at the detection;
@@ -14,12 +14,12 @@ import numpy as np
 from ..arrays import FloatArray, IntArray, sum_by
 from .identity import Belief, IdentityModel
 
-# Upper bound of the probability that another target has an identity; keeps logarithms finite.
-MOST_TAKEN = 1.0 - 1e-12
+# Upper bound of the probability that a known target has an identity; keeps logarithms finite.
+MAX_CONFLICT = 1.0 - 1e-12
 
 
-class Lost(NamedTuple):
-    """Targets that have the identity of a detection outside their gates.
+class OutOfGate(NamedTuple):
+    """Targets whose identity is shown by a detection outside all of their gates.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Lost(NamedTuple):
     since_s: FloatArray
 
 
-class Taken(NamedTuple):
+class Conflicts(NamedTuple):
     """Probabilities that known targets have the identities shown by M detections.
 
     Parameters
@@ -51,15 +51,15 @@ class Taken(NamedTuple):
     log_unknown: FloatArray
 
 
-def find_taken(
+def identity_conflicts(
     belief: Belief,
     target: IntArray,
     column: IntArray,
     shown: IntArray,
     undetected: FloatArray,
     model: IdentityModel,
-) -> Taken:
-    """Return the probabilities that the detections' identities are taken.
+) -> Conflicts:
+    """Return the probabilities that known targets have the detections' identities.
 
     Parameters
     ----------
@@ -71,7 +71,6 @@ def find_taken(
         The identity that each detection shows; negative without one.
     undetected : array of shape (T,)
         Existence probability of each target, given that it is not the source of a detection.
-    model : IdentityModel
 
     Notes
     -----
@@ -80,27 +79,27 @@ def find_taken(
     with probability 1 - r' b. The reply of a new target may also be garbled.
     """
     if not model.unique:
-        return Taken(np.zeros(len(target)), np.zeros(len(shown)))
-    has = np.minimum(undetected[target] * belief.of(target, shown[column]), MOST_TAKEN)
-    log_left = np.log1p(-has)
-    left = sum_by(column, log_left, len(shown))
-    others = -np.expm1(left[column] - log_left)
-    unknown = np.log1p(model.genuine(shown) * np.expm1(left))
-    return Taken(np.maximum(others, 0.0), unknown)
+        return Conflicts(np.zeros(len(target)), np.zeros(len(shown)))
+    probability = belief.probability_of(target, shown[column])
+    log_free = np.log1p(-np.minimum(undetected[target] * probability, MAX_CONFLICT))
+    log_free_of_all = sum_by(column, log_free, len(shown))
+    by_another = -np.expm1(log_free_of_all[column] - log_free)
+    log_unknown = np.log1p(model.genuine_probability(shown) * np.expm1(log_free_of_all))
+    return Conflicts(np.maximum(by_another, 0.0), log_unknown)
 
 
-def lost(
-    has: IntArray,
+def find_out_of_gate(
+    identity: IntArray,
     seen_ns: IntArray,
     shown: IntArray,
     shown_ns: IntArray,
     near: tuple[IntArray, IntArray],
-) -> Lost | None:
+) -> OutOfGate | None:
     """Return the targets whose identities detections show outside their gates, or None.
 
     Parameters
     ----------
-    has : int array of shape (T,)
+    identity : int array of shape (T,)
         The unique identity of each target, negative if unknown.
     seen_ns : int array of shape (T,)
         Time of each target's last detection, nanoseconds.
@@ -111,7 +110,7 @@ def lost(
     near : tuple of two int arrays of shape (P,)
         Targets and detections of the pairs in gates.
     """
-    away = (has[:, None] == shown) & (shown >= 0)
+    away = (identity[:, None] == shown) & (shown >= 0)
     away[near] = False
     target, column = np.nonzero(away)
     since_ns = shown_ns[column] - seen_ns[target]
@@ -119,4 +118,4 @@ def lost(
     if not len(row):
         return None
     since_s = since_ns[row].astype(np.float64) * 1e-9
-    return Lost(target[row], column[row], since_s)
+    return OutOfGate(target[row], column[row], since_s)

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import BoolArray, FloatArray, IntArray
 from ..types import SENSORS, UNKNOWN, Detections
-from .height import BoolArray
 
 # Sensor types of a plot, by the TYP of I048/020: none, primary, secondary, both, Mode S all-call
 # and roll-call, and the last two with primary.
@@ -26,7 +25,7 @@ OF_KIND = np.array(
     ]
 )
 # Smallest association probability with which a detection updates a target's times.
-LEAST = 0.5
+MIN_PROBABILITY = 0.5
 
 
 def never(targets: int) -> IntArray:
@@ -44,9 +43,8 @@ def sensors_of(detections: Detections) -> BoolArray:
     code = none if detections.code is None else detections.code
     address = none if detections.address is None else detections.address
     kind = none if detections.kind is None else detections.kind
-    supposed = np.where(address != UNKNOWN, 4, np.where(code != UNKNOWN, 2, 1))
-    found: BoolArray = OF_KIND[np.where(kind > 0, kind, supposed)]
-    return found
+    implied = np.where(address != UNKNOWN, 4, np.where(code != UNKNOWN, 2, 1))
+    return OF_KIND[np.where(kind > 0, kind, implied)]
 
 
 def times_of(detections: Detections, stamp_ns: int) -> IntArray:
@@ -60,7 +58,7 @@ def update(
     before: IntArray,
     target: IntArray,
     column: IntArray,
-    own: FloatArray,
+    probability: FloatArray,
     detections: Detections,
     stamp_ns: int,
 ) -> IntArray:
@@ -71,13 +69,12 @@ def update(
     before : int array of shape (T, S)
     target, column : int arrays of shape (E,)
         The target and the detection of each edge.
-    own : array of shape (E,)
+    probability : array of shape (E,)
         Probability of the edge, given that its target exists.
-    detections : Detections
     stamp_ns : int
         Of the scan.
     """
-    sure = np.flatnonzero(own >= LEAST)
+    sure = np.flatnonzero(probability >= MIN_PROBABILITY)
     sensors = sensors_of(detections)[column[sure]]
     edge, sensor = np.nonzero(sensors)
     times = times_of(detections, stamp_ns)[column[sure]][edge]

@@ -19,33 +19,35 @@ from ..arrays import FloatArray, read_only
 from ..snapshot import floats
 from ..targets.amplitude_density import SMALLEST_AMPLITUDE, log_clutter_density
 
-# Factor of the level 10 log10(a^2 / 2) in dB, the SNR for which an envelope a is typical.
-DB = 10.0 / np.log(10.0)
-# Range and width of the learned law's cells, dB; other amplitudes count in the nearest cell.
-LOWEST_DB, HIGHEST_DB, CELL_DB = -20.0, 80.0, 0.5
+# Decibels per unit of the natural logarithm of a power, 10 / ln 10.
+DB_PER_NEPER = 10.0 / np.log(10.0)
+# Lowest and highest level of the learned law's cells, dB; other amplitudes count in the nearest
+# cell.
+LOWEST_DB = -20.0
+HIGHEST_DB = 80.0
+# Width of these cells, dB.
+CELL_DB = 0.5
 CELLS = round((HIGHEST_DB - LOWEST_DB) / CELL_DB)
 # Width of the kernel with which a detection counts for neighbouring levels, dB.
 KERNEL_DB = 0.4
 # Weight of the prior, which is noise, as a number of detections.
 PRIOR_NOISE = 20.0
 # Share of the law that is uniform over all levels.
-ANYTHING = 0.1
+UNIFORM_SHARE = 0.1
 # Memory of the learned law, as a number of false detections.
 MEMORY = 200.0
 # Upper bound accepted in a snapshot: rounding may slightly exceed the memory.
-MOST_COUNT = 1.001 * MEMORY
+MAX_COUNT = 1.001 * MEMORY
 
 
 class ClutterAmplitude(Protocol):
     """A distribution of the envelopes of clutter."""
 
     def log_density(self, amplitude: FloatArray) -> FloatArray:
-        """Return the log density of envelopes; NaN for NaN; shape kept."""
-        ...
+        """Return the log density of envelopes, elementwise; NaN for NaN."""
 
     def log_share(self, threshold: float, above: float = 0.0) -> float:
         """Return log P(a > threshold | a > above)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ class Rayleigh:
     level: float = 1.0
 
     def log_density(self, amplitude: FloatArray) -> FloatArray:
-        """Return the logarithm of the density of envelopes; shape kept."""
+        """Return the log density of envelopes, elementwise."""
         scale = np.sqrt(self.level)
         density: FloatArray = log_clutter_density(amplitude / scale) - np.log(scale)
         return density
@@ -88,11 +90,13 @@ class LogNormal:
     std_db: float
 
     def log_density(self, amplitude: FloatArray) -> FloatArray:
-        """Return the logarithm of the density of envelopes; shape kept."""
+        """Return the log density of envelopes, elementwise."""
         a = np.maximum(amplitude, SMALLEST_AMPLITUDE)
         off = (level_db(a) - self.median_db) / self.std_db
         density: FloatArray = (
-            -0.5 * off**2 - np.log(np.sqrt(2.0 * np.pi) * self.std_db) + np.log(2.0 * DB / a)
+            -0.5 * off**2
+            - np.log(np.sqrt(2.0 * np.pi) * self.std_db)
+            + np.log(2.0 * DB_PER_NEPER / a)
         )
         return density
 
@@ -121,15 +125,15 @@ class Learned:
     Notes
     -----
     The shares of the cells have a Dirichlet prior of `PRIOR_NOISE` detections of noise above the
-    threshold, and therefore the predictive density (prior + count) / sum. It has the weight
-    `1 - ANYTHING`; the rest of the law is uniform over 100 dB. The density of a level is at least
+    threshold, and therefore the predictive density (prior + count) / sum. It has the weight `1 -
+    UNIFORM_SHARE`; the rest of the law is uniform over 100 dB. The density of a level is at least
     0.001 per dB. The density of a Rayleigh target is at most 0.085 per dB, and 0.05 if its class's
     band is 20 dB wide. The likelihood ratio of one amplitude is therefore at most 85, and 50 for
     such a class: no amplitude confirms a target without its position or a second detection.
     """
 
     threshold: float
-    count: Annotated[FloatArray, floats("K", 0.0, MOST_COUNT)] = field(
+    count: Annotated[FloatArray, floats("K", 0.0, MAX_COUNT)] = field(
         default_factory=lambda: np.zeros(CELLS)
     )
     _mass: FloatArray = field(init=False, repr=False)
@@ -137,17 +141,17 @@ class Learned:
     def __post_init__(self) -> None:
         object.__setattr__(self, "count", read_only(self.count))
         cells = _cells(self.threshold)
-        told = cells.prior + self.count @ cells.kernel
-        mass = (1.0 - ANYTHING) * told / told.sum() + ANYTHING * cells.uniform
+        total = cells.prior + self.count @ cells.kernel
+        mass = (1.0 - UNIFORM_SHARE) * total / total.sum() + UNIFORM_SHARE * cells.uniform
         object.__setattr__(self, "_mass", read_only(mass))
 
     def log_density(self, amplitude: FloatArray) -> FloatArray:
-        """Return the logarithm of the predictive density of envelopes; shape kept."""
+        """Return the log predictive density of envelopes, elementwise."""
         a = np.maximum(amplitude, SMALLEST_AMPLITUDE)
         edges = _cells(self.threshold).edges_db
         cell = np.searchsorted(edges, level_db(a), side="right") - 1
         per_db = np.log(self._mass / np.diff(edges))
-        density: FloatArray = per_db[np.clip(cell, 0, CELLS - 1)] + np.log(2.0 * DB / a)
+        density: FloatArray = per_db[np.clip(cell, 0, CELLS - 1)] + np.log(2.0 * DB_PER_NEPER / a)
         return np.where(np.isnan(a), a, density)
 
     def log_share(self, threshold: float, above: float = 0.0) -> float:
@@ -189,8 +193,11 @@ class Learned:
 
 
 def level_db(amplitude: FloatArray) -> FloatArray:
-    """Return the level 10 log10(a^2 / 2) of envelopes, dB; shape kept."""
-    level: FloatArray = DB * np.log(0.5 * amplitude**2)
+    """Return the level 10 log10(a^2 / 2) of envelopes in dB, elementwise.
+
+    It is the signal-to-noise ratio for which an envelope a is typical.
+    """
+    level: FloatArray = DB_PER_NEPER * np.log(0.5 * amplitude**2)
     return level
 
 

@@ -14,7 +14,7 @@ from ..types import FULL_TURN
 # Size of a cell in standard deviations of a detection.
 CELL_SIGMA = 3.0
 # Largest number of cells in a turn: far more than the azimuth noise of any antenna needs.
-MOST_AZIMUTHS = 10**6
+MAX_AZIMUTH_CELLS = 10**6
 # Number of squares in each direction from the world's zero.
 HALF = 1 << 26
 
@@ -24,7 +24,6 @@ class ToWorld(Protocol):
 
     def to_world(self, measurement: FloatArray) -> FloatArray:
         """Return world (x, y) in metres of (range, azimuth) rows; shape (M, 2)."""
-        ...
 
 
 class Grid(Protocol):
@@ -33,7 +32,6 @@ class Grid(Protocol):
     @property
     def columns(self) -> int:
         """Number of columns."""
-        ...
 
     def places(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
         """Return row and column of each detection, (2, M); cell centres are integers.
@@ -45,18 +43,15 @@ class Grid(Protocol):
         world : array of shape (M, 2)
             The same in the world frame, metres.
         """
-        ...
 
     def world(self, places: FloatArray, radar: ToWorld) -> FloatArray:
         """Return the world positions, (N, 2), of rows and columns, (2, N); inverse of `places`."""
-        ...
 
     def log_share(self, measurement: FloatArray, max_range: float) -> FloatArray:
         """Return the log share of each detection's cell in uniform clutter, shape (M,).
 
         Uniform clutter extends over all azimuths and over ranges up to `max_range`, metres.
         """
-        ...
 
 
 @dataclass(frozen=True)
@@ -72,28 +67,28 @@ class PolarGrid:
     """
 
     range_cell: Annotated[float, floats("", 1e-9, 1e12)]
-    columns: Annotated[int, integers("", 3, MOST_AZIMUTHS)]
+    columns: Annotated[int, integers("", 3, MAX_AZIMUTH_CELLS)]
 
     @classmethod
     def of_noise(cls, range_std: float, azimuth_std: float) -> PolarGrid:
         """Return cells for detections of these standard deviations, metres and radians."""
-        azimuths = int(np.ceil(min(FULL_TURN / (CELL_SIGMA * azimuth_std), MOST_AZIMUTHS)))
+        azimuths = int(np.ceil(min(FULL_TURN / (CELL_SIGMA * azimuth_std), MAX_AZIMUTH_CELLS)))
         return cls(CELL_SIGMA * range_std, max(azimuths, 3))
 
     def places(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
-        """Return row and column of each detection, shape (2, M)."""
+        """See `Grid.places`."""
         along = np.maximum(measurement[:, 0], 0.0) / self.range_cell + 0.5
         across = (measurement[:, 1] + np.pi) * (self.columns / FULL_TURN) - 0.5
         return np.stack([along, across])
 
     def world(self, places: FloatArray, radar: ToWorld) -> FloatArray:
-        """Return where rows and columns, (2, N), are in the world, (N, 2), metres."""
+        """See `Grid.world`."""
         along = np.maximum((places[0] - 0.5) * self.range_cell, 0.0)
         across = (places[1] + 0.5) * (FULL_TURN / self.columns) - np.pi
         return radar.to_world(np.stack([along, across], axis=1))
 
     def log_share(self, measurement: FloatArray, max_range: float) -> FloatArray:
-        """Return the log share of a cell in uniform clutter, shape (M,)."""
+        """See `Grid.log_share`."""
         return np.full(len(measurement), np.log(self.range_cell / (self.columns * max_range)))
 
 
@@ -120,17 +115,17 @@ class GroundGrid:
         return 2 * HALF
 
     def places(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
-        """Return row and column of each detection, shape (2, M)."""
+        """See `Grid.places`."""
         inside: FloatArray = np.clip(world.T / self.cell + HALF, 0.0, 2.0 * HALF - 2.0)
         return inside
 
     def world(self, places: FloatArray, radar: ToWorld) -> FloatArray:
-        """Return where rows and columns, (2, N), are in the world, (N, 2), metres."""
+        """See `Grid.world`."""
         position: FloatArray = (places.T - HALF) * self.cell
         return position
 
     def log_share(self, measurement: FloatArray, max_range: float) -> FloatArray:
-        """Return the log share of a cell in uniform clutter, shape (M,)."""
+        """See `Grid.log_share`."""
         ring = FULL_TURN * np.maximum(measurement[:, 0], self.cell)
         share: FloatArray = np.log(self.cell / ring) + np.log(self.cell / max_range)
         return share
@@ -140,10 +135,10 @@ def corners(grid: Grid, places: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the four cells around each place and their interpolation weights, shapes (4, M)."""
     # Integers, as the numbers of squares of the world exceed the exact range of floats.
     row, column = np.floor(places).astype(np.int64)
-    below, beside = places - np.stack([row, column])
+    below, after = places - np.stack([row, column])
     cells, shares = [], []
     for down in (0, 1):
         for right in (0, 1):
             cells.append((row + down) * grid.columns + np.mod(column + right, grid.columns))
-            shares.append((below if down else 1.0 - below) * (beside if right else 1.0 - beside))
+            shares.append((below if down else 1.0 - below) * (after if right else 1.0 - after))
     return np.array(cells), np.array(shares)

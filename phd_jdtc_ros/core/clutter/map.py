@@ -16,27 +16,32 @@ from ..snapshot import floats, integers
 from . import neighbourhood
 from .grid import Grid, corners
 
-# Factors of the density at places with repeated detections, alone and among fixed clutter. The
-# detections of one reflector are some three times denser than the cells resolve, and repetition is
-# evidence of clutter; more so among reflectors, whose detections resemble those of a moving target.
-ALONE, POINT = 5.0, 60.0
+# Factor of the density at a place with repeated detections away from fixed clutter: the detections
+# of one reflector are some three times denser than the cells resolve, and repetition is evidence of
+# clutter.
+ALONE_FACTOR = 5.0
+# The same factor among reflectors, whose detections resemble those of a moving target.
+REFLECTOR_FACTOR = 60.0
 # Factor of the prior in a neighbourhood: reflectors lie in lines, in a sixth of its cells or less.
 GATHERED = 6.0
-# AGAIN: detections that a passing target leaves in a cell before its track is known, so that a
-# reflector needs more. SELDOM: share of all turns below which a cell with detections is hardly one.
-AGAIN, SELDOM = 2.0, 0.15
+# Number of detections that a moving target leaves in a cell before it has a track; a reflector must
+# have more.
+PASSING = 2.0
+# Share of turns with a detection below which a cell is probably no reflector.
+MIN_SHARE = 0.15
 # Weight of the prior density, in turns.
 PRIOR_TURNS = 5.0
 # Memory of the map, in turns.
 MEMORY_TURNS = 100.0
 # Delay, in turns, until a detection counts: a moving target has left the cell by then.
 RECENT_TURNS = 6.0
-# Cells with a smaller count are dropped, and the smallest ones beyond MOST_CELLS.
-LEAST_COUNT = 1e-3
-MOST_CELLS = 1 << 16
-# Upper bounds accepted in a snapshot: detections of one report add up in one cell, and rounding may
-# slightly exceed the memory.
-MOST_IN_CELL, MOST_TURNS = 1e9, 1.001 * MEMORY_TURNS
+# Cells with a smaller count are dropped, and the smallest ones beyond MAX_CELLS.
+MIN_COUNT = 1e-3
+MAX_CELLS = 1 << 16
+# Upper bound of a cell's count accepted in a snapshot: detections of one report add up in one cell.
+MAX_IN_CELL = 1e9
+# Upper bound of the turns accepted in a snapshot: rounding may slightly exceed the memory.
+MAX_TURNS = 1.001 * MEMORY_TURNS
 NO_CELLS = np.zeros(0, dtype=np.int64)
 
 
@@ -63,26 +68,26 @@ class ClutterMap:
     -----
     A cell's clutter is the sum of uniform clutter with a known rate and of local clutter. A
     detection counts k turns later with exp(-k / MEMORY_TURNS) - exp(-k / RECENT_TURNS). With n
-    detections in T turns that count, the local rate is
-    (PRIOR_TURNS GATHERED A / CELLS + b n^2 / (n + AGAIN + SELDOM T)) / (PRIOR_TURNS + T):
-    the mean after a Gamma prior, except for the two factors of n. They keep quays from becoming
-    targets, and moving ships from being masked by their own first detections. The neighbourhood
-    determines the prior: A is its number of detections per turn beyond one reflector and uniform
-    clutter, counted without delay, and b rises with A from ALONE to POINT; see `neighbourhood`.
+    detections in T turns that count, the local rate is (PRIOR_TURNS GATHERED A / CELLS + b n^2 / (n
+    + PASSING + MIN_SHARE T)) / (PRIOR_TURNS + T): the mean after a Gamma prior, except for the two
+    factors of n. They keep quays from becoming targets, and moving ships from being masked by their
+    own first detections. The neighbourhood determines the prior: A is its number of detections per
+    turn beyond one reflector and uniform clutter, counted without delay, and b rises with A from
+    ALONE_FACTOR to REFLECTOR_FACTOR; see `neighbourhood`.
     """
 
     grid: Grid
     cell: Annotated[IntArray, integers("K", 0, ascending=True)] = field(
         default_factory=lambda: NO_CELLS
     )
-    count: Annotated[FloatArray, floats("K", 0.0, MOST_IN_CELL)] = field(
+    count: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = field(
         default_factory=lambda: np.zeros(0)
     )
-    turns: Annotated[float, floats("", 0.0, MOST_TURNS)] = 0.0
-    recent: Annotated[FloatArray, floats("K", 0.0, MOST_IN_CELL)] = field(
+    turns: Annotated[float, floats("", 0.0, MAX_TURNS)] = 0.0
+    recent: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = field(
         default_factory=lambda: np.zeros(0)
     )
-    recent_turns: Annotated[float, floats("", 0.0, MOST_TURNS)] = 0.0
+    recent_turns: Annotated[float, floats("", 0.0, MAX_TURNS)] = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cell", read_only(self.cell, np.int64))
@@ -106,7 +111,7 @@ class ClutterMap:
             Largest range of uniform clutter, metres.
         """
         cell, share = corners(self.grid, self.grid.places(measurement, world))
-        about = self.about(measurement, world, rate, max_range)
+        excess = self.neighbourhood_excess(measurement, world, rate, max_range)
         found = np.zeros(cell.shape)
         if len(self.cell):
             place = np.minimum(np.searchsorted(self.cell, cell), len(self.cell) - 1)
@@ -114,34 +119,35 @@ class ClutterMap:
             found = np.where(self.cell[place] == cell, np.maximum(counting, 0.0), 0.0)
         seen = (found * share).sum(axis=0)
         turns = max(self.turns - self.recent_turns, 0.0)
-        point = ALONE + (POINT - ALONE) * neighbourhood.probability_among_reflectors(about)
-        again = point * seen**2 / (seen + AGAIN + SELDOM * turns)
-        again += PRIOR_TURNS * GATHERED * about / neighbourhood.CELLS
+        among = neighbourhood.probability_among_reflectors(excess)
+        factor = ALONE_FACTOR + (REFLECTOR_FACTOR - ALONE_FACTOR) * among
+        local = factor * seen**2 / (seen + PASSING + MIN_SHARE * turns)
+        local += PRIOR_TURNS * GATHERED * excess / neighbourhood.CELLS
         log_uniform = np.log(rate) + self.grid.log_share(measurement, max_range)
         with np.errstate(divide="ignore"):  # cells without detections
-            log_place = np.log(again) - np.log(PRIOR_TURNS + turns)
+            log_place = np.log(local) - np.log(PRIOR_TURNS + turns)
         log_factor: FloatArray = np.logaddexp(0.0, log_place - log_uniform)
         return log_factor
 
-    def about(
+    def neighbourhood_excess(
         self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
     ) -> FloatArray:
-        """Return the detections per turn around each place, beyond one reflector, shape (M,).
+        """Return the detections per turn in the neighbourhood of each place, (M,).
 
-        The detections expected from uniform clutter are subtracted too.
+        Those of one reflector and of uniform clutter are subtracted.
 
         Parameters
         ----------
         measurement, world, rate, max_range
             As in `log_factor`.
         """
-        found = neighbourhood.detections_about(
+        found = neighbourhood.detections_around(
             self.grid, self.cell, self.count, self.grid.places(measurement, world)
         )
         share = neighbourhood.CELLS * np.exp(self.grid.log_share(measurement, max_range))
-        others = neighbourhood.SINGLE + rate * np.minimum(share, 1.0)
-        beyond: FloatArray = np.maximum(found / max(self.turns, 1.0) - others, 0.0)
-        return beyond
+        others = neighbourhood.UNCOUNTED + rate * np.minimum(share, 1.0)
+        excess: FloatArray = np.maximum(found / max(self.turns, 1.0) - others, 0.0)
+        return excess
 
     def after(
         self, measurement: FloatArray, world: FloatArray, weight: FloatArray, turns: float
@@ -170,9 +176,9 @@ class ClutterMap:
         cell = np.insert(self.cell, at[~known], new[~known])
         count = np.insert(count, at[~known], more[~known])
         recent = np.insert(recent, at[~known], more[~known])
-        enough = np.flatnonzero(count >= LEAST_COUNT)
-        if len(enough) > MOST_CELLS:
-            order = np.argsort(-count[enough], kind="stable")[:MOST_CELLS]
+        enough = np.flatnonzero(count >= MIN_COUNT)
+        if len(enough) > MAX_CELLS:
+            order = np.argsort(-count[enough], kind="stable")[:MAX_CELLS]
             enough = np.sort(enough[order])
         return replace(
             self,

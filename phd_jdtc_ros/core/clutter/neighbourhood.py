@@ -12,23 +12,26 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from .grid import Grid
 
-# Half widths, in cells, of a neighbourhood and of the place itself with a ship's last positions.
-REACH, OWN = 8, 2
+# Half width of a neighbourhood, in cells.
+REACH = 8
+# Half width, in cells, of the place itself with a ship's last positions.
+OWN = 2
 # Number of cells of a neighbourhood without the place itself.
 CELLS = (2 * REACH + 1) ** 2 - (2 * OWN + 1) ** 2
-# SINGLE: detections per turn of one reflector or of another unknown ship, which do not count. FEW:
-# detections per turn beyond it at which the neighbourhood is fixed clutter with probability 0.5.
-SINGLE, FEW = 1.0, 0.5
+# Detections per turn that are not counted: those of one reflector, or of one other ship without a
+# track.
+UNCOUNTED = 1.0
+# Excess, in detections per turn, at which a neighbourhood is fixed clutter with probability 0.5.
+EVEN_EXCESS = 0.5
 
 
-def detections_about(
+def detections_around(
     grid: Grid, cell: IntArray, count: FloatArray, places: FloatArray
 ) -> FloatArray:
     """Return the number of detections in the neighbourhood of each place, shape (M,).
 
     Parameters
     ----------
-    grid : Grid
     cell : int array of shape (K,)
         Ascending, as in `ClutterMap`.
     count : array of shape (K,)
@@ -39,20 +42,18 @@ def detections_about(
     centre = np.floor(places + 0.5).astype(np.int64)
     before = np.concatenate([[0.0], np.cumsum(count)])
     wide, own = (_block(grid, cell, before, centre, half) for half in (REACH, OWN))
-    about: FloatArray = np.maximum(wide - own, 0.0)
-    return about
+    return np.maximum(wide - own, 0.0)
 
 
-def probability_among_reflectors(about: FloatArray) -> FloatArray:
-    """Return the probability that a neighbourhood is fixed clutter, shape kept.
+def probability_among_reflectors(excess: FloatArray) -> FloatArray:
+    """Return the probability that a neighbourhood is fixed clutter, elementwise.
 
     Parameters
     ----------
-    about : array
-        Detections per turn in the neighbourhood beyond `SINGLE`.
+    excess : array
+        Detections per turn in the neighbourhood; see `ClutterMap.neighbourhood_excess`.
     """
-    share: FloatArray = about / (about + FEW)
-    return share
+    return excess / (excess + EVEN_EXCESS)
 
 
 def _block(

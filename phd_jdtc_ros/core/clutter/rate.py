@@ -14,9 +14,11 @@ START_RATE = 20.0
 # Memory in turns: after thirty turns a rate above one per turn is known within a fifth.
 MEMORY_TURNS = 30.0
 # Detections added to the count: keeps the rate of a radar without clutter above zero.
-LEAST_COUNT = 0.5
-# Bounds accepted in a snapshot: largest number of remembered detections, and fewest turns.
-MOST_IN_ALL, LEAST_TURNS = 1e9, 0.5
+ADDED_COUNT = 0.5
+# Largest number of remembered detections accepted in a snapshot.
+MAX_DETECTIONS = 1e9
+# Smallest number of remembered turns accepted in a snapshot.
+MIN_TURNS = 0.5
 
 
 @dataclass(frozen=True)
@@ -36,14 +38,14 @@ class ClutterCount:
     data fade alike: after T turns both have the factor exp(-T / MEMORY_TURNS).
     """
 
-    count: Annotated[float, floats("", 0.0, MOST_IN_ALL)] = START_RATE
+    count: Annotated[float, floats("", 0.0, MAX_DETECTIONS)] = START_RATE
     # The default is the prior of a radar whose rate was never learned.
-    turns: Annotated[float, floats("", LEAST_TURNS, 2.0 * MEMORY_TURNS)] = 1.0
+    turns: Annotated[float, floats("", MIN_TURNS, 2.0 * MEMORY_TURNS)] = 1.0
 
     @property
     def rate(self) -> float:
         """Expected false detections per turn."""
-        return (self.count + LEAST_COUNT) / (self.turns + LEAST_COUNT / START_RATE)
+        return (self.count + ADDED_COUNT) / (self.turns + ADDED_COUNT / START_RATE)
 
     def after(self, unclaimed: float, turns: float) -> ClutterCount:
         """Return the estimate after a further report.

@@ -103,7 +103,7 @@ def extract_all(
     # A target that occurs in several mixtures gets several rows.
     place = np.concatenate([mixture.target for mixture in stored])
     place += (np.cumsum(labels) - labels).repeat(sizes)
-    whole = replace(Mixture.concatenate(stored), origin=place).take(rows)
+    whole = replace(Mixture.concatenate(stored), row_label=place).take(rows)
     found = extract(whole, dynamics, parts[-1].stamp_ns, lag, 0.0)
     at = found.track_id - 1
     origin = np.concatenate([mixture.label for mixture in stored])

@@ -47,7 +47,7 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         """Predict, update with every radar and reduce; see `ForwardFilter.step`."""
         dynamics, index = self.dynamics, self._scan_index
         dt = self._interval(scan)
-        touched, others = partition_swept(self.current, scan, self.model, labelled=True)
+        touched, others = partition_swept(self.unswept, scan, self.model, labelled=True)
         earlier = [
             Aged(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns)) for rows in touched
         ]
@@ -59,16 +59,16 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         if self.model.spawn.rate > 0.0:
             parts.append(spawn(earlier, dynamics, index, self.bounds.least_existence))
         predicted = Mixture.concatenate(parts)
-        self.done("predict")
+        self.on_stage_end("predict")
         survived = len(parts[0]) if earlier else 0
         row = np.arange(len(predicted))
         branched = Branched(predicted, np.where(row < survived, row, -1))
         steps = GaussianSteps(dynamics, self.bounds)
         found = update_scan(branched, scan, steps, dt, index, self.clutter, self.attributes)
         self.approximate = found.approximate
-        self.done("update")
+        self.on_stage_end("update")
         stored, ancestry, self.floored = reduce_hypotheses(found.rows, self.bounds)
-        self.done("reduce")
+        self.on_stage_end("reduce")
         link = Link(moves, ancestry) if linked and moves is not None else None
         entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)
         self._keep(entry, others)

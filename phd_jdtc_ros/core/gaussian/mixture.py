@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, factorize, read_only, sum_by
-from ..snapshot import MASS_SLACK, MOST_STATE, covariances, floats, integers
+from ..snapshot import MAX_MASS, MAX_STATE, covariances, floats, integers
 from ..state_space import StateSpace
 from ..window.entries import Extents
 from .algebra.moments import merge_moments
@@ -25,7 +25,7 @@ class Mixture:
 
     Parameters
     ----------
-    origin : int array of shape (H,)
+    row_label : int array of shape (H,)
         Label of each hypothesis's target; see `labels`.
     weight : array of shape (H, R, S)
         Every class has the same number of cells; cells are ordered by class.
@@ -35,22 +35,22 @@ class Mixture:
         Zero on the axes that a motion mode is not defined on.
     """
 
-    origin: Annotated[IntArray, integers("H", 0)]
-    weight: Annotated[FloatArray, floats("HOS", 0.0, MASS_SLACK)]
-    mean: Annotated[FloatArray, floats("HOD", -MOST_STATE, MOST_STATE)]
-    covariance: Annotated[FloatArray, covariances("HODD", MOST_STATE)]
+    row_label: Annotated[IntArray, integers("H", 0, key="origin")]
+    weight: Annotated[FloatArray, floats("HOS", 0.0, MAX_MASS)]
+    mean: Annotated[FloatArray, floats("HOD", -MAX_STATE, MAX_STATE)]
+    covariance: Annotated[FloatArray, covariances("HODD", MAX_STATE)]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "origin", read_only(self.origin, np.int64))
+        object.__setattr__(self, "row_label", read_only(self.row_label, np.int64))
         for name in ("weight", "mean", "covariance"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
     def __len__(self) -> int:
-        return len(self.origin)
+        return len(self.row_label)
 
     @cached_property
     def _targets(self) -> tuple[IntArray, IntArray]:
-        return factorize(self.origin)
+        return factorize(self.row_label)
 
     @property
     def label(self) -> IntArray:
@@ -81,13 +81,15 @@ class Mixture:
 
     def take(self, rows: IntArray) -> Mixture:
         """Return the hypotheses of these rows."""
-        return Mixture(self.origin[rows], self.weight[rows], self.mean[rows], self.covariance[rows])
+        return Mixture(
+            self.row_label[rows], self.weight[rows], self.mean[rows], self.covariance[rows]
+        )
 
     def with_gaussians(
         self, weight: FloatArray, mean: FloatArray, covariance: FloatArray
     ) -> Mixture:
         """Return these hypotheses with their weights and Gaussians replaced."""
-        other = Mixture(self.origin, weight, mean, covariance)
+        other = Mixture(self.row_label, weight, mean, covariance)
         other.__dict__["_targets"] = self._targets  # the targets do not change
         return other
 
@@ -146,7 +148,7 @@ class Mixture:
         if len(parts) == 1:
             return parts[0]
         return Mixture(
-            np.concatenate([part.origin for part in parts]),
+            np.concatenate([part.row_label for part in parts]),
             np.concatenate([part.weight for part in parts]),
             np.concatenate([part.mean for part in parts]),
             np.concatenate([part.covariance for part in parts]),

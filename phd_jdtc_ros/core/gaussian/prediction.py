@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, contiguous
 from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled
-from ..snapshot import MOST_STATE, floats, integers
+from ..snapshot import MAX_STATE, floats, integers
 from ..tracks import labels
 from .algebra.blocks import SIZE, add_mean, add_spread, dot, factorise, solve
 from .algebra.kalman import predicted_covariance
@@ -66,11 +66,11 @@ class Moves:
     change: Annotated[FloatArray, floats("PK", 0.0, 1.0)]
     survival: Annotated[FloatArray, floats("PO", 0.0, 1.0)]
     cells: Annotated[FloatArray | None, floats("PSS", 0.0, 1.0)]
-    mean: Annotated[FloatArray, floats("AD", -MOST_STATE, MOST_STATE)]
+    mean: Annotated[FloatArray, floats("AD", -MAX_STATE, MAX_STATE)]
     factor: Annotated[FloatArray, floats("ADD", -MOST_FACTOR, MOST_FACTOR)]
     gain: Annotated[FloatArray, floats("ADD", -MOST_GAIN, MOST_GAIN)]
     # A small difference of large covariances: rounding may leave it indefinite.
-    base: Annotated[FloatArray, floats("ADD", -(MOST_STATE**2), MOST_STATE**2)]
+    base: Annotated[FloatArray, floats("ADD", -(MAX_STATE**2), MAX_STATE**2)]
     place: Annotated[IntArray, integers("PK", -1, below="A")]
 
     def take(self, rows: IntArray) -> Moves:
@@ -235,7 +235,7 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
         cells = np.array([interval.cells for interval in intervals])[source]
         weight = weight @ cells
     return (
-        Mixture(before.origin, weight, mean, covariance),
+        Mixture(before.row_label, weight, mean, covariance),
         Moves(*((of, to), change, survival, cells), *(pair_mean, factor, gain, base), place),
     )
 

@@ -294,7 +294,7 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
         *contiguous(into, branched.parent, *columns)
     )
     covariance, floored = kalman.floor_eigenvalues(covariance)
-    origin = mixture.origin[np.flatnonzero(into == np.arange(len(into)))]
+    origin = mixture.row_label[np.flatnonzero(into == np.arange(len(into)))]
     merged = Mixture(origin, weight, mean, covariance)
     return *_by_mode(merged, Ancestry(child, parent, share), bounds), floored
 
@@ -320,7 +320,7 @@ def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixt
         *contiguous(row, mode, stays_with, mixture.weight),
         *contiguous(ancestry.child, ancestry.parent, ancestry.share),
     )
-    split = Mixture(mixture.origin[row], weight, mixture.mean[row], mixture.covariance[row])
+    split = Mixture(mixture.row_label[row], weight, mixture.mean[row], mixture.covariance[row])
     return split, Ancestry(child, parent, share)
 
 

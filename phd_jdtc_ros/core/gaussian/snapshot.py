@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..snapshot import MASS_SLACK, Snapshot, from_snapshot, to_snapshot
+from ..snapshot import MAX_MASS, Snapshot, from_snapshot, to_snapshot
 from ..window.entries import Entry
 from ..window.window_snapshot import require_rows_of, sources_from_snapshot, sources_to_snapshot
 from .dynamics import Dynamics
@@ -52,10 +52,10 @@ def entry_from_snapshot(
     modes, size = dynamics.supported.shape
     sizes = {"O": modes, "D": size, "S": len(dynamics.cells), "K": len(dynamics.pairs[0])}
     stamp_ns, sources = sources_from_snapshot(snapshot, name, most)
-    if snapshot.array(f"{name}.origin").size > most:
-        raise ValueError(f"{name}.origin: more than {most} hypotheses")
+    if snapshot.array(f"{name}.row_label").size > most:
+        raise ValueError(f"{name}.row_label: more than {most} hypotheses")
     stored = from_snapshot(Mixture, snapshot, name, sizes)
-    if stored.existence.max(initial=0.0) > MASS_SLACK:
+    if stored.existence.max(initial=0.0) > MAX_MASS:
         raise ValueError(f"{name}.weight: a target of mass {stored.existence.max():.3g}")
     if f"{name}.link.survival" not in snapshot.arrays:
         return Entry(stamp_ns, stored, sources)

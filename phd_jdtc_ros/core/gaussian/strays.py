@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import FloatArray
-from ..attributes.uniqueness import Lost
+from ..attributes.uniqueness import OutOfGate
 from ..models.manoeuvre import PROBABILITY, manoeuvre
 from ..models.tracker_model import TrackerModel
 from ..state_space import StateSpace
@@ -13,7 +13,7 @@ from .mixture import Mixture
 from .reduction import Branched
 
 
-def with_strays(predicted: Branched, lost: Lost, model: TrackerModel) -> Branched:
+def with_reacquired(predicted: Branched, lost: OutOfGate, model: TrackerModel) -> Branched:
     """Return the hypotheses with one more for each lost target: a manoeuvre beyond its models.
 
     It is a copy of the target's most probable hypothesis with a covariance that the manoeuvre
@@ -29,7 +29,7 @@ def with_strays(predicted: Branched, lost: Lost, model: TrackerModel) -> Branche
     weight[np.isin(mixture.target, strayed)] *= 1.0 - PROBABILITY
     share = PROBABILITY * mixture.existence[strayed] / np.maximum(mixture.mass[row], 1e-300)
     added = Mixture(
-        mixture.origin[row],
+        mixture.row_label[row],
         share[:, None, None] * mixture.weight[row],
         mixture.mean[row],
         mixture.covariance[row] + spread[:, None] * used[..., :, None] * used[..., None, :],

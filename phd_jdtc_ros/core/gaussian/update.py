@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..attributes.memory import Evidence
-from ..attributes.readings import Paired
-from ..attributes.uniqueness import Lost
+from ..attributes.evidence import Evidence
+from ..attributes.reprojection import Paired
+from ..attributes.uniqueness import OutOfGate
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
@@ -25,7 +25,7 @@ from .measurement.newborn import newborn_mixture
 from .measurement.pairs import Association, PairLikelihoods, associate, likely, sum_modes
 from .mixture import Mixture
 from .reduction import Branched
-from .strays import with_strays
+from .strays import with_reacquired
 
 
 @dataclass(frozen=True)
@@ -119,15 +119,15 @@ class PriorMixture:
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs; see `gating.gate_pairs`."""
-        return gate_pairs(self.mixture, self.expected, self.report.read_as(detections))
+        return gate_pairs(self.mixture, self.expected, self.report.project_as(detections))
 
-    def slower(self, bound: float) -> FloatArray:
+    def probability_slower(self, bound: float) -> FloatArray:
         """Return the probability that each hypothesis is slower than a bound in m/s, (H,)."""
         return slower(self.mixture, bound, self.steps.model.modes.space)
 
-    def with_strays(self, lost: Lost) -> PriorMixture:
-        """Return the prior with hypotheses of lost targets; see `strays.with_strays`."""
-        return replace(self, branched=with_strays(self.branched, lost, self.steps.model))
+    def with_reacquired(self, out_of_gate: OutOfGate) -> PriorMixture:
+        """Return the prior with hypotheses of lost targets; see `strays.with_reacquired`."""
+        return replace(self, branched=with_reacquired(self.branched, out_of_gate, self.steps.model))
 
     def posterior(
         self, pairs: Paired, evidence: Evidence | None, log_other: FloatArray
@@ -143,13 +143,13 @@ class PriorMixture:
         none. The weight of a hypothesis with z is its prior weight times its likelihood, times
         p(z) / psi(z).
         """
-        readings = self.report.read_as(pairs.readings)
+        readings = self.report.project_as(pairs.projected)
         likelihoods = self._likelihoods(pairs, evidence, self._coarse(pairs, readings), log_other)
         counted = likely(self.mixture, self.missed, likelihoods)
         pairs = pairs.take(counted)
         evidence = None if evidence is None else evidence.take(counted)
 
-        found = iterated_update(self.mixture, pairs.row, pairs.reading, readings)
+        found = iterated_update(self.mixture, pairs.row, pairs.projected_index, readings)
         located = found.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
         likelihoods = self._likelihoods(pairs, evidence, located, log_other)
         association = associate(
@@ -159,8 +159,8 @@ class PriorMixture:
             rows=self._branch(association, pairs.row, found),
             claims=association.claims,
             sources=association.sources,
-            claimed=association.claimed,
-            pair=association.pair,
+            claimed_probability=association.claimed,
+            pair_probability=association.pair,
             existence=association.existence,
             evidence=evidence,
             approximate=association.approximate,
@@ -170,7 +170,7 @@ class PriorMixture:
         """Return the log likelihoods of pairs, linearised at the predicted means, (P, R)."""
         if (rates := readings.range_rates) is None:
             return pairs.log_likelihood
-        rough = coarse_rates(self.mixture, pairs.row, pairs.reading, rates, readings.sensor)
+        rough = coarse_rates(self.mixture, pairs.row, pairs.projected_index, rates, readings.sensor)
         return pairs.log_likelihood + rough
 
     def _likelihoods(
@@ -195,5 +195,5 @@ class PriorMixture:
         source = np.append(np.arange(len(mixture)), row)[kept]
         pair = np.maximum(kept - len(mixture), -1)
         gaussians = found.updated(mixture, source, pair)
-        updated = Mixture(mixture.origin[source], association.weight, *gaussians)
+        updated = Mixture(mixture.row_label[source], association.weight, *gaussians)
         return Branched(updated, self.branched.parent[source])

@@ -133,8 +133,8 @@ def _depths(
         later = np.zeros(len(stored.label) + 1, dtype=np.int64)
         later[stored.target] = depth[begin : begin + len(stored)]
         # No later scan continues a target that this scan has dropped.
-        target = np.searchsorted(stored.label, every.origin[source])
-        gone = np.append(stored.label, -1)[target] != every.origin[source]
+        target = np.searchsorted(stored.label, every.row_label[source])
+        gone = np.append(stored.label, -1)[target] != every.row_label[source]
         here = np.where(gone, 0, later[target])
         depth[source[source >= 0]] = here[source >= 0] + 1
         sources.append(source)

@@ -16,39 +16,67 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray, wrap_angle
 from ..types import FULL_TURN
 
-# Gates of the successive rounds of the regression, rad; a detection outside the last one does not
-# fit. A line needs at least this share of fitting detections, and this sum of weights.
-REFINEMENTS, LEAST_FIT, LEAST_WEIGHT = (0.9, 0.5, 0.4), 0.7, 3.0
-# Ages in turns at which a detection's weight is halved and at which it ends. The line is dropped
-# after LONGEST_UNSEEN turns without detections, because wind changes an antenna's speed.
-HALF_AGE, OLDEST, LONGEST_UNSEEN = 0.5, 2.2, 10.0
-# Rates that are tried when there is no line, relative to the latest or the given rate.
+# Largest residuals in the rounds of the regression, radians; a detection outside the last one does
+# not fit.
+REFINEMENT_GATES = (0.9, 0.5, 0.4)
+# Smallest share of fitting detections, by weight.
+MIN_FIT = 0.7
+# Smallest sum of weights for a fit.
+MIN_WEIGHT = 3.0
+# Age in turns at which a detection's weight is halved.
+HALF_AGE = 0.5
+# Largest age of a detection in turns.
+MAX_AGE = 2.2
+# Number of turns without detections after which the line is dropped, because wind changes an
+# antenna's speed.
+MAX_UNSEEN = 10.0
+# Rates that are tried when there is no line, relative to the latest or the nominal rate.
 RATES = np.exp(0.05 * np.arange(-6, 7))
-# Standard deviations of the logarithm of a turn's length, and of a detection's azimuth, rad.
-RATE_STD, AZIMUTH_STD = 0.05, 0.05
-# Required advantage over the best line of the other direction, and weight of the fit against the
-# prior of the rate.
-EVIDENCE, CONCENTRATION = 4.0, 4.0
-# The turn is searched again after MOST_UNCLEAR unclear reports. A line slower than SLOWEST usual
-# turns is refused: it would follow an antenna that stops, and not find it when it starts again.
-MOST_UNCLEAR, SLOWEST = 8, 2.0
-# In a report of at least LEAST_OF_REPORT detections, a time is an outlier if its distance from the
-# median exceeds both MOST_OFF median deviations and LEAST_OFF_S seconds.
-LEAST_OF_REPORT, MOST_OFF, LEAST_OFF_S = 3, 4.0, 1.0
-# At most MOST detections are used, regularly chosen. MANY of them over MOST_OF_A_TURN of a turn
-# show the motion without older ones.
-MOST, MANY, MOST_OF_A_TURN = 250, 20, 0.8
-# An unknown turn between these lengths is searched in at least LEAST_UNKNOWN detections of a
-# minute. Their coherence with the line (0 to 1; chance gives 0.5 with so few) must be at least
-# LEAST_COHERENCE, and clearly better than with an antenna that stands: a target that is seen at one
-# azimuth once a second also agrees with a turn of one second.
-SHORTEST_S, LONGEST_S = 0.5, 60.0
-LEAST_UNKNOWN, LEAST_COHERENCE, LEAST_EVIDENCE = 30, 0.85, 15.0
-# The search begins with the latest SHORT_S seconds. Its rates differ by RATE_STEP turns over the
-# searched time, which has at least LEAST_TURNS turns.
-SHORT_S, RATE_STEP, LEAST_TURNS = 15.0, 0.1, 1.5
-# The search is repeated after this share of the searched time, at most after LOOK_S seconds.
-AGAIN, LOOK_S = 0.2, 10.0
+# Standard deviation of the logarithm of the rotation period.
+RATE_STD = 0.05
+# Standard deviation of a detection's azimuth, radians.
+AZIMUTH_STD = 0.05
+# Required advantage over the best line of the other direction.
+MIN_ADVANTAGE = 4.0
+# Weight of the fit against the prior of the rate.
+CONCENTRATION = 4.0
+# Number of consecutive unclear reports after which the rotation period is searched again.
+MAX_UNCLEAR = 8
+# Largest period of a line in nominal periods: a longer one would follow an antenna that stops, and
+# not find it when it starts again.
+MAX_PERIOD_RATIO = 2.0
+# Smallest number of detections in a report whose times are checked for outliers.
+MIN_FOR_OUTLIERS = 3
+# A time is an outlier if its distance from the median exceeds this number of median deviations
+MAX_MEDIAN_DEVIATIONS = 4.0
+# and this number of seconds.
+MIN_OUTLIER_S = 1.0
+# Largest number of detections that are used, regularly selected.
+MAX_SIGHTINGS = 250
+# Smallest number of detections that show the motion without older ones,
+MIN_SUFFICIENT = 20
+# and smallest share of a turn over which they extend.
+MIN_SUFFICIENT_TURN = 0.8
+# Bounds of the search for an unknown rotation period, seconds.
+MIN_PERIOD_S = 0.5
+MAX_PERIOD_S = 60.0
+# Smallest number of detections in which an unknown period is searched.
+MIN_SEARCHED = 30
+# Smallest coherence of these detections with the line, from 0 to 1; chance gives 0.5 with so few.
+MIN_COHERENCE = 0.85
+# Required advantage over an antenna that stands: a target that is seen at one azimuth once a second
+# also agrees with a period of one second.
+MIN_TURNING_ADVANTAGE = 15.0
+# Time in which the search begins, seconds, because the antenna may have just started.
+FIRST_SEARCH_S = 15.0
+# Difference of the searched rates, in turns over the searched time.
+RATE_STEP = 0.1
+# Smallest number of turns in the searched time.
+MIN_TURNS = 1.5
+# Interval between searches, as a share of the searched time.
+SEARCH_INTERVAL = 0.2
+# Largest interval between searches, seconds.
+MAX_SEARCH_INTERVAL_S = 10.0
 
 
 class Antenna(NamedTuple):
@@ -69,8 +97,8 @@ class Antenna(NamedTuple):
     rate: float
 
     @property
-    def turn_s(self) -> float:
-        """Time of a turn, seconds."""
+    def period_s(self) -> float:
+        """Rotation period, seconds."""
         return FULL_TURN / abs(self.rate)
 
     def azimuth_at(self, time_s: float) -> float:
@@ -82,14 +110,13 @@ class Antenna(NamedTuple):
         off = math.remainder(azimuth - self.azimuth_at(time_s), FULL_TURN)
         return time_s + off / self.rate
 
-    def beside(self, time_s: FloatArray, azimuth: FloatArray) -> FloatArray:
-        """Return the deviations of azimuths from its direction at their times, radians, (M,)."""
+    def residual(self, time_s: FloatArray, azimuth: FloatArray) -> FloatArray:
+        """Return the azimuths less its direction at their times, wrapped, radians, (M,)."""
         return wrap_angle(azimuth - self.azimuth - self.rate * (time_s - self.time_s))
 
     def fits(self, time_s: FloatArray, azimuth: FloatArray) -> BoolArray:
         """Return a mask of the detections that agree with its motion, (M,)."""
-        near: BoolArray = np.abs(self.beside(time_s, azimuth)) <= REFINEMENTS[-1]
-        return near
+        return np.abs(self.residual(time_s, azimuth)) <= REFINEMENT_GATES[-1]
 
 
 class Sightings(NamedTuple):
@@ -99,9 +126,9 @@ class Sightings(NamedTuple):
     azimuth: FloatArray = np.zeros(0)
 
     def since(self, oldest_s: float) -> Sightings:
-        """Return the sightings after a time, at most `MOST` of them, regularly chosen."""
+        """Return at most `MAX_SIGHTINGS` sightings after a time, regularly selected."""
         kept = np.flatnonzero(self.time_s > oldest_s)
-        kept = kept[:: max(1, math.ceil(len(kept) / MOST))]
+        kept = kept[:: max(1, math.ceil(len(kept) / MAX_SIGHTINGS))]
         return Sightings(self.time_s[kept], self.azimuth[kept])
 
     def with_latest(self, own: Sightings, seconds: float) -> Sightings:
@@ -109,9 +136,11 @@ class Sightings(NamedTuple):
         older = self.since(float(own.time_s.max()) - seconds)
         return Sightings(*(np.concatenate(pair) for pair in zip(older, own, strict=True)))
 
-    def many(self, turn_s: float) -> bool:
+    def suffice(self, period_s: float) -> bool:
         """Return whether they suffice to show the antenna's motion."""
-        return len(self.time_s) >= MANY and bool(np.ptp(self.time_s) > MOST_OF_A_TURN * turn_s)
+        return len(self.time_s) >= MIN_SUFFICIENT and bool(
+            np.ptp(self.time_s) > MIN_SUFFICIENT_TURN * period_s
+        )
 
 
 class AntennaTrack(NamedTuple):
@@ -119,31 +148,35 @@ class AntennaTrack(NamedTuple):
 
     Parameters
     ----------
-    usual_s : float
-        Time of a turn that was given or estimated, seconds; 0 if unknown.
+    nominal_period_s : float
+        Rotation period, configured or as first estimated, seconds; 0 if unknown.
     antenna : Antenna or None
         Current motion; None if unknown.
     sightings : Sightings
         The latest detections.
     unclear : int
         Number of consecutive reports whose detections fitted no line.
-    looked_s : float
-        Time of the last search for an unknown turn, seconds.
+    searched_s : float
+        Time of the last search for an unknown period, seconds.
     """
 
-    usual_s: float
+    nominal_period_s: float
     antenna: Antenna | None = None
     sightings: Sightings = Sightings()
     unclear: int = 0
-    looked_s: float = -math.inf
+    searched_s: float = -math.inf
 
     @property
-    def rotation_s(self) -> float:
-        """Best estimate of the time of a turn, seconds; 0 if unknown."""
-        return self.usual_s if self.antenna is None else self.antenna.turn_s
+    def period_s(self) -> float:
+        """Current estimate of the rotation period, seconds; 0 if unknown."""
+        return self.nominal_period_s if self.antenna is None else self.antenna.period_s
 
     def follow(
-        self, now_s: float, time_s: FloatArray, azimuth: FloatArray, shortest_s: float = SHORTEST_S
+        self,
+        now_s: float,
+        time_s: FloatArray,
+        azimuth: FloatArray,
+        min_period_s: float = MIN_PERIOD_S,
     ) -> AntennaTrack:
         """Return the estimate after a report.
 
@@ -153,74 +186,76 @@ class AntennaTrack(NamedTuple):
             Stamp of the report, seconds.
         time_s, azimuth : arrays of shape (M,)
             Detections' times in seconds, and azimuths in radians counter-clockwise.
-        shortest_s : float
-            Lower bound of the search for an unknown turn, seconds.
+        min_period_s : float
+            Lower bound of the search for an unknown period, seconds.
         """
-        turn_s, line = self.rotation_s, self.antenna
-        if line is not None and now_s - line.time_s > LONGEST_UNSEEN * turn_s:
-            return AntennaTrack(self.usual_s).follow(now_s, time_s, azimuth)
+        period_s, line = self.period_s, self.antenna
+        if line is not None and now_s - line.time_s > MAX_UNSEEN * period_s:
+            return AntennaTrack(self.nominal_period_s).follow(now_s, time_s, azimuth)
         if not len(time_s):
             return self
         near = _plausible(time_s)
         own = Sightings(time_s[near], azimuth[near]).since(-math.inf)
-        if not turn_s:
-            seen = self.sightings.with_latest(own, LONGEST_S)
-            return self._found(now_s, seen, shortest_s)
-        seen = own if own.many(turn_s) else self.sightings.with_latest(own, OLDEST * turn_s)
-        weight = 0.5 ** ((seen.time_s.max() - seen.time_s) / (HALF_AGE * turn_s))
-        if weight.sum() < LEAST_WEIGHT:
+        if not period_s:
+            seen = self.sightings.with_latest(own, MAX_PERIOD_S)
+            return self._search(now_s, seen, min_period_s)
+        seen = own if own.suffice(period_s) else self.sightings.with_latest(own, MAX_AGE * period_s)
+        weight = 0.5 ** ((seen.time_s.max() - seen.time_s) / (HALF_AGE * period_s))
+        if weight.sum() < MIN_WEIGHT:
             return self._replace(sightings=seen)
         for line in self._lines(seen, weight):
-            fits = weight @ line.fits(*seen) >= LEAST_FIT * weight.sum()
-            if fits and line.turn_s < SLOWEST * self.usual_s:
-                return AntennaTrack(self.usual_s, line, seen)
-        if self.antenna is None and not seen.many(turn_s):
+            fits = weight @ line.fits(*seen) >= MIN_FIT * weight.sum()
+            if fits and line.period_s < MAX_PERIOD_RATIO * self.nominal_period_s:
+                return AntennaTrack(self.nominal_period_s, line, seen)
+        if self.antenna is None and not seen.suffice(period_s):
             return self._replace(sightings=seen)
-        # After many unclear reports the assumed turn itself is probably wrong.
-        usual_s = self.usual_s if self.unclear < MOST_UNCLEAR else 0.0
-        return AntennaTrack(usual_s, None, own, self.unclear + 1)
+        # After many unclear reports the assumed period itself is probably wrong.
+        nominal_period_s = self.nominal_period_s if self.unclear < MAX_UNCLEAR else 0.0
+        return AntennaTrack(nominal_period_s, None, own, self.unclear + 1)
 
-    def turning_in(self, turn_s: float) -> AntennaTrack:
-        """Return the estimate with a more accurate time of a turn, seconds; 0 changes nothing."""
-        if self.antenna is None or not turn_s:
+    def with_period(self, period_s: float) -> AntennaTrack:
+        """Return the estimate with a more accurate period, seconds; 0 changes nothing."""
+        if self.antenna is None or not period_s:
             return self
-        rate = math.copysign(FULL_TURN / turn_s, self.antenna.rate)
+        rate = math.copysign(FULL_TURN / period_s, self.antenna.rate)
         return self._replace(antenna=self.antenna._replace(rate=rate))
 
     def _lines(self, seen: Sightings, weight: FloatArray) -> Iterator[Antenna]:
         """Yield candidate lines: the previous one refined, then the best of a search."""
-        usual = FULL_TURN / self.rotation_s
+        usual = FULL_TURN / self.period_s
         if self.antenna is not None:
             yield _refine(self.antenna, seen, weight, usual)
         log_prior = -0.5 * (np.log(RATES) / RATE_STD) ** 2
         (fit, line), (other, _) = search_lines(seen, weight, usual * RATES, log_prior)
-        if weight.sum() * (fit**2 - other**2) >= EVIDENCE:
+        if weight.sum() * (fit**2 - other**2) >= MIN_ADVANTAGE:
             yield _refine(line, seen, weight, usual)
 
-    def _found(self, now_s: float, seen: Sightings, shortest_s: float) -> AntennaTrack:
-        """Return the estimate for an unknown turn, which is searched at intervals."""
-        due_s = self.looked_s + min(LOOK_S, AGAIN * float(np.ptp(seen.time_s)))
-        if len(seen.time_s) < LEAST_UNKNOWN or now_s < due_s:
+    def _search(self, now_s: float, seen: Sightings, min_period_s: float) -> AntennaTrack:
+        """Return the estimate for an unknown period, which is searched at intervals."""
+        due_s = self.searched_s + min(
+            MAX_SEARCH_INTERVAL_S, SEARCH_INTERVAL * float(np.ptp(seen.time_s))
+        )
+        if len(seen.time_s) < MIN_SEARCHED or now_s < due_s:
             return self._replace(sightings=seen)
-        for longest_s in (SHORT_S, LONGEST_S):  # the antenna may have just started
+        for longest_s in (FIRST_SEARCH_S, MAX_PERIOD_S):  # the antenna may have just started
             latest = seen.since(float(seen.time_s.max()) - longest_s)
             count, span_s = len(latest.time_s), float(np.ptp(latest.time_s))
-            if count < LEAST_UNKNOWN or span_s < LEAST_TURNS * shortest_s:
+            if count < MIN_SEARCHED or span_s < MIN_TURNS * min_period_s:
                 continue
-            turns = np.arange(LEAST_TURNS, span_s / shortest_s + RATE_STEP, RATE_STEP)
+            turns = np.arange(MIN_TURNS, span_s / min_period_s + RATE_STEP, RATE_STEP)
             (fit, line), _ = search_lines(latest, np.ones(count), turns * FULL_TURN / span_s)
             standing = float(np.abs(np.exp(1j * latest.azimuth).mean()))
-            if fit >= LEAST_COHERENCE and count * (fit**2 - standing**2) >= LEAST_EVIDENCE:
-                found = AntennaTrack(line.turn_s).follow(now_s, *latest)
-                return found._replace(usual_s=found.rotation_s)
-        return self._replace(sightings=seen, looked_s=now_s)
+            if fit >= MIN_COHERENCE and count * (fit**2 - standing**2) >= MIN_TURNING_ADVANTAGE:
+                track = AntennaTrack(line.period_s).follow(now_s, *latest)
+                return track._replace(nominal_period_s=track.period_s)
+        return self._replace(sightings=seen, searched_s=now_s)
 
 
 def _plausible(time_s: FloatArray) -> BoolArray:
     """Return a mask of the times near the median of a report; others come from a wrong clock."""
     off_s = np.abs(time_s - np.median(time_s))
-    near: BoolArray = off_s <= max(MOST_OFF * float(np.median(off_s)), LEAST_OFF_S)
-    return near | (len(time_s) < LEAST_OF_REPORT)
+    near: BoolArray = off_s <= max(MAX_MEDIAN_DEVIATIONS * float(np.median(off_s)), MIN_OUTLIER_S)
+    return near | (len(time_s) < MIN_FOR_OUTLIERS)
 
 
 def search_lines(
@@ -230,7 +265,6 @@ def search_lines(
 
     Parameters
     ----------
-    seen : Sightings
     weight : array of shape (M,)
     rates : array of shape (R,)
         Candidate rates, radians per second.
@@ -253,8 +287,8 @@ def _refine(line: Antenna, seen: Sightings, weight: FloatArray, usual: float) ->
     ridge = (AZIMUTH_STD / RATE_STD) ** 2
     last_s = float(seen.time_s[-1])
     line = Antenna(last_s, line.azimuth_at(last_s), line.rate)
-    for farthest in REFINEMENTS:
-        off = line.beside(*seen)
+    for farthest in REFINEMENT_GATES:
+        off = line.residual(*seen)
         used = weight * (np.abs(off) <= farthest)
         passed = line.rate * (seen.time_s - last_s)
         across = used @ passed

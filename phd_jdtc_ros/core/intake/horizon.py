@@ -13,14 +13,19 @@ import numpy as np
 
 from ..arrays import FloatArray
 
-# Reports of this many turns are remembered, and at least this many reports.
-TURNS, REPORTS = 4.0, 8
-# A radar is regular if the median relative deviation of its report intervals is below REGULAR;
-# fewer than LEAST_STEPS intervals count as regular.
-REGULAR, LEAST_STEPS = 0.15, 4
+# Time for which reports are remembered, in turns.
+MEMORY_TURNS = 4.0
+# Smallest number of reports that are remembered.
+MIN_REPORTS = 8
+# Largest median relative deviation of the report intervals of a regular radar.
+MAX_DEVIATION = 0.15
+# A radar with fewer report intervals counts as regular.
+MIN_INTERVALS = 4
 # Detections farther than this beyond the expected end of a report do not move it, in report
-# intervals and in turns.
-BEYOND, BEYOND_TURNS = 0.75, 0.06
+# intervals.
+MAX_BEYOND_INTERVALS = 0.75
+# The same bound in turns.
+MAX_BEYOND_TURNS = 0.06
 
 
 class Horizon(NamedTuple):
@@ -28,10 +33,11 @@ class Horizon(NamedTuple):
 
     Parameters
     ----------
-    lays : array of shape (K, 3)
-        For each report, oldest first, seconds: its stamp, its first detection's time after the
-        previous stamp, and its last detection's time after its own stamp; NaN without times.
-    step_s : float
+    timings : array of shape (K, 3)
+        One row for each report, oldest first, in seconds: its stamp; the time of its first
+        detection, from the previous report's stamp; the time of its last detection, from its own
+        stamp. NaN if the detections have no times.
+    interval_s : float
         Median interval between reports, seconds; 0 if unknown.
     regular : bool
         Whether reports come at regular intervals, so that a missing one was lost.
@@ -40,49 +46,51 @@ class Horizon(NamedTuple):
         No report has a detection later than this, and no following one has an earlier detection.
     """
 
-    lays: FloatArray = np.zeros((0, 3))
-    step_s: float = 0.0
+    timings: FloatArray = np.zeros((0, 3))
+    interval_s: float = 0.0
     regular: bool = True
     lead_s: float = math.nan
 
     @property
     def last_s(self) -> float:
         """Stamp of the latest report, seconds; NaN before the first."""
-        return float(self.lays[-1, 0]) if len(self.lays) else math.nan
+        return float(self.timings[-1, 0]) if len(self.timings) else math.nan
 
-    def after(self, stamp_s: float, time_s: FloatArray, turn_s: float) -> Horizon:
+    def after(self, stamp_s: float, time_s: FloatArray, period_s: float) -> Horizon:
         """Return the horizon after a new report.
 
         Parameters
         ----------
-        stamp_s : float
         time_s : array of shape (M,)
             Times of its detections; empty if the detections have none.
-        turn_s : float
-            Time of a turn, seconds.
+        period_s : float
+            Rotation period, seconds.
         """
-        lay = [stamp_s, math.nan, math.nan]
+        timing = [stamp_s, math.nan, math.nan]
         if len(time_s):
-            time_s = self._plausible_times(stamp_s, time_s, turn_s)
-            lay[1:] = time_s.min() - self.last_s, time_s.max() - stamp_s
-        kept = self.lays[:, 0] > stamp_s - TURNS * turn_s
-        kept[-REPORTS:] = True
-        lays = np.vstack([self.lays[kept], lay])
-        steps = np.diff(lays[:, 0])
-        step_s = float(np.median(steps)) if len(steps) else 0.0
-        even = len(steps) < LEAST_STEPS or np.median(np.abs(steps / step_s - 1.0)) < REGULAR
-        lead_s = np.fmin.reduce([np.fmax.reduce(lays[:, 2]), *lays[:, 1]])
-        return Horizon(lays, step_s, bool(even), self.lead_s if np.isnan(lead_s) else float(lead_s))
+            time_s = self._plausible_times(stamp_s, time_s, period_s)
+            timing[1:] = time_s.min() - self.last_s, time_s.max() - stamp_s
+        kept = self.timings[:, 0] > stamp_s - MEMORY_TURNS * period_s
+        kept[-MIN_REPORTS:] = True
+        timings = np.vstack([self.timings[kept], timing])
+        intervals = np.diff(timings[:, 0])
+        interval_s = float(np.median(intervals)) if len(intervals) else 0.0
+        regular = len(intervals) < MIN_INTERVALS or (
+            np.median(np.abs(intervals / interval_s - 1.0)) < MAX_DEVIATION
+        )
+        lead_s = np.fmin.reduce([np.fmax.reduce(timings[:, 2]), *timings[:, 1]])
+        lead_s = self.lead_s if np.isnan(lead_s) else float(lead_s)
+        return Horizon(timings, interval_s, bool(regular), lead_s)
 
-    def _plausible_times(self, stamp_s: float, time_s: FloatArray, turn_s: float) -> FloatArray:
+    def _plausible_times(self, stamp_s: float, time_s: FloatArray, period_s: float) -> FloatArray:
         """Return the times that are plausible for a report, without those off by a turn.
 
         If most are elsewhere than expected, the radar has changed its way of reporting, and all
         are used.
         """
-        if math.isnan(self.lead_s) or not self.step_s:
+        if math.isnan(self.lead_s) or not self.interval_s:
             return time_s
         end_s, begin_s = stamp_s + self.lead_s, self.last_s + self.lead_s
-        beyond_s = min(BEYOND * self.step_s, BEYOND_TURNS * turn_s)
+        beyond_s = min(MAX_BEYOND_INTERVALS * self.interval_s, MAX_BEYOND_TURNS * period_s)
         near = (time_s > begin_s - beyond_s) & (time_s < end_s + beyond_s)
         return time_s[near] if 2 * np.count_nonzero(near) > len(time_s) else time_s

@@ -9,25 +9,32 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-from ..arrays import FloatArray
+from ..arrays import BoolArray, FloatArray, IntArray
 from ..engine import Step
 from ..types import FULL_TURN, Detections, Scan
 from .sectors import smallest_arc
 
 # Number of azimuth cells per turn.
 CELLS = 72
-# Number of consecutive reports that can show sectors, and least number of detections in each.
-SECTOR_REPORTS, SECTOR_DETECTIONS = 60, 4
-# Reports are of sectors if each spans less than the first, and all together more than the second,
-# in turns.
-SECTOR_ARC, SECTORS_TOGETHER = 0.5, 0.75
-# A radar has a limited field of view if these many reports, with these many detections in all, span
-# less than FIELD_ARC turns.
-FIELD_REPORTS, FIELD_DETECTIONS, FIELD_ARC = 50, 200, 0.4
-# A radar with a longer turn, s, and a longer range, m, is for aircraft, whose height matters.
-SLOW_TURN, FAR = 3.0, 40e3
+# Number of consecutive reports that can show sectors.
+SECTOR_REPORTS = 60
+# Smallest number of detections in such a report.
+SECTOR_DETECTIONS = 4
+# Largest arc of a report of a sector, in turns.
+SECTOR_ARC = 0.5
+# Smallest part of the turn that these reports cover together.
+SECTORS_TOGETHER = 0.75
+# Smallest number of reports that can show a limited field of view.
+FIELD_REPORTS = 50
+# Smallest number of detections in all these reports.
+FIELD_DETECTIONS = 200
+# Largest arc of these detections, in turns.
+FIELD_ARC = 0.4
+# A radar with a longer rotation period, seconds, and a longer range, metres, is for aircraft, whose
+# height matters.
+SLOW_TURN = 3.0
+FAR = 40e3
 # Number of scans with detections, and of nominal intervals, within which targets are expected.
 PATIENCE = 30
 
@@ -51,9 +58,9 @@ class ReportWatch:
     slant_ranges: bool = False
     _reports: int = field(init=False, default=0)
     _detections: int = field(init=False, default=0)
-    _all: npt.NDArray[np.bool_] = field(init=False)
+    _all: BoolArray = field(init=False)
     _sectors: int = field(init=False, default=0)
-    _together: npt.NDArray[np.bool_] = field(init=False)
+    _together: BoolArray = field(init=False)
 
     def __post_init__(self) -> None:
         self._all = np.zeros(CELLS, dtype=bool)
@@ -87,10 +94,10 @@ class ReportWatch:
         self._together[_cells(start + np.linspace(0.0, width, CELLS))] = True
         if self._sectors < SECTOR_REPORTS:
             return 0
-        found = self._together.mean() > SECTORS_TOGETHER
+        covered = self._together.mean() > SECTORS_TOGETHER
         self._sectors = 0
         self._together[:] = False
-        return int(found)
+        return int(covered)
 
     def _is_field(self, azimuth: FloatArray) -> int:
         """Return 1, at most once, if all detections lie within a part of the turn."""
@@ -104,9 +111,9 @@ class ReportWatch:
         return int(smallest_arc(seen)[1] < FIELD_ARC * FULL_TURN)
 
 
-def _cells(azimuth: FloatArray) -> npt.NDArray[np.int64]:
+def _cells(azimuth: FloatArray) -> IntArray:
     """Return the cell of each azimuth."""
-    cells: npt.NDArray[np.int64] = (np.mod(azimuth, FULL_TURN) / FULL_TURN * CELLS).astype(int)
+    cells: IntArray = (np.mod(azimuth, FULL_TURN) / FULL_TURN * CELLS).astype(int)
     return np.minimum(cells, CELLS - 1)
 
 
@@ -131,10 +138,10 @@ class ResultWatch:
 
     def stepped(self, scan: Scan, step: Step) -> bool:
         """Return whether targets are overdue, once in `PATIENCE` intervals with detections."""
-        found = any(report is not None and len(report) > 0 for report in scan.detections)
+        detected = any(report is not None and len(report) > 0 for report in scan.detections)
         if step.targets:
             self.scans, self._since_ns = 0, None
-        if step.targets or not step.filtered or not found:
+        if step.targets or not step.filtered or not detected:
             return False
         if self._since_ns is None or scan.stamp_ns < self._since_ns:
             self._since_ns = scan.stamp_ns

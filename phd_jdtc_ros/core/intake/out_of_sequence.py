@@ -12,15 +12,17 @@ number of scans that are stepped again.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple, Protocol
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from ..engine import Engine, EngineState, Step
 from ..types import Detections, Estimates, Scan
 
-# Reprocessed scans that each new scan pays for, and the bound on savings, in windows.
-EARNED, SAVED = 2.0, 2.0
+# Number of reprocessed scans that each new scan pays for.
+EARNED = 2.0
+# Bound on savings, in windows.
+MAX_SAVED = 2.0
 
 Report = tuple[int, Detections]
 
@@ -29,15 +31,15 @@ Report = tuple[int, Detections]
 class Budget:
     """Limits the work for out-of-sequence reports.
 
-    Every scan earns `EARNED`, up to `SAVED` windows. An out-of-sequence report costs one, plus one
-    for each scan that must be stepped again and for each report that must be cut again.
+    Every scan earns `EARNED`, up to `MAX_SAVED` windows. An out-of-sequence report costs one, plus
+    one for each scan that must be stepped again and for each report that must be cut again.
     """
 
     saved: float = 0.0
 
     def earn(self, window: int) -> None:
         """Add the earnings of one scan; `window` is the number of scans that can be reprocessed."""
-        self.saved = min(self.saved + EARNED, SAVED * (window + 1))
+        self.saved = min(self.saved + EARNED, MAX_SAVED * (window + 1))
 
     def spend(self, cost: int) -> bool:
         """Spend `cost` and return True; return False if the savings are too small."""
@@ -47,27 +49,39 @@ class Budget:
         return True
 
 
-class LateReports(Protocol):
-    """A policy for out-of-sequence reports, which also steps the engine."""
+class OutOfSequence:
+    """The policy for out-of-sequence reports, which also steps the engine: here they are dropped.
+
+    Parameters
+    ----------
+    radars : int
+        Number of configured radars.
+    """
+
+    def __init__(self, engine: Engine, radars: int) -> None:
+        self._engine, self._radars = engine, radars
 
     def step(self, scan: Scan) -> Step:
         """Step the engine; estimates that waiting reports made due come first."""
-        ...
+        return self._engine.step(scan)
 
     def finish(self) -> tuple[Estimates, ...]:
         """Reprocess waiting reports at the end of a run; return the smoothed estimates due."""
-        ...
+        return ()
 
     def since_ns(self) -> int | None:
         """Return the stamp after which reports can be reprocessed; None if none can."""
-        ...
+        return None
 
-    def afford(self, stamp_ns: int, more: int) -> bool:
-        """Pay for an out-of-sequence report and `more` work; return whether that is affordable."""
-        ...
+    def spend(self, stamp_ns: int, extra: int) -> bool:
+        """Take the cost of reprocessing from this stamp, plus `extra`, from the budget.
 
-    def place(self, radar: int, replaced_ns: Sequence[int], reports: Sequence[Report]) -> None:
-        """Put reports of a radar into closed scans, where they may replace other reports.
+        Return False, and take nothing, if the budget is too small.
+        """
+        return False
+
+    def insert(self, radar: int, replaced_ns: Sequence[int], reports: Sequence[Report]) -> None:
+        """Insert reports of a radar into closed scans; they may replace other reports.
 
         Parameters
         ----------
@@ -78,54 +92,13 @@ class LateReports(Protocol):
         reports : sequence of (stamp in nanoseconds, Detections)
             All after `since_ns`, and not after the last scan.
         """
-        ...
 
     def reported(self, radar: int, stamp_ns: int) -> bool:
-        """Return whether a scan contains a report of a radar."""
-        ...
+        """Return whether a scan contains, or is about to contain, a report of a radar."""
+        return False
 
     def forget(self) -> None:
         """Begin a new run."""
-        ...
-
-
-class DropLateReports:
-    """The policy that drops out-of-sequence reports.
-
-    Parameters
-    ----------
-    radars : int
-        Number of configured radars.
-    """
-
-    def __init__(self, engine: Engine, radars: int) -> None:
-        self._engine = engine
-
-    def step(self, scan: Scan) -> Step:
-        """Step the engine."""
-        return self._engine.step(scan)
-
-    def finish(self) -> tuple[Estimates, ...]:
-        """Return nothing."""
-        return ()
-
-    def since_ns(self) -> int | None:
-        """Return None."""
-        return None
-
-    def afford(self, stamp_ns: int, more: int) -> bool:
-        """Return False."""
-        return False
-
-    def place(self, radar: int, replaced_ns: Sequence[int], reports: Sequence[Report]) -> None:
-        """Do nothing: nothing can be afforded."""
-
-    def reported(self, radar: int, stamp_ns: int) -> bool:
-        """Return False."""
-        return False
-
-    def forget(self) -> None:
-        """Do nothing."""
 
 
 class _PendingScan(NamedTuple):
@@ -135,28 +108,18 @@ class _PendingScan(NamedTuple):
     scan: Scan
 
 
-@dataclass
-class ReprocessLateReports:
-    """The policy that reprocesses reports while smoothed estimates of their time are pending.
+class ReprocessOutOfSequence(OutOfSequence):
+    """Reprocesses reports while smoothed estimates of their time are pending."""
 
-    Parameters
-    ----------
-    radars : int
-        Number of configured radars.
-    """
-
-    engine: Engine
-    radars: int
-    _pending: list[_PendingScan] = field(init=False, default_factory=list)
-    # Changed reports by stamp and radar; None removes a report.
-    _changed: dict[int, dict[int, Detections | None]] = field(init=False, default_factory=dict)
-    _budget: Budget = field(init=False, default_factory=Budget)
+    def __init__(self, engine: Engine, radars: int) -> None:
+        super().__init__(engine, radars)
+        self.forget()
 
     def step(self, scan: Scan) -> Step:
         """Reprocess waiting reports, and step the engine."""
         filtered, smoothed = self._reprocess()
-        before = self.engine.save_state()
-        step = self.engine.step(scan)
+        before = self._engine.save_state()
+        step = self._engine.step(scan)
         self._pending.append(_PendingScan(before, scan))
         self._trim(step.smoothed)
         self._budget.earn(len(self._pending))
@@ -179,12 +142,12 @@ class ReprocessLateReports:
         before, scan = self._pending[0]
         return scan.stamp_ns - 1 if before.stamp_ns is None else before.stamp_ns
 
-    def afford(self, stamp_ns: int, more: int) -> bool:
-        """Pay for an out-of-sequence report; scans already due for reprocessing are free."""
-        anyway = self._since(min(self._changed)) if self._changed else 0
-        return self._budget.spend(max(self._since(stamp_ns) - anyway, 0) + 1 + more)
+    def spend(self, stamp_ns: int, extra: int) -> bool:
+        """Take the cost from the budget; scans already due for reprocessing are free."""
+        due = self._since(min(self._changed)) if self._changed else 0
+        return self._budget.spend(max(self._since(stamp_ns) - due, 0) + 1 + extra)
 
-    def place(self, radar: int, replaced_ns: Sequence[int], reports: Sequence[Report]) -> None:
+    def insert(self, radar: int, replaced_ns: Sequence[int], reports: Sequence[Report]) -> None:
         """Record the change for the next reprocessing."""
         stamps = {kept.scan.stamp_ns for kept in self._pending} | self._changed.keys()
         for stamp_ns in replaced_ns:
@@ -203,26 +166,29 @@ class ReprocessLateReports:
 
     def forget(self) -> None:
         """Forget all scans and reports."""
-        self._pending, self._changed, self._budget = [], {}, Budget()
+        self._pending: list[_PendingScan] = []
+        # Changed reports by stamp and radar; None removes a report.
+        self._changed: dict[int, dict[int, Detections | None]] = {}
+        self._budget = Budget()
 
     def _since(self, stamp_ns: int) -> int:
         """Return the number of scans from a stamp on."""
-        return len(self._pending) - self._place(stamp_ns)
+        return len(self._pending) - self._index(stamp_ns)
 
-    def _place(self, stamp_ns: int) -> int:
-        """Return the number of scans before a stamp."""
+    def _index(self, stamp_ns: int) -> int:
+        """Return the index of the first pending scan that is not before a stamp."""
         return bisect_left([kept.scan.stamp_ns for kept in self._pending], stamp_ns)
 
     def _reprocess(self) -> tuple[tuple[Estimates, ...], tuple[Estimates, ...]]:
         """Step the changed scans and all later ones again; return the estimates due."""
         if not self._changed:
             return (), ()
-        place = self._place(min(self._changed))
-        again = self._changed_scans(self._pending[place:])
+        index = self._index(min(self._changed))
+        again = self._changed_scans(self._pending[index:])
         self._changed = {}
-        done = self.engine.reprocess([(kept.before, kept.scan) for kept in again])
+        done = self._engine.reprocess([(kept.before, kept.scan) for kept in again])
         scans = [kept.scan for kept in again]
-        self._pending[place:] = map(_PendingScan, done.states, scans)
+        self._pending[index:] = map(_PendingScan, done.states, scans)
         self._trim(done.smoothed)
         return done.filtered, done.smoothed
 
@@ -233,7 +199,7 @@ class ReprocessLateReports:
         merged: list[_PendingScan] = []
         for stamp_ns in sorted({*scans, *self._changed}):
             tuned = scans[stamp_ns].before if stamp_ns in scans else tuned
-            reports: list[Detections | None] = [None] * self.radars
+            reports: list[Detections | None] = [None] * self._radars
             if stamp_ns in scans:
                 reports = list(scans[stamp_ns].scan.detections)
             for radar, detections in self._changed.get(stamp_ns, {}).items():
@@ -247,10 +213,10 @@ class ReprocessLateReports:
         """Drop scans whose smoothed estimates are published."""
         if smoothed:
             latest = smoothed[-1].stamp_ns
-            del self._pending[: self._place(latest + 1)]
+            del self._pending[: self._index(latest + 1)]
 
 
-LATE_REPORTS: dict[str, Callable[[Engine, int], LateReports]] = {
-    "drop": DropLateReports,
-    "rework": ReprocessLateReports,
+POLICIES: dict[str, type[OutOfSequence]] = {
+    "drop": OutOfSequence,
+    "rework": ReprocessOutOfSequence,
 }

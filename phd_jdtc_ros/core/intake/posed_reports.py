@@ -17,16 +17,13 @@ from ..types import Detections, Pose
 from .poses import Platform, PoseFault
 
 
-class _Held(NamedTuple):
-    """A waiting part of a report.
+class _Waiting(NamedTuple):
+    """A slice of a report that waits for a pose.
 
     Parameters
     ----------
-    radar : int
-    stamp_ns : int
-    detections : Detections
     latest_ns : int
-        Latest stamp of the report's parts.
+        Latest stamp of the report's slices.
     """
 
     radar: int
@@ -43,7 +40,6 @@ class PosedReport:
     ----------
     radar : int
         Index in the configured order.
-    stamp_ns : int
     detections : Detections or None
         They have the radar's pose if it moves; None if the pose is unknown.
     extrapolated : bool
@@ -67,7 +63,7 @@ class PosedReports:
 
     def __init__(self, platforms: Sequence[Platform | None]) -> None:
         self._platforms = tuple(platforms)
-        self._held: deque[_Held] = deque()
+        self._queue: deque[_Waiting] = deque()
 
     @property
     def moving(self) -> bool:
@@ -77,20 +73,20 @@ class PosedReports:
     @property
     def waiting(self) -> bool:
         """Whether a report is held back."""
-        return bool(self._held)
+        return bool(self._queue)
 
     @property
     def awaited(self) -> int | None:
         """The radar of the first report that is held back; None if none is."""
-        return self._held[0].radar if self._held else None
+        return self._queue[0].radar if self._queue else None
 
-    def add(self, radar: int, parts: Sequence[tuple[int, Detections]]) -> None:
-        """Take in the parts of a report, each with its stamp; they have come together."""
-        latest_ns = max(stamp_ns for stamp_ns, _ in parts)
-        self._held += [_Held(radar, *part, latest_ns) for part in parts]
+    def add(self, radar: int, slices: Sequence[tuple[int, Detections]]) -> None:
+        """Add the slices of a report, each with its stamp."""
+        latest_ns = max(stamp_ns for stamp_ns, _ in slices)
+        self._queue += [_Waiting(radar, *each, latest_ns) for each in slices]
 
     def add_pose(self, radar: int, stamp_ns: int, pose: Pose) -> PoseFault | None:
-        """Take in a pose of what carries a radar; return why it is not used, or None if it is."""
+        """Add a pose of a radar's platform; return why it was rejected, or None."""
         platform = self._platforms[radar]
         if platform is None:
             raise ValueError(f"radar: {radar} given, must be one that moves")
@@ -98,24 +94,21 @@ class PosedReports:
 
     def released(self, everything: bool = False) -> Iterator[PosedReport]:
         """Yield the reports that need not wait any longer, or all of them."""
-        while self._held and (everything or self._ready()):
-            part = self._held.popleft()
-            platform = self._platforms[part.radar]
-            if platform is None:
-                yield PosedReport(part.radar, part.stamp_ns, part.detections)
-            else:
-                found = platform.with_pose(part.stamp_ns, part.detections)
-                yield PosedReport(part.radar, part.stamp_ns, *found)
+        while self._queue and (everything or self._ready()):
+            radar, stamp_ns, detections, _ = self._queue.popleft()
+            platform = self._platforms[radar]
+            posed = (detections,) if platform is None else platform.with_pose(stamp_ns, detections)
+            yield PosedReport(radar, stamp_ns, *posed)
 
     def forget(self) -> None:
         """Discard all reports; the poses stay."""
-        self._held.clear()
+        self._queue.clear()
 
     def _ready(self) -> bool:
-        first = self._held[0]
+        first = self._queue[0]
         platform = self._platforms[first.radar]
         if platform is None or platform.reaches(first.stamp_ns, first.detections):
             return True
-        late_ns = first.latest_ns + platform.track.max_age_s * 1e9
+        overdue_ns = first.latest_ns + platform.track.max_age_s * 1e9
         back_ns = first.latest_ns - platform.track.reset_threshold_s * 1e9
-        return any(part.latest_ns > late_ns or part.latest_ns < back_ns for part in self._held)
+        return any(each.latest_ns > overdue_ns or each.latest_ns < back_ns for each in self._queue)

@@ -18,19 +18,21 @@ import numpy as np
 from ..arrays import FloatArray, wrap_angle
 from ..types import Detections, Pose
 
-# Tolerance of a plausible change of pose in addition to the motion, m and rad.
-POSITION_SLACK, YAW_SLACK = 5.0, math.radians(10.0)
-# Upper bound of a platform's yaw rate, rad/s.
-MOST_YAW_RATE = 1.0
+# Tolerance of a plausible change of position in addition to the motion, metres.
+POSITION_TOLERANCE = 5.0
+# The same tolerance of the yaw, radians.
+YAW_TOLERANCE = math.radians(10.0)
+# Largest yaw rate of a platform, rad/s.
+MAX_YAW_RATE = 1.0
 # Shortest interval over which a velocity is computed, seconds; over a shorter one the noise of two
 # poses would exceed the motion.
 VELOCITY_S = 0.1
-# Upper bound of the number of poses that are kept.
-MOST_POSES = 100_000
+# Largest number of poses that are kept.
+MAX_POSES = 100_000
 
 
 class PoseFault(Enum):
-    """Why a pose is not used."""
+    """Why a pose was rejected."""
 
     DUPLICATE = "duplicate"
     LATE = "late"
@@ -67,8 +69,9 @@ class PoseTrack:
 
     Parameters
     ----------
-    turned : bool
-        Whether its yaw applies to the mounted radar. If not, the yaw is taken as 0.
+    yaw_applies : bool
+        Whether azimuths turn with the platform. If not, they are stabilised, and the platform's yaw
+        is taken as 0.
     max_age_s : float
         Longest interval between a time and the nearest pose, seconds.
     max_speed : float
@@ -77,7 +80,7 @@ class PoseTrack:
         A stamp that is further behind the newest than this begins a new run.
     """
 
-    turned: bool = True
+    yaw_applies: bool = True
     max_age_s: float = 1.0
     max_speed: float = 100.0
     reset_threshold_s: float = math.inf
@@ -85,11 +88,11 @@ class PoseTrack:
     _poses: list[Pose] = field(init=False, default_factory=list)
     # The platform has jumped between poses of different segments.
     _segments: list[int] = field(init=False, default_factory=list)
-    _doubted: tuple[int, Pose] | None = field(init=False, default=None)
+    _suspect: tuple[int, Pose] | None = field(init=False, default=None)
 
     def add(self, stamp_ns: int, pose: Pose) -> PoseFault | None:
-        """Take in a pose; return why it is not used, or None if it is."""
-        if not self.turned:
+        """Add a pose; return why it was rejected, or None."""
+        if not self.yaw_applies:
             pose = replace(pose, yaw=0.0)
         elif not math.isfinite(pose.yaw):
             return PoseFault.ORIENTATION
@@ -105,11 +108,11 @@ class PoseTrack:
         return None
 
     def segment(self, stamp_ns: int) -> tuple[tuple[int, Pose], tuple[int, Pose]] | None:
-        """Return the two poses, with stamps, that define the velocity at a stamp; None without.
+        """Return the two poses, with stamps, for the velocity at a stamp; None if there are none.
 
-        The second is the first pose at or after the stamp, or else the last one. The first is at
-        least `VELOCITY_S` earlier, without a jump in between. Later poses have no influence, so the
-        result does not depend on how many of them have arrived.
+        The second is the first pose at or after the stamp, or else the last
+        one. The first is at least `VELOCITY_S` earlier, without a jump in between. Later poses have
+        no influence, so the result does not depend on how many of them have arrived.
         """
         last = min(bisect_left(self._stamps, stamp_ns), len(self._stamps) - 1)
         if last > 0 and self._segments[last - 1] != self._segments[last]:
@@ -167,29 +170,29 @@ class PoseTrack:
         moved = math.dist(known[1].position, pose.position)
         turned = abs(math.remainder(pose.yaw - known[1].yaw, 2.0 * math.pi))
         return (
-            moved <= POSITION_SLACK + self.max_speed * since
-            and turned <= YAW_SLACK + MOST_YAW_RATE * since
+            moved <= POSITION_TOLERANCE + self.max_speed * since
+            and turned <= YAW_TOLERANCE + MAX_YAW_RATE * since
         )
 
     def _reject_jump(self, stamp_ns: int, pose: Pose) -> PoseFault | None:
         """Ignore a pose that cannot be reached, unless it continues from another such pose."""
-        doubted, self._doubted = self._doubted, (stamp_ns, pose)
-        if doubted is None or stamp_ns <= doubted[0]:
+        suspect, self._suspect = self._suspect, (stamp_ns, pose)
+        if suspect is None or stamp_ns <= suspect[0]:
             return PoseFault.JUMP
-        if not self._reachable(doubted, stamp_ns, pose):
+        if not self._reachable(suspect, stamp_ns, pose):
             return PoseFault.JUMP
         segment = self._segments[-1] + 1
-        self._append(*doubted, segment)
+        self._append(*suspect, segment)
         self._append(stamp_ns, pose, segment)
         return None
 
     def _append(self, stamp_ns: int, pose: Pose, segment: int) -> None:
-        self._doubted = None
+        self._suspect = None
         self._stamps.append(stamp_ns)
         self._poses.append(pose)
         self._segments.append(segment)
         kept_s = self.reset_threshold_s + 2.0 * self.max_age_s
-        oldest = max(len(self._stamps) - MOST_POSES, 0)
+        oldest = max(len(self._stamps) - MAX_POSES, 0)
         if math.isfinite(kept_s):
             oldest = max(oldest, bisect_left(self._stamps, stamp_ns - round(kept_s * 1e9)))
         # The two newest stay, because the next pose is compared with them.
@@ -198,23 +201,17 @@ class PoseTrack:
             del self._stamps[:oldest], self._poses[:oldest], self._segments[:oldest]
 
     def _clear(self) -> None:
-        self._stamps, self._poses, self._segments, self._doubted = [], [], [], None
+        self._stamps, self._poses, self._segments, self._suspect = [], [], [], None
 
 
 @dataclass
 class Platform:
-    """A moving platform with its radar.
-
-    Parameters
-    ----------
-    track : PoseTrack
-    mount : Mount
-    """
+    """A moving platform with its radar."""
 
     track: PoseTrack
     mount: Mount
 
-    def with_pose(self, stamp_ns: int, found: Detections) -> tuple[Detections | None, bool]:
+    def with_pose(self, stamp_ns: int, detections: Detections) -> tuple[Detections | None, bool]:
         """Return detections with the radar's pose at their stamp, and whether it is extrapolated.
 
         Detections with times of their own were measured from the radar's pose at that time; they
@@ -226,16 +223,16 @@ class Platform:
         if at_stamp is None:
             return None, False
         pose = self.mount.on(at_stamp)
-        if found.range_rate is not None:
+        if detections.range_rate is not None:
             velocity = self.velocity(stamp_ns)
             if velocity is None:
-                found = replace(found, range_rate=None, range_rate_std=None)
+                detections = replace(detections, range_rate=None, range_rate_std=None)
             else:
                 pose = replace(pose, velocity=velocity)
-        if found.time_s is None or not len(found):
-            return replace(found, pose=pose), extrapolated
+        if detections.time_s is None or not len(detections):
+            return replace(detections, pose=pose), extrapolated
         own = []
-        for time_s in found.time_s.tolist():
+        for time_s in detections.time_s.tolist():
             then, beyond = self.track.at(stamp_ns + round(time_s * 1e9))
             if then is None:
                 return None, False
@@ -243,13 +240,13 @@ class Platform:
             own.append((*mounted.position, mounted.yaw))
             extrapolated |= beyond
         x, y, yaw = np.transpose(own)
-        distance, azimuth = found.measurement.T
+        distance, azimuth = detections.measurement.T
         east = x + distance * np.cos(azimuth + yaw) - pose.position[0]
         north = y + distance * np.sin(azimuth + yaw) - pose.position[1]
         seen = np.stack([np.hypot(east, north), np.arctan2(north, east) - pose.yaw], axis=1)
         seen[:, 1] = wrap_angle(seen[:, 1])
-        found = replace(found, measurement=seen, pose=pose)
-        return self._at_the_stamp(stamp_ns, found, azimuth + yaw), extrapolated
+        detections = replace(detections, measurement=seen, pose=pose)
+        return self._at_stamp(stamp_ns, detections, azimuth + yaw), extrapolated
 
     def velocity(self, stamp_ns: int) -> tuple[float, float] | None:
         """Return the radar's velocity at a stamp in the world frame, m/s; None if unknown.
@@ -264,20 +261,22 @@ class Platform:
         (x, y), (later_x, later_y) = self.mount.on(begin).position, self.mount.on(end).position
         return (later_x - x) / since, (later_y - y) / since
 
-    def _at_the_stamp(self, stamp_ns: int, found: Detections, bearing: FloatArray) -> Detections:
+    def _at_stamp(self, stamp_ns: int, detections: Detections, bearing: FloatArray) -> Detections:
         """Return detections with range rates relative to the radar's velocity at the stamp.
 
         `bearing` has their directions in the world frame, radians.
         """
-        if found.range_rate is None or found.time_s is None or found.pose is None:
-            return found
-        then = [self.velocity(stamp_ns + round(time_s * 1e9)) for time_s in found.time_s.tolist()]
-        own = np.array([found.pose.velocity if one is None else one for one in then])
-        change = own - np.asarray(found.pose.velocity)
+        if detections.range_rate is None or detections.time_s is None or detections.pose is None:
+            return detections
+        then = [
+            self.velocity(stamp_ns + round(time_s * 1e9)) for time_s in detections.time_s.tolist()
+        ]
+        own = np.array([detections.pose.velocity if one is None else one for one in then])
+        change = own - np.asarray(detections.pose.velocity)
         toward = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-        return replace(found, range_rate=found.range_rate + (change * toward).sum(axis=1))
+        return replace(detections, range_rate=detections.range_rate + (change * toward).sum(axis=1))
 
-    def reaches(self, stamp_ns: int, found: Detections) -> bool:
+    def reaches(self, stamp_ns: int, detections: Detections) -> bool:
         """Return whether the poses reach all times of some detections."""
-        latest = 0.0 if found.time_s is None else float(found.time_s.max(initial=0.0))
+        latest = 0.0 if detections.time_s is None else float(detections.time_s.max(initial=0.0))
         return self.track.reaches(stamp_ns + round(latest * 1e9))

@@ -19,6 +19,7 @@ from enum import Enum
 
 from ..types import Detections, Scan
 
+# Number of missed scans after which a radar is silent.
 MISSES_UNTIL_SILENT = 2
 
 
@@ -104,14 +105,12 @@ class ScanGrouper:
     def add(
         self, radar: int, stamp_ns: int, detections: Detections
     ) -> list[Scan | Reset] | Rejection:
-        """Take in one report.
+        """Add one report.
 
         Parameters
         ----------
         radar : int
             Index in the configured order.
-        stamp_ns : int
-        detections : Detections
 
         Returns
         -------

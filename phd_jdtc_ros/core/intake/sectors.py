@@ -13,9 +13,11 @@ import numpy as np
 from ..arrays import FloatArray, wrap_angle
 from ..types import FULL_TURN, Coverage
 
-# A detection may lie outside its sector by half a sector, or by this margin in rad if it is larger,
-# because some come with the next report. Fewer than LEAST_NEAR cannot refute a sector's number.
-LEAST_MARGIN, LEAST_NEAR = math.radians(20.0), 3
+# A detection may lie outside its sector by half a sector, or by this margin in radians if it is
+# larger, because some come with the next report.
+MIN_MARGIN = math.radians(20.0)
+# Smallest number of detections that can refute a sector's number.
+MIN_DETECTIONS = 3
 
 
 def coverage_of(sector: int, sectors: int, compass: bool) -> Coverage:
@@ -49,13 +51,12 @@ def is_sector(azimuth: FloatArray, sector: Coverage) -> bool:
     Parameters
     ----------
     azimuth : array of shape (M,)
-    sector : Coverage
     """
-    if len(azimuth) < LEAST_NEAR:
+    if len(azimuth) < MIN_DETECTIONS:
         return True
     half = 0.5 * sector.width
-    beside = np.abs(wrap_angle(azimuth - sector.start - half))
-    near = int(np.count_nonzero(beside <= half + max(half, LEAST_MARGIN)))
+    residual = np.abs(wrap_angle(azimuth - sector.start - half))
+    near = int(np.count_nonzero(residual <= half + max(half, MIN_MARGIN)))
     return 2 * near >= len(azimuth)
 
 

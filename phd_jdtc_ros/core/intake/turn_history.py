@@ -1,7 +1,7 @@
-"""Keeps the latest reports of a turning radar, so that a late one is cut as if it were on time.
+"""Keeps the latest reports of a turning radar, to insert out-of-sequence reports.
 
-The coverage of a report follows from the reports before it. After a late report has been inserted,
-the later ones are cut again.
+The coverage of a report follows from the reports before it. After an out-of-sequence report has
+been inserted, the later ones are cut again.
 """
 
 from __future__ import annotations
@@ -12,36 +12,37 @@ from typing import NamedTuple
 
 from ..types import Detections
 from .scans import Rejection
-from .turns import Piece, State, Turns
+from .slices import Slice
+from .turns import State, Turns
 
 
 class _Record(NamedTuple):
-    """A report, the state before it, and its parts."""
+    """A report, the state before it, and its slices."""
 
     stamp_ns: int
     detections: Detections
     sector: int | None
     before: State
-    pieces: list[Piece]
+    slices: list[Slice]
 
 
 class Recut(NamedTuple):
-    """The changes by a late report.
+    """The changes by an out-of-sequence report.
 
     Parameters
     ----------
     stamps_ns : list of int
-        Stamps of the parts that are replaced.
-    pieces : list of (stamp in nanoseconds, Detections)
-        The parts of the late report and of all later ones, by ascending stamp.
+        Stamps of the slices that are replaced.
+    slices : list of (stamp in nanoseconds, Detections)
+        The slices of the out-of-sequence report and of all later ones, by ascending stamp.
     """
 
     stamps_ns: list[int]
-    pieces: list[Piece]
+    slices: list[Slice]
 
 
 class TurnHistory:
-    """Cuts the reports of one radar, and can do so again with a late one; see `Turns.split`."""
+    """Cuts the reports of one radar, and inserts out-of-sequence reports; see `Turns.split`."""
 
     def __init__(self, turns: Turns) -> None:
         self._turns = turns
@@ -49,51 +50,51 @@ class TurnHistory:
 
     def split(
         self, stamp_ns: int, detections: Detections, sector: int | None
-    ) -> list[Piece] | Rejection:
-        """Return the parts of a report that is not late."""
+    ) -> list[Slice] | Rejection:
+        """Return the slices of a report that is in sequence."""
         before = self._turns.state
-        pieces = self._turns.split(stamp_ns, detections, sector)
-        if self._turns.state is not before and not isinstance(pieces, Rejection):
+        slices = self._turns.split(stamp_ns, detections, sector)
+        if self._turns.state is not before and not isinstance(slices, Rejection):
             if self._records and stamp_ns < self._records[-1].stamp_ns:
                 self._records.clear()  # of another run
-            self._records.append(_Record(stamp_ns, detections, sector, before, pieces))
-        return pieces
+            self._records.append(_Record(stamp_ns, detections, sector, before, slices))
+        return slices
 
     def later(self, stamp_ns: int) -> int | Rejection:
-        """Return the number of reports after a late one, or why it cannot be inserted.
+        """Return the number of reports after an out-of-sequence one, or why it cannot be inserted.
 
         It cannot if it is a duplicate, or older than all that are kept.
         """
-        place = self._place(stamp_ns)
-        if place and self._records[place - 1].stamp_ns == stamp_ns:
+        index = self._index(stamp_ns)
+        if index and self._records[index - 1].stamp_ns == stamp_ns:
             return Rejection.DUPLICATE
-        later = self._records[place:]
+        later = self._records[index:]
         last_ns = later[0].before.last_ns if later else None
         return Rejection.LATE if last_ns is None or last_ns >= stamp_ns else len(later)
 
     def insert(self, stamp_ns: int, detections: Detections, sector: int | None) -> Recut:
-        """Insert a late report that `later` accepts, and cut all later ones again."""
-        place = self._place(stamp_ns)
-        later = self._records[place:]
-        del self._records[place:]
-        doubts, self._turns.state = Counter(self._turns.doubts), later[0].before
+        """Insert an out-of-sequence report that `later` accepts, and cut all later ones again."""
+        index = self._index(stamp_ns)
+        later = self._records[index:]
+        del self._records[index:]
+        anomalies, self._turns.state = Counter(self._turns.anomalies), later[0].before
         for report in ((stamp_ns, detections, sector), *(record[:3] for record in later)):
             self.split(*report)
-        # The warnings about the later reports were counted when they came.
-        self._turns.doubts = doubts
+        # The anomalies of the later reports were counted when they came.
+        self._turns.anomalies = anomalies
         return Recut(
-            [own_ns for record in later for own_ns, _ in record.pieces],
-            [piece for record in self._records[place:] for piece in record.pieces],
+            [own_ns for record in later for own_ns, _ in record.slices],
+            [slice_ for record in self._records[index:] for slice_ in record.slices],
         )
 
     def forget_before(self, stamp_ns: int) -> None:
         """Forget reports at a stamp or before it."""
-        del self._records[: self._place(stamp_ns)]
+        del self._records[: self._index(stamp_ns)]
 
     def clear(self) -> None:
         """Forget all reports."""
         self._records.clear()
 
-    def _place(self, stamp_ns: int) -> int:
-        """Return the number of reports at a stamp or before it."""
+    def _index(self, stamp_ns: int) -> int:
+        """Return the index of the first report after a stamp."""
         return bisect_right(self._records, stamp_ns, key=lambda record: record.stamp_ns)

@@ -5,6 +5,7 @@
     tracker_model          all models in one value, for an engine
     amplitude_model        use of amplitudes: band, memory, none
     detection_birth        births at detections, for targets that appear anywhere
+    newborn_sampling       states of newborn targets, and the intensity they are drawn from
     competing_sources      intensity of clutter and of unknown targets at detections
     detection_clusters     merges the detections of one object
     detection_limit        bounds the number of detections of one update

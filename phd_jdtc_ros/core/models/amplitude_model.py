@@ -11,9 +11,9 @@ memory log_snr is zero. An engine with weighted hypotheses distributes their wei
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -28,12 +28,41 @@ from ..types import Detections
 CELLS = 11
 
 
-class AmplitudeModel(Protocol):
-    """Use of amplitudes in the recursion."""
+class AmplitudeModel(ABC):
+    """Use of amplitudes in the recursion.
+
+    Only an engine with particles draws and diffuses; only one with weighted hypotheses has cells.
+    """
 
     def select(self, detections: Detections) -> Detections:
         """Return the detections that the update uses, with or without amplitudes."""
-        ...
+        return detections
+
+    @abstractmethod
+    def detection_probability(
+        self,
+        mode: IntArray,
+        log_snr: FloatArray,
+        measured: FloatArray,
+        sensor: Sensor,
+        modes: ModeSpace,
+    ) -> FloatArray:
+        """Return p_D of every hypothesis, given its measurement in the field of view, (N,)."""
+
+    @abstractmethod
+    def log_likelihood(
+        self,
+        mode: IntArray,
+        log_snr: FloatArray,
+        report: Report,
+        pairs: tuple[IntArray, IntArray],
+        modes: ModeSpace,
+    ) -> FloatArray:
+        """Return log p_D g^tau(a) of every (hypothesis, detection) pair, shape (P,)."""
+
+    @abstractmethod
+    def cells(self, modes: ModeSpace) -> SnrCells:
+        """Return the cells of the classes' SNR bands, for weighted hypotheses."""
 
     def draw(
         self,
@@ -46,62 +75,6 @@ class AmplitudeModel(Protocol):
 
         `amplitude` is the amplitude of each particle's detection, for births at detections.
         """
-        ...
-
-    def diffuse(
-        self,
-        log_snr: FloatArray,
-        mode: IntArray,
-        modes: ModeSpace,
-        dt: float,
-        rng: np.random.Generator,
-    ) -> FloatArray:
-        """Return the log_snr of survivors `dt` seconds later, shape (N,)."""
-        ...
-
-    def detection_probability(
-        self,
-        mode: IntArray,
-        log_snr: FloatArray,
-        measured: FloatArray,
-        sensor: Sensor,
-        modes: ModeSpace,
-    ) -> FloatArray:
-        """Return p_D of every hypothesis, given its measurement in the field of view, (N,)."""
-        ...
-
-    def log_likelihood(
-        self,
-        mode: IntArray,
-        log_snr: FloatArray,
-        report: Report,
-        pairs: tuple[IntArray, IntArray],
-        modes: ModeSpace,
-    ) -> FloatArray:
-        """Return log p_D g^tau(a) of every (hypothesis, detection) pair, shape (P,)."""
-        ...
-
-    def cells(self, modes: ModeSpace) -> SnrCells:
-        """Return the cells of the classes' SNR bands, for weighted hypotheses."""
-        ...
-
-
-@dataclass(frozen=True)
-class Band:
-    """Likelihood averaged over the SNR band of a class, without a memory."""
-
-    def select(self, detections: Detections) -> Detections:
-        """Return the detections unchanged."""
-        return detections
-
-    def draw(
-        self,
-        mode: IntArray,
-        modes: ModeSpace,
-        rng: np.random.Generator,
-        amplitude: FloatArray | None = None,
-    ) -> FloatArray:
-        """Return zeros; nothing is drawn."""
         return np.zeros(len(mode))
 
     def diffuse(
@@ -112,8 +85,13 @@ class Band:
         dt: float,
         rng: np.random.Generator,
     ) -> FloatArray:
-        """Return `log_snr` unchanged; nothing is drawn."""
+        """Return the log_snr of survivors `dt` seconds later, shape (N,)."""
         return log_snr
+
+
+@dataclass(frozen=True)
+class Band(AmplitudeModel):
+    """Likelihood averaged over the SNR band of a class, without a memory."""
 
     def detection_probability(
         self,
@@ -127,8 +105,7 @@ class Band:
         if (given := sensor.given_detection_probability(measured)) is not None:
             return given
         per_class = sensor.class_detection_probability(modes.classes)
-        probability: FloatArray = per_class[modes.class_of[mode]]
-        return probability
+        return per_class[modes.class_of[mode]]
 
     def log_likelihood(
         self,
@@ -142,8 +119,7 @@ class Band:
         row, column = pairs
         per_class = report.sensor.log_class_likelihood(report.detections, modes.classes)
         place = (modes.class_of * len(report)).take(mode).take(row) + column
-        likelihood: FloatArray = per_class.take(place)
-        return likelihood
+        return per_class.take(place)
 
     def cells(self, modes: ModeSpace) -> SnrCells:
         """Return one cell a class."""
@@ -161,7 +137,7 @@ class Ignored(Band):
 
 
 @dataclass(frozen=True)
-class Memory:
+class Memory(AmplitudeModel):
     """Every hypothesis has a state ln(1 + d), for its target's mean signal-to-noise ratio d.
 
     Parameters
@@ -171,15 +147,11 @@ class Memory:
 
     Notes
     -----
-    Beyond the paper. The backward step does not look at log_snr: it smooths the intensity over
-    state and mode, with log_snr integrated out.
+    Deviation: the paper has no such state. The backward step ignores log_snr: it smooths the
+    marginal intensity over state and mode.
     """
 
     jitter: float
-
-    def select(self, detections: Detections) -> Detections:
-        """Return the detections unchanged."""
-        return detections
 
     def draw(
         self,
@@ -198,8 +170,7 @@ class Memory:
         low, high = _band_edges(mode, modes)
         uniform = rng.random(len(mode))
         if amplitude is None:
-            prior: FloatArray = low + (high - low) * uniform
-            return prior
+            return low + (high - low) * uniform
         half = 0.5 * np.maximum(amplitude, SMALLEST_AMPLITUDE) ** 2
         least, most = half * np.exp(-high), half * np.exp(-low)
         exponential = least - np.log1p(uniform * np.expm1(least - most))
@@ -234,8 +205,7 @@ class Memory:
         """Return the given p_D, or exp(-tau^2 / 2(1 + d)) of a Rayleigh target, shape (N,)."""
         if (given := sensor.given_detection_probability(measured)) is not None:
             return given
-        probability: FloatArray = np.exp(-0.5 * sensor.threshold**2 * np.exp(-log_snr))
-        return probability
+        return np.exp(-0.5 * sensor.threshold**2 * np.exp(-log_snr))
 
     def log_likelihood(
         self,
@@ -282,11 +252,11 @@ class SnrCells:
 
     Parameters
     ----------
-    class_of : int array of shape (S,)
+    class_of : int array of shape (K,)
         Class of each cell, ascending.
-    log_snr : array of shape (S,)
+    log_snr : array of shape (K,)
         ln(1 + d) at the cell's centre; 0 in models without a memory.
-    generator : array of shape (S, S)
+    generator : array of shape (K, K)
         Rates of change from cell to cell per second, symmetric; rows sum to 0.
     """
 
@@ -303,7 +273,7 @@ class SnrCells:
         return values, vectors
 
     def transition(self, dt: float) -> FloatArray | None:
-        """Return the (S, S) matrix over `dt` seconds; None if no cell is ever left."""
+        """Return the (K, K) matrix over `dt` seconds; None if no cell is ever left."""
         if not self.generator.any():
             return None
         values, vectors = self._eigen

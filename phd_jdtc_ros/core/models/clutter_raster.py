@@ -12,9 +12,12 @@ from ..arrays import FloatArray, read_only
 from ..clutter.map import ClutterMap
 from ..sensors.sensor import Sensor
 
-# Largest number of cells along the longer side, smallest cell in metres, and margin as a share of
-# the longer side.
-MOST, LEAST_CELL, MARGIN = 256, 5.0, 0.05
+# Largest number of cells along the longer side.
+MAX_CELLS = 256
+# Smallest side of a cell, metres.
+MIN_CELL = 5.0
+# Margin, as a share of the longer side.
+MARGIN = 0.05
 # Number of points in each direction with which a cell of a map is drawn.
 POINTS = 3
 # A raster extends over cells with more detections than this, if there are any: not over stray ones.
@@ -62,9 +65,9 @@ def raster(maps: Mapping[str, ClutterMap], radars: Sequence[Sensor]) -> ClutterR
     world, each, count = (np.concatenate(column) for column in zip(*parts, strict=True))
     again = world[count > REPEATED] if (count > REPEATED).any() else world
     low, high = again.min(axis=0), again.max(axis=0)
-    margin = MARGIN * float((high - low).max()) + LEAST_CELL
+    margin = MARGIN * float((high - low).max()) + MIN_CELL
     low, high = low - margin, high + margin
-    cell = _round_up(max(float((high - low).max()) / (MOST - 1), LEAST_CELL))
+    cell = _round_up(max(float((high - low).max()) / (MAX_CELLS - 1), MIN_CELL))
     first = np.floor(low / cell)
     columns, rows = (np.ceil(high / cell) - first).astype(int).tolist()
     place = np.floor(world / cell) - first

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..attributes.memory import Evidence
+from ..attributes.evidence import Evidence
 from ..sensors.report import Report
 from . import detection_birth
 from .detection_birth import Newborn
@@ -44,8 +44,6 @@ class CompetingSources:
         ----------
         claimed : array of shape (M,)
             Probability that a known target is the source of each detection.
-        report : Report
-        model : TrackerModel
 
         Returns
         -------
@@ -56,7 +54,7 @@ class CompetingSources:
             return None
         total = np.where(self.total > 0.0, self.total, 1.0)
         unknown = (1.0 - claimed) * self.intensity[1:] / total
-        return detection_birth.newborn(report, unknown.T, model.detection_births)
+        return detection_birth.newborn_of(report, unknown.T, model.detection_births)
 
 
 def log_intensities(
@@ -70,8 +68,6 @@ def log_intensities(
 
     Parameters
     ----------
-    report : Report
-    model : TrackerModel
     dt : float
         True interval since the previous scan, seconds.
     earlier : sequence of Newborn

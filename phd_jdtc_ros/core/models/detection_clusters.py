@@ -12,13 +12,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..arrays import FloatArray, IntArray, sum_by, wrap_angle
+from ..sensors.polar_geometry import to_plane
 from ..sensors.range_rate import Rates
 from ..sensors.sensor import Sensor
 from ..types import UNKNOWN, Detections
 
-# Gate, in standard deviations, on the difference of the range rates of one object.
+# Gate, in standard noise_std_of, on the difference of the range rates of one object.
 RATE_SIGMA = 4.0
-# Gate, in standard deviations, on the distance between detections of one object.
+# Gate, in standard noise_std_of, on the distance between detections of one object.
 NOISE_SIGMA = 2.0
 
 
@@ -37,12 +38,12 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     Notes
     -----
     A merged detection has the largest amplitude of the group, the first known identity, and the
-    type with the most sensors. It has the standard deviations of one detection, because the centre
-    of reflection moves within the target.
+    type with the most sensors. It has the standard deviations of one detection, because the
+    centre of reflection moves within the target.
     """
     if not sensor.cluster_distance or len(detections) < 2:
         return detections
-    position = _cartesian(detections.measurement)
+    position = to_plane(detections.measurement, (0.0, 0.0), 0.0)
     rates = sensor.rates_of(detections)
     group = _groups(position, _close(position, detections, sensor), rates)
     count = int(group.max()) + 1
@@ -67,14 +68,9 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     )
 
 
-def _cartesian(measurement: FloatArray) -> FloatArray:
-    distance, azimuth = measurement.T
-    return np.stack([distance * np.cos(azimuth), distance * np.sin(azimuth)], axis=1)
-
-
 def _close(position: FloatArray, detections: Detections, sensor: Sensor) -> IntArray:
     """Return the pairs of detections within the cluster distance and their noise, (P, 2)."""
-    std = sensor.deviations(detections)
+    std = sensor.noise_std_of(detections)
     sides = np.stack([std[:, 0], std[:, 1] * detections.measurement[:, 0]], axis=1)
     reach = sensor.cluster_distance + NOISE_SIGMA * np.sqrt(2.0) * float(sides.max())
     pairs: IntArray = cKDTree(position).query_pairs(reach, output_type="ndarray")
@@ -112,8 +108,7 @@ def _groups(position: FloatArray, pairs: IntArray, rates: Rates | None) -> IntAr
     _, first_row, inverse = np.unique(centre, return_index=True, return_inverse=True)
     rank = np.empty(len(first_row), dtype=np.int64)
     rank[np.argsort(first_row)] = np.arange(len(first_row))
-    group: IntArray = rank[inverse.ravel()]
-    return group
+    return rank[inverse.ravel()]
 
 
 def _mean(group: IntArray, value: FloatArray, count: int) -> FloatArray:

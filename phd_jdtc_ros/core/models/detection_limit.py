@@ -10,18 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import GOLDEN_RATIO, FloatArray
 from ..sensors.report import Report
 
 # Largest number of candidate pairs of one update, about half of them within the gate: 0.3 GB.
-MOST_CANDIDATES = 1 << 22
+MAX_CANDIDATES = 1 << 22
 # Largest number of detections of one update: each one can become a newborn target.
-MOST_DETECTIONS = 1 << 12
-# Golden ratio: the fractional parts of its multiples are distributed evenly.
-GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+MAX_DETECTIONS = 1 << 12
 
 
-def limited(report: Report, predicted: FloatArray, targets: float) -> Report:
+def limit_detections(report: Report, predicted: FloatArray, targets: float) -> Report:
     """Return a report within the limits, with a sensor that reports only these detections.
 
     Parameters
@@ -36,20 +34,20 @@ def limited(report: Report, predicted: FloatArray, targets: float) -> Report:
     Returns
     -------
     Report
-        The same report if it has at most `MOST_DETECTIONS` detections and `MOST_CANDIDATES`
+        The same report if it has at most `MAX_DETECTIONS` detections and `MAX_CANDIDATES`
         candidate pairs. Otherwise the detections with the largest amplitudes; among equal ones, or
         without amplitudes, an even draw. The sensor's threshold is raised accordingly, and its
         clutter rate is at least the number of detections beyond the expected targets.
     """
     detections, sensor, size = report.detections, report.sensor, len(report)
-    if size <= MOST_DETECTIONS and len(predicted) * size <= MOST_CANDIDATES:
+    if size <= MAX_DETECTIONS and len(predicted) * size <= MAX_CANDIDATES:
         return report
-    candidates = sensor.candidates(predicted, detections)
-    kept = min(MOST_DETECTIONS, int(size * min(MOST_CANDIDATES / max(candidates, 1), 1.0)))
+    candidates = sensor.candidate_count(predicted, detections)
+    kept = min(MAX_DETECTIONS, int(size * min(MAX_CANDIDATES / max(candidates, 1), 1.0)))
     if kept >= size:
         return report
     kept = max(kept, 1)
-    draw = np.arange(size) * GOLDEN % 1.0
+    draw = np.arange(size) * GOLDEN_RATIO % 1.0
     if detections.amplitude is None:
         rows = np.sort(np.argsort(draw, kind="stable")[:kept])
         left = detections.take(rows)
@@ -66,4 +64,4 @@ def limited(report: Report, predicted: FloatArray, targets: float) -> Report:
     # the whole turn.
     part = 1.0 if detections.coverage is None else detections.coverage.turns or 1.0
     rate = max(sensor.clutter_rate * fewer, (kept - targets) / part)
-    return Report(sensor.limited(threshold, rate), left, share, complete=False)
+    return Report(sensor.with_threshold_and_rate(threshold, rate), left, share, complete=False)

@@ -16,11 +16,13 @@ from scipy.special import chndtr
 from ..arrays import FloatArray
 from ..sensors.sensor import Sensor
 
-# Smallest standard deviations of a velocity, metres per second and as a share of the bound.
-LEAST_SPEED_STD, LEAST_SPEED_SHARE = 0.1, 0.05
+# Smallest standard deviation of a velocity, metres per second.
+MIN_SPEED_STD = 0.1
+# Smallest standard deviation of a velocity, as a share of the bound.
+MIN_SPEED_STD_SHARE = 0.05
 
 
-def slower(mean: FloatArray, covariance: FloatArray, bound: float) -> FloatArray:
+def probability_slower(mean: FloatArray, covariance: FloatArray, bound: float) -> FloatArray:
     """Return the probability that each velocity is slower than a bound, shape (...).
 
     Parameters
@@ -36,7 +38,7 @@ def slower(mean: FloatArray, covariance: FloatArray, bound: float) -> FloatArray
     The covariance ellipse of a velocity is replaced by a circle of the same area.
     """
     area = np.sqrt(np.maximum(np.linalg.det(covariance), 0.0))
-    variance = np.maximum(area, max(LEAST_SPEED_STD, LEAST_SPEED_SHARE * bound) ** 2)
+    variance = np.maximum(area, max(MIN_SPEED_STD, MIN_SPEED_STD_SHARE * bound) ** 2)
     square, limit = (mean**2).sum(axis=-1) / variance, bound**2 / variance
     # Beyond ten standard deviations the probability is zero, and its series would be long.
     found: FloatArray = chndtr(limit, 2.0, np.minimum(square, (np.sqrt(limit) + 10.0) ** 2))
@@ -61,12 +63,11 @@ def at_even_odds(probability: FloatArray, bound: float, velocity_std: float) -> 
     prior = -math.expm1(-0.5 * (bound / velocity_std) ** 2)
     rest, motion = probability * (1.0 - prior), (1.0 - probability) * prior
     whole = rest + motion
-    even: FloatArray = np.where(whole > 0.0, rest / np.where(whole > 0.0, whole, 1.0), probability)
-    return even
+    return np.where(whole > 0.0, rest / np.where(whole > 0.0, whole, 1.0), probability)
 
 
 def among_reflectors(probability: FloatArray, reflectors: FloatArray) -> FloatArray:
-    """Return probabilities of being stationary beside fixed clutter, shape kept.
+    """Return probabilities of being stationary beside fixed clutter, elementwise.
 
     Parameters
     ----------
@@ -81,8 +82,7 @@ def among_reflectors(probability: FloatArray, reflectors: FloatArray) -> FloatAr
     probability of zero stays zero.
     """
     motion = (1.0 - probability) * (1.0 - reflectors)
-    found: FloatArray = probability / (probability + motion)
-    return found
+    return probability / (probability + motion)
 
 
 def stationary_speed(radars: Sequence[Sensor]) -> float:

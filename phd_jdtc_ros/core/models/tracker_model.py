@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..attributes.memory import AttributeModel
+from ..attributes.records import AttributeModel
 from ..sensors.report import Report
 from ..sensors.sensor import Sensor
 from ..targets.birth import BirthTerm
@@ -31,8 +31,6 @@ class TrackerModel:
         Births at known positions.
     detection_births : DetectionBirthModel
         Births at detections.
-    spawn : SpawnModel
-    amplitudes : AmplitudeModel
     radars : tuple of Sensor
         In the order in which their reports update the targets.
     attributes : AttributeModel or None
@@ -53,7 +51,7 @@ class TrackerModel:
         Detections of one object are merged, and amplitudes are dropped if the model ignores them.
         """
         return [
-            Report(sensor.at(found.pose), self.amplitudes.select(merge_clusters(found, sensor)))
-            for sensor, found in zip(self.radars, scan.detections, strict=True)
-            if found is not None
+            Report(sensor.at(each.pose), self.amplitudes.select(merge_clusters(each, sensor)))
+            for sensor, each in zip(self.radars, scan.detections, strict=True)
+            if each is not None
         ]

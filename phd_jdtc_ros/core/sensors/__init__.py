@@ -1,1 +1,1 @@
-"""The protocol of a sensor, reports, and the polar radar with its geometry, gates and coverage."""
+"""The base class of sensors, reports, and the polar radar with its geometry, gates and coverage."""

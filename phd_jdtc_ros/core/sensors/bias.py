@@ -11,7 +11,7 @@ from ..types import Detections
 
 
 @dataclass(frozen=True)
-class RadarBias:
+class SensorBias:
     """Biases of one radar, zero by default: positive for measurements that are too large.
 
     A true range r is measured as ``range_bias + (1 + range_gain) r``.
@@ -39,30 +39,29 @@ class RadarBias:
         return round(self.time_offset_s * 1e9)
 
     def true_range(self, measured: FloatArray) -> FloatArray:
-        """Return ranges without their biases, metres; shape kept."""
-        true: FloatArray = (measured - self.range_bias) / (1.0 + self.range_gain)
-        return true
+        """Return ranges without their biases, metres, elementwise."""
+        return (measured - self.range_bias) / (1.0 + self.range_gain)
 
-    def remove_from(self, stamp_ns: int, found: Detections) -> tuple[int, Detections]:
+    def remove_from(self, stamp_ns: int, detections: Detections) -> tuple[int, Detections]:
         """Return a report's stamp and detections without the biases; ranges are at least zero."""
         if self == NO_BIAS:
-            return stamp_ns, found
-        distance = np.maximum(self.true_range(found.measurement[:, 0]), 0.0)
-        azimuth = _wrap_angle(found.measurement[:, 1] - self.azimuth)
-        return stamp_ns - self.offset_ns, _with(found, distance, azimuth)
+            return stamp_ns, detections
+        distance = np.maximum(self.true_range(detections.measurement[:, 0]), 0.0)
+        azimuth = wrap_angle(detections.measurement[:, 1] - self.azimuth)
+        return stamp_ns - self.offset_ns, _with(detections, distance, azimuth)
 
-    def apply_to(self, stamp_ns: int, found: Detections) -> tuple[int, Detections]:
+    def apply_to(self, stamp_ns: int, detections: Detections) -> tuple[int, Detections]:
         """Return a report's stamp and detections as a radar with these biases measures them."""
         if self == NO_BIAS:
-            return stamp_ns, found
-        distance = self.range_bias + (1.0 + self.range_gain) * found.measurement[:, 0]
-        azimuth = _wrap_angle(found.measurement[:, 1] + self.azimuth)
-        return stamp_ns + self.offset_ns, _with(found, np.maximum(distance, 0.0), azimuth)
+            return stamp_ns, detections
+        distance = self.range_bias + (1.0 + self.range_gain) * detections.measurement[:, 0]
+        azimuth = wrap_angle(detections.measurement[:, 1] + self.azimuth)
+        return stamp_ns + self.offset_ns, _with(detections, np.maximum(distance, 0.0), azimuth)
 
-    def followed_by(self, later: RadarBias) -> RadarBias:
+    def followed_by(self, later: SensorBias) -> SensorBias:
         """Return the total biases of a radar with `later` ones after these have been removed."""
         scale = 1.0 + self.range_gain
-        return RadarBias(
+        return SensorBias(
             self.range_bias + scale * later.range_bias,
             scale * (1.0 + later.range_gain) - 1.0,
             self.azimuth + later.azimuth,
@@ -70,13 +69,8 @@ class RadarBias:
         )
 
 
-NO_BIAS = RadarBias()
+NO_BIAS = SensorBias()
 
 
-def _wrap_angle(azimuth: FloatArray) -> FloatArray:
-    """Return angles in (-pi, pi], shape kept."""
-    return -wrap_angle(-azimuth)
-
-
-def _with(found: Detections, distance: FloatArray, azimuth: FloatArray) -> Detections:
-    return replace(found, measurement=np.stack([distance, azimuth], axis=1))
+def _with(detections: Detections, distance: FloatArray, azimuth: FloatArray) -> Detections:
+    return replace(detections, measurement=np.stack([distance, azimuth], axis=1))

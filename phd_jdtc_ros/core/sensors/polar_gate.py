@@ -13,7 +13,7 @@ from ..pair_search.gating import CellLists, cell_lists
 from ..types import Detections
 
 # Radius of the gates in standard deviations; there the likelihood is 1e-8 of its peak.
-GATE_SIGMA = 6.0
+DETECTION_GATE_SIGMA = 6.0
 
 
 def gated_pairs(
@@ -29,7 +29,6 @@ def gated_pairs(
     ----------
     predicted : array of shape (N, 2)
         Measurements of the particles at the scan's stamp.
-    detections : Detections
     noise_std : array of shape (2,)
         Standard deviations of the radar.
     own_std : array of shape (M, 2) or None
@@ -54,7 +53,7 @@ def gated_pairs(
         lists, gate = _lists(detections, noise_std)
         log_norm = -np.log(2.0 * np.pi * noise_std[0] * noise_std[1])
         particle, detection, square = kernels.current().near_detections(
-            lists, predicted, noise_std, GATE_SIGMA, gate
+            lists, predicted, noise_std, DETECTION_GATE_SIGMA, gate
         )
         return particle, detection, log_norm - 0.5 * square
     if std is None:
@@ -63,23 +62,23 @@ def gated_pairs(
     if shift is not None and rate is not None and len(shift):
         fastest = np.abs(rate).max(axis=0) * np.abs(shift).max()
         # An ellipse larger by this margin contains every shifted gate.
-        widest = widest + 1.5 * fastest / GATE_SIGMA
+        widest = widest + 1.5 * fastest / DETECTION_GATE_SIGMA
     lists, gate = _lists(detections, widest)
     particle, detection, _ = kernels.current().near_detections(
-        lists, predicted, widest, GATE_SIGMA, gate
+        lists, predicted, widest, DETECTION_GATE_SIGMA, gate
     )
     error = detections.measurement[detection] - predicted[particle]
     if shift is not None and rate is not None:
         error -= rate[particle] * shift[detection, None]
     error[:, 1] = wrap_angle(error[:, 1])
     square = ((error / std[detection]) ** 2).sum(axis=1)
-    near = np.flatnonzero(square <= GATE_SIGMA**2)
+    near = np.flatnonzero(square <= DETECTION_GATE_SIGMA**2)
     log_norm_of = -np.log(2.0 * np.pi * std.prod(axis=1))
     kept = detection[near]
     return particle[near], kept, log_norm_of[kept] - 0.5 * square[near]
 
 
-def candidates(predicted: FloatArray, detections: Detections, noise_std: FloatArray) -> int:
+def candidate_count(predicted: FloatArray, detections: Detections, noise_std: FloatArray) -> int:
     """Return the number of candidate pairs of `gated_pairs`; about twice the pairs in the gate."""
     lists, _ = _lists(detections, noise_std)
     return int(np.diff(lists.start).take(lists.cell_of(predicted)).sum())
@@ -87,7 +86,7 @@ def candidates(predicted: FloatArray, detections: Detections, noise_std: FloatAr
 
 def _lists(detections: Detections, std: FloatArray) -> tuple[CellLists, float]:
     """Return the detections by cell, and the half width of the gate in azimuth."""
-    gate = min(GATE_SIGMA * float(std[1]), np.pi)
+    gate = min(DETECTION_GATE_SIGMA * float(std[1]), np.pi)
     measured = detections.measurement.copy()
     measured[:, 1] = wrap_angle(measured[:, 1])
-    return cell_lists(measured, GATE_SIGMA * float(std[0]), gate), gate
+    return cell_lists(measured, DETECTION_GATE_SIGMA * float(std[0]), gate), gate

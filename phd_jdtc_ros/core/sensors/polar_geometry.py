@@ -15,7 +15,7 @@ from ..arrays import BoolArray, FloatArray
 from ..types import FULL_TURN, Detections
 
 # Smallest range in divisions, metres: the azimuth is undefined at the radar's own position.
-LEAST_RANGE = 1.0
+MIN_RANGE = 1.0
 
 
 def measure(position: FloatArray, origin: Sequence[float], yaw: float) -> FloatArray:
@@ -35,8 +35,6 @@ def linearise(
     Parameters
     ----------
     position : array of shape (..., 2)
-    origin : sequence of two floats
-    yaw : float
 
     Returns
     -------
@@ -47,7 +45,7 @@ def linearise(
     east, north = line[..., 0], line[..., 1]
     cos, sin = np.cos(yaw), np.sin(yaw)
     ahead, left = cos * east + sin * north, cos * north - sin * east
-    distance = np.maximum(np.sqrt(ahead**2 + left**2), LEAST_RANGE)
+    distance = np.maximum(np.sqrt(ahead**2 + left**2), MIN_RANGE)
     along, across = east / distance, north / distance
     jacobian = np.empty((*position.shape, 2))
     jacobian[..., 0, 0], jacobian[..., 0, 1] = along, across
@@ -66,7 +64,7 @@ def rates(position: FloatArray, velocity: FloatArray, origin: Sequence[float]) -
 def line_of_sight(position: FloatArray, origin: Sequence[float]) -> tuple[FloatArray, FloatArray]:
     """Return unit vectors to positions, (N, 2), and the distances, (N,)."""
     line = position - np.asarray(origin)
-    distance = np.maximum(np.sqrt((line**2).sum(axis=1)), LEAST_RANGE)
+    distance = np.maximum(np.sqrt((line**2).sum(axis=1)), MIN_RANGE)
     return line / distance[:, None], distance
 
 
@@ -86,7 +84,6 @@ def error_axes(
     Parameters
     ----------
     measurement, std : arrays of shape (M, 2)
-    yaw : float
 
     Returns
     -------
@@ -98,12 +95,12 @@ def error_axes(
     bearing = measurement[:, 1] + yaw
     along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    distance = np.maximum(measurement[:, 0], LEAST_RANGE)
+    distance = np.maximum(measurement[:, 0], MIN_RANGE)
     sides = np.stack([std[:, 0], distance * std[:, 1]], axis=1)
     return np.stack([along, across], axis=2), sides
 
 
-def passes(
+def may_have_swept(
     position: FloatArray,
     radius: FloatArray,
     origin: Sequence[float],
@@ -111,22 +108,20 @@ def passes(
     gate: float,
     detections: Detections,
 ) -> BoolArray:
-    """Return whether an antenna may have swept the circles around positions, shape (T,).
+    """Return a mask of the circles around positions that an antenna may have swept, (T,).
 
     Parameters
     ----------
     position : array of shape (T, 2)
     radius : array of shape (T,)
         Metres.
-    origin : sequence of two floats
-    yaw : float
     gate : float
         Largest offset of a detection from the antenna's direction, radians.
     detections : Detections
         The antenna swept their coverage, and the azimuths of the detections themselves.
     """
     line = position - np.asarray(origin)
-    distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), LEAST_RANGE)
+    distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), MIN_RANGE)
     margin = np.arcsin(np.minimum(radius / distance, 1.0)) + gate
     azimuth = np.arctan2(line[:, 1], line[:, 0]) - yaw
     near: BoolArray = radius >= distance

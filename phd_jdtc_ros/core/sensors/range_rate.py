@@ -16,7 +16,7 @@ from ..arrays import FloatArray, IntArray
 # Standard deviations of the innovation beyond which a fold is ignored.
 FOLD_SIGMA = 6.0
 # Largest number of folds to either side: beyond it the density is almost uniform.
-MOST_FOLDS = 8
+MAX_FOLDS = 8
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,10 @@ class RangeRateModel:
         return self.ambiguity or self.span
 
     def wrap(self, rate: FloatArray) -> FloatArray:
-        """Return the folds nearest to zero; shape kept."""
+        """Return the folds nearest to zero, elementwise."""
         if not self.ambiguity:
             return rate
-        nearest: FloatArray = rate - self.ambiguity * np.round(rate / self.ambiguity)
-        return nearest
+        return rate - self.ambiguity * np.round(rate / self.ambiguity)
 
     def folds(self, reach: float) -> FloatArray:
         """Return the shifts, m/s, from a wrapped range rate to its folds up to `reach`, (K,).
@@ -56,7 +55,7 @@ class RangeRateModel:
         """
         if not self.ambiguity:
             return np.zeros(1)
-        count = int(min(np.floor(reach / self.ambiguity + 0.5), MOST_FOLDS))
+        count = int(min(np.floor(reach / self.ambiguity + 0.5), MAX_FOLDS))
         numbers = np.arange(-count, count + 1, dtype=np.float64)
         return self.ambiguity * numbers[np.argsort(np.abs(numbers), kind="stable")]
 
@@ -103,7 +102,7 @@ class RangeRateModel:
         return innovation, spread, log_norm + best + np.log(total)
 
     def log_density(self, error: FloatArray, variance: FloatArray | float) -> FloatArray:
-        """Return the log density of errors over all folds; 0 for NaN, shape kept."""
+        """Return the log density of errors over all folds, elementwise; 0 for NaN."""
         known = np.isfinite(error)
         density = self.fold(np.where(known, error, 0.0), variance)[2]
         return np.where(known, density, 0.0)
@@ -114,7 +113,6 @@ class Rates(NamedTuple):
 
     Parameters
     ----------
-    model : RangeRateModel
     rate : array of shape (M,)
         Metres per second relative to the radar; NaN if unknown.
     std : array of shape (M,)

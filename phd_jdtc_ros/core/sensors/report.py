@@ -9,8 +9,9 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..types import Detections
+from .gaussians import PlanePlots
 from .range_rate import Rates
-from .sensor import PlanePlots, Sensor
+from .sensor import Sensor
 
 
 @dataclass(frozen=True)
@@ -41,14 +42,14 @@ class Report:
         """Return the report of these detections alone."""
         return replace(self, detections=self.detections.take(rows))
 
-    def read_as(self, detections: Detections) -> Report:
+    def project_as(self, detections: Detections) -> Report:
         """Return the report with other projections of its detections."""
         return self if detections is self.detections else replace(self, detections=detections)
 
     @cached_property
-    def noise_std(self) -> FloatArray:
+    def detection_std(self) -> FloatArray:
         """Standard deviations of each detection, shape (M, Z)."""
-        return self.sensor.deviations(self.detections)
+        return self.sensor.noise_std_of(self.detections)
 
     @cached_property
     def in_plane(self) -> PlanePlots:

@@ -1,239 +1,344 @@
-"""Protocol of a sensor for engines: measurements, coverage, clutter, and positions in the plane.
+"""Base class of a sensor for engines: measurements, coverage, clutter, and positions in the plane.
 
-`polar_radar.RadarModel` is the implementation. Engines, births, the region, clutter learning and
-the reporting rule depend only on this protocol.
+`polar_radar.RadarModel` is the only subclass. Engines, births, the region, clutter learning and the
+reporting rule depend only on this class. A new kind of sensor implements the abstract members; the
+other ones have defaults for a sensor that measures without a turning antenna, sees all targets and
+has no learned map.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray
-from ..clutter.amplitude_law import ClutterAmplitude
+from ..clutter.amplitude_law import NOISE, ClutterAmplitude
 from ..clutter.map import ClutterMap
 from ..clutter.rate import ClutterCount
-from ..state_space import StateSpace
+from ..state_space import PLANAR, StateSpace
+from ..targets import amplitude_density
 from ..targets.modes import ClassModel
 from ..types import Coverage, Detections, Pose
+from .gaussians import PlanePlots
+from .polar_geometry import MIN_RANGE, line_of_sight
 from .range_rate import RangeRateModel, Rates
-from .slant_range import HeightReading
+from .slant_range import HeightProjection
+
+SensorT = TypeVar("SensorT", bound="Sensor")
 
 
-class PlanePlots(NamedTuple):
-    """Detections as positions in the world frame, at their own times.
-
-    Parameters
-    ----------
-    position : array of shape (M, 2)
-        Metres.
-    axes : array of shape (M, 2, 2)
-        Principal axes of the errors, unit vectors in columns.
-    std : array of shape (M, 2)
-        Standard deviations along these axes, metres.
-    """
-
-    position: FloatArray
-    axes: FloatArray
-    std: FloatArray
-
-    @property
-    def root(self) -> FloatArray:
-        """Square roots of the covariances, metres, shape (M, 2, 2)."""
-        return self.axes * self.std[:, None, :]
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Covariances of the positions, square metres, shape (M, 2, 2)."""
-        covariance = np.zeros_like(self.axes)
-        for std, axis in zip(self.std.T, np.moveaxis(self.axes, 2, 0), strict=True):
-            covariance += (std**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
-        return covariance
-
-
-class Sensor(Protocol):
+@dataclass(frozen=True, kw_only=True)
+class Sensor(ABC):
     """A sensor at its pose, with models of its noise, its coverage and its clutter.
 
     Measurements have shape (..., Z), positions (..., 2) and states (..., D). Positions and states
     are in the world frame.
+
+    Parameters
+    ----------
+    name : str
+        Also the sensor's frame.
+    position : tuple of two floats
+        In the world frame, metres.
+    yaw : float
+        Direction of the sensor's x axis in the world frame, radians counter-clockwise.
+    velocity : tuple of two floats
+        In the world frame, metres per second; range rates are relative to it.
+    threshold : float
+        Detection threshold tau on the amplitude.
+    space : StateSpace
+        Axes of the measured states.
+    rotation_s : float
+        Rotation period of the antenna, seconds; 0 if it does not turn.
+    range_rate : RangeRateModel or None
+        Model of its range rates; None if it has none, or if they are not used.
+    cluster_distance : float
+        Distance within which detections are merged, metres; 0 for none. See `detection_clusters`.
+    height_projection : HeightProjection or None
+        Projection of its detections to the plane, given their heights; None if the measurements do
+        not depend on heights.
+    clutter_rate : float
+        Expected uniform false detections in the field of view per turn of the antenna, or per scan
+        if it does not turn.
+    clutter_amplitude : ClutterAmplitude
+        Law of the amplitudes of false detections.
+    clutter_count : ClutterCount or None
+        Learned clutter rate; None if the rate is given.
+    clutter_map : ClutterMap or None
+        Learned map of false detections; None without a map.
+    clutter_map_speed : float
+        Detections of targets slower than this are learned as clutter, metres per second.
     """
 
-    @property
-    def name(self) -> str:
-        """Name of the sensor and of its frame."""
+    # Whether it measures range and azimuth from its position, as compiled loops require.
+    polar: ClassVar[bool] = False
 
-    @property
-    def space(self) -> StateSpace:
-        """Axes of the measured states."""
+    name: str
+    position: tuple[float, float]
+    yaw: float
+    threshold: float
+    clutter_rate: float
+    velocity: tuple[float, float] = (0.0, 0.0)
+    space: StateSpace = PLANAR
+    rotation_s: float = 0.0
+    range_rate: RangeRateModel | None = None
+    cluster_distance: float = 0.0
+    height_projection: HeightProjection | None = None
+    clutter_amplitude: ClutterAmplitude = NOISE
+    clutter_count: ClutterCount | None = None
+    clutter_map: ClutterMap | None = None
+    clutter_map_speed: float = 0.0
 
-    @property
-    def position(self) -> tuple[float, float]:
-        """Position of the sensor, metres."""
-
-    @property
-    def velocity(self) -> tuple[float, float]:
-        """Velocity of the sensor, metres per second; range rates are relative to it."""
-
-    @property
-    def yaw(self) -> float:
-        """Direction of its x axis, radians counter-clockwise."""
-
-    @property
-    def polar(self) -> bool:
-        """Whether it measures range and azimuth from its position, as compiled loops require."""
-
-    @property
-    def max_range(self) -> float:
-        """Largest range of a detection, metres."""
-
-    @property
-    def noise_std(self) -> FloatArray:
-        """Standard deviations of a measurement, (Z,)."""
-
-    @property
-    def range_rate(self) -> RangeRateModel | None:
-        """Model of its range rates; None without any."""
-
-    @property
-    def rotation_s(self) -> float:
-        """Period of a turning antenna, seconds; 0 if it does not turn."""
-
-    @property
-    def cluster_distance(self) -> float:
-        """Distance within which detections are merged, metres; 0 for none."""
-
-    @property
-    def height_reading(self) -> HeightReading | None:
-        """Dependence of its measurements on heights of targets; None without any."""
-
-    @property
-    def clutter_rate(self) -> float:
-        """Expected false detections per scan."""
-
-    @property
-    def clutter_amplitude(self) -> ClutterAmplitude:
-        """Law of the amplitudes of false detections."""
-
-    @property
-    def clutter_map(self) -> ClutterMap | None:
-        """Learned map of false detections; None without a map."""
-
-    @property
-    def clutter_map_speed(self) -> float:
-        """Detections of targets slower than this are learned as clutter, metres per second."""
-
-    @property
-    def clutter_count(self) -> ClutterCount | None:
-        """Learned clutter rate; None if the rate is given."""
-
-    @property
-    def threshold(self) -> float:
-        """Detection threshold on the amplitude."""
-
-    @property
-    def field_size(self) -> float:
-        """Size of the field of view, in which unknown targets are uniform, in measurement units."""
-
-    def at(self, pose: Pose | None) -> Sensor:
+    def at(self: SensorT, pose: Pose | None) -> SensorT:
         """Return the sensor at a pose; None keeps its pose."""
+        if pose is None:
+            return self
+        return replace(self, position=pose.position, yaw=pose.yaw, velocity=pose.velocity)
 
-    def turning_in(self, rotation_s: float) -> Sensor:
+    def with_rotation_period(self: SensorT, rotation_s: float) -> SensorT:
         """Return the sensor with another period of its antenna, seconds."""
+        return replace(self, rotation_s=rotation_s)
 
     def with_clutter(
-        self,
+        self: SensorT,
         amplitude: ClutterAmplitude | None = None,
         places: ClutterMap | None = None,
         count: ClutterCount | None = None,
-    ) -> Sensor:
+    ) -> SensorT:
         """Return the sensor with learned clutter; None keeps a model."""
+        return replace(
+            self,
+            clutter_amplitude=self.clutter_amplitude if amplitude is None else amplitude,
+            clutter_map=self.clutter_map if places is None else places,
+            clutter_count=self.clutter_count if count is None else count,
+            clutter_rate=self.clutter_rate if count is None else count.rate,
+        )
 
-    def limited(self, threshold: float, clutter_rate: float) -> Sensor:
+    def with_threshold_and_rate(self: SensorT, threshold: float, clutter_rate: float) -> SensorT:
         """Return the sensor with another threshold and clutter rate."""
+        return replace(self, threshold=threshold, clutter_rate=clutter_rate)
 
-    def measure(self, state: FloatArray) -> FloatArray:
-        """Return the noise-free measurement of each state, (N, D) to (N, Z)."""
+    @property
+    @abstractmethod
+    def noise_std(self) -> FloatArray:
+        """Standard deviations of a measurement, (Z,)."""
 
-    def measurement_rate(self, state: FloatArray) -> FloatArray:
-        """Return the time derivative of each state's measurement, (N, D) to (N, Z)."""
-
+    @abstractmethod
     def linearise(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the measurements of positions and their Jacobians, (..., Z) and (..., Z, 2)."""
 
+    @abstractmethod
+    def to_world(self, measurement: FloatArray) -> FloatArray:
+        """Return the positions of measurements, (M, Z) to (M, 2)."""
+
+    @abstractmethod
+    def log_jacobian(self, measured: FloatArray) -> FloatArray:
+        """Return log |dz/dp| at measurements: converts their density to one in the plane."""
+
+    @abstractmethod
+    def in_plane(self, detections: Detections) -> PlanePlots:
+        """Return the detections as positions with covariances, for births and proposals."""
+
+    @abstractmethod
+    def drawn_in_plane(self, detections: Detections, normal: FloatArray) -> FloatArray:
+        """Return positions drawn from detections' noise, given (M, K, Z) normals; (M, K, 2)."""
+
+    def noise_std_of(self, detections: Detections) -> FloatArray:
+        """Return the standard deviations of each detection, its own or the sensor's, (M, Z)."""
+        usual, own = np.tile(self.noise_std, (len(detections), 1)), detections.noise_std
+        return usual if own is None else np.where(np.isfinite(own), own, usual)
+
+    def measure(self, state: FloatArray) -> FloatArray:
+        """Return the noise-free measurement of each state, (N, D) to (N, Z)."""
+        return self.linearise(state[:, list(self.space.position)])[0]
+
+    def measurement_rate(self, state: FloatArray) -> FloatArray:
+        """Return the time derivative of each state's measurement, (N, D) to (N, Z)."""
+        jacobian = self.linearise(state[:, list(self.space.position)])[1]
+        return (jacobian @ state[:, list(self.space.velocity), None])[..., 0]
+
     def wrap(self, error: FloatArray) -> FloatArray:
         """Return differences of measurements, (..., Z), with wrapped angles."""
+        return error
 
-    def reachable(self, measured: FloatArray) -> FloatArray:
-        """Return the measurements, changed so that none beyond its range is in any gate."""
-
-    def deviations(self, detections: Detections) -> FloatArray:
-        """Return the standard deviations of each detection, (M, Z)."""
-
+    @abstractmethod
     def gated_pairs(
         self, predicted: FloatArray, detections: Detections, rate: FloatArray | None = None
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs of points and detections in the gate, with their log likelihoods."""
 
-    def candidates(self, predicted: FloatArray, detections: Detections) -> int:
+    def candidate_count(self, predicted: FloatArray, detections: Detections) -> int:
         """Return the number of candidate pairs of `gated_pairs`."""
+        return len(predicted) * len(detections)
 
-    def missable(
+    @property
+    def max_range(self) -> float:
+        """Largest range of a detection, metres."""
+        return math.inf
+
+    def reachable(self, measured: FloatArray) -> FloatArray:
+        """Return the measurements, changed so that none beyond its range is in any gate."""
+        return measured
+
+    @property
+    @abstractmethod
+    def field_size(self) -> float:
+        """Size of the field of view, in which unknown targets are uniform, in measurement units."""
+
+    def coverage_probability(
         self,
         predicted: FloatArray,
         coverage: Coverage | None,
         azimuth_std: FloatArray | float | None = None,
     ) -> FloatArray:
-        """Return the probability that a report covers each target, (N,)."""
+        """Return the probability that a report covers each target, (N,).
 
-    def passes(self, position: FloatArray, radius: FloatArray, detections: Detections) -> BoolArray:
-        """Return whether a report may have swept the circles around positions, (T,)."""
+        Only a covered target can be missed.
+
+        Parameters
+        ----------
+        predicted : array of shape (N, Z)
+            Predicted measurements of the targets.
+        coverage : Coverage or None
+            Coverage of the report. A plot belongs to the sector of its measured azimuth.
+        azimuth_std : array of shape (N,), float or None
+            Standard deviation of the predicted azimuth, radians; None for the sensor's own noise,
+            if the positions are certain.
+        """
+        return np.ones(len(predicted))
+
+    def may_have_swept(
+        self, position: FloatArray, radius: FloatArray, detections: Detections
+    ) -> BoolArray:
+        """Return a mask of the circles that the antenna may have swept for a report, (T,)."""
+        return np.ones(len(position), dtype=np.bool_)
 
     def given_detection_probability(self, measured: FloatArray) -> FloatArray | None:
         """Return the configured p_D at measurements, (N,); None if it follows from the SNR."""
+        return None
 
     def miss_probability(self, log_snr: FloatArray) -> FloatArray:
-        """Return 1 - p_D of targets by ln(1 + SNR), at the range of the best p_D; shape kept."""
+        """Return 1 - p_D of targets of given ln(1 + SNR), elementwise; at the best range."""
+        return -np.expm1(-0.5 * self.threshold**2 * np.exp(-log_snr))
 
     def class_detection_probability(self, classes: tuple[ClassModel, ...]) -> FloatArray:
-        """Return p_D of each class from its signal-to-noise ratios, (C,)."""
+        """Return p_D of each class from its signal-to-noise ratios, shape (C,)."""
+        return np.array(
+            [amplitude_density.detection_probability(self.threshold, c.snr_band) for c in classes]
+        )
 
     def log_class_likelihood(
         self, detections: Detections, classes: tuple[ClassModel, ...]
     ) -> FloatArray:
-        """Return log p_D g(a) of every class and detection, (C, M)."""
+        """Return log p_D,c g_c^tau(a) for every class and detection, shape (C, M).
+
+        Notes
+        -----
+        If p_D follows from the classes' signal-to-noise ratios, the product p_D g^tau is g_c
+        itself. A configured p_D is evaluated at the detection. For an unknown amplitude the
+        result is log p_D,c.
+        """
+        log_band = np.log(self.class_detection_probability(classes))[:, None]
+        log_p_d = np.repeat(log_band, len(detections), axis=1)
+        given = self.given_detection_probability(detections.measurement)
+        if given is not None:
+            log_p_d[:] = np.log(given)
+        if detections.amplitude is None:
+            return log_p_d
+        density = np.stack(
+            [
+                amplitude_density.log_target_density(detections.amplitude, c.snr_band)
+                for c in classes
+            ]
+        )
+        if given is not None:
+            density += log_p_d - log_band
+        return np.where(np.isnan(density), log_p_d, density)
+
+    def line_of_sight(self, position: FloatArray) -> FloatArray:
+        """Return unit vectors from the sensor to positions, world frame, (N, 2)."""
+        return line_of_sight(position, self.position)[0]
 
     def rates_of(self, detections: Detections) -> Rates | None:
         """Return the range rates of detections; None without usable ones."""
+        model, rate = self.range_rate, detections.range_rate
+        if model is None or rate is None:
+            return None
+        own = detections.range_rate_std
+        usual = np.full(len(detections), model.std)
+        return Rates(model, rate, usual if own is None else np.where(np.isfinite(own), own, usual))
 
     def range_rate_of(self, state: FloatArray, time_s: FloatArray | None = None) -> FloatArray:
-        """Return the noise-free range rate of each state, m/s, (N,)."""
+        """Return the noise-free range rate of each state, m/s; shape (N, D) to (N,).
+
+        Parameters
+        ----------
+        state : array of shape (N, D)
+            At the scan's stamp.
+        time_s : array of shape (N,) or None
+            Time of each measurement relative to the stamp, seconds.
+        """
+        velocity = state[:, list(self.space.velocity)]
+        line = state[:, list(self.space.position)] - np.asarray(self.position)
+        if time_s is not None:
+            line = line + time_s[:, None] * velocity
+        distance = np.maximum(np.sqrt((line**2).sum(axis=1)), MIN_RANGE)
+        radial: FloatArray = (line * (velocity - self.velocity)).sum(axis=1) / distance
+        return radial
 
     def log_range_rate(
         self, state: FloatArray, detections: Detections, pairs: tuple[IntArray, IntArray]
     ) -> FloatArray | float:
-        """Return the log likelihood of the range rates of pairs, (P,); 0 for unknown ones."""
+        """Return the log likelihood of the range rates of pairs, (P,); 0 for unknown ones.
 
-    def line_of_sight(self, position: FloatArray) -> FloatArray:
-        """Return unit vectors from the sensor to positions, (N, 2)."""
+        Parameters
+        ----------
+        state : array of shape (N, D)
+        pairs : tuple of two int arrays of shape (P,)
+            Rows of the states, and detections.
+        """
+        measured = self.rates_of(detections)
+        if measured is None:
+            return 0.0
+        row, column = pairs
+        if detections.time_s is None:
+            expected = self.range_rate_of(state)[row]
+        else:
+            expected = self.range_rate_of(state[row], detections.time_s[column])
+        error = measured.rate[column] - expected
+        return measured.model.log_density(error, measured.std[column] ** 2)
 
-    def log_clutter_intensity(self, detections: Detections) -> FloatArray:
-        """Return the log intensity of false detections at each detection, (M,)."""
+    @property
+    @abstractmethod
+    def log_uniform_clutter(self) -> float:
+        """Log intensity of uniform false detections, in measurement units."""
 
     def log_clutter_factor(self, measurement: FloatArray) -> FloatArray:
-        """Return the log ratio of all clutter to the uniform one, (M,)."""
+        """Return the log ratio of all clutter to the uniform one, (M,); 0 without a clutter map."""
+        return np.zeros(len(measurement))
 
     def neighbourhood_density(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
         """Return the detections per turn around places in the clutter map, (M,)."""
+        return np.zeros(len(measurement))
 
-    def to_world(self, measurement: FloatArray) -> FloatArray:
-        """Return the positions of measurements, (M, Z) to (M, 2)."""
+    def log_clutter_intensity(self, detections: Detections) -> FloatArray:
+        """Return the log intensity of false detections at each detection, shape (M,).
 
-    def in_plane(self, detections: Detections) -> PlanePlots:
-        """Return the detections as positions with covariances, for births and proposals."""
-
-    def drawn_in_plane(self, detections: Detections, normal: FloatArray) -> FloatArray:
-        """Return positions drawn from detections' noise, given (M, K, Z) normals; (M, K, 2)."""
-
-    def log_jacobian(self, measured: FloatArray) -> FloatArray:
-        """Return log |dz/dp| at measurements: converts their density to one in the plane."""
+        For an unknown amplitude or range rate it is the intensity over the other components.
+        """
+        log_intensity = self.log_uniform_clutter + self.log_clutter_factor(detections.measurement)
+        if (measured := self.rates_of(detections)) is not None:
+            log_width = np.log(measured.model.clutter_width)
+            log_intensity -= np.where(np.isnan(measured.rate), 0.0, log_width)
+        if detections.amplitude is None:
+            return log_intensity
+        density: FloatArray = (
+            log_intensity
+            + self.clutter_amplitude.log_density(detections.amplitude)
+            - self.clutter_amplitude.log_share(self.threshold)
+        )
+        return np.where(np.isnan(density), log_intensity, density)

@@ -26,12 +26,12 @@ from ..arrays import FloatArray
 from . import wgs84
 
 # Largest slant range that is projected, metres; no radar measures a larger one.
-FARTHEST = 2e6
+MAX_SLANT_RANGE = 2e6
 # Newton steps of the elevation: the first value is 3 m off at 400 km, and each step leaves a
 # hundred thousandth of the error.
 STEPS = 2
 # Largest distance of a site from the plane's origin, metres: there lengths are 0.15 % too long.
-MOST_FROM_ORIGIN = 500e3
+MAX_SITE_DISTANCE = 500e3
 
 
 class Plane(Protocol):
@@ -61,8 +61,7 @@ class Site:
     ----------
     geodetic : tuple of three floats
         Latitude and longitude, degrees, and height of the antenna, metres.
-    plane : Plane
-    turned : float
+    yaw_from_east : float
         Direction of the sensor's x axis from true east, radians counter-clockwise.
 
     Notes
@@ -74,7 +73,7 @@ class Site:
 
     geodetic: tuple[float, float, float]
     plane: Plane
-    turned: float = 0.0
+    yaw_from_east: float = 0.0
 
     @cached_property
     def position(self) -> tuple[float, float]:
@@ -85,7 +84,7 @@ class Site:
     @cached_property
     def yaw(self) -> float:
         """Direction of the sensor's x axis in the plane, radians counter-clockwise."""
-        return float(self.plane.convergence(*self.geodetic[:2])) + self.turned
+        return float(self.plane.convergence(*self.geodetic[:2])) + self.yaw_from_east
 
     def elevation_of(
         self, distance: FloatArray, azimuth: FloatArray, height: FloatArray
@@ -95,7 +94,7 @@ class Site:
         Parameters
         ----------
         distance : array of shape (N,)
-            Slant ranges, metres; above 0 and at most `FARTHEST`.
+            Slant ranges, metres; above 0 and at most `MAX_SLANT_RANGE`.
         azimuth : array of shape (N,)
             Radians counter-clockwise from the sensor's x axis.
         height : array of shape (N,)
@@ -122,8 +121,7 @@ class Site:
             step = (height - reached) / slope
             # Values beyond the zenith are impossible and stay beyond it.
             sine = np.where(sine == held, held + step, sine)
-        found: FloatArray = sine
-        return found
+        return sine
 
     def to_ground(
         self, distance: FloatArray, azimuth: FloatArray, sine: FloatArray
@@ -133,7 +131,7 @@ class Site:
         Parameters
         ----------
         distance : array of shape (N,)
-            Slant ranges, metres, from 0 to `FARTHEST`.
+            Slant ranges, metres, from 0 to `MAX_SLANT_RANGE`.
         azimuth : array of shape (N,)
             Radians counter-clockwise from the sensor's x axis.
         sine : array of shape (N,)
@@ -173,17 +171,16 @@ class Site:
         )
         line = wgs84.to_cartesian(latitude, longitude, height) - self._place
         east, north, _ = self._axes @ line.T
-        return np.sqrt((line**2).sum(axis=1)), np.arctan2(north, east) - self.turned
+        return np.sqrt((line**2).sum(axis=1)), np.arctan2(north, east) - self.yaw_from_east
 
     def _cartesian(self, distance: FloatArray, azimuth: FloatArray, sine: FloatArray) -> FloatArray:
         """Return the Cartesian end points of rays, shape (N, 3)."""
-        bearing = azimuth + self.turned
+        bearing = azimuth + self.yaw_from_east
         level = distance * np.sqrt(1.0 - sine**2)
         local = np.stack(
             [level * np.cos(bearing), level * np.sin(bearing), distance * sine], axis=1
         )
-        ends: FloatArray = self._place + local @ self._axes
-        return ends
+        return self._place + local @ self._axes
 
     @cached_property
     def _place(self) -> FloatArray:

@@ -1,7 +1,7 @@
 """Projects slant ranges to the plane, with a measured height, an elevation or an assumed height.
 
-The inverse projection allows to project a plot with a missing or false height again, at the height
-of a target.
+With the inverse projection, a plot whose height is missing or false can be projected again at the
+height of a target.
 """
 
 from __future__ import annotations
@@ -10,20 +10,18 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from ..arrays import FloatArray, wrap_angle
-from .site import FARTHEST, Site
+from ..arrays import BoolArray, FloatArray, wrap_angle
+from .site import MAX_SLANT_RANGE, Site
 
 # Largest plausible height of a target, metres.
 MAX_HEIGHT = 30e3
 # Smallest slant range, metres: the elevation is undefined at the radar itself.
-LEAST = 1e-3
+MIN_SLANT_RANGE = 1e-3
 # Largest sine of the elevation at an assumed height: 30 degrees.
-MOST_ASSUMED = 0.5
+MAX_ASSUMED_SINE = 0.5
 # Most iterations of the inverse projection; each leaves less than a third of the error.
 SETTLING = 25
-BoolArray = npt.NDArray[np.bool_]
 
 
 class Ground(NamedTuple):
@@ -54,7 +52,6 @@ def over_ground(
 
     Parameters
     ----------
-    site : Site
     assumed : float
         See `supposed_height`.
     distance : array of shape (M,)
@@ -66,8 +63,8 @@ def over_ground(
     elevation : array of shape (M,) or None
         Radians; used for plots without a height.
     """
-    near = np.abs(distance) <= FARTHEST
-    slant = np.where(near, np.maximum(np.abs(distance), LEAST), LEAST)
+    near = np.abs(distance) <= MAX_SLANT_RANGE
+    slant = np.where(near, np.maximum(np.abs(distance), MIN_SLANT_RANGE), MIN_SLANT_RANGE)
     known = np.zeros(len(slant), dtype=bool) if height is None else np.isfinite(height)
     supposed = supposed_height(site, assumed, slant)
     given = supposed if height is None else np.where(known, height, supposed)
@@ -90,7 +87,6 @@ def supposed_height(site: Site, assumed: float, distance: FloatArray) -> FloatAr
 
     Parameters
     ----------
-    site : Site
     assumed : float
         Metres, limited to an elevation of 30 degrees near the radar; NaN for the site's own height.
     distance : array of shape (M,)
@@ -99,7 +95,7 @@ def supposed_height(site: Site, assumed: float, distance: FloatArray) -> FloatAr
     own = site.geodetic[2]
     if np.isnan(assumed):
         return np.full(len(distance), own)
-    most = MOST_ASSUMED * distance
+    most = MAX_ASSUMED_SINE * distance
     supposed: FloatArray = own + np.clip(assumed - own, -most, most)
     return supposed
 
@@ -111,7 +107,6 @@ def slant_of(
 
     Parameters
     ----------
-    site : Site
     assumed : float
         See `supposed_height`.
     distance, azimuth : arrays of shape (M,)
@@ -130,8 +125,8 @@ def slant_of(
 
 
 @dataclass(frozen=True)
-class HeightReading:
-    """Dependence of a radar's ground ranges on the heights of its plots.
+class HeightProjection:
+    """Projection of a radar's plots to the plane, given their heights.
 
     Parameters
     ----------

@@ -15,16 +15,15 @@ WHOLE_TURN = Coverage(-np.pi, FULL_TURN)
 TURN_TOLERANCE = 1e-9
 
 
-def within(
+def sector_probability(
     azimuth: FloatArray, sector: Coverage, azimuth_std: FloatArray | float = 0.0
 ) -> FloatArray:
-    """Return the probability that an azimuth is measured inside a sector; shape kept.
+    """Return the probability that an azimuth is measured inside a sector, elementwise.
 
     Parameters
     ----------
     azimuth : array
         True azimuths, radians.
-    sector : Coverage
     azimuth_std : array or float
         Standard deviation of the measured azimuth, radians; 0 for all, or positive. A target
         near the edge of a sector is reported in it or in the next one by chance.
@@ -35,8 +34,8 @@ def within(
     if np.ndim(azimuth_std) == 0 and azimuth_std == 0.0:
         return (offset <= sector.width).astype(np.float64)
     share = np.zeros_like(offset)
-    for turned in (offset, offset - FULL_TURN):
-        share += ndtr(turned / azimuth_std) - ndtr((turned - sector.width) / azimuth_std)
+    for shifted in (offset, offset - FULL_TURN):
+        share += ndtr(shifted / azimuth_std) - ndtr((shifted - sector.width) / azimuth_std)
     return share
 
 
@@ -70,14 +69,14 @@ class Visibility:
         return len(self.probabilities) > 0
 
     def probability(self, distance: FloatArray) -> FloatArray:
-        """Return the given detection probability at these ranges, metres; shape kept."""
+        """Return the given detection probability at these ranges, metres, elementwise."""
         return np.interp(distance, self.ranges, self.probabilities)
 
     def sees(self, measured: FloatArray) -> FloatArray:
         """Return 1 for each (range, azimuth) row in the field of view and 0 else, shape (N,)."""
         distance, azimuth = measured[:, 0], measured[:, 1]
         seen = ((distance >= self.min_range) & (distance <= self.max_range)).astype(np.float64)
-        seen *= within(azimuth, self.fov)
+        seen *= sector_probability(azimuth, self.fov)
         for sector in self.blind:
-            seen *= 1.0 - within(azimuth, sector)
+            seen *= 1.0 - sector_probability(azimuth, sector)
         return seen

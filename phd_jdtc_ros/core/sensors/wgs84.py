@@ -98,5 +98,4 @@ def east_north_up(latitude: float, longitude: float) -> FloatArray:
 
 def normal_radius(latitude: FloatArray) -> FloatArray:
     """Return the radius of curvature in the prime vertical at latitudes in degrees, metres."""
-    radius: FloatArray = SEMI_MAJOR / np.sqrt(1.0 - E_SQUARE * np.sin(np.radians(latitude)) ** 2)
-    return radius
+    return SEMI_MAJOR / np.sqrt(1.0 - E_SQUARE * np.sin(np.radians(latitude)) ** 2)

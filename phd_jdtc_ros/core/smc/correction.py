@@ -41,7 +41,6 @@ class Correction(Protocol):
 
     def __call__(self, particles: ParticleSet, claims: Claims) -> Corrected:
         """Return the intensity corrected with the association likelihoods of all pairs."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -94,8 +93,8 @@ def _bernoulli(particles: ParticleSet, claims: Claims) -> Corrected:
     Deviation from Sec. IV-C, Step 2; see `association.bernoulli`. The posterior is a labelled
     multi-Bernoulli density.
     """
-    origins, target = factorize(particles.origin)
-    shares = bernoulli(target, len(origins), particles.weight, claims)
+    distinct, target = factorize(particles.row_label)
+    shares = bernoulli(target, len(distinct), particles.weight, claims)
     weight = shares.prior * (1.0 - claims.detection_probability) * shares.missed.take(target)
     pair = claims.mass * shares.pair
     weight += sum_by(claims.row, pair, len(particles))
@@ -103,9 +102,9 @@ def _bernoulli(particles: ParticleSet, claims: Claims) -> Corrected:
         particles,
         poisson=np.zeros(len(particles)),
         components=sparse.csr_array(
-            (weight, target, np.arange(len(particles) + 1)), shape=(len(particles), len(origins))
+            (weight, target, np.arange(len(particles) + 1)), shape=(len(particles), len(distinct))
         ),
-        label=origins,
+        label=distinct,
     )
     return Corrected(corrected, shares.claimed, pair)
 

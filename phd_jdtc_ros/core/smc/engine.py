@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
@@ -39,6 +39,8 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
     Sec. IV-C: Steps 1 to 3 in `forward`, Step 4 in `smoother`, Steps 5 and 6 in `extraction`.
     """
 
+    STATE: ClassVar[tuple[str, ...]] = (*FixedLagEngine.STATE, "_rng")
+
     forward: ParticleFilter
     death_term: DeathTerm
     extraction: Extraction
@@ -50,22 +52,15 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
         # A separate generator keeps the filter's draws independent of the extraction.
         self._rng = np.random.default_rng([self.forward.seed, EXTRACTION_STREAM])
 
-    def _state(self) -> dict[str, Any]:
-        return {**super()._state(), "rng": self._rng.bit_generator.state}
-
-    def _load_state(self, state: Mapping[str, Any]) -> None:
-        super()._load_state(state)
-        self._rng.bit_generator.state = state["rng"]
-
     def snapshot(self) -> Snapshot:
         """Return the engine's state; see `Engine.snapshot`."""
         stored = super().snapshot()
-        stored.facts["extraction.rng"] = self._rng.bit_generator.state
+        stored.json_values["extraction.rng"] = self._rng.bit_generator.state
         return stored
 
     def _from_snapshot(self, stored: Snapshot) -> None:
         super()._from_snapshot(stored)
-        self._rng.bit_generator.state = stored.facts["extraction.rng"]
+        self._rng.bit_generator.state = stored.json_values["extraction.rng"]
 
     def _extract(self, stored: ParticleSet, stamp_ns: int, lag: int, threshold: float) -> Estimates:
         modes = self.forward.model.modes

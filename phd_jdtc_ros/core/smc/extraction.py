@@ -35,7 +35,6 @@ class Extraction(Protocol):
         Targets with an existence probability above `threshold` are reported. The `track_id` of a
         labelled target is its label plus one.
         """
-        ...
 
 
 def components(
@@ -63,12 +62,12 @@ def components(
     # Groups of the Poisson part are numbered after the components.
     first_group = parts.shape[1]
     poisson = np.flatnonzero(particles.poisson)
-    origins, origin = factorize(particles.origin[poisson])
+    distinct, place = factorize(particles.row_label[poisson])
     classes = len(modes.classes)
     row = np.concatenate([np.arange(len(particles)).repeat(np.diff(parts.indptr)), poisson])
-    group = np.concatenate([parts.indices, first_group + origin * classes + target_class[poisson]])
+    group = np.concatenate([parts.indices, first_group + place * classes + target_class[poisson]])
     weight = np.concatenate([parts.data, particles.poisson[poisson]])
-    size = first_group + len(origins) * classes
+    size = first_group + len(distinct) * classes
     mass = sum_by(group, weight, size)
 
     reported = np.flatnonzero(mass > threshold)
@@ -165,8 +164,7 @@ def _covariance_weights(
     """
     drawn = copies.astype(np.float64)
     drawn /= sum_by(group, drawn, len(prior)).take(group)
-    counted: FloatArray = share + prior.take(group) * (drawn - share)
-    return counted
+    return share + prior.take(group) * (drawn - share)
 
 
 def clusters(

@@ -10,12 +10,12 @@ import numpy as np
 from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, SparseArray, factorize, read_only, sum_by
-from ..snapshot import MOST_INDEX, MOST_STATE, floats, integers, sparse_rows
+from ..snapshot import MAX_INDEX, MAX_STATE, floats, integers, sparse_rows
 from ..state_space import StateSpace
 from ..window.entries import Extents
 
 # Bound, in a snapshot, on the logarithm of a signal-to-noise ratio.
-MOST_LOG_SNR = 100.0
+MAX_LOG_SNR = 100.0
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class ParticleSet:
         In the world frame; metres, metres per second, radians per second.
     mode : int array of shape (N,)
         Flat index into the mode space.
-    origin : int array of shape (N,)
+    row_label : int array of shape (N,)
         Label of the birth from which the particle descends: a birth term and scan, a detection, or
         a parent and scan; see `labels`.
     parent : int array of shape (N,)
@@ -51,20 +51,20 @@ class ParticleSet:
         ln(1 + SNR) of each particle's target with the amplitude model `memory`; otherwise zeros.
     """
 
-    state: Annotated[FloatArray, floats("ND", -MOST_STATE, MOST_STATE)]
+    state: Annotated[FloatArray, floats("ND", -MAX_STATE, MAX_STATE)]
     mode: Annotated[IntArray, integers("N", 0, below="O")]
-    origin: Annotated[IntArray, integers("N", 0)]
+    row_label: Annotated[IntArray, integers("N", 0, key="origin")]
     parent: Annotated[IntArray, integers("N", -1)]
     multiplicity: Annotated[IntArray, integers("N", 1)]
-    poisson: Annotated[FloatArray, floats("N", 0.0, MOST_INDEX)]
-    components: Annotated[SparseArray, sparse_rows("NJ", MOST_INDEX)]
+    poisson: Annotated[FloatArray, floats("N", 0.0, MAX_INDEX)]
+    components: Annotated[SparseArray, sparse_rows("NJ", MAX_INDEX)]
     label: Annotated[IntArray, integers("J", -1)]
-    log_snr: Annotated[FloatArray, floats("N", -MOST_LOG_SNR, MOST_LOG_SNR)]
+    log_snr: Annotated[FloatArray, floats("N", -MAX_LOG_SNR, MAX_LOG_SNR)]
 
     def __post_init__(self) -> None:
         for name in ("state", "poisson", "log_snr"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        for name in ("mode", "origin", "parent", "multiplicity", "label"):
+        for name in ("mode", "row_label", "parent", "multiplicity", "label"):
             object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
 
     def __len__(self) -> int:
@@ -100,7 +100,7 @@ class ParticleSet:
         return ParticleSet(
             state=self.state.take(rows, axis=0),
             mode=self.mode[rows],
-            origin=self.origin[rows],
+            row_label=self.row_label[rows],
             parent=self.parent[rows],
             multiplicity=self.multiplicity[rows],
             poisson=self.weight[rows],
@@ -124,10 +124,10 @@ class ParticleSet:
         This is the mean over the labels, weighted by their mass. The many particles of births have
         little mass, and so do not hide a target of few effective particles.
         """
-        origins, origin = factorize(self.origin)
-        mass = sum_by(origin, self.weight, len(origins))
-        square = sum_by(origin, self.weight**2, len(origins))
-        share = mass**2 / np.where(square > 0.0, square * np.bincount(origin), 1.0)
+        distinct, place = factorize(self.row_label)
+        mass = sum_by(place, self.weight, len(distinct))
+        square = sum_by(place, self.weight**2, len(distinct))
+        share = mass**2 / np.where(square > 0.0, square * np.bincount(place), 1.0)
         total = float(mass.sum())
         return min(float(mass @ share) / total, 1.0) if total > 0.0 else 0.0
 
@@ -145,22 +145,22 @@ class ParticleSet:
 
     def extents(self, space: StateSpace) -> Extents:
         """Return the position and extent of each label's particles."""
-        origin, row_origin = factorize(self.origin)
+        label, target = factorize(self.row_label)
         weight = np.maximum(self.weight, np.finfo(float).tiny)
-        share = weight / sum_by(row_origin, weight, len(origin)).take(row_origin)
+        share = weight / sum_by(target, weight, len(label)).take(target)
 
         def moments(axes: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
             columns = [self.state[:, axis] for axis in axes]
-            mean = [sum_by(row_origin, share * column, len(origin)) for column in columns]
+            mean = [sum_by(target, share * column, len(label)) for column in columns]
             square = sum(
-                sum_by(row_origin, share * (column - centre.take(row_origin)) ** 2, len(origin))
+                sum_by(target, share * (column - centre.take(target)) ** 2, len(label))
                 for column, centre in zip(columns, mean, strict=True)
             )
             return np.stack(mean, axis=1), np.sqrt(square)
 
         position, position_std = moments(space.position)
         velocity, velocity_std = moments(space.velocity)
-        return Extents(origin, row_origin, position, velocity, position_std, velocity_std)
+        return Extents(label, target, position, velocity, position_std, velocity_std)
 
     @staticmethod
     def empty(state_size: int) -> ParticleSet:
@@ -169,7 +169,7 @@ class ParticleSet:
         return ParticleSet(
             state=np.zeros((0, state_size)),
             mode=none,
-            origin=none,
+            row_label=none,
             parent=none,
             multiplicity=none,
             poisson=np.zeros(0),

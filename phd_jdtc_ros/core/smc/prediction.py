@@ -56,26 +56,26 @@ def predict(
     Sec. IV-C, Step 1. Deviation: the steps of survival and birth, which the paper omits, are added,
     and the spawn weight includes the parent's weight, rate and mode.
     """
-    origin = labels.first_predicted(scan_index)
-    spawned = origin + len(model.births)
+    label = labels.first_predicted(scan_index)
+    spawned = label + len(model.births)
     parts, first = [], 0
     for particles, dt in earlier:
         moved = [_survivors(particles, model, dt, seen, rng)]
         if model.spawn.rate > 0.0:
             moved.append(_spawn(particles, model, corrector, budget, dt, spawned, rng))
-            spawned = max(spawned, int(moved[1].origin.max(initial=0)) + 1)
+            spawned = max(spawned, int(moved[1].row_label.max(initial=0)) + 1)
         parts += [replace(part, parent=part.parent + first) for part in moved]
         first += len(particles)
     for index, dt in births:
         term = model.births[index]
-        parts.append(_births(term, model, budget.per_birth_term, dt, origin + index, rng))
+        parts.append(_births(term, model, budget.per_birth_term, dt, label + index, rng))
     return _concatenate(parts, len(model.modes.space))
 
 
 def _fresh(
     state: FloatArray,
     mode: IntArray,
-    origin: IntArray,
+    row_label: IntArray,
     parent: IntArray,
     weight: FloatArray,
     log_snr: FloatArray,
@@ -84,7 +84,7 @@ def _fresh(
     return ParticleSet(
         state=state,
         mode=mode,
-        origin=origin,
+        row_label=row_label,
         parent=parent,
         multiplicity=np.ones(len(weight), dtype=np.int64),
         poisson=weight,
@@ -97,14 +97,9 @@ def _fresh(
 def _concatenate(parts: list[ParticleSet], state_size: int) -> ParticleSet:
     if not parts:
         return ParticleSet.empty(state_size)
-    return _fresh(
-        state=np.concatenate([part.state for part in parts]),
-        mode=np.concatenate([part.mode for part in parts]),
-        origin=np.concatenate([part.origin for part in parts]),
-        parent=np.concatenate([part.parent for part in parts]),
-        weight=np.concatenate([part.poisson for part in parts]),
-        log_snr=np.concatenate([part.log_snr for part in parts]),
-    )
+    names = ("state", "mode", "row_label", "parent", "poisson", "log_snr")
+    columns = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    return _fresh(*columns)
 
 
 def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator) -> IntArray:
@@ -137,17 +132,17 @@ def _survivors(
         chosen = np.flatnonzero(mode == index)
         earlier = particles.state.take(copy.take(chosen), axis=0)
         state[chosen], factor[chosen] = proposal.sample(motion_model, earlier, dt, seen, rng)
-    origin = particles.origin[copy]
+    row_label = particles.row_label[copy]
     if (factor != 1.0).any():
-        weight = _of_equal_mass(weight * factor, weight, origin)
+        weight = _of_equal_mass(weight * factor, weight, row_label)
     log_snr = model.amplitudes.diffuse(particles.log_snr[copy], mode, modes, dt, rng)
-    return _fresh(state, mode, origin, copy, weight, log_snr)
+    return _fresh(state, mode, row_label, copy, weight, log_snr)
 
 
-def _of_equal_mass(weight: FloatArray, prior: FloatArray, origin: IntArray) -> FloatArray:
+def _of_equal_mass(weight: FloatArray, prior: FloatArray, row_label: IntArray) -> FloatArray:
     """Return weights scaled so that every label keeps its mass under `prior`."""
-    origins_, place = factorize(origin)
-    mass, wanted = (sum_by(place, part, len(origins_)) for part in (weight, prior))
+    distinct, place = factorize(row_label)
+    mass, wanted = (sum_by(place, part, len(distinct)) for part in (weight, prior))
     return weight * (wanted / np.where(mass > 0.0, mass, 1.0)).take(place)
 
 
@@ -157,7 +152,7 @@ def _spawn(
     corrector: Corrector,
     budget: ParticleBudget,
     dt: float,
-    origin: int,
+    label: int,
     rng: np.random.Generator,
 ) -> ParticleSet:
     """Return the spawned particles; a labelled corrector gives those of each parent a new label."""
@@ -180,10 +175,10 @@ def _spawn(
     rate = spawn.rate * dt / model.modes.interval_s
     weight = np.full(len(parent), rate * mass / max(count, 1))
     log_snr = model.amplitudes.draw(mode, model.modes, rng)
-    origins_of_spawn = particles.origin[parent]
+    row_label = particles.row_label[parent]
     if corrector.labelled:
-        origins_of_spawn = origin + factorize(origins_of_spawn)[1]
-    return _fresh(state, mode, origins_of_spawn, parent, weight, log_snr)
+        row_label = label + factorize(row_label)[1]
+    return _fresh(state, mode, row_label, parent, weight, log_snr)
 
 
 def _births(
@@ -191,7 +186,7 @@ def _births(
     model: TrackerModel,
     count: int,
     dt: float,
-    origin: int,
+    label: int,
     rng: np.random.Generator,
 ) -> ParticleSet:
     state, mode = birth.sample(term, model.modes, count, rng)
@@ -199,7 +194,7 @@ def _births(
     return _fresh(
         state,
         mode,
-        np.full(count, origin),
+        np.full(count, label),
         np.full(count, -1),
         np.full(count, expected / count),
         model.amplitudes.draw(mode, model.modes, rng),

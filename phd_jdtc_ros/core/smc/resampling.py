@@ -1,8 +1,8 @@
 """Systematic resampling within groups (Sec. IV-C, Step 3), to unique particles with a multiplicity.
 
-`within` returns the particles per target and the minimum per group that keep the whole set within
-its budget. `allocate` returns the number of copies of each group, `systematic` and `comb` return
-the number of copies of each particle.
+`fit_to_budget` returns the particles per target and the minimum per group that keep the whole set
+within its budget. `allocate` returns the number of copies of each group, `systematic` and `comb`
+return the number of copies of each particle.
 
 Deviation from Sec. IV-C, Step 3: groups are (class, label) and not classes alone. Targets with
 more mass thus take no particles from a target that was just missed.
@@ -16,13 +16,13 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, factorize, run_starts, sum_by
 from ..targets.modes import ModeSpace
-from ..tracks.labels import first_scan
+from ..tracks.labels import birth_scan
 from .correction import scale_rows
 from .particle_set import ParticleSet
 
-# Age, in scans, below which a label gets `YOUNG_FACTOR` times the particles: few particles of a
-# newborn target have about its velocity. Both values were tuned by the share of smoothed positions
-# outside 3 sigma by age, on seeds from 9000.
+# Age, in scans, below which a label gets `YOUNG_FACTOR` times the particles: only a few of a
+# newborn target's particles are near its true velocity. Both values were tuned by the share of
+# smoothed positions outside 3 sigma by age, on seeds from 9000.
 YOUNG_SCANS = 10
 YOUNG_FACTOR = 4.0
 
@@ -55,16 +55,14 @@ def allocate(
     return count, weight
 
 
-def within(
+def fit_to_budget(
     most: int, mass: FloatArray, particles_per_target: FloatArray | float, least: int
 ) -> tuple[FloatArray | float, int]:
-    """Return the particles per target and the minimum per group that keep a set within `most`.
+    """Return the particles per target and the minimum per group with which a set fits in `most`.
 
-    The particles per target are one number for all groups, or one for each.
-
-    The minimum per group is lowered first, so that established targets keep their particles in
-    heavy clutter. Groups too small for one particle are drawn at random in `allocate`; their
-    particles are not counted in `most`.
+    The particles per target, one number or one for each group, are scaled down first if the mass is
+    too large for `most`; then the minimum is halved until the set fits. Groups with less than one
+    particle are not counted: `allocate` draws them at random.
     """
     total = float((mass * particles_per_target).sum())
     density = particles_per_target * min(1.0, most / max(total, 1.0))
@@ -122,10 +120,10 @@ def comb(weight: FloatArray, group: IntArray, count: IntArray, offset: FloatArra
     base = np.zeros(len(count))
     base[group[last]] = running[last]
     base = np.concatenate([[0.0], base[:-1]])
-    within = running - np.maximum.accumulate(base).take(group)
+    in_group = running - np.maximum.accumulate(base).take(group)
     # The comb has teeth at offset, offset + 1, ...; this counts the teeth passed so far. The last
     # particle passes all teeth, so that rounding cannot lose the group's last one.
-    passed = np.ceil(within - offset.take(group))
+    passed = np.ceil(in_group - offset.take(group))
     passed = np.clip(passed, 0.0, count.take(group))
     passed[last] = count[group[last]]
     previous = np.concatenate([[0.0], passed[:-1]])
@@ -160,10 +158,10 @@ def resample(
     -----
     Sec. IV-C, Step 3. Deviation: groups are (class, label) and not classes alone.
     """
-    origins, origin = factorize(particles.origin)
-    key = modes.class_of[particles.mode] * len(origins) + origin
+    distinct, place = factorize(particles.row_label)
+    key = modes.class_of[particles.mode] * len(distinct) + place
     # NumPy sorts 16-bit integers by radix, which is faster.
-    narrow = key.astype(np.int16) if len(modes.classes) * len(origins) < 2**15 else key
+    narrow = key.astype(np.int16) if len(modes.classes) * len(distinct) < 2**15 else key
     order = np.argsort(narrow, kind="stable")
     ranked = key[order]
     group = np.zeros(len(particles), dtype=np.int64)
@@ -172,24 +170,20 @@ def resample(
     mass = sum_by(group, weight, int(group[-1]) + 1 if len(group) else 0)
     per_target = np.full(len(mass), float(budget.per_target))
     if scan_index is not None:
-        of_group = particles.origin[order][run_starts(group)]
-        per_target[scan_index - first_scan(of_group) < YOUNG_SCANS] *= YOUNG_FACTOR
-    density, least = within(budget.most, mass, per_target, budget.least)
+        of_group = particles.row_label[order][run_starts(group)]
+        per_target[scan_index - birth_scan(of_group) < YOUNG_SCANS] *= YOUNG_FACTOR
+    density, least = fit_to_budget(budget.most, mass, per_target, budget.least)
     count, copy_weight = allocate(mass, density, least, rng)
     copies = systematic(weight, group, count, rng)
     kept = np.flatnonzero(copies)
     row = order[kept]
     factor = copies[kept] * copy_weight[group[kept]] / weight[kept]
-    return ParticleSet(
-        state=particles.state.take(row, axis=0),
-        mode=particles.mode[row],
-        origin=particles.origin[row],
-        parent=particles.parent[row],
+    return replace(
+        particles.take(row),
         multiplicity=copies[kept],
         poisson=particles.poisson[row] * factor,
         components=scale_rows(particles.components[row], factor),
         label=particles.label,
-        log_snr=particles.log_snr[row],
     )
 
 
@@ -214,6 +208,6 @@ class ParticleBudget:
     per_birth_term: int
     most: int
 
-    def beside(self, held: int) -> ParticleBudget:
-        """Return the budget of a further set, when other sets have `held` copies in total."""
-        return self if held == 0 else replace(self, most=max(self.most - held, self.least))
+    def remaining(self, used: int) -> ParticleBudget:
+        """Return the budget of a further set, when other sets have `used` copies in total."""
+        return self if used == 0 else replace(self, most=max(self.most - used, self.least))

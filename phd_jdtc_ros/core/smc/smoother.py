@@ -33,7 +33,6 @@ class DeathTerm(Protocol):
             B(s), the smoothed mass of the later set that the particle explains, divided by its
             weight.
         """
-        ...
 
 
 def paper_death_term(
@@ -71,8 +70,7 @@ def bernoulli_death_term(
     # A component is at most one target, but resampling may round its mass up to a little more.
     mass = np.maximum(particles.component_mass, 1.0)
     dying = 1.0 - by_component(survival) / mass
-    factor: FloatArray = (1.0 - survived) / np.where(dying > 0.0, dying, np.inf)
-    return factor
+    return (1.0 - survived) / np.where(dying > 0.0, dying, np.inf)
 
 
 class _Message(NamedTuple):
@@ -144,7 +142,8 @@ def backward_pass(entries: Sequence[ParticleEntry], death_term: DeathTerm) -> It
     Parameters
     ----------
     entries : sequence of Entry
-        Oldest first. A source outside these entries has left the window.
+        Oldest first. A source that is not among these entries has been dropped; nothing is sent to
+        it.
     """
 
     def send(later: ParticleSet, link: Transition) -> _Message:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..arrays import FloatArray
-from ..snapshot import MASS_SLACK, Snapshot, from_snapshot, to_snapshot
+from ..snapshot import MAX_MASS, Snapshot, from_snapshot, to_snapshot
 from ..targets.modes import ModeSpace
 from ..window.entries import Entry, Source
 from ..window.window_snapshot import require_rows_of, sources_from_snapshot, sources_to_snapshot
@@ -78,6 +78,6 @@ def _transition(
     # The mass traced back from later targets cannot exceed their number.
     with np.errstate(over="ignore", invalid="ignore"):
         traced = float(earlier @ (link.ratio @ later.weight))
-    if not traced <= MASS_SLACK * (1.0 + float(later.weight.sum())):
+    if not traced <= MAX_MASS * (1.0 + float(later.weight.sum())):
         raise ValueError(f"{name}.ratio: {traced:.3g} targets are traced back")
     return link

@@ -14,10 +14,10 @@ from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, factorize, sum_by
 from ..association.bernoulli import Claims
-from ..attributes.memory import Evidence
-from ..attributes.readings import Paired
-from ..attributes.uniqueness import Lost
-from ..models import detection_birth
+from ..attributes.evidence import Evidence
+from ..attributes.reprojection import Paired
+from ..attributes.uniqueness import OutOfGate
+from ..models import detection_birth, newborn_sampling
 from ..models.competing_sources import competing_sources
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
@@ -26,7 +26,7 @@ from ..types import Detections
 from ..window.update import Posterior
 from .correction import Corrector
 from .particle_set import ParticleSet
-from .strays import with_strays
+from .reacquisition import with_reacquired
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,10 @@ class ParticleSteps:
     def with_newborn(
         self, rows: ParticleSet, newborn: Newborn, label: int
     ) -> tuple[ParticleSet, Newborn]:
-        """Return the intensity with the newborn targets within `affordable`, and these targets."""
+        """Return the intensity with the newborn targets that fit, and these targets."""
         model, rng = self.model, self.rng
-        newborn, each = detection_birth.affordable(newborn, model.detection_births)
-        state, mode, weight, detection = detection_birth.sample(
+        newborn, each = detection_birth.limit_newborns(newborn, model.detection_births)
+        state, mode, weight, detection = newborn_sampling.sample(
             newborn, model.detection_births, model.modes, each, rng
         )
         count, births = len(weight), len(newborn)
@@ -59,7 +59,7 @@ class ParticleSteps:
         return ParticleSet(
             state=np.concatenate([rows.state, state]),
             mode=np.concatenate([rows.mode, mode]),
-            origin=np.concatenate([rows.origin, label + detection]),
+            row_label=np.concatenate([rows.row_label, label + detection]),
             parent=np.concatenate([rows.parent, np.full(count, -1)]),
             multiplicity=np.concatenate([rows.multiplicity, np.ones(count, dtype=np.int64)]),
             poisson=np.concatenate([rows.poisson, np.zeros(count)]),
@@ -79,7 +79,7 @@ class PriorParticles:
 
     @cached_property
     def _targets(self) -> tuple[IntArray, IntArray]:
-        return factorize(self.particles.origin)
+        return factorize(self.particles.row_label)
 
     @property
     def label(self) -> IntArray:
@@ -115,7 +115,10 @@ class PriorParticles:
     def detectable(self) -> FloatArray:
         """Probability that each particle is detected, shape (N,)."""
         report, model, particles = self.report, self.steps.model, self.particles
-        seen = report.sensor.missable(self._everywhere, report.detections.coverage) * report.share
+        seen = (
+            report.sensor.coverage_probability(self._everywhere, report.detections.coverage)
+            * report.share
+        )
         seen *= model.amplitudes.detection_probability(
             particles.mode, particles.log_snr, self.measured, report.sensor, model.modes
         )
@@ -127,15 +130,17 @@ class PriorParticles:
         rate = None if times is None else sensor.measurement_rate(self.particles.state)
         return sensor.gated_pairs(self.measured, detections, rate)
 
-    def slower(self, bound: float) -> FloatArray:
+    def probability_slower(self, bound: float) -> FloatArray:
         """Return 1 for each particle slower than a bound in m/s, 0 otherwise, shape (N,)."""
         velocity = self.particles.state[:, list(self.steps.model.modes.space.velocity)]
         return (np.hypot(velocity[:, 0], velocity[:, 1]) < bound).astype(np.float64)
 
-    def with_strays(self, lost: Lost) -> PriorParticles:
-        """Return the prior with particles of lost targets; see `strays.with_strays`."""
+    def with_reacquired(self, out_of_gate: OutOfGate) -> PriorParticles:
+        """Return the prior with additional particles; see `reacquisition.with_reacquired`."""
         steps = self.steps
-        particles = with_strays(self.particles, lost, self.report, steps.model, steps.rng)
+        particles = with_reacquired(
+            self.particles, out_of_gate, self.report, steps.model, steps.rng
+        )
         return replace(self, particles=particles)
 
     def posterior(
@@ -166,8 +171,8 @@ class PriorParticles:
             rows=corrected.particles,
             claims=claims,
             sources=sources,
-            claimed=corrected.claimed,
-            pair=corrected.pair,
+            claimed_probability=corrected.claimed,
+            pair_probability=corrected.pair,
             existence=sum_by(self.target, corrected.particles.weight, len(self.label)),
             evidence=evidence,
         )

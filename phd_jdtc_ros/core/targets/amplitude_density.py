@@ -23,19 +23,18 @@ SMALLEST_AMPLITUDE = 1e-6
 
 
 def log_clutter_density(amplitude: FloatArray) -> FloatArray:
-    """Return log g_0(a) = log a - a^2/2 of noise envelopes; shape kept.
+    """Return log g_0(a) = log a - a^2/2 of noise envelopes; elementwise.
 
     Notes
     -----
     Sec. V, first amplitude equation.
     """
     a = np.maximum(amplitude, SMALLEST_AMPLITUDE)
-    density: FloatArray = np.log(a) - 0.5 * a**2
-    return density
+    return np.log(a) - 0.5 * a**2
 
 
 def log_target_density(amplitude: FloatArray, snr_band: tuple[float, float]) -> FloatArray:
-    """Return log g_c(a) for a target whose linear mean SNR lies in `snr_band`; shape kept.
+    """Return log g_c(a) for a target whose linear mean SNR lies in `snr_band`; elementwise.
 
     Notes
     -----

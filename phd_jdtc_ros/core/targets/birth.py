@@ -12,7 +12,7 @@ from .modes import ModeSpace
 from .sobol import sobol_points
 
 # Standard deviations in any coordinate beyond which a birth term counts as zero.
-GATE_SIGMA = 8.0
+BIRTH_GATE_SIGMA = 8.0
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,6 @@ class BirthTerm:
 
     Parameters
     ----------
-    name : str
     mean, std : arrays of shape (D,)
         In the world frame, uncorrelated.
     rate : array of shape (O,)
@@ -57,8 +56,6 @@ def sample(
 
     Parameters
     ----------
-    term : BirthTerm
-    modes : ModeSpace
     count : int
         A power of two.
     rng : numpy.random.Generator
@@ -99,7 +96,7 @@ def intensity(
     east = np.argsort(state[:, axis])
     sorted_east = state[east, axis]
     for term in terms:
-        gate = GATE_SIGMA * term.std
+        gate = BIRTH_GATE_SIGMA * term.std
         first, last = sorted_east.searchsorted(
             [term.mean[axis] - gate[axis], term.mean[axis] + gate[axis]]
         )

@@ -22,7 +22,8 @@ from ..arrays import FloatArray, IntArray, read_only
 from ..state_space import StateSpace
 from .motion import MotionModel
 
-# Largest error, by rounding, of a generator's entries; one over it bounds the condition number.
+# Tolerance for rounding errors in a generator; its inverse is the largest condition number of the
+# eigenvectors.
 GENERATOR_TOLERANCE = 1e-9
 
 
@@ -32,7 +33,6 @@ class ClassModel:
 
     Parameters
     ----------
-    name : str
     snr_band : tuple of two floats
         Lowest and highest mean signal-to-noise ratio of the class's targets (linear, not dB).
     motions : tuple of MotionModel
@@ -86,7 +86,6 @@ class ModeSpace:
 
     Parameters
     ----------
-    classes : tuple of ClassModel
     interval_s : float
         Nominal interval of the classes' matrices and probabilities, seconds.
     """
@@ -130,7 +129,10 @@ class ModeSpace:
 
     @cached_property
     def _eigen(self) -> tuple[Any, Any, Any] | None:
-        """The generator's eigenvalues and vectors and their inverse; None if it has too few."""
+        """Eigenvalues of the generator, its eigenvectors and their inverse.
+
+        None without a generator, or if the eigenvectors are nearly dependent.
+        """
         if self._generator is None:
             return None
         values, vectors = np.linalg.eig(self._generator)
@@ -162,5 +164,4 @@ class ModeSpace:
     def survival(self, dt: float) -> FloatArray:
         """Return the probability to survive `dt` seconds, per flat mode, shape (O,)."""
         nominal = np.array([model.survival_probability for model in self.classes])
-        survival: FloatArray = nominal[self.class_of] ** (dt / self.interval_s)
-        return survival
+        return nominal[self.class_of] ** (dt / self.interval_s)

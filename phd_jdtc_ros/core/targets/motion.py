@@ -30,27 +30,22 @@ class MotionModel(Hashable, Protocol):
     @property
     def space(self) -> StateSpace:
         """The axes of its states."""
-        ...
 
     @property
     def support(self) -> tuple[int, ...]:
         """Indices of the state on which the mode's densities are defined; the others are zero."""
-        ...
 
     def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return each row's state after `dt` seconds without noise; (N, D) to (N, D).
 
         `dt` is one interval for all rows, or one for each, shape (N,).
         """
-        ...
 
     def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return the derivatives of `mean` at each row's state; (N, D) to (N, D, D)."""
-        ...
 
     def noise_covariance(self, dt: float) -> FloatArray:
         """Return Q(dt) on the support, shape (K, K)."""
-        ...
 
 
 def _white_acceleration(dt: float, spectral_density: float) -> FloatArray:

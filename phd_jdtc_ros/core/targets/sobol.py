@@ -15,7 +15,6 @@ def sobol_points(dimension: int, count: int) -> FloatArray:
 
     Parameters
     ----------
-    dimension : int
     count : int
         A power of two, at most 2^30.
 

@@ -17,8 +17,10 @@ from ..types import Estimates
 
 # Predicts the mean of a state; with a turn rate of zero along a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
-# Steps of the numerical Jacobian along the axes of position and velocity, and of the turn rate.
-STEP, TURN_STEP = 1e-2, 1e-6
+# Step of the numerical Jacobian along the axes of position and velocity.
+STEP = 1e-2
+# Step along the axis of the turn rate.
+TURN_STEP = 1e-6
 
 
 @dataclass(frozen=True)
@@ -53,21 +55,19 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
         Of N targets.
     time_ns : int array of shape (N,)
         Time of each estimate.
-    stamp_ns : int
-    modes : ModeSpace
 
     Notes
     -----
     The mean follows its coordinated turn, and the covariance is predicted to first order. The
     process noise is the mean over the class's motion models.
     """
-    late = np.flatnonzero(time_ns != stamp_ns)
+    to_predict = np.flatnonzero(time_ns != stamp_ns)
     estimates = replace(estimates, stamp_ns=stamp_ns)
-    if not len(late):
+    if not len(to_predict):
         return estimates
-    every, which = np.unique((stamp_ns - time_ns[late]) * 1e-9, return_inverse=True)
-    dt, kind = every[which.ravel()], estimates.class_id[late]
-    state, covariance = estimates.state[late], estimates.covariance[late]
+    every, which = np.unique((stamp_ns - time_ns[to_predict]) * 1e-9, return_inverse=True)
+    dt, kind = every[which.ravel()], estimates.class_id[to_predict]
+    state, covariance = estimates.state[to_predict], estimates.covariance[to_predict]
     size = state.shape[1]
     step = np.full(size, STEP)
     step[estimates.space.turn_rate] = TURN_STEP
@@ -83,9 +83,9 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise[rows]
     return replace(
         estimates,
-        state=_with(estimates.state, late, NOISE_FREE.mean(state, dt)),
-        covariance=_with(estimates.covariance, late, covariance),
-        weight=_with(estimates.weight, late, estimates.weight[late] * survival[rows]),
+        state=_with(estimates.state, to_predict, NOISE_FREE.mean(state, dt)),
+        covariance=_with(estimates.covariance, to_predict, covariance),
+        weight=_with(estimates.weight, to_predict, estimates.weight[to_predict] * survival[rows]),
     )
 
 
@@ -138,8 +138,7 @@ def interpolate(
 
     def linear(first: FloatArray, second: FloatArray) -> FloatArray:
         part = s.reshape(-1, *[1] * (first.ndim - 1))
-        between: FloatArray = (1.0 - part) * first + part * second
-        return between
+        return (1.0 - part) * first + part * second
 
     probability = linear(before.class_probability, after.class_probability)
     return replace(
@@ -154,29 +153,27 @@ def interpolate(
 
 
 def at_stamp(
-    found: Estimates, time_ns: IntArray, stamp_ns: int, threshold: float, modes: ModeSpace
+    estimates: Estimates, time_ns: IntArray, stamp_ns: int, threshold: float, modes: ModeSpace
 ) -> Estimates:
     """Return the targets at a stamp, given estimates at the times of their updates.
 
     Parameters
     ----------
-    found : Estimates
+    estimates : Estimates
         Includes unreported targets; a target may have estimates at several times.
     time_ns : int array
         Time of each estimate.
-    stamp_ns : int
     threshold : float
         Existence probability above which a target is reported.
-    modes : ModeSpace
 
     Notes
     -----
     A target is interpolated between its last update up to the stamp and its first update after it.
     Without a later update it is predicted.
     """
-    order = np.lexsort((time_ns, found.track_id))
-    order = order[found.track_id[order] != 0]
-    track, past = found.track_id[order], time_ns[order] <= stamp_ns
+    order = np.lexsort((time_ns, estimates.track_id))
+    order = order[estimates.track_id[order] != 0]
+    track, past = estimates.track_id[order], time_ns[order] <= stamp_ns
     last = np.flatnonzero(
         past & np.append((track[1:] != track[:-1]) | ~past[1:], True)[: len(past)]
     )
@@ -186,12 +183,14 @@ def at_stamp(
     both, only = row[seen_again], row[~seen_again]
     after = order[following[seen_again]]
     # Estimates without labels cannot be followed: those of the last scan are used.
-    unlabelled = (found.track_id == 0) & (time_ns <= stamp_ns)
+    unlabelled = (estimates.track_id == 0) & (time_ns <= stamp_ns)
     latest = time_ns[unlabelled].max(initial=0)
     only = np.append(only, np.flatnonzero(unlabelled & (time_ns == latest)))
     parts = [
-        interpolate(found.take(both), found.take(after), (time_ns[both], time_ns[after]), stamp_ns),
-        predict(found.take(only), time_ns[only], stamp_ns, modes),
+        interpolate(
+            estimates.take(both), estimates.take(after), (time_ns[both], time_ns[after]), stamp_ns
+        ),
+        predict(estimates.take(only), time_ns[only], stamp_ns, modes),
     ]
-    whole, _ = Estimates.concatenate(parts, found.lag)
+    whole, _ = Estimates.concatenate(parts, estimates.lag)
     return whole.take(np.flatnonzero(whole.weight > threshold))

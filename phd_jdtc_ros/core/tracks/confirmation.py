@@ -9,69 +9,61 @@ probability. A track without coverage is no longer reported once its last detect
 limit. The filter keeps it, so that it has the same number when it leaves a blind sector.
 
 With clutter maps, a track that is probably stationary is not confirmed: the map will soon contain
-it. Among fixed clutter a track counts as stationary until its velocity shows motion. Alone at sea
-it is reported until its velocity shows that it is stationary.
+it. Near fixed clutter, a track is taken as stationary until its velocity shows that it moves. Away
+from it, a track is taken as moving until its velocity shows that it is stationary.
 
 The thresholds come from `reporting_rule`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import replace
-from typing import Annotated, Any, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from ..arrays import FloatArray, IntArray, contains
+from ..arrays import BoolArray, FloatArray, IntArray, contains
 from ..clutter.neighbourhood import probability_among_reflectors
 from ..models import stationary
 from ..models.amplitude_model import Band
 from ..models.tracker_model import TrackerModel
-from ..snapshot import (
-    MASS_SLACK,
-    MOST_STAMP_NS,
-    Snapshot,
-    floats,
-    from_snapshot,
-    integers,
-    to_snapshot,
-)
+from ..snapshot import Snapshot, from_snapshot, to_snapshot
 from ..types import COASTING, CONFIRMED, TENTATIVE, Estimates, Scan
-from .reporting_rule import LEAST, ReportingRule, slowest_s
+from .confirmation_records import ConfirmationRecords, PastStates
+from .reporting_rule import MIN_EXISTENCE, ReportingRule, slowest_s
 
-BoolArray = npt.NDArray[np.bool_]
-# A scan with a larger probability of a missed detection does not count as a miss.
-UNSEEN = 0.98
+# A target that a scan misses with a larger probability than this counts as not covered: neither as
+# missed nor as detected.
+MAX_MISS_PROBABILITY = 0.98
 # Intervals or turns without coverage after which a track is coasting.
 PATIENCE = 1.5
-# With clutter maps: largest probability of being stationary with which a track is confirmed, and
-# with which it stays confirmed. The probability is one half if nothing is known.
-STATIONARY, SURELY_STATIONARY = 0.85, 0.9
+# Largest probability of being stationary, with clutter maps, with which a track is confirmed. The
+# probability is one half if nothing is known.
+MAX_STATIONARY_TO_CONFIRM = 0.85
+# Largest probability with which it stays confirmed.
+MAX_STATIONARY_CONFIRMED = 0.9
 # Scans less than this share of a turn apart may belong to the same pass of the antenna.
 SAME_TURN = 0.5
-# Upper bound of counts and factors in a snapshot.
-MOST = 1e18
 
 
-def missed_by_all(found: Estimates, scan: Scan, model: TrackerModel) -> FloatArray:
+def missed_by_all(estimates: Estimates, scan: Scan, model: TrackerModel) -> FloatArray:
     """Return the probability that no radar of a scan detects each target, shape (T,).
 
     It depends on the target's class and position, and on the radars' poses at the scan.
     """
-    modes, missed = model.modes, np.ones(len(found))
-    mode = np.searchsorted(modes.class_of, found.class_id)
+    modes, missed = model.modes, np.ones(len(estimates))
+    mode = np.searchsorted(modes.class_of, estimates.class_id)
     for report in model.reports(scan):
         sensor = report.sensor
-        measured = sensor.measure(found.state)
-        nothing = np.zeros(len(found))
+        measured = sensor.measure(estimates.state)
+        nothing = np.zeros(len(estimates))
         detected = Band().detection_probability(mode, nothing, measured, sensor, modes)
-        missed *= 1.0 - sensor.missable(measured, report.detections.coverage) * detected
+        missed *= 1.0 - sensor.coverage_probability(measured, report.detections.coverage) * detected
     return missed
 
 
-def stationary_probability(found: Estimates, model: TrackerModel) -> FloatArray:
+def stationary_probability(estimates: Estimates, model: TrackerModel) -> FloatArray:
     """Return the probability that each target is stationary, and so clutter to all radars, (T,).
 
     It is 0 if a radar has no clutter map, or tracks stationary targets. While the velocity is
@@ -80,101 +72,62 @@ def stationary_probability(found: Estimates, model: TrackerModel) -> FloatArray:
     """
     bound = stationary.stationary_speed(model.radars)
     if bound == 0.0:
-        return np.zeros(len(found))
-    axes = list(found.space.velocity)
-    covariance = found.covariance[:, axes][:, :, axes]
-    slower = stationary.slower(found.velocity, covariance, bound)
+        return np.zeros(len(estimates))
+    axes = list(estimates.space.velocity)
+    covariance = estimates.covariance[:, axes][:, :, axes]
+    slower = stationary.probability_slower(estimates.velocity, covariance, bound)
     alone = model.detection_births.stationary(slower, bound)
-    return stationary.among_reflectors(alone, _among_reflectors(found, model))
+    return stationary.among_reflectors(alone, _among_reflectors(estimates, model))
 
 
-def _among_reflectors(found: Estimates, model: TrackerModel) -> FloatArray:
+def _among_reflectors(estimates: Estimates, model: TrackerModel) -> FloatArray:
     """Return the probability that all radars have fixed clutter around each target, (T,).
 
     Only radars that see the place count; 0 if none does. The cells of a moving radar are fixed in
     the world.
     """
-    about = [
-        radar.neighbourhood_density(radar.measure(found.state), found.position)
+    excess = [
+        radar.neighbourhood_density(radar.measure(estimates.state), estimates.position)
         for radar in model.radars
     ]
-    least = np.min(about, axis=0)
-    return probability_among_reflectors(np.where(np.isinf(least), 0.0, least))
+    smallest = np.min(excess, axis=0)
+    return probability_among_reflectors(np.where(np.isinf(smallest), 0.0, smallest))
 
 
-class Records(NamedTuple):
-    """Confirmation state of each live track, confirmed or not.
+class _Detection(NamedTuple):
+    """Detection or miss of each track in a scan, arrays of shape (T,).
 
     Parameters
     ----------
-    label : int array of shape (T,)
-        Ascending.
-    stamp_ns, detected_ns : int arrays of shape (T,)
-        Stamps of the last scan that swept the track, and of its last detection.
-    existence : array of shape (T,)
-        Existence probability at `stamp_ns`.
-    state : int array of shape (T,)
-        `TENTATIVE`, `CONFIRMED` or `COASTING`.
-    expected, missed : arrays of shape (T,)
-        Expected and actual number of missed detections since confirmation.
-    factor : array of shape (T,)
-        Correction of the odds of existence for the misses since the last detection.
+    miss_probability : array
+        Probability that no radar of the scan detects the track.
+    covered : bool array
+        Whether the scan can show that the track was missed.
     """
 
-    label: Annotated[IntArray, integers("T", 1, ascending=True)]
-    stamp_ns: Annotated[IntArray, integers("T", 0, MOST_STAMP_NS)]
-    detected_ns: Annotated[IntArray, integers("T", 0, MOST_STAMP_NS)]
-    existence: Annotated[FloatArray, floats("T", 0.0, MASS_SLACK)]
-    state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)]
-    expected: Annotated[FloatArray, floats("T", 0.0, MOST)]
-    missed: Annotated[FloatArray, floats("T", 0.0, MOST)]
-    factor: Annotated[FloatArray, floats("T", 0.0, MOST)]
+    miss_probability: FloatArray
+    covered: BoolArray
+    missed: BoolArray
+    detected: BoolArray
 
     @staticmethod
-    def of_none() -> Records:
-        """Return a table without tracks."""
-        return Records.new(np.zeros(0, dtype=np.int64), 0, np.zeros(0))
-
-    @staticmethod
-    def new(label: IntArray, stamp_ns: int, existence: FloatArray) -> Records:
-        """Return the records of new tracks."""
-        size = len(label)
-        stamps = np.full(size, stamp_ns, dtype=np.int64)
-        tentative, none = np.full(size, TENTATIVE), np.zeros(size)
-        return Records(label, stamps, stamps, existence, tentative, none, none, np.ones(size))
-
-    def take(self, rows: IntArray) -> Records:
-        """Return the records of these rows."""
-        columns: list[Any] = [column[rows] for column in self]
-        return Records(*columns)
-
-    def merge(self, other: Records) -> Records:
-        """Return the records of both, by ascending label."""
-        columns: list[Any] = [np.concatenate(pair) for pair in zip(self, other, strict=True)]
-        return Records(*columns).take(np.argsort(columns[0], kind="stable"))
-
-    def replace_rows(self, rows: IntArray, by: Records) -> Records:
-        """Return the records with these rows replaced."""
-        columns: list[Any] = [column.copy() for column in self]
-        for column, other in zip(columns, by, strict=True):
-            column[rows] = other
-        return Records(*columns)
-
-
-class PastStates(NamedTuple):
-    """States of filtered tracks whose stamps may still be smoothed; all columns (T,)."""
-
-    stamp_ns: Annotated[IntArray, integers("T", 0, MOST_STAMP_NS)]
-    label: Annotated[IntArray, integers("T", 0)]
-    state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)]
-
-    def at(self, stamp_ns: int) -> PastStates:
-        """Return the rows of a stamp."""
-        return PastStates(*(column[self.stamp_ns == stamp_ns] for column in self))
-
-    def since(self, stamp_ns: int) -> PastStates:
-        """Return the rows from a stamp on."""
-        return PastStates(*(column[self.stamp_ns >= stamp_ns] for column in self))
+    def of(
+        estimates: Estimates,
+        before: ConfirmationRecords,
+        known: BoolArray,
+        scan: Scan,
+        model: TrackerModel,
+    ) -> _Detection:
+        """Return the detections and misses; a detection raises the odds of existence."""
+        miss_probability = missed_by_all(estimates, scan, model)
+        covered = known & (miss_probability < MAX_MISS_PROBABILITY)
+        survived = before.existence * _survival(estimates, before.stamp_ns, model)
+        lower = _odds(estimates.weight) < _odds(survived)
+        # A target at the edge of a slice may be in either of two: the other one is not a miss.
+        turn_ns = 1e9 * _shortest_turn_s(model)
+        same_turn = scan.stamp_ns - before.detected_ns < SAME_TURN * turn_ns
+        missed = covered & lower & ~same_turn
+        return _Detection(miss_probability, covered, missed, ~known | (covered & ~lower))
 
 
 class TrackStates:
@@ -183,20 +136,22 @@ class TrackStates:
     Labels are those of the engines' estimates: the target's label plus one.
     """
 
+    STATE: ClassVar[tuple[str, ...]] = ("_records", "_noted")
+
     def __init__(self, rule: ReportingRule) -> None:
         self.rule = rule
         self.reset()
 
     def reset(self) -> None:
         """Forget all tracks."""
-        self._records = Records.of_none()
+        self._records = ConfirmationRecords.of_none()
         self._noted = PastStates(*np.zeros((3, 0), dtype=np.int64))
 
     def report_filtered(
         self,
-        found: Estimates,
-        touched: IntArray,
-        held_ns: Collection[int],
+        estimates: Estimates,
+        swept: IntArray,
+        unswept_ns: Collection[int],
         scan: Scan,
         model: TrackerModel,
     ) -> Estimates:
@@ -204,83 +159,87 @@ class TrackStates:
 
         Parameters
         ----------
-        found : Estimates
+        estimates : Estimates
             All with an existence probability above `ReportingRule.least`.
-        touched : int array
+        swept : int array
             Labels of the targets that the scan swept, ascending.
-        held_ns : collection of int
+        unswept_ns : collection of int
             Stamps of earlier scans with tracks that no later scan has swept.
-        scan : Scan
-        model : TrackerModel
         """
         if not self.rule.labelled:
-            return found
-        place = np.argsort(found.track_id, kind="stable")
-        labelled = place[found.track_id[place] > 0]
-        records = self._next(found.take(labelled), scan, model)
-        gone = contains(touched, self._records.label - 1)
-        gone |= ~contains(np.array(sorted(held_ns), dtype=np.int64), self._records.stamp_ns)
+            return estimates
+        place = np.argsort(estimates.track_id, kind="stable")
+        labelled = place[estimates.track_id[place] > 0]
+        records = self._next(estimates.take(labelled), scan, model)
+        gone = contains(swept, self._records.label - 1)
+        gone |= ~contains(np.array(sorted(unswept_ns), dtype=np.int64), self._records.stamp_ns)
         self._records = self._records.take(np.flatnonzero(~gone)).merge(records)
-        state = np.full(len(found), CONFIRMED)
-        state[found.track_id == 0] = np.where(
-            found.weight[found.track_id == 0] > self.rule.delete.min(), CONFIRMED, TENTATIVE
+        state = np.full(len(estimates), CONFIRMED)
+        state[estimates.track_id == 0] = np.where(
+            estimates.weight[estimates.track_id == 0] > self.rule.delete.min(), CONFIRMED, TENTATIVE
         )
         state[labelled] = records.state
-        return replace(found, track_state=state).take(np.flatnonzero(state != TENTATIVE))
+        return replace(estimates, track_state=state).take(np.flatnonzero(state != TENTATIVE))
 
-    def _next(self, found: Estimates, scan: Scan, model: TrackerModel) -> Records:
+    def _next(self, estimates: Estimates, scan: Scan, model: TrackerModel) -> ConfirmationRecords:
         """Return the records of a scan's tracks, by ascending label."""
-        label, weight = found.track_id, found.weight
-        before, known = self._before(found)
-        missable = missed_by_all(found, scan, model)
-        seen = known & (missable < UNSEEN)
-        # A detection raises the odds of existence, and a miss lowers them.
-        survived = before.existence * _survival(found, before.stamp_ns, model)
-        lower = _odds(weight) < _odds(survived)
-        # A target at the edge of a slice may be in either of two: the other one is not a miss.
-        same_turn = scan.stamp_ns - before.detected_ns < SAME_TURN * 1e9 * _shortest_turn_s(model)
-        missed = seen & lower & ~same_turn
-        detected = ~known | (seen & ~lower)
-        counted = (missed | detected) & (before.state != TENTATIVE)
-        delete = self.rule.delete[found.class_id]
-        prior = self.rule.record_weight[found.class_id]
-        ratio = (1.0 + before.missed / prior) / (1.0 + before.expected / prior)
-        factor = np.where(missed, before.factor * ratio, before.factor)
-        factor[detected | np.isinf(prior)] = 1.0
-        corrected = _odds(weight) * factor
-        corrected = np.where(factor == 1.0, weight, corrected / (1.0 + corrected))
-        detected_ns = np.where(detected, scan.stamp_ns, before.detected_ns)
+        before, known = self._before(estimates)
+        detection = _Detection.of(estimates, before, known, scan, model)
+        tentative, missed = before.state == TENTATIVE, detection.missed
+        factor, existence = self._corrected_existence(estimates, before, detection)
+        detected_ns = np.where(detection.detected, scan.stamp_ns, before.detected_ns)
         since_ns = scan.stamp_ns - detected_ns
         long_ago = since_ns > PATIENCE * 1e9 * slowest_s(model)
-        lowest = np.where(long_ago & ~seen, self.rule.hidden[found.class_id], delete)
-        kept = np.where(
-            before.state == TENTATIVE,
-            weight > self.rule.confirm[found.class_id],
-            (corrected >= lowest) & (weight >= np.minimum(LEAST, delete)),
-        )
-        kept &= detected | seen | (since_ns <= 1e9 * self.rule.coasting_s)
-        bound = np.where(before.state == TENTATIVE, STATIONARY, SURELY_STATIONARY)
-        kept &= stationary_probability(found, model) <= bound
-        coasting = missed | long_ago | (~detected & (before.state == COASTING))
-        return Records(
-            label=label,
-            stamp_ns=np.full(len(label), scan.stamp_ns),
+        hidden = long_ago & ~detection.covered
+        reported = self._is_reported(estimates, existence, tentative, hidden)
+        recent = since_ns <= 1e9 * self.rule.coasting_s
+        reported &= detection.detected | detection.covered | recent
+        bound = np.where(tentative, MAX_STATIONARY_TO_CONFIRM, MAX_STATIONARY_CONFIRMED)
+        reported &= stationary_probability(estimates, model) <= bound
+        coasting = missed | long_ago | (~detection.detected & (before.state == COASTING))
+        counted = (missed | detection.detected) & ~tentative
+        expected = before.expected + detection.miss_probability
+        return ConfirmationRecords(
+            label=estimates.track_id,
+            stamp_ns=np.full(len(estimates), scan.stamp_ns),
             detected_ns=detected_ns,
-            existence=weight,
-            state=np.where(kept, np.where(coasting, COASTING, CONFIRMED), TENTATIVE),
-            expected=np.where(counted, before.expected + missable, before.expected),
+            existence=estimates.weight,
+            state=np.where(reported, np.where(coasting, COASTING, CONFIRMED), TENTATIVE),
+            expected=np.where(counted, expected, before.expected),
             missed=before.missed + (counted & missed),
             factor=factor,
         )
 
-    def _before(self, found: Estimates) -> tuple[Records, BoolArray]:
+    def _corrected_existence(
+        self, estimates: Estimates, before: ConfirmationRecords, detection: _Detection
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the factor of the odds by each track's own record, and the existence with it."""
+        prior = self.rule.record_weight[estimates.class_id]
+        ratio = (1.0 + before.missed / prior) / (1.0 + before.expected / prior)
+        factor = np.where(detection.missed, before.factor * ratio, before.factor)
+        factor[detection.detected | np.isinf(prior)] = 1.0
+        corrected = _odds(estimates.weight) * factor
+        existence = np.where(factor == 1.0, estimates.weight, corrected / (1.0 + corrected))
+        return factor, existence
+
+    def _is_reported(
+        self, estimates: Estimates, existence: FloatArray, tentative: BoolArray, hidden: BoolArray
+    ) -> BoolArray:
+        """Return a mask of the tracks that their existence probability confirms or keeps."""
+        rule, kind, weight = self.rule, estimates.class_id, estimates.weight
+        delete = rule.delete[kind]
+        lowest = np.where(hidden, rule.hidden[kind], delete)
+        kept = (existence >= lowest) & (weight >= np.minimum(MIN_EXISTENCE, delete))
+        return np.where(tentative, weight > rule.confirm[kind], kept)
+
+    def _before(self, estimates: Estimates) -> tuple[ConfirmationRecords, BoolArray]:
         """Return the record of each track before the scan, and whether there was one."""
         records = self._records
-        place = np.searchsorted(records.label, found.track_id)
-        known = np.zeros(len(found), dtype=np.bool_)
+        place = np.searchsorted(records.label, estimates.track_id)
+        known = np.zeros(len(estimates), dtype=np.bool_)
         inside = place < len(records.label)
-        known[inside] = records.label[place[inside]] == found.track_id[inside]
-        new = Records.new(found.track_id, found.stamp_ns, found.weight)
+        known[inside] = records.label[place[inside]] == estimates.track_id[inside]
+        new = ConfirmationRecords.new(estimates.track_id, estimates.stamp_ns, estimates.weight)
         return new.replace_rows(np.flatnonzero(known), records.take(place[known])), known
 
     def note(self, published: Estimates) -> None:
@@ -293,7 +252,7 @@ class TrackStates:
         """Forget the states of stamps that have been smoothed."""
         self._noted = self._noted.since(stamp_ns)
 
-    def report_smoothed(self, found: Estimates) -> Estimates:
+    def report_smoothed(self, estimates: Estimates) -> Estimates:
         """Return the reported smoothed estimates, with their states.
 
         A target is reported if its track was confirmed at any time between the stamp and the last
@@ -301,24 +260,16 @@ class TrackStates:
         filter's at the stamp: tentative before the confirmation.
         """
         if not self.rule.labelled:
-            return found
+            return estimates
         confirmed = self._records.label[self._records.state != TENTATIVE]
-        ever = np.concatenate([confirmed, self._noted.since(found.stamp_ns).label])
-        kept = contains(np.sort(ever), found.track_id) | (found.track_id == 0)
-        kept &= found.weight >= self.rule.delete[found.class_id]
-        found = found.take(np.flatnonzero(kept))
-        _, label, state = self._noted.at(found.stamp_ns)
+        ever = np.concatenate([confirmed, self._noted.since(estimates.stamp_ns).label])
+        kept = contains(np.sort(ever), estimates.track_id) | (estimates.track_id == 0)
+        kept &= estimates.weight >= self.rule.delete[estimates.class_id]
+        estimates = estimates.take(np.flatnonzero(kept))
+        _, label, state = self._noted.at(estimates.stamp_ns)
         states = dict(zip(label.tolist(), state.tolist(), strict=True))
-        known = [states.get(n, TENTATIVE if n else CONFIRMED) for n in found.track_id.tolist()]
-        return replace(found, track_state=np.array(known, dtype=np.int64))
-
-    def save_state(self) -> dict[str, Any]:
-        """Return the tracks' states, for `load_state`."""
-        return {"records": self._records, "noted": self._noted}
-
-    def load_state(self, state: Mapping[str, Any]) -> None:
-        """Restore saved states."""
-        self._records, self._noted = state["records"], state["noted"]
+        known = [states.get(n, TENTATIVE if n else CONFIRMED) for n in estimates.track_id.tolist()]
+        return replace(estimates, track_state=np.array(known, dtype=np.int64))
 
     def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the states in a snapshot."""
@@ -333,7 +284,7 @@ class TrackStates:
         ValueError
             If the tracker cannot have stored these values.
         """
-        self._records = from_snapshot(Records, snapshot, "tracks", {})
+        self._records = from_snapshot(ConfirmationRecords, snapshot, "tracks", {})
         self._noted = from_snapshot(PastStates, snapshot, "noted", {})
 
 
@@ -342,11 +293,11 @@ def _odds(probability: FloatArray) -> FloatArray:
     return probability / np.maximum(1.0 - probability, np.finfo(float).eps)
 
 
-def _survival(found: Estimates, since_ns: IntArray, model: TrackerModel) -> FloatArray:
+def _survival(estimates: Estimates, since_ns: IntArray, model: TrackerModel) -> FloatArray:
     """Return the probability that each target has survived since an earlier stamp, shape (T,)."""
     nominal = np.array([kind.survival_probability for kind in model.modes.classes])
-    intervals = (found.stamp_ns - since_ns) * 1e-9 / model.modes.interval_s
-    survival: FloatArray = nominal[found.class_id] ** intervals
+    intervals = (estimates.stamp_ns - since_ns) * 1e-9 / model.modes.interval_s
+    survival: FloatArray = nominal[estimates.class_id] ** intervals
     return survival
 
 

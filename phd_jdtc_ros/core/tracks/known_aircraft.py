@@ -16,8 +16,8 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..models.tracker_model import TrackerModel
 from ..snapshot import (
-    MOST_STAMP_NS,
-    MOST_STATE,
+    MAX_STAMP_NS,
+    MAX_STATE,
     Snapshot,
     floats,
     from_snapshot,
@@ -27,12 +27,12 @@ from ..snapshot import (
 from ..types import CONFIRMED, UNKNOWN, Estimates
 
 # Largest number of aircraft that are stored; the most recently detected ones stay.
-MOST_AIRCRAFT = 10_000
+MAX_AIRCRAFT = 10_000
 # Largest speed, in standard deviations of a new target's velocity.
-FASTEST_SIGMA = 3.0
+MAX_SPEED_SIGMA = 3.0
 # Tolerance of the distance between two tracks of one aircraft, for errors of both, metres.
 MARGIN = 1000.0
-MOST_ADDRESS = (1 << 24) - 1
+MAX_ADDRESS = (1 << 24) - 1
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Reach:
         """Return the reach of a model's targets; None if no radar reports identities."""
         if model.attributes is None:
             return None
-        speed = FASTEST_SIGMA * model.detection_births.velocity_std
+        speed = MAX_SPEED_SIGMA * model.detection_births.velocity_std
         return Reach(model.attributes.code.kept_s, speed)
 
 
@@ -64,8 +64,6 @@ class LastSeen(NamedTuple):
 
     Parameters
     ----------
-    address : int
-    stamp_ns : int
     position : tuple of two floats
         In the world frame, metres.
     speed : float
@@ -89,10 +87,10 @@ class Seen(NamedTuple):
     """Snapshot of track numbers and their `LastSeen`, as columns of R rows."""
 
     number: Annotated[IntArray, integers("R", 1)]
-    address: Annotated[IntArray, integers("R", 0, MOST_ADDRESS)]
-    stamp_ns: Annotated[IntArray, integers("R", 0, MOST_STAMP_NS)]
-    position: Annotated[FloatArray, floats("RA", -MOST_STATE, MOST_STATE)]
-    speed: Annotated[FloatArray, floats("R", -MOST_STATE, MOST_STATE)]
+    address: Annotated[IntArray, integers("R", 0, MAX_ADDRESS)]
+    stamp_ns: Annotated[IntArray, integers("R", 0, MAX_STAMP_NS)]
+    position: Annotated[FloatArray, floats("RA", -MAX_STATE, MAX_STATE)]
+    speed: Annotated[FloatArray, floats("R", -MAX_STATE, MAX_STATE)]
 
 
 @dataclass
@@ -145,7 +143,7 @@ class KnownAircraft:
         oldest_ns = estimates.stamp_ns - reach.kept_s * 1e9
         while self.seen:
             number = next(iter(self.seen))
-            if len(self.seen) <= MOST_AIRCRAFT and self.seen[number].stamp_ns >= oldest_ns:
+            if len(self.seen) <= MAX_AIRCRAFT and self.seen[number].stamp_ns >= oldest_ns:
                 break
             self._forget(number)
 
@@ -181,10 +179,10 @@ class KnownAircraft:
             If the tracker cannot have stored these values.
         """
         table = from_snapshot(Seen, snapshot, "aircraft", {"A": 2})
-        if table.number.max(initial=0) > count or len(table.number) > MOST_AIRCRAFT:
+        if table.number.max(initial=0) > count or len(table.number) > MAX_AIRCRAFT:
             raise ValueError(
-                f"aircraft.number: {len(table.number)} up to {table.number.max()} given, must be "
-                f"at most {MOST_AIRCRAFT} up to {count}"
+                f"aircraft.number: {len(table.number)} aircraft with numbers up to "
+                f"{table.number.max()}, expected at most {MAX_AIRCRAFT} with numbers up to {count}"
             )
         seen = {}
         for number, address, stamp_ns, (x, y), speed in zip(

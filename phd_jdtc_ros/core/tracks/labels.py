@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
+from ..arrays import BoolArray, IntArray
 
-from ..arrays import IntArray
-
-ORIGINS_PER_SCAN = 1 << 24
+LABELS_PER_SCAN = 1 << 24
+# Largest number of scans. Labels contain the scan index and must fit 64 bits; at one scan a second
+# the limit is reached after 4000 years.
+MAX_SCANS = 1 << 37
 
 
 def first_predicted(scan_index: int) -> int:
     """Return the first label for birth terms and spawned targets of a scan's prediction."""
-    return scan_index * ORIGINS_PER_SCAN
+    return scan_index * LABELS_PER_SCAN
 
 
 def first_detected(scan_index: int) -> int:
     """Return the first label for targets born at a scan's detections."""
-    return scan_index * ORIGINS_PER_SCAN + ORIGINS_PER_SCAN // 2
+    return scan_index * LABELS_PER_SCAN + LABELS_PER_SCAN // 2
 
 
-def first_scan(origin: IntArray) -> IntArray:
-    """Return the index of the scan in which each label began."""
-    return origin // ORIGINS_PER_SCAN
+def birth_scan(label: IntArray) -> IntArray:
+    """Return the index of the scan in which each label was created."""
+    return label // LABELS_PER_SCAN
 
 
-def is_detected(origin: IntArray) -> npt.NDArray[np.bool_]:
-    """Return a mask of labels created by births at detections."""
-    detected: npt.NDArray[np.bool_] = origin % ORIGINS_PER_SCAN >= ORIGINS_PER_SCAN // 2
-    return detected
+def born_at_detection(label: IntArray) -> BoolArray:
+    """Return a mask of the labels that were created at detections."""
+    return label % LABELS_PER_SCAN >= LABELS_PER_SCAN // 2

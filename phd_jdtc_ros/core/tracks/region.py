@@ -11,13 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from ..arrays import FloatArray
+from ..arrays import BoolArray, FloatArray
 from ..sensors.sensor import Sensor
 from ..types import Detections, Estimates
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -58,8 +55,7 @@ class Region:
 
     def covers(self, position: FloatArray) -> BoolArray:
         """Return a mask of positions in the core region or its margin, shape (N,)."""
-        inside: BoolArray = self.depth(position) >= -self.margin
-        return inside
+        return self.depth(position) >= -self.margin
 
     def select_detections(self, detections: Detections, sensor: Sensor) -> Detections:
         """Return a sensor's detections in the core region or its margin."""
@@ -86,6 +82,8 @@ class Everywhere:
         return estimates
 
 
-def within(region: Region | Everywhere, found: Sequence[Estimates]) -> tuple[Estimates, ...]:
+def select_in_region(
+    region: Region | Everywhere, found: Sequence[Estimates]
+) -> tuple[Estimates, ...]:
     """Return the reported part of each set of estimates."""
     return tuple(region.select_estimates(estimates) for estimates in found)

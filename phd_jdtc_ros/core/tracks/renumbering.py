@@ -13,11 +13,12 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..types import Estimates
-from .labels import first_scan
+from .labels import birth_scan
 
-# Gates of the square Mahalanobis distance between estimates of one target: for positions, and for
-# positions with velocities.
-GATE, MOVING_GATE = 16.0, 20.0
+# Gate of the square Mahalanobis distance between the positions of two estimates of one target.
+GATE = 16.0
+# The same gate for positions with velocities.
+MOVING_GATE = 20.0
 # Cost of an unmatched target: above any sum of square distances within the gates, so that as many
 # targets as possible are matched.
 _NO_MATCH = 1e6
@@ -28,7 +29,7 @@ NEIGHBOURS = 32
 # one place would share one leaf of the tree and be compared one by one.
 _SPREAD = 1e-3
 # Added to correlation matrices, which single precision may have rounded to singular ones.
-_LEAST_EIGENVALUE = 2e-6
+_MIN_EIGENVALUE = 2e-6
 
 
 def match(one: Estimates, other: Estimates, moving: bool = False) -> tuple[IntArray, IntArray]:
@@ -36,7 +37,6 @@ def match(one: Estimates, other: Estimates, moving: bool = False) -> tuple[IntAr
 
     Parameters
     ----------
-    one, other : Estimates
     moving : bool
         Whether velocities are compared too.
 
@@ -95,7 +95,7 @@ def _square_distance(
     if not (variance > 0.0).all():
         raise np.linalg.LinAlgError("covariance: a variance is negative, must be positive")
     scale = np.sqrt(variance)
-    correlation = spread / (scale[:, :, None] * scale[:, None]) + _LEAST_EIGENVALUE * np.eye(
+    correlation = spread / (scale[:, :, None] * scale[:, None]) + _MIN_EIGENVALUE * np.eye(
         len(axes)
     )
     apart = apart / scale
@@ -119,18 +119,18 @@ def continue_numbers(
     earlier, latest : mappings of label to number
         Numbers before these scans, and after their first processing.
     before, after : Estimates
-        Estimates after the first processing and after the second; their tracks are labels.
+        Estimates after the first processing and after the second; `track_id` is still label + 1.
     first : int
         Index of the first reprocessed scan.
     """
     numbers = {
         label: number
         for label, number in {**earlier, **latest}.items()
-        if first_scan(np.array(label - 1)) < first
+        if birth_scan(np.array(label - 1)) < first
     }
     given = np.array([label for label in latest if label not in numbers], dtype=np.int64)
     old = before.take(np.flatnonzero(np.isin(before.track_id, given)))
-    young = first_scan(after.track_id - 1) >= first
+    young = birth_scan(after.track_id - 1) >= first
     new = after.take(np.flatnonzero(young & (after.track_id > 0)))
     for row, column in zip(*match(old, new), strict=True):
         numbers[int(new.track_id[column])] = latest[int(old.track_id[row])]

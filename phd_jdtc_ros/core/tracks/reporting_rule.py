@@ -20,13 +20,13 @@ from ..sensors.sensor import Sensor
 from ..targets.modes import ClassModel
 
 # Threshold of estimates without labels: at even odds, a false report costs as much as a missed one.
-EVEN = 0.5
+UNLABELLED_THRESHOLD = 0.5
 # Below this existence probability a track is deleted, whatever its record.
-LEAST = 0.05
+MIN_EXISTENCE = 0.05
 # Number of points in a class's SNR band at which the detection probability is evaluated.
-PLACES = 400
+SNR_POINTS = 400
 # Relative variances below this are rounding errors.
-SAME = 1e-9
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -61,15 +61,15 @@ class ReportingRule:
     def least(self) -> float:
         """Existence probability above which a track can be reported by the filter."""
         lowest = float(min(self.confirm.min(), self.delete.min()))
-        return min(lowest, LEAST) if np.isfinite(self.record_weight).any() else lowest
+        return min(lowest, MIN_EXISTENCE) if np.isfinite(self.record_weight).any() else lowest
 
     @property
     def least_smoothed(self) -> float:
         """Existence probability above which a target can be reported by the smoother."""
         return float((self.delete if self.labelled else self.confirm).min())
 
-    def slower(self, factor: float) -> ReportingRule:
-        """Return the rule for detections that are less frequent by a factor."""
+    def scaled_coasting(self, factor: float) -> ReportingRule:
+        """Return the rule with a coasting time longer by a factor."""
         return replace(self, coasting_s=self.coasting_s * factor)
 
 
@@ -84,7 +84,6 @@ def rule_of(
 
     Parameters
     ----------
-    model : TrackerModel
     labelled : bool
         Whether estimates have labels.
     confirm, delete : float
@@ -103,7 +102,7 @@ def rule_of(
     classes = model.modes.classes
     never = np.full(len(classes), np.inf)
     if not labelled:
-        above = np.full(len(classes), confirm or EVEN)
+        above = np.full(len(classes), confirm or UNLABELLED_THRESHOLD)
         return ReportingRule(above, above, above, never, labelled=False)
     coasting_s = coasting_scans * slowest_s(model)
     misses = [_misses(kind, model.radars) for kind in classes]
@@ -122,10 +121,10 @@ def rule_of(
 def _misses(kind: ClassModel, sensors: tuple[Sensor, ...]) -> FloatArray:
     """Return the probability that all sensors miss a target, at points of its class's SNR band."""
     low, high = np.log1p(kind.snr_band)
-    place = low + (high - low) * (np.arange(PLACES) + 0.5) / PLACES
-    missed = np.ones(PLACES)
+    log_snr = low + (high - low) * (np.arange(SNR_POINTS) + 0.5) / SNR_POINTS
+    missed = np.ones(SNR_POINTS)
     for sensor in sensors:
-        missed *= sensor.miss_probability(place)
+        missed *= sensor.miss_probability(log_snr)
     return missed
 
 
@@ -140,7 +139,7 @@ def _record_weight(missed: FloatArray) -> float:
     """
     variance = float(missed.var())
     mean = float(missed.mean())
-    return mean**2 / variance if variance > SAME * mean**2 else float(np.inf)
+    return mean**2 / variance if variance > ROUNDING * mean**2 else float(np.inf)
 
 
 def slowest_s(model: TrackerModel) -> float:

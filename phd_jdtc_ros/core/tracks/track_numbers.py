@@ -14,13 +14,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..arrays import IntArray
-from ..snapshot import MOST_INDEX, Snapshot, from_snapshot, integers, to_snapshot
+from ..snapshot import MAX_INDEX, Snapshot, from_snapshot, integers, to_snapshot
 from ..types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
 from .known_aircraft import MARGIN, KnownAircraft, Reach
 
 # Largest restored number: messages have 32 bits for a track number, and half of the range remains
 # for tracks after the restart.
-MOST_TRACKS = 1 << 31
+MAX_TRACK_NUMBER = 1 << 31
 # Rank of two tracks of one aircraft by their states; the lower one is reported.
 PREFERENCE = {CONFIRMED: 0, COASTING: 1, TENTATIVE: 2}
 
@@ -28,8 +28,8 @@ PREFERENCE = {CONFIRMED: 0, COASTING: 1, TENTATIVE: 2}
 class Numbers(NamedTuple):
     """Snapshot of the last assigned number, and of the labels and numbers in use, each (T,)."""
 
-    last: Annotated[int, integers("", 0, MOST_TRACKS)]
-    label: Annotated[IntArray, integers("T", 0, MOST_INDEX + 1)]
+    last: Annotated[int, integers("", 0, MAX_TRACK_NUMBER)]
+    label: Annotated[IntArray, integers("T", 0, MAX_INDEX + 1)]
     number: Annotated[IntArray, integers("T", 1)]
 
 
@@ -61,7 +61,6 @@ class TrackNumbers:
 
         Parameters
         ----------
-        estimates : Estimates
         reach : Reach or None
             Reach of aircraft whose tracks have ended; None if no radar reports identities.
         """
@@ -77,12 +76,12 @@ class TrackNumbers:
                 if again is not None:
                     self._number[label[row]] = again
         self._join(estimates)
-        self._part(estimates)
+        self._separate(estimates)
         numbers = [self._track(one) if one else 0 for one in label]
-        found = replace(estimates, track_id=np.array(numbers, dtype=np.int64))
-        found = found.take(_best(found))
-        self.aircraft.note(found, reach)
-        return found
+        numbered = replace(estimates, track_id=np.array(numbers, dtype=np.int64))
+        numbered = numbered.take(_best(numbered))
+        self.aircraft.note(numbered, reach)
+        return numbered
 
     def _join(self, estimates: Estimates) -> None:
         """Give tracks of one address that are near each other the oldest of their numbers."""
@@ -92,15 +91,18 @@ class TrackNumbers:
         for one, other in _pairs(address, UNKNOWN):
             labels = estimates.track_id[[one, other]].tolist()
             given = [self._number[label] for label in labels if label in self._number]
-            if given and _apart(estimates, one, other) <= MARGIN:
+            if given and _distance(estimates, one, other) <= MARGIN:
                 self._number.update(dict.fromkeys(labels, min(given)))
 
-    def _part(self, estimates: Estimates) -> None:
-        """Withdraw the number of the younger of two confirmed tracks of different aircraft."""
+    def _separate(self, estimates: Estimates) -> None:
+        """Withdraw a shared number from the younger of two confirmed tracks.
+
+        It is withdrawn if they are too far apart to be one aircraft.
+        """
         confirmed = estimates.track_state == CONFIRMED
         number = [self._number.get(label, 0) for label in estimates.track_id.tolist()]
         for one, other in _pairs(np.where(confirmed, number, 0), 0):
-            if _apart(estimates, one, other) > MARGIN:
+            if _distance(estimates, one, other) > MARGIN:
                 self._number.pop(int(estimates.track_id[[one, other]].max()), None)
 
     def _track(self, label: int) -> int:
@@ -146,7 +148,7 @@ class NoNumbers(TrackNumbers):
         return estimates
 
     def forget_all_but(self, labels: list[IntArray]) -> None:
-        """Do nothing."""
+        """Keep all numbers: there are none to drop."""
 
 
 def _pairs(value: IntArray, none: int) -> Iterator[tuple[int, int]]:
@@ -156,7 +158,7 @@ def _pairs(value: IntArray, none: int) -> Iterator[tuple[int, int]]:
         yield from itertools.combinations(np.flatnonzero(value == same).tolist(), 2)
 
 
-def _apart(estimates: Estimates, one: int, other: int) -> float:
+def _distance(estimates: Estimates, one: int, other: int) -> float:
     """Return the distance of two estimates, metres."""
     return float(np.hypot(*(estimates.position[one] - estimates.position[other])))
 
@@ -167,5 +169,4 @@ def _best(estimates: Estimates) -> IntArray:
     rank = np.array([PREFERENCE[state] for state in estimates.track_state.tolist()], dtype=np.int64)
     order = np.lexsort((-estimates.weight, rank, number))
     first = np.append(True, np.diff(number[order]) > 0)[: len(order)] | (number[order] == 0)
-    rows: IntArray = np.sort(order[first])
-    return rows
+    return np.sort(order[first])

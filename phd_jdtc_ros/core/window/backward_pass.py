@@ -41,7 +41,8 @@ def smoothed_sets(
     Parameters
     ----------
     entries : sequence of Entry
-        Oldest first. A source outside these entries has left the window.
+        Oldest first. A source that is not among these entries has been dropped; nothing is sent to
+        it.
     send : callable
         Returns the content of a smoothed set's message to the rows of its sources, given its link.
     receive : callable

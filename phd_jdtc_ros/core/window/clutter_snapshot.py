@@ -8,13 +8,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray
-from ..clutter.amplitude_law import CELLS, MEMORY, MOST_COUNT, Learned
+from ..clutter.amplitude_law import CELLS, MAX_COUNT, MEMORY, Learned
 from ..clutter.grid import Grid, GroundGrid, PolarGrid
-from ..clutter.map import MOST_CELLS, ClutterMap
+from ..clutter.map import MAX_CELLS, ClutterMap
 from ..clutter.rate import ClutterCount
 from ..models.clutter_learning import ClutterMemory
 from ..sensors.sensor import Sensor
-from ..snapshot import MOST_STATE, Snapshot, floats, from_snapshot, to_snapshot
+from ..snapshot import MAX_STATE, Snapshot, floats, from_snapshot, to_snapshot
 
 NAME, MAP, RATE = "clutter", "clutter_map", "clutter_rate"
 
@@ -28,7 +28,7 @@ class Place(NamedTuple):
         World x and y in metres, and yaw in radians.
     """
 
-    pose: Annotated[FloatArray, floats("X", -MOST_STATE, MOST_STATE)]
+    pose: Annotated[FloatArray, floats("X", -MAX_STATE, MAX_STATE)]
 
 
 def clutter_to_snapshot(
@@ -93,7 +93,7 @@ def _place_of(radar: Sensor) -> Place:
 def _law(snapshot: Snapshot, radar: Sensor) -> Learned:
     name = f"{NAME}.{radar.name}"
     law = from_snapshot(Learned, snapshot, name, {"K": CELLS}, threshold=radar.threshold)
-    if law.count.sum() > MOST_COUNT:
+    if law.count.sum() > MAX_COUNT:
         raise ValueError(f"{name}.count: {law.count.sum():.4g} detections, at most {MEMORY:g}")
     return law
 
@@ -113,6 +113,6 @@ def _map(snapshot: Snapshot, radar: Sensor) -> ClutterMap:
     kind: type[Grid] = PolarGrid if polar else GroundGrid
     grid = from_snapshot(kind, snapshot, f"{name}.grid", {})
     learned = from_snapshot(ClutterMap, snapshot, name, {}, grid=grid)
-    if len(learned.cell) > MOST_CELLS:
-        raise ValueError(f"{name}.cell: {len(learned.cell)} cells, at most {MOST_CELLS}")
+    if len(learned.cell) > MAX_CELLS:
+        raise ValueError(f"{name}.cell: {len(learned.cell)} cells, at most {MAX_CELLS}")
     return learned

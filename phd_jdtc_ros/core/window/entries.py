@@ -14,12 +14,9 @@ from functools import cached_property
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import BoolArray, FloatArray, IntArray
 from ..state_space import StateSpace
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -28,18 +25,18 @@ class Extents:
 
     Parameters
     ----------
-    origin : int array of shape (T,)
-        Labels, ascending.
-    row_origin : int array of shape (N,)
-        Index of each row's label in `origin`.
+    label : int array of shape (T,)
+        Ascending.
+    target : int array of shape (N,)
+        Index of each row's label in `label`.
     position, velocity : arrays of shape (T, 2)
         Means, metres and metres per second.
     position_std, velocity_std : arrays of shape (T,)
         Root mean square distances from the means.
     """
 
-    origin: IntArray
-    row_origin: IntArray
+    label: IntArray
+    target: IntArray
     position: FloatArray
     velocity: FloatArray
     position_std: FloatArray
@@ -50,18 +47,15 @@ class Rows(Sized, Protocol):
     """A set that approximates the intensity: N weighted rows, each with one label."""
 
     @property
-    def origin(self) -> IntArray:
+    def row_label(self) -> IntArray:
         """Label of each row, shape (N,); see `labels`."""
-        ...
 
     @property
     def label(self) -> IntArray:
         """Label of each component's target, shape (J,); -1 for a component without label."""
-        ...
 
     def take(self: RowsT, rows: IntArray) -> RowsT:
         """Return the set of these rows."""
-        ...
 
     def class_mass(
         self, class_of: IntArray, classes: int, rows: IntArray | None = None
@@ -75,11 +69,9 @@ class Rows(Sized, Protocol):
         rows : int array or None
             The rows to count; None for all rows.
         """
-        ...
 
     def extents(self, space: StateSpace) -> Extents:
         """Return the position and velocity of the target of each label."""
-        ...
 
 
 RowsT = TypeVar("RowsT", bound=Rows)
@@ -128,7 +120,7 @@ class Entry(Generic[RowsT, LinkT]):
 
     @property
     def unlinked(self) -> Entry[RowsT, LinkT]:
-        """The entry without its link, for a window that holds none of its sources."""
+        """The entry without its link, for a window without its sources."""
         return self if self.link is None else replace(self, link=None)
 
     @cached_property
@@ -143,7 +135,7 @@ class Entry(Generic[RowsT, LinkT]):
 
 
 @dataclass(frozen=True)
-class Current(Generic[RowsT, LinkT]):
+class UnsweptRows(Generic[RowsT, LinkT]):
     """The rows of an entry that no later scan has swept.
 
     Parameters
@@ -164,10 +156,10 @@ class Current(Generic[RowsT, LinkT]):
         return self.entry.stored if self.rows is None else self.entry.stored.take(self.rows)
 
     @property
-    def origin(self) -> IntArray:
+    def row_label(self) -> IntArray:
         """Label of each of these rows."""
-        origin = self.entry.stored.origin
-        return origin if self.rows is None else origin[self.rows]
+        label = self.entry.stored.row_label
+        return label if self.rows is None else label[self.rows]
 
     @cached_property
     def _class_mass(self) -> dict[int, FloatArray]:
@@ -189,19 +181,19 @@ class Current(Generic[RowsT, LinkT]):
         return Source(self.entry.stamp_ns, self.rows, len(self))
 
     def split(
-        self, touched: BoolArray
-    ) -> tuple[Current[RowsT, LinkT] | None, Current[RowsT, LinkT] | None]:
+        self, swept: BoolArray
+    ) -> tuple[UnsweptRows[RowsT, LinkT] | None, UnsweptRows[RowsT, LinkT] | None]:
         """Return the swept rows and the other rows; None in the place of an empty part.
 
         Parameters
         ----------
-        touched : bool array of shape (N,)
+        swept : bool array of shape (N,)
             Whether a scan has swept each row of the entry.
         """
-        every = np.arange(len(touched)) if self.rows is None else self.rows
-        chosen = touched[every]
-        if chosen.all():
+        every = np.arange(len(swept)) if self.rows is None else self.rows
+        inside = swept[every]
+        if inside.all():
             return self, None
-        if not chosen.any():
+        if not inside.any():
             return None, self
-        return Current(self.entry, every[chosen]), Current(self.entry, every[~chosen])
+        return UnsweptRows(self.entry, every[inside]), UnsweptRows(self.entry, every[~inside])

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Generic, NamedTuple
+from typing import Annotated, ClassVar, Generic, NamedTuple
 
 import numpy as np
 
@@ -15,23 +14,17 @@ from ..attributes.memory import AttributeMemory
 from ..attributes.stored import attributes_from_snapshot, attributes_to_snapshot
 from ..models.clutter_learning import ClutterMemory
 from ..models.tracker_model import TrackerModel
-from ..snapshot import MOST_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
+from ..snapshot import MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
+from ..tracks.labels import MAX_SCANS
 from ..types import Scan
 from .clutter_snapshot import clutter_from_snapshot, clutter_to_snapshot
-from .entries import Current, Entry, LinkT, RowsT
+from .entries import Entry, LinkT, RowsT, UnsweptRows
 from .swept import swept_births
-from .window_snapshot import current_from_snapshot, current_to_snapshot
-
-# Largest number of scans. Labels contain the scan index and must fit 64 bits; at one scan a second
-# the limit is reached after 4000 years.
-MOST_SCANS = 1 << 37
-# The fields of a filter that change from scan to scan. Their values are replaced and never
-# modified, so that a shallow copy is enough to restore a state.
-STATE = ("current", "stamp_ns", "_born_ns", "_scan_index", "clutter", "attributes")
+from .window_snapshot import unswept_from_snapshot, unswept_to_snapshot
 
 
-def _ignore(part: str) -> None:
-    """Do nothing when a part is done."""
+def _ignore(stage: str) -> None:
+    """Ignore the end of a stage."""
 
 
 class Progress(NamedTuple):
@@ -43,14 +36,14 @@ class Progress(NamedTuple):
         Index of the next scan.
     birth, born_ns : int arrays of shape (B,)
         Birth terms, and the time of the antenna's last pass over each, nanoseconds.
-    current_ns : int array of shape (Q,)
+    unswept_ns : int array of shape (Q,)
         Stamps of the sets that later scans continue.
     """
 
-    scan_index: Annotated[int, integers("", 0, MOST_SCANS)]
-    birth: Annotated[IntArray, integers("B", 0, MOST_SCANS)]
-    born_ns: Annotated[IntArray, integers("B", 0, MOST_STAMP_NS)]
-    current_ns: Annotated[IntArray, integers("Q", 0, MOST_STAMP_NS)]
+    scan_index: Annotated[int, integers("", 0, MAX_SCANS)]
+    birth: Annotated[IntArray, integers("B", 0, MAX_SCANS)]
+    born_ns: Annotated[IntArray, integers("B", 0, MAX_STAMP_NS)]
+    unswept_ns: Annotated[IntArray, integers("Q", 0, MAX_STAMP_NS, key="current_ns")]
 
 
 @dataclass(frozen=True)
@@ -78,14 +71,18 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
 
     Parameters
     ----------
-    done : callable
-        Called with the name of each part of a step at its end, for timing.
+    on_stage_end : callable
+        Called with the name of each stage of a step when it ends, for timing.
     """
 
+    STATE: ClassVar[tuple[str, ...]] = (
+        *("unswept", "stamp_ns", "_born_ns", "_scan_index", "clutter", "attributes"),
+    )
+
     model: TrackerModel
-    done: Callable[[str], None] = field(default=_ignore, kw_only=True)
+    on_stage_end: Callable[[str], None] = field(default=_ignore, kw_only=True)
     # By ascending stamp; the last element has all rows of the last scan's set.
-    current: list[Current[RowsT, LinkT]] = field(init=False, repr=False)
+    unswept: list[UnsweptRows[RowsT, LinkT]] = field(init=False, repr=False)
     stamp_ns: int | None = field(init=False, repr=False)
     _born_ns: dict[int, int] = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
@@ -121,23 +118,14 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
 
     def reset(self) -> None:
         """Return to the initial state."""
-        self.current, self.stamp_ns, self._born_ns, self._scan_index = [], None, {}, 0
+        self.unswept, self.stamp_ns, self._born_ns, self._scan_index = [], None, {}, 0
         self.clutter = ClutterMemory()
         known = self.model.attributes
         self.attributes = None if known is None else AttributeMemory(known)
 
-    def save_state(self) -> dict[str, Any]:
-        """Return the filter's state, for `load_state`; its values are shared."""
-        return {name: copy(getattr(self, name)) for name in STATE}
-
-    def load_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a saved state."""
-        for name in STATE:
-            setattr(self, name, copy(state[name]))
-
     def start_from(self, stamp_ns: int, stored: RowsT) -> None:
         """Use `stored` as the set of an earlier scan."""
-        self.stamp_ns, self.current = stamp_ns, [Current(Entry(stamp_ns, stored))]
+        self.stamp_ns, self.unswept = stamp_ns, [UnsweptRows(Entry(stamp_ns, stored))]
 
     def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the filter's state, except for the sets themselves, in a snapshot."""
@@ -145,11 +133,11 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
             self._scan_index,
             np.array([*self._born_ns], dtype=np.int64),
             np.array([*self._born_ns.values()], dtype=np.int64),
-            np.array([rows.entry.stamp_ns for rows in self.current], dtype=np.int64),
+            np.array([rows.entry.stamp_ns for rows in self.unswept], dtype=np.int64),
         )
         to_snapshot(progress, snapshot, "filter")
-        for rows in self.current:
-            current_to_snapshot(rows, snapshot)
+        for rows in self.unswept:
+            unswept_to_snapshot(rows, snapshot)
         clutter_to_snapshot(self.clutter, self.model.radars, snapshot)
         if self.attributes is not None:
             attributes_to_snapshot(self.attributes, snapshot)
@@ -168,13 +156,13 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
             If the snapshot does not fit this filter.
         """
         progress, latest = from_snapshot(Progress, snapshot, "filter", {}), snapshot.stamp_ns
-        stamps = progress.current_ns.tolist()
+        stamps = progress.unswept_ns.tolist()
         for stamp_ns in stamps:
             if stamp_ns not in entries:
                 raise ValueError(f"filter.current_ns: {stamp_ns} is none of the stored sets")
         if stamps[-1:] != ([] if latest is None else [latest]):
-            raise ValueError(f"filter.current_ns: do not end at {latest}")
-        self.current = [current_from_snapshot(snapshot, entries[stamp]) for stamp in stamps]
+            raise ValueError(f"filter.current_ns: the last stamp must be {latest}")
+        self.unswept = [unswept_from_snapshot(snapshot, entries[stamp]) for stamp in stamps]
         self.clutter = clutter_from_snapshot(snapshot, self.model.radars)
         if self.model.attributes is not None:
             self.attributes = attributes_from_snapshot(snapshot, self.model.attributes)
@@ -203,7 +191,9 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
             self._born_ns = {**self._born_ns, index: scan.stamp_ns}
         return births
 
-    def _keep(self, entry: Entry[RowsT, LinkT], others: Sequence[Current[RowsT, LinkT]]) -> None:
+    def _keep(
+        self, entry: Entry[RowsT, LinkT], remaining: Sequence[UnsweptRows[RowsT, LinkT]]
+    ) -> None:
         """Continue from the set of a scan, and from the rows that it did not sweep."""
-        self.current = [*others, Current(entry)]
+        self.unswept = [*remaining, UnsweptRows(entry)]
         self.stamp_ns, self._scan_index = entry.stamp_ns, self._scan_index + 1

@@ -11,41 +11,41 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import BoolArray, FloatArray
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
 from ..targets.motion import MotionModel
 from ..types import Scan
-from .entries import BoolArray, Current, LinkT, RowsT
+from .entries import LinkT, RowsT, UnsweptRows
 
 # Radius of a target's position density, in standard deviations; hardly any mass is outside.
 SPREAD_SIGMA = 4.0
 # A label that no antenna has swept for this many turns is predicted nevertheless.
-LONGEST_TURNS = 1.5
+MAX_UNSWEPT_TURNS = 1.5
 
 Reports = Sequence[Report]
 
 
 def partition_swept(
-    current: list[Current[RowsT, LinkT]], scan: Scan, model: TrackerModel, labelled: bool
-) -> tuple[list[Current[RowsT, LinkT]], list[Current[RowsT, LinkT]]]:
+    unswept: list[UnsweptRows[RowsT, LinkT]], scan: Scan, model: TrackerModel, labelled: bool
+) -> tuple[list[UnsweptRows[RowsT, LinkT]], list[UnsweptRows[RowsT, LinkT]]]:
     """Return the rows of targets that a scan may have swept, and all other rows.
 
     Parameters
     ----------
-    current : list of Current
+    unswept : list of UnsweptRows
         Oldest first.
     labelled : bool
         Whether the rows of one label are at most one target. Otherwise all rows count as swept.
     """
     reports = model.reports(scan)
-    if not labelled or not current or _everywhere(reports):
-        return current, []
+    if not labelled or not unswept or _everywhere(reports):
+        return unswept, []
     turns_s = (radar.rotation_s for radar in model.radars)
-    longest_s = LONGEST_TURNS * max(turns_s, default=model.modes.interval_s)
-    extents = [rows.entry.extents(model.modes.space) for rows in current]
-    age_s = [(scan.stamp_ns - rows.entry.stamp_ns) * 1e-9 for rows in current]
-    sizes = [len(extent.origin) for extent in extents]
+    longest_s = MAX_UNSWEPT_TURNS * max(turns_s, default=model.modes.interval_s)
+    extents = [rows.entry.extents(model.modes.space) for rows in unswept]
+    age_s = [(scan.stamp_ns - rows.entry.stamp_ns) * 1e-9 for rows in unswept]
+    sizes = [len(extent.label) for extent in extents]
     dt = np.repeat(age_s, sizes)
     position = np.concatenate([extent.position for extent in extents])
     position += dt[:, None] * np.concatenate([extent.velocity for extent in extents])
@@ -54,13 +54,13 @@ def partition_swept(
     spread += dt * np.concatenate([extent.velocity_std for extent in extents])
     spread += np.repeat([_noise_std(model, age) for age in age_s], sizes)
     near = _in_sweep(position, SPREAD_SIGMA * spread, reports) | (dt >= longest_s)
-    touched, others = [], []
+    swept, remaining = [], []
     by_entry = np.split(near, np.cumsum(sizes)[:-1])
-    for rows, extent, near_here in zip(current, extents, by_entry, strict=True):
-        inside, outside = rows.split(near_here[extent.row_origin])
-        touched += [inside] if inside is not None else []
-        others += [outside] if outside is not None else []
-    return touched, others
+    for rows, extent, near_here in zip(unswept, extents, by_entry, strict=True):
+        inside, outside = rows.split(near_here[extent.target])
+        swept += [inside] if inside is not None else []
+        remaining += [outside] if outside is not None else []
+    return swept, remaining
 
 
 def swept_births(scan: Scan, model: TrackerModel) -> list[int]:
@@ -94,8 +94,8 @@ def _position_variance(motion: MotionModel, dt: float) -> float:
 
 
 def _in_sweep(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:
-    """Return whether an antenna comes within `spread` of each position, shape (T,)."""
+    """Return a mask of positions within `spread` of which an antenna comes, shape (T,)."""
     near = np.zeros(len(spread), dtype=bool)
     for report in reports:
-        near |= report.sensor.passes(position, spread, report.detections)
+        near |= report.sensor.may_have_swept(position, spread, report.detections)
     return near

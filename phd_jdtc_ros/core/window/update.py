@@ -13,9 +13,10 @@ from typing import Generic, Protocol, TypeVar
 
 from ..arrays import FloatArray, IntArray, sum_by
 from ..association.bernoulli import Claims, undetected
-from ..attributes.memory import AttributeMemory, AttributesAt, Evidence
-from ..attributes.readings import Paired, plain
-from ..attributes.uniqueness import Lost
+from ..attributes.evidence import Evidence
+from ..attributes.memory import AttributeMemory, AttributesAt
+from ..attributes.reprojection import Paired, plain
+from ..attributes.uniqueness import OutOfGate
 from ..models import detection_limit
 from ..models.clutter_learning import ClutterMemory
 from ..models.competing_sources import CompetingSources, log_intensities
@@ -38,9 +39,9 @@ class Posterior(Generic[RowsT]):
         Association likelihoods of the P pairs.
     sources : CompetingSources
         Sources of the detections other than these targets.
-    claimed : array of shape (M,)
+    claimed_probability : array of shape (M,)
         Probability that a known target is the source of each detection.
-    pair : array of shape (P,)
+    pair_probability : array of shape (P,)
         Association probability of each pair.
     existence : array of shape (T,)
         Existence probability of each target.
@@ -53,8 +54,8 @@ class Posterior(Generic[RowsT]):
     rows: RowsT
     claims: Claims
     sources: CompetingSources
-    claimed: FloatArray
-    pair: FloatArray
+    claimed_probability: FloatArray
+    pair_probability: FloatArray
     existence: FloatArray
     evidence: Evidence | None
     approximate: int = 0
@@ -86,10 +87,10 @@ class Prior(Protocol[RowsT]):
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs of rows and detections, with their log likelihoods."""
 
-    def with_strays(self, lost: Lost) -> Prior[RowsT]:
-        """Return the prior with more rows of targets whose identities are outside their gates."""
+    def with_reacquired(self, out_of_gate: OutOfGate) -> Prior[RowsT]:
+        """Return the prior with additional rows at the detections of targets out of their gates."""
 
-    def slower(self, bound: float) -> FloatArray:
+    def probability_slower(self, bound: float) -> FloatArray:
         """Return the probability that each row is slower than a bound in m/s, (N,)."""
 
     def posterior(
@@ -165,14 +166,14 @@ def update(
     if clutter is not None:
         report = clutter.with_learned_clutter(report)
     prior = steps.prior(rows, report)
-    limited = detection_limit.limited(report, prior.measured, float(prior.mass.sum()))
+    limited = detection_limit.limit_detections(report, prior.measured, float(prior.mass.sum()))
     if limited is not report:
         report, prior = limited, steps.prior(rows, limited)
 
     pairs = _gate_pairs(prior, report, attributes)
-    lost = None if attributes is None else _lost(prior, pairs, report, attributes)
-    if lost is not None:
-        prior = prior.with_strays(lost)
+    out_of_gate = None if attributes is None else _out_of_gate(prior, pairs, report, attributes)
+    if out_of_gate is not None:
+        prior = prior.with_reacquired(out_of_gate)
         pairs = _gate_pairs(prior, report, attributes)
     evidence = None if attributes is None else _evidence(prior, pairs, report, attributes)
     log_other = log_intensities(report, model, dt, earlier, evidence)
@@ -180,12 +181,12 @@ def update(
 
     if clutter is not None and clutter.learns(report):
         bound = report.sensor.clutter_map_speed
-        slower = posterior.claims.part(prior.slower(bound))
+        slower = posterior.claims.part(prior.probability_slower(bound))
         stationary = model.detection_births.stationary(slower, bound)
-        clutter.learn(report, posterior.claimed, stationary)
+        clutter.learn(report, posterior.claimed_probability, stationary)
     if attributes is not None and posterior.evidence is not None:
-        attributes.learn(posterior.evidence, posterior.pair, posterior.existence)
-    newborn = posterior.sources.newborn(posterior.claimed, report, model)
+        attributes.learn(posterior.evidence, posterior.pair_probability, posterior.existence)
+    newborn = posterior.sources.newborn(posterior.claimed_probability, report, model)
     newborns = () if newborn is None else (newborn,)
     return Updated(posterior.rows, newborns, posterior.approximate)
 
@@ -197,12 +198,12 @@ def _gate_pairs(prior: Prior[RowsT], report: Report, attributes: AttributesAt | 
     return attributes.pair(prior.gate, prior.label, prior.target, report)
 
 
-def _lost(
+def _out_of_gate(
     prior: Prior[RowsT], pairs: Paired, report: Report, attributes: AttributesAt
-) -> Lost | None:
-    """Return the targets whose identities are detected outside their gates."""
+) -> OutOfGate | None:
+    """Return the targets whose identities are shown by detections outside their gates."""
     target = prior.target.take(pairs.row)
-    return attributes.lost(prior.label, target, pairs.column, report.detections)
+    return attributes.out_of_gate(prior.label, target, pairs.column, report.detections)
 
 
 def _evidence(
@@ -213,8 +214,8 @@ def _evidence(
         sum_by(prior.target, mass, len(prior.label)) for mass in (prior.mass, prior.missed_mass)
     )
     target = prior.target.take(pairs.row)
-    left = undetected(existence, missed)
-    return attributes.evidence(prior.label, target, pairs.column, report.detections, left)
+    unseen = undetected(existence, missed)
+    return attributes.evidence(prior.label, target, pairs.column, report.detections, unseen)
 
 
 def update_scan(

@@ -1,14 +1,31 @@
-"""Storage of the sources of the window's entries, and of the rows that later scans continue."""
+"""Storage of the window: its stamps, its entries' sources, and the rows not yet swept again."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import IntArray
-from ..snapshot import MOST_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
-from .entries import Current, Entry, LinkT, Rows, RowsT, Source
+from ..snapshot import MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
+from ..tracks.labels import MAX_SCANS
+from .entries import Entry, LinkT, Rows, RowsT, Source, UnsweptRows
+
+
+class Window(NamedTuple):
+    """The window's part of a snapshot.
+
+    Parameters
+    ----------
+    stamps_ns : int array of shape (Q,)
+        Stamps whose smoothed estimates are pending.
+    entries : int
+        Number of sets.
+    """
+
+    stamps_ns: Annotated[IntArray, integers("Q", 0, MAX_STAMP_NS, ascending=True)]
+    entries: Annotated[int, integers("", 0, MAX_SCANS)]
 
 
 class Sources(NamedTuple):
@@ -26,14 +43,14 @@ class Sources(NamedTuple):
         Concatenated rows of all listed sources.
     """
 
-    stamp_ns: Annotated[int, integers("", 0, MOST_STAMP_NS)]
-    source_ns: Annotated[IntArray, integers("Q", 0, MOST_STAMP_NS)]
+    stamp_ns: Annotated[int, integers("", 0, MAX_STAMP_NS)]
+    source_ns: Annotated[IntArray, integers("Q", 0, MAX_STAMP_NS)]
     size: Annotated[IntArray, integers("Q", 0)]
     listed: Annotated[IntArray, integers("Q", 0, 1)]
     rows: Annotated[IntArray, integers("R", 0)]
 
 
-class Untouched(NamedTuple):
+class UnsweptIndices(NamedTuple):
     """The rows of an entry that no later scan has swept; None for all rows."""
 
     rows: Annotated[IntArray | None, integers("R", 0, ascending=True)]
@@ -96,12 +113,14 @@ def require_rows_of(name: str, source: Source, stored: Rows) -> None:
         raise ValueError(f"{name}.size: {source.size} rows, expected {size}")
 
 
-def current_to_snapshot(current: Current[RowsT, LinkT], snapshot: Snapshot) -> None:
+def unswept_to_snapshot(unswept: UnsweptRows[RowsT, LinkT], snapshot: Snapshot) -> None:
     """Store the rows of an entry that no later scan has swept."""
-    to_snapshot(Untouched(current.rows), snapshot, f"current.{current.entry.stamp_ns}")
+    to_snapshot(UnsweptIndices(unswept.rows), snapshot, f"current.{unswept.entry.stamp_ns}")
 
 
-def current_from_snapshot(snapshot: Snapshot, entry: Entry[RowsT, LinkT]) -> Current[RowsT, LinkT]:
+def unswept_from_snapshot(
+    snapshot: Snapshot, entry: Entry[RowsT, LinkT]
+) -> UnsweptRows[RowsT, LinkT]:
     """Return the rows of an entry that no later scan has swept.
 
     Raises
@@ -110,7 +129,50 @@ def current_from_snapshot(snapshot: Snapshot, entry: Entry[RowsT, LinkT]) -> Cur
         If the stored rows are not rows of the entry.
     """
     name = f"current.{entry.stamp_ns}"
-    rows = from_snapshot(Untouched, snapshot, name, {}).rows
+    rows = from_snapshot(UnsweptIndices, snapshot, name, {}).rows
     if rows is not None and rows.max(initial=-1) >= len(entry.stored):
         raise ValueError(f"{name}.rows: {rows.max()} given, must be below {len(entry.stored)}")
-    return Current(entry, rows)
+    return UnsweptRows(entry, rows)
+
+
+def window_to_snapshot(
+    stamps_ns: Sequence[int],
+    window: Sequence[Entry[RowsT, LinkT]],
+    snapshot: Snapshot,
+    store: Callable[[Entry[RowsT, LinkT], Snapshot, str], None],
+) -> None:
+    """Store the pending stamps, and the entries by the engine's function."""
+    table = Window(np.array(stamps_ns, dtype=np.int64), len(window))
+    to_snapshot(table, snapshot, "window")
+    for index, entry in enumerate(window):
+        store(entry, snapshot, f"stored.{index}")
+
+
+def window_from_snapshot(
+    snapshot: Snapshot,
+    restore: Callable[[Snapshot, str, dict[int, Entry[RowsT, LinkT]]], Entry[RowsT, LinkT]],
+) -> tuple[list[int], dict[int, Entry[RowsT, LinkT]]]:
+    """Return the pending stamps, and the entries by stamp.
+
+    `restore` is the engine's function, which gets the entries restored before.
+
+    Raises
+    ------
+    ValueError
+        If the tracker could not have stored them.
+    """
+    table, latest = from_snapshot(Window, snapshot, "window", {}), snapshot.stamp_ns
+    if latest is not None and not (type(latest) is int and 0 <= latest <= MAX_STAMP_NS):
+        raise ValueError(f"stamp_ns: {str(latest)[:40]} given, must be a stamp, nanoseconds")
+    stamps = table.stamps_ns.tolist()
+    if stamps and (latest is None or stamps[-1] > latest):
+        raise ValueError(
+            f"window.stamps_ns: the last stamp is {stamps[-1]}, must be at most {latest}"
+        )
+    entries: dict[int, Entry[RowsT, LinkT]] = {}
+    for index in range(table.entries):
+        entry = restore(snapshot, f"stored.{index}", entries)
+        if entries and entry.stamp_ns <= max(entries):
+            raise ValueError(f"stored.{index}.stamp_ns: must increase")
+        entries[entry.stamp_ns] = entry
+    return stamps, entries

@@ -1,21 +1,21 @@
 """The metrics, each with its accumulator."""
 
 from .consistency import Consistency
-from .distances import GospaOfScan, Numbers, OspaOfScan
+from .distances import GospaAccumulator, Numbers, OspaAccumulator
 from .gaps import Gaps
 from .identity import Switches
 from .pairs import Classes, Heights, Nearness, Pairs
-from .tracks import Ospa2OfRun
+from .tracks import Ospa2Accumulator
 
 # All accumulators, in the order of tables and keys.
 ACCUMULATORS = (
-    OspaOfScan,
-    GospaOfScan,
+    OspaAccumulator,
+    GospaAccumulator,
     Numbers,
     Pairs,
     Gaps,
     Consistency,
-    Ospa2OfRun,
+    Ospa2Accumulator,
     Switches,
     Nearness,
     Heights,

@@ -7,7 +7,7 @@ from ..comparison import Comparison
 from ..metrics import gospa, ospa
 
 
-class OspaOfScan(Accumulator):
+class OspaAccumulator(Accumulator):
     """The OSPA distance and its parts."""
 
     names = published = ("ospa", "localization", "cardinality")
@@ -55,7 +55,7 @@ class OspaOfScan(Accumulator):
         return found.distance, found.localization, found.cardinality
 
 
-class GospaOfScan(Accumulator):
+class GospaAccumulator(Accumulator):
     """The GOSPA distance and its parts."""
 
     names = published = ("gospa", "gospa_localization", "missed", "false")

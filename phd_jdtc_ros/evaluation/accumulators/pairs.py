@@ -74,7 +74,7 @@ class Nearness(Accumulator):
             ".3f",
             mean("beyond"),
             "Mean number per scan of estimates that are farther than c from every target. A "
-            "second estimate of a target is none of them; `false` counts it too.",
+            "second estimate near a target does not count here; `false` counts it too.",
             WHOLE,
             headline=True,
         ),

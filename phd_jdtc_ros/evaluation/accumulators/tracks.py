@@ -161,7 +161,7 @@ class TrackWindow:
         return ospa2(truth, estimate, cutoff, order, track_order)
 
 
-class Ospa2OfRun(LabelAccumulator):
+class Ospa2Accumulator(LabelAccumulator):
     """The OSPA(2) distance over the window."""
 
     names = ("ospa2",)

@@ -62,7 +62,7 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
     """
     header = {
         STAMP: snapshot.stamp_ns,
-        FACTS: snapshot.facts,
+        FACTS: snapshot.json_values,
         CONFIGURATION: dict(configuration),
         ARRAYS: {name: [array.dtype.str, array.shape] for name, array in snapshot.arrays.items()},
     }

@@ -10,8 +10,8 @@ from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import diagnostics, doubts, names
-from phd_jdtc_ros.calibration.registration.monitor import LEAST, Drift
+from msg_adapters import anomalies, diagnostics, names
+from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual
 
 from ..common.health import WARNING_MEMORY_S, Rhythm, Rises, first
 
@@ -138,7 +138,7 @@ class StepHealth:
             (WARN, lost, lost_text),
             (WARN, slow, f"too slow for the scan interval: {advice}"),
             (WARN, at_limit, busy_text),
-            (WARN, missing, doubts.no_targets(self.overdue)),
+            (WARN, missing, anomalies.no_targets(self.overdue)),
             (OK, True, "in time"),
         )
         values = {
@@ -170,26 +170,27 @@ class OutputHealth:
         return diagnostics.status(names.health("outputs", node), values, *condition, node)
 
 
-def registration_status(drift: Drift, node: str) -> DiagnosticStatus:
+def registration_status(found: MeanResidual, node: str) -> DiagnosticStatus:
     """Return the status of a radar's agreement with the others; `node` is the tracker's name."""
-    values: dict[str, object] = {"residuals": drift.residuals}
-    (range_m, azimuth), (range_sigma_m, azimuth_sigma) = drift.mean, drift.sigma
+    values: dict[str, object] = {"residuals": found.residuals}
+    (range_m, azimuth), (range_sigma_m, azimuth_sigma) = found.mean, found.sigma
     azimuth_deg, azimuth_sigma_deg = math.degrees(azimuth), math.degrees(azimuth_sigma)
-    if drift.residuals:
+    if found.residuals:
         values |= {
             "range_residual_m": float(range_m),
             "range_sigma_m": float(range_sigma_m),
             "azimuth_residual_deg": azimuth_deg,
             "azimuth_sigma_deg": azimuth_sigma_deg,
         }
-    few = f"{drift.residuals} detections of tracks that other radars see too, judged from {LEAST}"
+    few = f"{found.residuals} detections of tracks that other radars see too, judged from {LEAST}"
     ranges = f"ranges {range_m:+.3g} m (sigma {range_sigma_m:.2g})"
     azimuths = f"azimuths {azimuth_deg:+.3g} degrees to the left (sigma {azimuth_sigma_deg:.2g})"
-    biased = [text for text, found in zip((ranges, azimuths), drift.drifts, strict=True) if found]
+    shown = zip((ranges, azimuths), found.significant, strict=True)
+    biased = [text for text, significant in shown if significant]
     condition = first(
-        (OK, drift.residuals < LEAST, few),
+        (OK, found.residuals < LEAST, few),
         (WARN, biased, f"off the tracks that other radars see too: {', '.join(biased)}; {ADVISED}"),
         (OK, True, "agrees with the other radars"),
     )
-    line = names.health(f"registration of {drift.radar}", node)
-    return diagnostics.status(line, values, *condition, names.hardware(drift.radar, node))
+    line = names.health(f"registration of {found.radar}", node)
+    return diagnostics.status(line, values, *condition, names.hardware(found.radar, node))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import diagnostics, doubts, names
+from msg_adapters import anomalies, diagnostics, names
 from phd_jdtc_ros.calibration.innovations import Fit
 
 from ..common.health import WARNING_MEMORY_S, Condition, Rhythm, Rises, first
@@ -69,7 +69,7 @@ class InputHealth:
     deadlines_missed: int = 0
     incompatible_qos: int = 0
     turn_found_s: float = 0.0
-    doubts: Counter[str] = field(default_factory=Counter)
+    anomalies: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     fit: Fit | None = None
     _last_s: float | None = None
@@ -119,7 +119,7 @@ class InputHealth:
 
     def warn(self, counts: Counter[str], text: str) -> None:
         """Count input that is used but contradicts its configuration, as the text describes."""
-        self.doubts += counts
+        self.anomalies += counts
         self._warnings, self._warning = self._warnings + 1, text
 
     def lost_by_overload(self, now_s: float) -> int:
@@ -157,11 +157,11 @@ class InputHealth:
             "incompatible_qos": self.incompatible_qos,
             "publishers": len(publishers.identities),
             **{f"dropped_{reason}": count for reason, count in sorted(self.dropped.items())},
-            **dict(sorted(self.doubts.items())),
+            **dict(sorted(self.anomalies.items())),
         }
         if self.turn_found_s:
             values["turn_found_ms"] = round(1e3 * self.turn_found_s)
-        if self.fit is not None and self.fit.seen:
+        if self.fit is not None and self.fit.innovations:
             ranges, azimuths = map(float, self.fit.axes)
             values |= {"range_innovation": ranges, "azimuth_innovation": azimuths}
         condition = self._condition(now_s, self.silent(checked_s), publishers)
@@ -191,7 +191,7 @@ class InputHealth:
         lost, where = self._rises.recent("lost", self._lost, now_s), "on the way to the tracker"
         if self.lost_by_overload(now_s):
             where = "the tracker is too slow, see its step time"
-        noise = None if self.fit is None else doubts.of_noise(self.fit)
+        noise = None if self.fit is None else anomalies.of_noise(self.fit)
         return first(
             (ERROR, shared, f"several publishers on {self.topic}, must be one"),
             (ERROR, publishers.incompatible, incompatible),

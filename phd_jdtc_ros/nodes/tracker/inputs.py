@@ -12,7 +12,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
 
-from msg_adapters import doubts, interfaces, platform_poses
+from msg_adapters import anomalies, interfaces, platform_poses
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import Reader, reader_of
 from msg_adapters.selection import Report
@@ -155,7 +155,7 @@ class Inputs:
         several = len(self._settings.config.model.modes.classes) > 1
         if report.detections.amplitude is None and several and source.name not in self._warned:
             self._warned.add(source.name)
-            self._node.get_logger().warning(doubts.no_amplitude(source))
+            self._node.get_logger().warning(anomalies.no_amplitude(source))
 
     def rejected(self, radar: int, reason: str, report: Report) -> None:
         """Count a report of which no part belongs to a scan."""
@@ -178,7 +178,7 @@ class Inputs:
         if not counts:
             return
         source = self._settings.config.inputs[radar]
-        texts = list(doubts.of(source, counts))
+        texts = list(anomalies.of(source, counts))
         self.radars[radar].warn(counts, texts[0])
         for what, text in zip(counts, texts, strict=True):
             self._warnings.warn((source.name, what), f"{source.topic}: {text}")
@@ -187,7 +187,7 @@ class Inputs:
         """Record a radar's estimated time of a turn, seconds, or 0; warn of a new estimate."""
         health, source = self.radars[radar], self._settings.config.inputs[radar]
         if turn_s and turn_s != health.turn_found_s:
-            text = doubts.turn_found(source, turn_s)
+            text = anomalies.turn_found(source, turn_s)
             health.warn(Counter(), text)
             self._warnings.warn((source.name, "turn_found"), text)
         health.turn_found_s = turn_s

@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
 from rclpy.timer import Timer
 
-from msg_adapters import doubts, platform_poses
+from msg_adapters import anomalies, platform_poses
 from msg_adapters.outputs import SCAN, STEP, Done
 from msg_adapters.readers import Reader
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
@@ -242,9 +242,9 @@ class LiveTracker:
         self._cpu_s = 0.0
         now_s = time.monotonic()
         self._pace.stepped(stamp_ns, now_s, step_ms, step.targets, step.figures)
-        if event.overdue:
-            self._pace.overdue = event.overdue
-            self._node.get_logger().warning(doubts.no_targets(event.overdue))
+        if event.scans_without_targets:
+            self._pace.overdue = event.scans_without_targets
+            self._node.get_logger().warning(anomalies.no_targets(event.scans_without_targets))
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
         self._outputs.publish(STEP, stamp_ns, Done(stamp_ns, step, step_ms, self._pipeline.engine))
@@ -266,10 +266,10 @@ class LiveTracker:
         for health, fit in zip(self.inputs.radars, self._innovations.fits(), strict=True):
             health.fit = fit
         lost, busy = self.inputs.lost_by_overload(now_s), self._load.share(now_s)
-        drifts = [] if self._monitor is None else self._monitor.drifts()
+        residuals = [] if self._monitor is None else self._monitor.mean_residuals()
         return [
             *self.inputs.statuses(now_s),
             self._pace.status(name, STEP_TIME_LIMIT, lost, busy),
             self._output_health.status(name, now_s),
-            *(registration_status(drift, name) for drift in drifts),
+            *(registration_status(found, name) for found in residuals),
         ]

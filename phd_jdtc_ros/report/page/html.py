@@ -42,26 +42,17 @@ def write_report(
     charts: Sequence[Chart] = (),
     notes: Sequence[str] = (),
 ) -> Path:
-    """Write the report of a run.
+    """Write the report of a run, and return the path of the page.
 
     Parameters
     ----------
-    path : pathlib.Path
-        Path of the page; its directory is created if necessary.
     summary : mapping
         Result of `Evaluation.summary`, with an optional ``step_ms`` of ``median`` and ``p99``. A
         value that is missing or None is shown as a dash.
-    record : Record
-        Data of the picture.
     charts : sequence of Chart
         Interactive charts, in the order of the page.
     notes : sequence of str
-        Sentences shown first.
-
-    Returns
-    -------
-    pathlib.Path
-        `path`.
+        Sentences at the top of the page.
     """
     picture = picture_of(record)
     page = Template(_part("page.html")).substitute(

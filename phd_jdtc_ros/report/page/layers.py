@@ -144,10 +144,7 @@ def rings(
 ) -> list[tuple[float, float, float, str]]:
     """Return rings of equal range about radars: x, y and radius in metres, and a text.
 
-    Parameters
-    ----------
-    corner, far : arrays of shape (2,)
-        Least and greatest x and y of the first view, metres.
+    The corners of the first view are the same as of `graticule`.
     """
     places = [radar.position for radar in radars]
     farthest = max(

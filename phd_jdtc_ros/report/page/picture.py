@@ -21,7 +21,7 @@ from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
 from ..lengths import places_of
-from ..record import Plot, Record
+from ..record import RadarPlots, Record
 from .estimate_rows import AXIS_STEPS, LEAST_AXIS, NO_LEVEL, EstimateRows, Grid, known_heights
 from .frames import Frames
 from .layers import clutter_levels, earth_grid, graticule, is_known, rings, shades_of
@@ -187,7 +187,7 @@ def _add_plots(record: Record, frames: Frames, grid: Grid) -> list[float]:
 def _add_carriers(record: Record, frames: Frames, grid: Grid) -> None:
     """Add the positions of moving radars, by the radar's index."""
     names = _radars(record)
-    carried: list[Plot] = [plot for plot in record.plots if plot.sensor is not None]
+    carried: list[RadarPlots] = [plot for plot in record.plots if plot.sensor is not None]
     number = np.array([names.index(plot.radar) for plot in carried], dtype=np.int64)
     order = grid.begin("carriers", number, frames.at([plot.stamp_ns for plot in carried]))
     grid.add("carriers", _concat([np.array([p.sensor]) for p in carried], 2)[order])

@@ -8,7 +8,7 @@ from typing import Any
 
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 from phd_jdtc_ros.evaluation.accumulator import CLASSES, GOSPA, NEES, OSPA, OUTSIDE, Metric
-from phd_jdtc_ros.evaluation.metric_table import BY_KEY, GROUPS, OF_ALL, OF_SETS, TERMS
+from phd_jdtc_ros.evaluation.metric_table import BY_KEY, GLOBAL_METRICS, GROUPS, SET_METRICS, TERMS
 
 from ..lengths import metres_text
 from ..sets import Sets
@@ -20,7 +20,7 @@ NO_VALUE = "\N{EN DASH}"  # cell of a missing value
 DISTANCES = (*GROUPS[OSPA], *(m for m in GROUPS[GOSPA] if m.key != "gospa_localization"))
 CONSISTENCY = (*GROUPS[NEES], *GROUPS[OUTSIDE])
 _ELSEWHERE = (*DISTANCES, *GROUPS[GOSPA], *CONSISTENCY, *GROUPS[CLASSES])
-OTHERS = tuple(metric for metric in (*OF_SETS, *OF_ALL) if metric not in _ELSEWHERE)
+OTHERS = tuple(metric for metric in (*SET_METRICS, *GLOBAL_METRICS) if metric not in _ELSEWHERE)
 
 
 def tables(summary: Mapping[str, Any]) -> str:

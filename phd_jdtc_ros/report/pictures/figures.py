@@ -26,17 +26,7 @@ from . import maps, timelines
 def write_all(record: Record, evaluation: Evaluation, directory: Path) -> list[Path]:
     """Write all pictures for which the run has data, as PNG files 1200 pixels wide.
 
-    Parameters
-    ----------
-    evaluation : Evaluation
-        The scores of `record`.
-    directory : pathlib.Path
-        Created if necessary.
-
-    Returns
-    -------
-    list of pathlib.Path
-        The files in reading order.
+    The directory is created if necessary; the paths are returned in reading order.
     """
     directory.mkdir(parents=True, exist_ok=True)
     paths = []

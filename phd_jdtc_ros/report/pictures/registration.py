@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from phd_jdtc_ros.calibration.registration.result import Found, Registration
+from phd_jdtc_ros.calibration.registration.result import RadarEstimate, Registration
 from phd_jdtc_ros.core.arrays import FloatArray
 
 from ..style import DPI, GREY, INK, WIDTH_IN, class_colour, plain_axes
@@ -54,12 +54,14 @@ def residuals(found: Registration) -> Figure:
     return figure
 
 
-def _bound(found: Found, axis: int) -> float:
+def _bound(found: RadarEstimate, axis: int) -> float:
     both = np.abs([found.residuals.before[:, axis], found.residuals.after[:, axis]])
     return float(1.15 * np.quantile(both, SHOWN, axis=1).max())
 
 
-def _draw(axes: Axes, found: Found, axis: int, scale: float, begin: float, unit_s: float) -> None:
+def _draw(
+    axes: Axes, found: RadarEstimate, axis: int, scale: float, begin: float, unit_s: float
+) -> None:
     own = found.residuals
     time = (own.time_s - begin) / unit_s
     chosen = slice(None, None, max(1, len(time) // MOST_DRAWN))

@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.state_space import StateSpace
 
-from ..checked import mapping, names_of, take
+from ..checked import values_by_radar
 
 ECHOES = (
     Parameter(
@@ -79,22 +79,11 @@ def of_radars(
     document: Mapping[str, object], radars: tuple[RadarModel, ...], faults: list[str]
 ) -> tuple[Echoes | None, ...]:
     """Return every radar's echoes, None for a radar without; empty if no radar has any."""
-    given = mapping(document, "echoes", faults)
-    known = {radar.name: radar for radar in radars}
+    every = values_by_radar(ECHOES, document, "echoes", radars, faults)
     faults += [
-        f"echoes.{name}: must be one of the radars, {', '.join(known)}"
-        for name in given
-        if name not in known
+        f"echoes.{radar.name}: given, must be absent for a turning radar"
+        for radar, values in zip(radars, every, strict=True)
+        if values is not None and radar.rotation_s
     ]
-    faults += [
-        f"echoes.{name}: given, must be absent for a turning radar"
-        for name in given
-        if name in known and known[name].rotation_s
-    ]
-    found: list[Echoes | None] = []
-    for name in known:
-        of_radar, wrong = mapping(given, name, faults), list[str]()
-        values = take(ECHOES, of_radar, f"echoes.{name}.", wrong, names_of(ECHOES))
-        faults += wrong
-        found.append(Echoes(**values) if name in given and not wrong else None)
-    return tuple(found) if given else ()
+    echoes = tuple(None if values is None else Echoes(**values) for values in every)
+    return echoes if any(echoes) else ()

@@ -14,11 +14,11 @@ from scipy.special import ndtr, ndtri
 
 from phd_jdtc_ros.configuration.schema import Parameter
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.clutter.amplitude_law import DB, level_db
+from phd_jdtc_ros.core.clutter.amplitude_law import DB_PER_NEPER, level_db
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.amplitude_density import SMALLEST_AMPLITUDE, snr_from_db
 
-from ..checked import mapping, take
+from ..checked import by_radar, take
 
 LAW = Parameter(
     "law", "rayleigh", "Law of the envelopes.", choices=("rayleigh", "log_normal", "uniform")
@@ -98,18 +98,14 @@ def laws(
     document: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
 ) -> tuple[ClutterLaw, ...]:
     """Return every radar's law, by default noise; empty if all are noise; add faults."""
-    given = mapping(document, "clutter", faults)
+    given = by_radar(document, "clutter", radars, faults)
     if not given:
         return ()
-    known = {radar.name: radar for radar in radars}
-    faults += [
-        f"clutter.{name}: must be one of the radars, {', '.join(known)}"
-        for name in given
-        if name not in known
-    ]
     return tuple(
-        law_of(given[name], f"clutter.{name}.", radar, faults) if name in given else NOISE
-        for name, radar in known.items()
+        law_of(given[radar.name], f"clutter.{radar.name}.", radar, faults)
+        if radar.name in given
+        else NOISE
+        for radar in radars
     )
 
 
@@ -145,5 +141,5 @@ def _level(threshold: float) -> float:
 
 def _envelope(level: FloatArray) -> FloatArray:
     """Return the envelopes of levels in dB."""
-    envelope: FloatArray = np.sqrt(2.0 * np.exp(level / DB))
+    envelope: FloatArray = np.sqrt(2.0 * np.exp(level / DB_PER_NEPER))
     return envelope

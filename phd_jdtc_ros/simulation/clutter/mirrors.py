@@ -11,10 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from phd_jdtc_ros.configuration.schema import SMALL, Parameter
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import FULL_TURN
 
@@ -56,12 +55,12 @@ class Mirror:
 
     def reflects(
         self, position: FloatArray, radar: RadarModel, rng: np.random.Generator
-    ) -> npt.NDArray[np.bool_]:
+    ) -> BoolArray:
         """Return which replies from positions in the world, shape (N, 2), are reflected."""
         east, north = (position - radar.position).T
         turned = np.mod(np.arctan2(east, north) - self.start, FULL_TURN)
         drawn = rng.random(len(position)) < self.probability
-        found: npt.NDArray[np.bool_] = drawn & (turned < self.width)
+        found: BoolArray = drawn & (turned < self.width)
         return found
 
     def detour(self, position: FloatArray, radar: RadarModel) -> FloatArray:

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from phd_jdtc_ros.configuration.schema import Parameter
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 from ..checked import mappings, take
@@ -38,7 +37,7 @@ REFLECTORS = (
 MOST = 10_000
 
 
-class Answers(NamedTuple):
+class ReflectorDetections(NamedTuple):
     """A radar's measurements of reflectors.
 
     Parameters
@@ -52,7 +51,7 @@ class Answers(NamedTuple):
 
     measurement: FloatArray
     amplitude: FloatArray
-    seen: npt.NDArray[np.bool_]
+    seen: BoolArray
 
 
 @dataclass(frozen=True)
@@ -73,12 +72,14 @@ class Reflectors:
     detection_probability: float
     law: ClutterLaw = NOISE
 
-    def answers(self, exact: FloatArray, radar: RadarModel, rng: np.random.Generator) -> Answers:
+    def measure(
+        self, exact: FloatArray, radar: RadarModel, rng: np.random.Generator
+    ) -> ReflectorDetections:
         """Return a radar's measurements of reflectors at true ranges and azimuths, (N, 2)."""
         found = rng.random(len(exact)) < self.detection_probability
         visible = radar.visibility.sees(exact) > 0.0
         amplitude = self.law.draw(radar.threshold, len(exact), rng)
-        return Answers(with_noise(exact, radar, rng), amplitude, found & visible)
+        return ReflectorDetections(with_noise(exact, radar, rng), amplitude, found & visible)
 
 
 def reflectors(

@@ -82,14 +82,11 @@ class Flight:
         _, _, speed, course = self._marks[-1].tolist()
         return speed * math.cos(course), speed * math.sin(course)
 
-    def exists_at(self, scan: int, interval_s: float) -> bool:
-        """Return whether the target exists at a scan; scans are `interval_s` apart."""
-        elapsed = scan * interval_s
-        return self.start_s - ROUNDING_S <= elapsed <= self.end_s + ROUNDING_S
-
-    def state_at(self, scan: int, interval_s: float) -> FloatArray:
-        """Return the exact state at a scan, with the present leg's turn rate; shape (D,)."""
-        state: FloatArray = self.states(np.array([scan * interval_s]))[0]
+    def state_at(self, elapsed_s: float) -> FloatArray | None:
+        """Return the exact state at a time after scan 0, shape (D,); None if absent."""
+        if not self.start_s - ROUNDING_S <= elapsed_s <= self.end_s + ROUNDING_S:
+            return None
+        state: FloatArray = self.states(np.array([elapsed_s]))[0]
         return state
 
     def states(self, time_s: FloatArray) -> FloatArray:

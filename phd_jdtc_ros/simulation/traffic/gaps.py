@@ -10,10 +10,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from phd_jdtc_ros.configuration.schema import SMALL, Parameter
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 
 from ..checked import mapping, names_of, take
 from .flight import Flight
@@ -45,7 +44,7 @@ class Gap(NamedTuple):
     end_s: float
 
 
-def in_gap(gaps: Sequence[Gap], number: int, time_s: FloatArray) -> npt.NDArray[np.bool_]:
+def in_gap(gaps: Sequence[Gap], number: int, time_s: FloatArray) -> BoolArray:
     """Return whether a target, by number from 1, is in a gap; same shape."""
     out = np.zeros(np.shape(time_s), dtype=np.bool_)
     for gap in gaps:
@@ -82,13 +81,13 @@ def _draw(values: Mapping[str, float], flights: Sequence[Flight]) -> tuple[Gap, 
     """Return gaps of random targets, drawn in proportion to the time that a gap can begin in."""
     rng = np.random.default_rng(int(values["seed"]))
     speed = np.array([np.hypot(*flight.velocity) for flight in flights])
-    there_s = np.array([flight.end_s - flight.start_s for flight in flights])
+    life_s = np.array([flight.end_s - flight.start_s for flight in flights])
     free = speed >= values["slowest"]
     gaps: list[Gap] = []
     for _ in range(int(values["count"])):
         length_s = float(rng.uniform(values["shortest_s"], values["longest_s"]))
         # Time in which a gap can begin; a target has at most one gap.
-        spare = np.where(free, np.maximum(there_s - length_s - 2.0 * APART_S, 0.0), 0.0)
+        spare = np.where(free, np.maximum(life_s - length_s - 2.0 * APART_S, 0.0), 0.0)
         if not spare.any():
             break
         row = int(rng.choice(len(flights), p=spare / spare.sum()))

@@ -46,15 +46,7 @@ CHARTS = (
 def write_all(results: Sequence[Result], directory: Path) -> list[Path]:
     """Write every picture of a study as a PNG, 1200 pixels wide, with one directory per case.
 
-    Parameters
-    ----------
-    directory : pathlib.Path
-        Created if necessary.
-
-    Returns
-    -------
-    list of pathlib.Path
-        The files, case by case.
+    Directories are created if necessary; the paths are returned case by case.
     """
     pictures = []
     for case in dict.fromkeys(result.case for result in results):

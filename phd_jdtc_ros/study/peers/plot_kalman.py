@@ -21,7 +21,7 @@ from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.evaluation.comparison import PointSet
-from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
+from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
 from ..runs import SimulatedRun, Tracked
 from ..turning import without_ignored
@@ -68,9 +68,15 @@ SETTINGS = Settings()
 
 
 class Plots:
-    """All plots of a run, ordered by time, as positions with covariances."""
+    """All plots of a run, ordered by time, as positions with covariances.
 
-    def __init__(self, reports: Sequence[Report], radars: Sequence[RadarModel]) -> None:
+    Parameters
+    ----------
+    reports : sequence of SimulatedReport
+    radars : sequence of RadarModel
+    """
+
+    def __init__(self, reports: Sequence[SimulatedReport], radars: Sequence[RadarModel]) -> None:
         columns = [_convert(report, radars[report.radar]) for report in reports]
         time = np.concatenate([column[0] for column in columns])
         order = np.argsort(time, kind="stable")
@@ -81,12 +87,13 @@ class Plots:
         self.radar: IntArray = np.concatenate(radar)[order]
 
 
-def _convert(report: Report, radar: RadarModel) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _convert(
+    report: SimulatedReport, radar: RadarModel
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return times (s), positions (M, 2) and their covariances (M, 2, 2) of a report's plots."""
     found = report.detections
     offset = np.zeros(len(found)) if found.time_s is None else found.time_s
-    own = radar.detection_noise(found)
-    std = np.tile(radar.noise_std, (len(found), 1)) if own is None else own
+    std = radar.noise_std_of(found)
     bearing = found.measurement[:, 1] + radar.yaw
     along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
@@ -221,7 +228,7 @@ def _best_assignment(row: IntArray, column: IntArray, cost: FloatArray) -> IntAr
 
 
 def follow(
-    reports: Sequence[Report],
+    reports: Sequence[SimulatedReport],
     radars: Sequence[RadarModel],
     stamps_ns: Sequence[int],
     settings: Settings = SETTINGS,

@@ -20,7 +20,7 @@ from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
-from phd_jdtc_ros.core.sensors.site import MOST_FROM_ORIGIN
+from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, proposed_file, tracker_params
 
@@ -235,7 +235,7 @@ def _place(found: Proposal, active: Sequence[RadarState]) -> list[RadarState]:
             radar, site = state.settings.name, state.site or NOWHERE
             said = "as it was given" if state.settings.site else "by the radar itself (I034/120)"
             found.set(f"{radar}.geodetic", list(site), said)
-            if np.hypot(*plane.to_plane(*site[:2])) <= MOST_FROM_ORIGIN:
+            if np.hypot(*plane.to_plane(*site[:2])) <= MAX_SITE_DISTANCE:
                 together.append(state)
     left = [state.settings.name for state in active if state not in together]
     if left:

@@ -20,9 +20,10 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
+from phd_jdtc_ros.simulation.plots import plot_times
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.sending import Sending
-from phd_jdtc_ros.simulation.turning_antenna import plot_times, plots_with_replies
+from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 
 from .writing import OWN_SAC, column, plots_of
 
@@ -111,7 +112,7 @@ def _plots(found: Detections, layout: RadarInput, number: int) -> list[Plot]:
     if layout.site is None:
         distance = np.hypot(distance, np.nan_to_num(above - layout.height))
     else:
-        azimuth = azimuth - layout.site.turned
+        azimuth = azimuth - layout.site.yaw_from_east
     kind = np.maximum(column(found.kind, len(found), 0), 0)
     sent = replace(found, amplitude=None, kind=kind)
     return plots_of(sent, number, distance, azimuth, above + layout.datum)

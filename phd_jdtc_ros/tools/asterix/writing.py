@@ -191,7 +191,7 @@ class _Radar:
         self._site = self._input.site
         # On the earth, azimuths are from true north, and not from the map's.
         site = self._site
-        self._yaw = config.model.radars[index].yaw if site is None else site.turned
+        self._yaw = config.model.radars[index].yaw if site is None else site.yaw_from_east
         self._turns: Turns = config.turns()[index]
         self._number = number
         self._noise_dbm = noise_dbm

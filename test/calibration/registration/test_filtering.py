@@ -9,9 +9,9 @@ from phd_jdtc_ros.calibration.registration.filtering import (
     ANYWHERE,
     KINDS,
     UNITS,
-    Course,
-    filtered,
-    smoothed,
+    Trajectories,
+    filter_targets,
+    smooth_targets,
 )
 from phd_jdtc_ros.calibration.registration.sequences import Sequences
 
@@ -33,19 +33,19 @@ def rows():
     pose = np.column_stack([PLACES[radar], np.zeros(STEPS)])
     return Sequences(
         np.ones((STEPS, 1), dtype=bool),
-        radar[:, None],
-        np.arange(STEPS)[:, None],
         time_s[:, None],
         measured[:, None],
-        position[:, None],
         pose[:, None],
+        radar[:, None],
+        np.arange(STEPS)[:, None],
+        position[:, None],
         STD[radar][:, None],
     )
 
 
 @pytest.fixture(scope="module")
 def course(rows):
-    return Course(rows.position, np.broadcast_to([150.0, -90.0], rows.position.shape))
+    return Trajectories(rows.position, np.broadcast_to([150.0, -90.0], rows.position.shape))
 
 
 def dense(rows, course):
@@ -97,7 +97,7 @@ def dense(rows, course):
 
 
 def test_information_and_score_are_those_of_all_plots_at_once(rows, course):
-    found = filtered(rows, course, DENSITY, np.ones((STEPS, 1)), RADARS)
+    found = filter_targets(rows, course, DENSITY, np.ones((STEPS, 1)), RADARS)
     covariance, seen, residual, *_ = dense(rows, course)
     inverse = np.linalg.inv(covariance)
     expected = seen.T @ inverse @ seen
@@ -108,9 +108,9 @@ def test_information_and_score_are_those_of_all_plots_at_once(rows, course):
 
 
 def test_the_smoothed_course_is_the_mean_given_all_plots_and_the_errors(rows, course):
-    found = filtered(rows, course, DENSITY, np.ones((STEPS, 1)), RADARS)
+    found = filter_targets(rows, course, DENSITY, np.ones((STEPS, 1)), RADARS)
     errors = np.array([0.3, 0.0, -0.5, 1.0, -0.2, 0.0, 0.4, -1.0])
-    got = smoothed(rows, found, errors, DENSITY)
+    got = smooth_targets(rows, found, errors, DENSITY)
     covariance, seen, residual, states, slope, start = dense(rows, course)
     gain = states.reshape(4 * STEPS, 4 * STEPS) @ slope.T @ np.linalg.inv(covariance)
     expected = (start + gain @ (residual - seen @ errors)).reshape(STEPS, 4)
@@ -123,13 +123,13 @@ def test_padding_plots_have_no_effect(rows, course):
         return np.concatenate([column, np.repeat(column[-1:], 5, axis=0)])
 
     longer = Sequences(*(doubled(getattr(rows, name)) for name in Sequences.__dataclass_fields__))
-    there = longer.there.copy()
+    there = longer.valid.copy()
     there[STEPS:] = False
     padded = Sequences(there, *list(vars(longer).values())[1:])
-    further = Course(doubled(course.position), doubled(course.velocity))
-    short = filtered(rows, course, DENSITY, np.ones((STEPS, 1)), RADARS)
-    long = filtered(padded, further, DENSITY, np.ones((STEPS + 5, 1)), RADARS)
+    further = Trajectories(doubled(course.position), doubled(course.velocity))
+    short = filter_targets(rows, course, DENSITY, np.ones((STEPS, 1)), RADARS)
+    long = filter_targets(padded, further, DENSITY, np.ones((STEPS + 5, 1)), RADARS)
     assert_allclose(long.information, short.information)
     assert long.log_likelihood == pytest.approx(short.log_likelihood)
-    one, other = (smoothed(*p, np.zeros(8), DENSITY) for p in ((rows, short), (padded, long)))
+    one, other = (smooth_targets(*p, np.zeros(8), DENSITY) for p in ((rows, short), (padded, long)))
     assert_allclose(other.position[:STEPS], one.position, rtol=1e-9)

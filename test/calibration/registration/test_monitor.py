@@ -9,7 +9,7 @@ from estimate_sets import estimates, states
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MEMORY, RegistrationMonitor
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.types import CONFIRMED, TENTATIVE, Detections, Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -23,33 +23,33 @@ def monitored(scans, radars=RADARS):
     """Return the monitor after the tracker has stepped through scans."""
     engine, monitor = new_engine(CONFIG), RegistrationMonitor(radars, 6.0)
     for scan in scans:
-        monitor.stepped(scan, engine.step(scan).filtered)
-    return monitor.drifts()
+        monitor.add_scan(scan, engine.step(scan).filtered)
+    return monitor.mean_residuals()
 
 
 def off(scan, error):
     """Return a scan whose second radar has an error of (range, azimuth)."""
     first, second = scan.detections
-    _, wrong = RadarBias(error[0], 0.0, error[1]).apply_to(scan.stamp_ns, second)
+    _, wrong = SensorBias(error[0], 0.0, error[1]).apply_to(scan.stamp_ns, second)
     return Scan(scan.stamp_ns, (first, wrong))
 
 
-def test_radars_that_are_right_do_not_drift():
-    for drift in monitored(SCANS):
-        assert drift.residuals > LEAST
-        assert drift.drifts == (False, False)
-        # The bias seen is noise of the size of sigma.
-        assert (np.abs(drift.mean) < 4.0 * drift.sigma).all()
-        assert (drift.sigma < RADARS[0].noise_std).all()
+def test_radars_without_bias_have_no_significant_residuals():
+    for found in monitored(SCANS):
+        assert found.residuals > LEAST
+        assert found.significant == (False, False)
+        # What is seen is noise, and sigma says of what size.
+        assert (np.abs(found.mean) < 4.0 * found.sigma).all()
+        assert (found.sigma < RADARS[0].noise_std).all()
 
 
 @pytest.mark.parametrize(("error", "axis"), [((900.0, 0.0), 0), ((0.0, np.radians(4.0)), 1)])
-def test_a_radar_with_an_error_drifts_with_its_sign(error, axis):
-    drifts = monitored([off(scan, error) for scan in SCANS])
-    assert drifts[1].drifts[axis]
-    assert drifts[1].mean[axis] > 0.25 * error[axis]
+def test_a_biased_radar_has_significant_residuals_of_the_sign_of_its_bias(error, axis):
+    found = monitored([off(scan, error) for scan in SCANS])
+    assert found[1].significant[axis]
+    assert found[1].mean[axis] > 0.25 * error[axis]
     # The tracks are between the two radars, so that the other one seems to be off the other way.
-    assert drifts[0].mean[axis] < 0.0
+    assert found[0].mean[axis] < 0.0
 
 
 CALM = estimates(
@@ -73,9 +73,9 @@ def seen(radars, *measurement, count=3):
             else None
             for r in (0, 1)
         ]
-        monitor.stepped(Scan(stamp_ns, (None, None)), [found])
-        monitor.stepped(Scan(stamp_ns + 6 * 10**9, tuple(given)), [])
-    return monitor.drifts()
+        monitor.add_scan(Scan(stamp_ns, (None, None)), [found])
+        monitor.add_scan(Scan(stamp_ns + 6 * 10**9, tuple(given)), [])
+    return monitor.mean_residuals()
 
 
 def test_residuals_are_those_of_the_predicted_track():
@@ -86,20 +86,20 @@ def test_residuals_are_those_of_the_predicted_track():
 
 
 def test_a_radar_alone_is_not_compared_with_itself():
-    assert [drift.residuals for drift in seen((1,))] == [0, 0]
+    assert [found.residuals for found in seen((1,))] == [0, 0]
     assert np.isnan(seen((1,))[0].mean).all()
 
 
 def test_a_track_with_two_detections_near_it_is_not_used():
     near = RADARS[0].measure(CALM.state) + np.array([100.0, 0.0])
-    assert [drift.residuals for drift in seen((0, 1), near)] == [0, 0]
+    assert [found.residuals for found in seen((0, 1), near)] == [0, 0]
 
 
 @pytest.mark.parametrize("changes", [{"track_state": [TENTATIVE]}, {"track_id": [0]}])
 def test_tentative_tracks_are_not_used(changes, monkeypatch):
     changed = {name: np.array(value) for name, value in changes.items()}
     monkeypatch.setitem(globals(), "CALM", replace(CALM, **changed))
-    assert [drift.residuals for drift in seen((0, 1))] == [0, 0]
+    assert [found.residuals for found in seen((0, 1))] == [0, 0]
     assert CONFIRMED != TENTATIVE
 
 
@@ -116,9 +116,9 @@ def test_old_residuals_are_forgotten():
 def test_a_new_run_has_other_tracks_and_keeps_the_means():
     engine, monitor = new_engine(CONFIG), RegistrationMonitor(RADARS, 6.0)
     for scan in SCANS[:20]:
-        monitor.stepped(scan, engine.step(scan).filtered)
-    before = monitor.drifts()
+        monitor.add_scan(scan, engine.step(scan).filtered)
+    before = monitor.mean_residuals()
     monitor.forget_tracks()
-    monitor.stepped(SCANS[20], ())
-    assert [drift.residuals for drift in monitor.drifts()] == [d.residuals for d in before]
+    monitor.add_scan(SCANS[20], ())
+    assert [found.residuals for found in monitor.mean_residuals()] == [d.residuals for d in before]
     assert before[0].residuals > 10

@@ -1,7 +1,7 @@
 import numpy as np
 
 from phd_jdtc_ros.calibration.registration.filtering import KINDS
-from phd_jdtc_ros.calibration.registration.observability import judge
+from phd_jdtc_ros.calibration.registration.observability import analyse
 
 COUNT = len(KINDS)
 
@@ -23,8 +23,8 @@ def both(kind):
     return direction
 
 
-def test_the_reference_has_no_time_offset_even_if_all_else_is_observable():
-    found = judge(information(both("time_offset_s")), np.ones(2 * COUNT), 1)
+def test_the_reference_has_no_time_offset_even_if_all_else_is_told():
+    found = analyse(information(both("time_offset_s")), np.ones(2 * COUNT), 1)
     assert found.common == ("time_offset_s",)
     assert not found.hidden
     assert found.free.tolist() == [True] * 7 + [False]
@@ -34,7 +34,7 @@ def test_the_reference_has_no_time_offset_even_if_all_else_is_observable():
 
 def test_the_reference_is_unbiased_where_only_differences_are_observable():
     lacking = information(both("time_offset_s"), both("azimuth"))
-    found = judge(lacking, np.ones(2 * COUNT), 0)
+    found = analyse(lacking, np.ones(2 * COUNT), 0)
     assert found.common == ("time_offset_s", "azimuth")
     assert not found.hidden
     assert np.flatnonzero(~found.free).tolist() == [2, 3]
@@ -43,14 +43,14 @@ def test_the_reference_is_unbiased_where_only_differences_are_observable():
 def test_an_unobservable_error_of_one_radar_is_hidden():
     alone = np.zeros(2 * COUNT)
     alone[COUNT + KINDS.index("range_gain")] = 1.0
-    found = judge(information(both("time_offset_s"), alone), np.ones(2 * COUNT), 0)
+    found = analyse(information(both("time_offset_s"), alone), np.ones(2 * COUNT), 0)
     assert found.common == ("time_offset_s",)
     assert found.hidden == (COUNT + 1,)
 
 
 def test_a_bias_less_certain_than_one_plot_is_not_observable():
     weak = 0.5 * np.eye(2 * COUNT)
-    found = judge(weak, np.ones(2 * COUNT), 0)
+    found = analyse(weak, np.ones(2 * COUNT), 0)
     assert not found.free.any()
     assert len(found.hidden) + len(found.common) == 2 * COUNT
-    assert judge(weak, 10.0 * np.ones(2 * COUNT), 0).free.sum() == 2 * COUNT - 1
+    assert analyse(weak, 10.0 * np.ones(2 * COUNT), 0).free.sum() == 2 * COUNT - 1

@@ -8,11 +8,11 @@ import pytest
 
 from phd_jdtc_ros.calibration.registration.common import common_targets
 from phd_jdtc_ros.calibration.registration.filtering import KINDS
-from phd_jdtc_ros.calibration.registration.sensors import RegistrationError
 from phd_jdtc_ros.calibration.registration.solution import register
-from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 
-TRUE = RadarBias(80.0, 0.0, -np.radians(0.3), 0.5)
+TRUE = SensorBias(80.0, 0.0, -np.radians(0.3), 0.5)
 # Of four minutes of fifteen aircraft: those of twenty minutes of fifty are a quarter of these.
 BOUNDS = np.array([32.0, 5e-4, np.radians(0.04), 0.15])
 
@@ -101,7 +101,7 @@ def test_radars_that_see_nothing_together_are_refused(sensors):
     with pytest.raises(RegistrationError, match=r"no common targets: east has \d+ tracks"):
         register([sensors[0], far, sensors[2]], "west")
     later = replace(sensors[1], time_s=sensors[1].time_s + 1e4)
-    with pytest.raises(RegistrationError, match="in 0 s in which all radars report"):
+    with pytest.raises(RegistrationError, match="in the 0 s covered by all radars"):
         register([sensors[0], later], "west")
 
 

@@ -15,7 +15,7 @@ from phd_jdtc_ros.calibration.tuning.noise import Noise, fit_noise
 from phd_jdtc_ros.calibration.tuning.plots import Plots, limit_plots, plots_of
 from phd_jdtc_ros.calibration.tuning.rates import clutter_rate, detection_probability
 from phd_jdtc_ros.calibration.tuning.rotation import Timing, timing
-from phd_jdtc_ros.calibration.tuning.tracks import Guess, Tracks, link_plots
+from phd_jdtc_ros.calibration.tuning.tracks import LinkModel, Tracks, link_plots
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
@@ -76,7 +76,7 @@ def turning(seed=5, count=8, seconds=150, **given):
     return config, plots_of([(report.stamp_ns, report.detections) for report in reports])
 
 
-def assert_told(found, radar, probability):
+def assert_estimated(found, radar, probability):
     """The goals of a proposal."""
     assert found.noise.range_std == pytest.approx(radar.range_std, rel=0.2)
     assert found.noise.azimuth_std == pytest.approx(radar.azimuth_std, rel=0.2)
@@ -88,7 +88,7 @@ def test_parameters_of_a_stationary_radar_are_estimated_from_its_plots():
     config, recorded = standing()
     for radar, plots in zip(config.model.radars, recorded, strict=True):
         found = findings(plots)
-        assert_told(found, radar, 0.985)
+        assert_estimated(found, radar, 0.985)
         assert (found.timing.rotation_s, found.timing.sectors) == (0.0, 0)
         assert found.timing.look_s == 6.0
         assert found.levels.false_alarm_probability == pytest.approx(1e-3, rel=0.1)
@@ -100,7 +100,7 @@ def test_parameters_of_a_stationary_radar_are_estimated_from_its_plots():
 def test_parameters_of_a_radar_that_reports_sectors_are_estimated_from_its_plots():
     config, plots = turning(**{"tower.sectors": 8})
     found = findings(plots)
-    assert_told(found, config.model.radars[0], 0.85)
+    assert_estimated(found, config.model.radars[0], 0.85)
     assert found.timing.rotation_s == pytest.approx(5.0, rel=2e-3)
     assert (found.timing.sectors, found.timing.clockwise) == (8, True)
     assert found.levels is None
@@ -124,9 +124,9 @@ def test_recurring_places_are_separated_from_a_passing_target():
     assert len(elsewhere(moving, 70.0, 20.0, 0.01)) == len(plots)
 
 
-def test_land_is_proposed_to_be_mapped(told):
-    config, found = told
-    assert "clutter_map" not in rows_of(told)
+def test_land_is_proposed_to_be_mapped(estimated):
+    config, found = estimated
+    assert "clutter_map" not in rows_of(estimated)
     assert rows_of((config, replace(found, land=0.5)))["clutter_map"].value is True
 
 
@@ -179,7 +179,7 @@ def one_target(count=60, missed=(), clutter=0, seed=2):
     return plots_of(reports)
 
 
-GUESS = Guess(20.0, 0.01, (0.01, 1.0), 20.0, 0.9, 1.0)
+GUESS = LinkModel(20.0, 0.01, (0.01, 1.0), 20.0, 0.9, 1.0)
 SECONDS = Timing(2.0)
 
 
@@ -243,7 +243,7 @@ def test_likelihood_of_one_motion_is_that_of_a_kalman_filter():
     (found,) = noise._log_likelihood(sequences, calm, 20.0)
     first, second = plots.measurement
     mean, covariance = kinematics.initial_state(
-        first, np.zeros(3), np.array(20.0**2), np.array(0.01**2), 20.0
+        first, np.zeros(3), np.array([20.0**2, 0.01**2]), 20.0
     )
     mean, covariance = kinematics.predict(mean, covariance, np.array(2.0), np.array(0.0))
     expected, jacobian = kinematics.linearise(mean[:2], np.zeros(3))
@@ -251,7 +251,7 @@ def test_likelihood_of_one_motion_is_that_of_a_kalman_filter():
     error = second - expected
     exact = -0.5 * error @ np.linalg.solve(spread, error)
     exact -= 0.5 * np.log(np.linalg.det(2.0 * np.pi * spread))
-    assert found == pytest.approx(exact + np.log1p(-noise.WRONG), abs=1e-3)
+    assert found == pytest.approx(exact + np.log1p(-noise.OUTLIER_PROBABILITY), abs=1e-3)
 
 
 def test_amplitudes_separate_targets_from_clutter_if_there_are_some():
@@ -305,50 +305,50 @@ def test_insufficient_recordings_name_what_is_missing():
 
 
 @pytest.fixture(scope="module")
-def told():
+def estimated():
     config, plots = turning(seconds=100, count=5)
     return config, findings(plots)
 
 
-def test_parameters_of_a_radar_that_reports_whole_turns_are_estimated_from_its_plots(told):
-    config, found = told
-    assert_told(found, config.model.radars[0], 0.85)
+def test_parameters_of_a_radar_that_reports_whole_turns_are_estimated_from_its_plots(estimated):
+    config, found = estimated
+    assert_estimated(found, config.model.radars[0], 0.85)
     assert (found.timing.sectors, found.timing.clockwise) == (0, True)
 
 
-def rows_of(told, **given):
-    config, found = told
+def rows_of(estimated, **given):
+    config, found = estimated
     values = {**config.values, **{f"tower.{name}": value for name, value in given.items()}}
     return {row.name: row for row in proposal.rows(found, values, "tower")}
 
 
-def test_rows_list_proposed_and_current_values(told):
-    rows = rows_of(told)
+def test_rows_list_proposed_and_current_values(estimated):
+    rows = rows_of(estimated)
     assert (rows["rotation_s"].value, rows["rotation_s"].now) == (5.0, 5.0)
     assert 0.03 < rows["range_std"].std / rows["range_std"].value < 0.15
     assert rows["range_std"].now == 70.0
     assert rows["detection_probability"].proposed
     # Nothing was seen beyond.
     assert not rows["max_range"].proposed
-    assert rows_of(told, max_range=30e3)["max_range"].proposed
-    assert rows_of(told, max_range=900e3)["max_range"].proposed
+    assert rows_of(estimated, max_range=30e3)["max_range"].proposed
+    assert rows_of(estimated, max_range=900e3)["max_range"].proposed
 
 
-def test_a_rate_that_is_learned_stays_so(told):
-    row = rows_of(told, clutter_rate="auto")["clutter_rate"]
+def test_a_rate_that_is_learned_stays_so(estimated):
+    row = rows_of(estimated, clutter_rate="auto")["clutter_rate"]
     assert (row.now, row.proposed) == ("auto", False)
 
 
-def test_a_table_that_agrees_stays_and_another_is_replaced(told):
+def test_a_table_that_agrees_stays_and_another_is_replaced(estimated):
     table = "detection_probability"
     near = {"detection_probability": 0.0, table: [0.0, 0.9, 8e4, 0.8]}
-    assert not rows_of(told, **near)["detection_probability"].proposed
+    assert not rows_of(estimated, **near)["detection_probability"].proposed
     far = {"detection_probability": 0.0, table: [0.0, 0.5, 8e4, 0.4]}
-    assert rows_of(told, **far)["detection_probability"].proposed
+    assert rows_of(estimated, **far)["detection_probability"].proposed
 
 
-def test_unspecified_tracker_is_one_that_the_configuration_takes(told):
-    _, found = told
+def test_unspecified_tracker_is_one_that_the_configuration_takes(estimated):
+    _, found = estimated
     values = unspecified.parameters(
         {"tower": found, "other": found}, {"tower": True, "other": True}
     )

@@ -175,8 +175,8 @@ def test_memory_forgets_targets_that_are_gone():
     empty = scan_at(1000.0, np.zeros((0, 2)), code=np.zeros(0, int), address=np.zeros(0, int))
     for seconds in np.arange(104.0, 300.0, PERIOD):
         tracker.step(replace(empty, stamp_ns=10**12 + round(seconds * 1e9)))
-    alive = np.concatenate([rows.origin for rows in tracker.forward.current])
-    assert set(tracker.forward.attributes.records.origin) <= set(alive.tolist())
+    alive = np.concatenate([rows.row_label for rows in tracker.forward.unswept])
+    assert set(tracker.forward.attributes.records.label) <= set(alive.tolist())
 
 
 def test_merged_detections_have_the_first_known_identity_and_the_mean_height():

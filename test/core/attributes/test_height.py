@@ -112,7 +112,7 @@ def test_history_keeps_what_a_stamp_needs():
         history = history.record(np.array([7]), stamp, one)
     history = history.record(np.array([8]), 10, one).record(np.array([9]), 40, one)
     kept = history.since(25, np.array([7, 8]))
-    assert list(zip(kept.origin.tolist(), kept.stamp_ns.tolist(), strict=True)) == [
+    assert list(zip(kept.label.tolist(), kept.stamp_ns.tolist(), strict=True)) == [
         *((7, 20), (7, 30), (7, 40)),
         (8, 10),
     ]

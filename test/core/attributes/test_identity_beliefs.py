@@ -12,7 +12,7 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.attributes import identity
 from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
 from phd_jdtc_ros.core.attributes.identity import Belief, IdentityModel
-from phd_jdtc_ros.core.attributes.memory import AttributeModel, Known, Records
+from phd_jdtc_ros.core.attributes.records import AttributeModel, AttributeRecords, Beliefs
 from phd_jdtc_ros.core.types import UNKNOWN
 
 # Few codes, so that all can be summed over; code 0 is one that many share.
@@ -37,9 +37,9 @@ def shows(shown, own):
 
 
 def test_what_unknown_targets_show_sums_to_one():
-    everything = MODEL.clutter_likelihood(np.array([*range(SIZE), UNKNOWN]))
+    everything = MODEL.unknown_target_likelihood(np.array([*range(SIZE), UNKNOWN]))
     assert everything.sum() == pytest.approx(1.0)
-    assert everything[:-1].sum() == pytest.approx(MODEL.answered)
+    assert everything[:-1].sum() == pytest.approx(MODEL.reply_probability)
 
 
 def full(belief):
@@ -71,7 +71,7 @@ def test_fresh_belief_is_the_prior_of_replies():
     np.testing.assert_allclose(
         identity.compare(fresh, np.arange(4), shown, MODEL).log_factor, 0.0, atol=1e-12
     )
-    total = MODEL.clutter_likelihood(np.array(STATES)).sum()
+    total = MODEL.unknown_target_likelihood(np.array(STATES)).sum()
     assert total == pytest.approx(1.0)
 
 
@@ -84,13 +84,13 @@ def test_certain_detection_gives_the_posterior_of_bayes_rule(shown):
     expected = full(belief)[0] * [shows(shown, own) for own in STATES]
     evidence = expected.sum()
     np.testing.assert_allclose(full(found)[0], expected / evidence, rtol=1e-12)
-    nobodys = MODEL.clutter_likelihood(np.array([shown]))[0]
+    nobodys = MODEL.unknown_target_likelihood(np.array([shown]))[0]
     assert np.exp(seen.log_factor[0]) == pytest.approx(evidence / nobodys)
 
 
 def test_detection_without_a_reply_changes_nothing():
     belief, target = belief_of(({2: 0.5}, 0.3, 0.2)), np.zeros(1, dtype=np.int64)
-    seen = identity.compare(belief, target, np.array([identity.NOTHING]), MODEL)
+    seen = identity.compare(belief, target, np.array([identity.NOT_REPORTED]), MODEL)
     assert seen.log_factor[0] == 0.0
     after = identity.update(seen, target, np.ones(1), np.zeros(1))
     np.testing.assert_allclose(after.weight, belief.weight)
@@ -190,8 +190,8 @@ def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
     )
     engine.forward.start_from(START_NS, stored)
     belief = belief_of(({2: 0.6, 4: 0.1}, 0.2, 0.1), ({3: 0.5}, 0.2, 0.3))
-    known = Known(belief, Belief.fresh(2, attributes.address), Heights.fresh(2))
-    engine.forward.attributes.records = Records.of(stored.label, START_NS, known)
+    known = Beliefs(belief, Belief.fresh(2, attributes.address), Heights.fresh(2))
+    engine.forward.attributes.records = AttributeRecords.of(stored.label, START_NS, known)
     radar = model.radars[0]
     measurement = radar.measure(np.array(means)) + np.array([[100.0, 0.01], [-150.0, 0.004]])
     seconds = 6.0
@@ -207,12 +207,12 @@ def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
         for j in range(2):
             kinematic[t, j] = detection * np.exp(textbook.update(prior, radar, measurement[j])[1])
     # Clutter answers less often than unknown targets, with the same codes.
-    reply = MODEL.clutter_likelihood(np.arange(SIZE)).sum()
+    reply = MODEL.unknown_target_likelihood(np.arange(SIZE)).sum()
     odds = [0.9 / (1.0 - reply) if c == UNKNOWN else 0.1 / reply for c in shown]
-    clutter = rate / (2.0 * np.pi * 2e4) * MODEL.clutter_likelihood(np.array(shown)) * odds
+    clutter = rate / (2.0 * np.pi * 2e4) * MODEL.unknown_target_likelihood(np.array(shown)) * odds
     weight, nothing = enumerated(full(moved), existence, kinematic, shown, 1 - detection, clutter)
 
-    stored = engine.forward.current[-1].entry.stored
+    stored = engine.forward.unswept[-1].entry.stored
     np.testing.assert_allclose(stored.existence, 1.0 - nothing, rtol=1e-3)
     records = engine.forward.attributes.records
     found = full(Belief(records.code, records.code_weight))

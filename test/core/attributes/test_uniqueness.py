@@ -76,9 +76,9 @@ def test_sources_of_a_detection_have_the_weight_of_all_events():
     shown = np.array([SHOWN])
     missed = EXISTENCE * (1.0 - DETECTED)
     left = undetected(EXISTENCE, missed)
-    taken = uniqueness.find_taken(belief, target, column, shown, left, MODEL)
+    taken = uniqueness.identity_conflicts(belief, target, column, shown, left, MODEL)
     told = identity.compare(belief, target, shown[column], MODEL, taken.by_another)
-    nobodys = MODEL.clutter_likelihood(shown)[0]
+    nobodys = MODEL.unknown_target_likelihood(shown)[0]
     alone = 1.0 - EXISTENCE + missed
     found = {
         i: EXISTENCE[i]
@@ -100,8 +100,8 @@ def test_taken_leaves_unknown_targets_what_is_garbled():
     model = IdentityModel(1 << 24, garbled=0.01, unique=True)
     belief = Belief(np.full((1, 4), SHOWN), np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]))
     one = np.zeros(1, dtype=np.int64)
-    found = uniqueness.find_taken(belief, one, one, np.array([SHOWN]), np.ones(1), model)
-    garbled = 1.0 - model.genuine(np.array([SHOWN]))[0]
+    found = uniqueness.identity_conflicts(belief, one, one, np.array([SHOWN]), np.ones(1), model)
+    garbled = 1.0 - model.genuine_probability(np.array([SHOWN]))[0]
     assert 0.01 < garbled < 0.012
     assert np.exp(found.log_unknown[0]) == pytest.approx(garbled, rel=1e-9)
 
@@ -109,7 +109,7 @@ def test_taken_leaves_unknown_targets_what_is_garbled():
 def test_taken_is_of_unique_identities_alone():
     model = IdentityModel(SIZE, unique=False)
     one = np.zeros(2, dtype=np.int64)
-    found = uniqueness.find_taken(
+    found = uniqueness.identity_conflicts(
         beliefs(), np.arange(2), one, np.array([SHOWN]), np.ones(2), model
     )
     assert found.by_another.tolist() == [0.0, 0.0]
@@ -126,7 +126,7 @@ def test_lost_targets_are_those_shown_away_from_them():
     has, seen_ns = np.array([7, UNKNOWN, 8, 9]), np.array([10, 20, 30, 40]) * 10**9
     shown, shown_ns = np.array([9, 7, UNKNOWN, 8]), np.full(4, 41 * 10**9)
     near = np.array([0, 3]), np.array([1, 1])
-    found = uniqueness.lost(has, seen_ns, shown, shown_ns, near)
+    found = uniqueness.find_out_of_gate(has, seen_ns, shown, shown_ns, near)
     assert found.target.tolist() == [2, 3]
     assert found.column.tolist() == [3, 0]
     assert found.since_s.tolist() == [11.0, 1.0]
@@ -135,4 +135,4 @@ def test_lost_targets_are_those_shown_away_from_them():
 def test_lost_targets_are_none_where_all_are_near_or_just_seen():
     has, seen_ns, shown = np.array([7, 8]), np.array([5, 9]), np.array([7, 8])
     near = np.array([0]), np.array([0])
-    assert uniqueness.lost(has, seen_ns, shown, np.array([9, 9]), near) is None
+    assert uniqueness.find_out_of_gate(has, seen_ns, shown, np.array([9, 9]), near) is None

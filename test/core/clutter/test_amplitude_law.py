@@ -68,7 +68,7 @@ def test_the_learned_law_approaches_that_of_its_detections():
     rng = np.random.default_rng(0)
     law = taught(rng.uniform(10.0, 20.0, 5000))
     inside = law.log_density(envelope([11.0, 15.0, 19.0]))
-    uniform = np.log(0.1 * 2.0 * amplitude_law.DB / envelope([11.0, 15.0, 19.0]))
+    uniform = np.log(0.1 * 2.0 * amplitude_law.DB_PER_NEPER / envelope([11.0, 15.0, 19.0]))
     np.testing.assert_allclose(inside, uniform, atol=0.5)
 
 

@@ -113,7 +113,7 @@ def test_a_place_that_answers_alone_is_clutter_later_than_one_among_reflectors()
 
 def test_reports_of_neighbours_are_of_the_neighbourhood_per_turn():
     quay = answered(30, QUAY)
-    (about,) = quay.about(PLACE, world(PLACE), RATE, MAX_RANGE)
+    (about,) = quay.neighbourhood_excess(PLACE, world(PLACE), RATE, MAX_RANGE)
     assert about == pytest.approx(6.0 - 1.0, rel=0.05)
 
 
@@ -169,7 +169,7 @@ def test_sectors_count_as_parts_of_a_turn():
 
 
 def test_the_map_is_of_bounded_size(monkeypatch):
-    monkeypatch.setattr(clutter_map, "MOST_CELLS", 100)
+    monkeypatch.setattr(clutter_map, "MAX_CELLS", 100)
     rng = np.random.default_rng(2)
     places = answered(20)
     for _ in range(20):

@@ -7,7 +7,7 @@ from phd_jdtc_ros.core.clutter.map import ClutterMap
 from phd_jdtc_ros.core.clutter.neighbourhood import (
     OWN,
     REACH,
-    detections_about,
+    detections_around,
     probability_among_reflectors,
 )
 
@@ -31,7 +31,7 @@ def test_it_is_the_number_of_detections_in_the_square_without_the_place_itself(g
     cell, counts = stored(grid, first[0] + rows, first[1] + columns, count)
     centre = np.array([[0, 20, 39, 5, 11], [0, 3, wide - 1, 6, wide - 4]])
     places = centre + np.array(first)[:, None] + rng.uniform(-0.4, 0.4, centre.shape)
-    found = detections_about(grid, cell, counts, places)
+    found = detections_around(grid, cell, counts, places)
     for k, (row, column) in enumerate(centre.T):
         down = np.abs(rows - row)
         across = np.abs(columns - column)
@@ -47,18 +47,19 @@ def test_the_number_of_cells_is_that_of_the_square_without_the_place_itself():
     side = np.arange(-REACH - 3, REACH + 4)
     rows, columns = (HALF + part.ravel() for part in np.meshgrid(side, side))
     cell, counts = stored(grid, rows, columns, np.ones(len(rows)))
-    (found,) = detections_about(grid, cell, counts, np.array([[HALF], [HALF]]))
+    (found,) = detections_around(grid, cell, counts, np.array([[HALF], [HALF]]))
     assert found == neighbourhood.CELLS
 
 
 def test_an_empty_map_has_nothing_about():
     places = ClutterMap(PolarGrid(30.0, 50))
     np.testing.assert_array_equal(
-        places.about(np.array([[1e3, 0.5]]), np.zeros((1, 2)), 10.0, 2e4), 0.0
+        places.neighbourhood_excess(np.array([[1e3, 0.5]]), np.zeros((1, 2)), 10.0, 2e4), 0.0
     )
 
 
 def test_a_neighbourhood_is_the_more_one_of_reflectors_the_more_it_answers():
     np.testing.assert_allclose(
-        probability_among_reflectors(np.array([0.0, neighbourhood.FEW, 1e9])), [0.0, 0.5, 1.0]
+        probability_among_reflectors(np.array([0.0, neighbourhood.EVEN_EXCESS, 1e9])),
+        [0.0, 0.5, 1.0],
     )

@@ -62,12 +62,12 @@ def near(radar, mean, rng, count=1, spread=1.0):
 def hypotheses(dynamics, rng):
     """Return three targets next to each other, with one, two and three hypotheses."""
     single = mixture_of(dynamics, [(1.0, MEAN, STD)])
-    origin = np.array([5, 7, 7, 9, 9, 9])
+    row_label = np.array([5, 7, 7, 9, 9, 9])
     weight = np.array([0.9, 0.3, 0.25, 0.2, 0.1, 0.65])
     mean = MEAN + rng.normal(0.0, [200.0, 10.0, 200.0, 10.0, 0.0], (6, 5))
     size = rng.uniform(0.3, 1.0, 6)
     return Mixture(
-        origin,
+        row_label,
         weight[:, None, None],
         mean[:, None],
         size[:, None, None, None] * single.covariance,
@@ -89,18 +89,18 @@ def enumerated(mixture, radar, measurement):
     events = [
         # (the row or None if it does not exist, its detection or None, its factor)
         [
-            (None, None, 1.0 - weight[mixture.origin == origin].sum()),
+            (None, None, 1.0 - weight[mixture.row_label == row_label].sum()),
             *(
                 (row, None, weight[row] * (1.0 - DETECTION))
-                for row in np.flatnonzero(mixture.origin == origin)
+                for row in np.flatnonzero(mixture.row_label == row_label)
             ),
             *(
                 (row, column, weight[row] * DETECTION * evidence[row, column])
-                for row in np.flatnonzero(mixture.origin == origin)
+                for row in np.flatnonzero(mixture.row_label == row_label)
                 for column in range(count)
             ),
         ]
-        for origin in np.unique(mixture.origin)
+        for row_label in np.unique(mixture.row_label)
     ]
     total, posterior = 0.0, np.zeros((rows, count + 1))
     for joint in itertools.product(*events):

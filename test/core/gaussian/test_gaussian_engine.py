@@ -20,19 +20,21 @@ def test_children_are_of_the_origin_of_their_parents_though_rows_go_between_rada
     engine = gaussian(given)
     linked = dropped = 0
     for scan in SCANS:
-        before = engine.forward.current
-        sources = np.concatenate([rows.origin for rows in before]) if before else np.zeros(0, int)
+        before = engine.forward.unswept
+        sources = (
+            np.concatenate([rows.row_label for rows in before]) if before else np.zeros(0, int)
+        )
         engine.step(scan)
-        entry = engine.forward.current[-1].entry
+        entry = engine.forward.unswept[-1].entry
         if entry.link is None:
             continue
         ancestry = entry.link.ancestry
         survivors = ancestry.parent >= 0
         child, parent = ancestry.child[survivors], ancestry.parent[survivors]
         # Parents are the rows before the first radar, whatever was dropped since.
-        np.testing.assert_array_equal(sources[parent], entry.stored.origin[child])
+        np.testing.assert_array_equal(sources[parent], entry.stored.row_label[child])
         newborn = np.setdiff1d(np.arange(len(entry.stored)), child)
-        assert not np.isin(entry.stored.origin[newborn], sources).any()
+        assert not np.isin(entry.stored.row_label[newborn], sources).any()
         assert (np.diff(ancestry.child) >= 0).all()
         linked += len(child)
         dropped += len(np.setdiff1d(np.arange(len(sources)), parent))
@@ -46,7 +48,7 @@ def test_bounds_hold_after_every_scan(bound):
     modes = len(engine.forward.dynamics.motions)
     for scan in SCANS:
         figures = engine.step(scan).figures
-        stored = engine.forward.current[-1].entry.stored
+        stored = engine.forward.unswept[-1].entry.stored
         assert np.bincount(stored.target).max() <= bound * modes
         assert len(stored) == figures["hypotheses"] <= 100
         assert stored.existence.max() <= 1.0 + 1e-9
@@ -74,7 +76,7 @@ def test_class_mass_is_that_of_the_stored_mixture():
     engine = gaussian()
     for scan in SCANS[:5]:
         step = engine.step(scan)
-    total = engine.forward.current[-1].entry.stored.existence.sum()
+    total = engine.forward.unswept[-1].entry.stored.existence.sum()
     assert step.class_mass.sum() == pytest.approx(total, rel=1e-9)
 
 

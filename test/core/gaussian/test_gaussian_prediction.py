@@ -34,7 +34,7 @@ def test_births_are_the_terms_in_every_mode_with_their_rates(amplitude):
     model = dynamics.model
     found = births([(0, 6.0), (2, 12.0)], dynamics, 5)
     first = labels.first_predicted(5)
-    assert found.origin.tolist() == [first, first + 2]
+    assert found.row_label.tolist() == [first, first + 2]
     np.testing.assert_allclose(found.existence, [0.01, 0.02])
     np.testing.assert_allclose(
         found.class_mass(dynamics.cells.class_of, len(model.modes.classes)), [0.015, 0.015]
@@ -52,7 +52,7 @@ def test_survivors_lose_what_does_not_survive_and_keep_their_origins():
     parts = [mixture_of(dynamics, [(0.8, MEAN, STD), (0.3, MEAN, STD)])] * 2
     found, moves = survivors([Aged(parts[0], 6.0), Aged(parts[1], 12.0)], dynamics)
     np.testing.assert_allclose(found.mass, [0.72, 0.27, 0.648, 0.243])
-    assert found.origin.tolist() == [0, 1, 0, 1]
+    assert found.row_label.tolist() == [0, 1, 0, 1]
     np.testing.assert_allclose(moves.survival[:, 0], [0.9, 0.9, 0.81, 0.81])
     np.testing.assert_allclose(found.mean[:, 0, 0], MEAN[0] + MEAN[1] * np.array([6, 6, 12, 12.0]))
 
@@ -90,7 +90,7 @@ def test_spawned_targets_are_about_their_predicted_parents():
     found = spawn([Aged(parents, 6.0)], dynamics, 3, 1e-4)
     assert len(found) == 1  # of the second one, next to nothing could be spawned
     assert found.existence[0] == pytest.approx(0.9 * 0.02)
-    assert found.origin[0] == labels.first_predicted(3) + len(dynamics.model.births)
+    assert found.row_label[0] == labels.first_predicted(3) + len(dynamics.model.births)
     np.testing.assert_allclose(found.mean[0, :, 0], MEAN[0] + 6.0 * MEAN[1], atol=1.0)
     std = np.sqrt(STD[0] ** 2 + (6.0 * STD[1]) ** 2 + dynamics.model.spawn.std[0] ** 2)
     assert np.sqrt(found.covariance[0, 0, 0, 0]) == pytest.approx(std, rel=1e-6)
@@ -104,7 +104,7 @@ def test_extraction_reports_the_majority_class_of_targets_above_the_threshold():
     weight[0, [0, 1], 0], weight[0, 2, 1] = [0.1, 0.2], 0.6
     mean = np.array(mixture.mean)
     mean[0, :2, 0] += 1e3
-    changed = type(mixture)(mixture.origin, weight, mean, mixture.covariance)
+    changed = type(mixture)(mixture.row_label, weight, mean, mixture.covariance)
     found = extract(changed, dynamics, 7, 2, 0.5)
     assert found.track_id.tolist() == [1, 3]
     assert (found.stamp_ns, found.lag) == (7, 2)

@@ -60,7 +60,7 @@ def test_newborn_is_at_its_detection_with_the_radars_noise_and_a_broad_velocity(
     branched = scan_update(config, report)
     found = branched.mixture
     first = labels.first_detected(4)
-    np.testing.assert_array_equal(found.origin, [first, first + 1])
+    np.testing.assert_array_equal(found.row_label, [first, first + 1])
     np.testing.assert_array_equal(branched.parent, [-1, -1])
     usual = np.broadcast_to(radar.noise_std, (2, 2))
     std = usual if own is None else np.where(np.isnan(own), usual, own)
@@ -103,7 +103,7 @@ def test_newborns_of_a_radar_have_origins_after_those_of_the_radars_before():
     reports = [Detections(r.measure(points[p]), None) for r, p in ((one, [0, 1, 2]), (two, [3, 4]))]
     first = labels.first_detected(4)
     found = scan_update(config, *reports).mixture
-    np.testing.assert_array_equal(np.sort(found.origin), first + np.arange(5))
+    np.testing.assert_array_equal(np.sort(found.row_label), first + np.arange(5))
 
 
 def test_newborn_has_the_cells_of_its_class_that_its_amplitude_tells():
@@ -327,7 +327,7 @@ def test_clutter_is_told_of_rest_at_even_odds_where_targets_are_born():
 
 
 def test_detections_that_were_left_out_are_noted_with_the_newborn(monkeypatch):
-    monkeypatch.setattr(detection_limit, "MOST_DETECTIONS", 2)
+    monkeypatch.setattr(detection_limit, "MAX_DETECTIONS", 2)
     config = lone({**BIRTHS})
     mixture = mixture_of(Dynamics(config.model), [(0.5, MEAN, STD)])
     report = Detections(np.array([[5e3, 0.1 * k] for k in range(8)]), None)
@@ -367,9 +367,9 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
     monkeypatch.setattr(pairs, "LEAST_SHARE", 0.3)
     config = lone({})
     single = mixture_of(Dynamics(config.model), [(1.0, MEAN, STD)])
-    origin, rows = np.array([3, 3, 5, 9]), np.arange(4)
+    row_label, rows = np.array([3, 3, 5, 9]), np.arange(4)
     mixture = Mixture(
-        origin,
+        row_label,
         rng.uniform(0.1, 0.45, 4)[:, None, None],
         single.mean[0 * rows],
         single.covariance[0 * rows],
@@ -391,9 +391,9 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
     odds = weight / np.maximum(total, LEAST_CLUTTER)[column]
     expected = []
     for pair in range(len(row)):
-        own = origin[row] == origin[row[pair]]
-        alone = 1.0 - mixture.weight[origin == origin[row[pair]]].sum()
-        alone += missed[origin == origin[row[pair]]].sum()
+        own = row_label[row] == row_label[row[pair]]
+        alone = 1.0 - mixture.weight[row_label == row_label[row[pair]]].sum()
+        alone += missed[row_label == row_label[row[pair]]].sum()
         for z in range(count):
             here = column == z
             alone += odds[own & here].sum() / (1.0 + odds[~own & here].sum())

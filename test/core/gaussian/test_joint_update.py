@@ -53,15 +53,17 @@ def _nothing_left_out(monkeypatch):
 def hypotheses(dynamics, targets, rng):
     """Return targets next to each other, with one, two and three hypotheses of random weights."""
     single = mixture_of(dynamics, [(1.0, MEAN, STD)])
-    origin = np.repeat([5, 7, 9][:targets], SIZES[:targets])
-    weight = rng.uniform(0.1, 1.0, (len(origin), *single.weight.shape[1:])) * (single.weight > 0.0)
+    row_label = np.repeat([5, 7, 9][:targets], SIZES[:targets])
+    weight = rng.uniform(0.1, 1.0, (len(row_label), *single.weight.shape[1:])) * (
+        single.weight > 0.0
+    )
     existence = rng.uniform(0.2, 0.99, targets)
-    target = np.unique(origin, return_inverse=True)[1]
+    target = np.unique(row_label, return_inverse=True)[1]
     mass = np.bincount(target, weight.sum(axis=(1, 2)))
-    mean = single.mean + rng.normal(0.0, [200.0, 10.0, 200.0, 10.0, 0.0], (len(origin), 1, 5))
-    size = rng.uniform(0.3, 1.0, len(origin))
+    mean = single.mean + rng.normal(0.0, [200.0, 10.0, 200.0, 10.0, 0.0], (len(row_label), 1, 5))
+    size = rng.uniform(0.3, 1.0, len(row_label))
     return Mixture(
-        origin,
+        row_label,
         weight * (existence / mass)[target][:, None, None],
         mean,
         size[:, None, None, None] * single.covariance,

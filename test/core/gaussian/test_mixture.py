@@ -7,11 +7,11 @@ from phd_jdtc_ros.core.state_space import PLANAR
 RNG = np.random.default_rng(0)
 
 
-def mixture(origin, modes=2, cells=3):
-    count = len(origin)
+def mixture(row_label, modes=2, cells=3):
+    count = len(row_label)
     factor = RNG.normal(0.0, 1.0, (count, modes, 5, 5))
     return Mixture(
-        np.array(origin),
+        np.array(row_label),
         RNG.uniform(0.0, 0.05, (count, modes, cells)),
         RNG.normal(0.0, 100.0, (count, modes, 5)),
         factor @ factor.swapaxes(-1, -2),
@@ -51,13 +51,13 @@ def test_overall_and_extents_are_the_moments_of_each_target():
         np.testing.assert_allclose(
             extents.position_std[target], np.sqrt(spread[0, 0] + spread[2, 2])
         )
-    assert extents.row_origin.tolist() == [0, 0, 1]
+    assert extents.target.tolist() == [0, 0, 1]
 
 
 def test_joined_and_taken_rows_are_the_same_hypotheses():
     one, other = mixture([1, 2]), mixture([5])
     whole = Mixture.concatenate([one, other, Mixture.empty(2, 3, 5)])
-    assert whole.origin.tolist() == [1, 2, 5]
+    assert whole.row_label.tolist() == [1, 2, 5]
     np.testing.assert_array_equal(whole.take(np.array([2])).mean, other.mean)
 
 
@@ -70,4 +70,4 @@ def test_empty_mixture_has_no_targets():
     found = Mixture.empty(2, 3, 5)
     assert len(found) == len(found.label) == len(found.existence) == 0
     assert found.class_mass(np.array([0, 0, 0]), 1).tolist() == [0.0]
-    assert len(found.extents(PLANAR).origin) == 0
+    assert len(found.extents(PLANAR).label) == 0

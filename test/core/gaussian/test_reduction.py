@@ -21,16 +21,16 @@ def bounds(**changed):
 
 def branched(rng, sizes, spread=30.0):
     """Return targets of some hypotheses, by target, the most probable first."""
-    origin = np.arange(len(sizes)).repeat(sizes) * 10
-    count, modes, cells = len(origin), 2, 2
+    row_label = np.arange(len(sizes)).repeat(sizes) * 10
+    count, modes, cells = len(row_label), 2, 2
     weight = rng.exponential(1.0, (count, modes, cells))
-    total = np.bincount(origin // 10, weight.sum(axis=(1, 2)))
-    weight *= (rng.uniform(0.2, 1.0, len(sizes)) / total)[origin // 10][:, None, None]
-    order = np.lexsort((-weight.sum(axis=(1, 2)), origin))
+    total = np.bincount(row_label // 10, weight.sum(axis=(1, 2)))
+    weight *= (rng.uniform(0.2, 1.0, len(sizes)) / total)[row_label // 10][:, None, None]
+    order = np.lexsort((-weight.sum(axis=(1, 2)), row_label))
     factor = rng.normal(0.0, 10.0, (count, modes, 5, 5))
     return Branched(
         Mixture(
-            origin,
+            row_label,
             weight[order],
             rng.normal(0.0, spread, (count, modes, 5)),
             factor @ factor.swapaxes(-1, -2) + 100.0 * np.eye(5),
@@ -110,7 +110,7 @@ def test_hypotheses_within_the_distance_are_merged_and_no_others():
     part = branched(rng, [3]).mixture
     mean = np.zeros((3, 2, 5))
     mean[1, :, 0], mean[2, :, 0] = 0.6, 0.9
-    whole = Mixture(part.origin, part.weight, mean, np.broadcast_to(np.eye(5), (3, 2, 5, 5)))
+    whole = Mixture(part.row_label, part.weight, mean, np.broadcast_to(np.eye(5), (3, 2, 5, 5)))
     after, ancestry, _ = reduce_hypotheses(
         Branched(whole, np.arange(3)), bounds(merge_distance=0.5)
     )
@@ -123,9 +123,9 @@ def test_hypotheses_within_the_distance_are_merged_and_no_others():
 def test_targets_are_never_merged_with_each_other():
     rng = np.random.default_rng(0)
     part = branched(rng, [1, 1]).mixture
-    same = Mixture(part.origin, part.weight, part.mean[[0, 0]], part.covariance[[0, 0]])
+    same = Mixture(part.row_label, part.weight, part.mean[[0, 0]], part.covariance[[0, 0]])
     after, _, _ = reduce_hypotheses(Branched(same, np.arange(2)), bounds(merge_distance=100.0))
-    assert after.origin.tolist() == [0, 10]
+    assert after.row_label.tolist() == [0, 10]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -151,7 +151,7 @@ def test_existence_is_unchanged_by_pruning_and_bounds_hold(seed):
 def test_targets_that_hardly_exist_are_dropped():
     part = branched(np.random.default_rng(0), [2, 2]).mixture
     weight = part.weight * np.array([1e-6, 1e-6, 1.0, 1.0])[:, None, None]
-    faint = Mixture(part.origin, weight, part.mean, part.covariance)
+    faint = Mixture(part.row_label, weight, part.mean, part.covariance)
     after, _, _ = reduce_hypotheses(Branched(faint, np.arange(4)), BOUNDS)
     assert after.label.tolist() == [10]
 

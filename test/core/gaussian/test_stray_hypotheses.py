@@ -3,11 +3,11 @@
 import numpy as np
 from lone import MEAN, STD, TWO_MOTIONS, lone, mixture_of
 
-from phd_jdtc_ros.core.attributes.uniqueness import Lost
+from phd_jdtc_ros.core.attributes.uniqueness import OutOfGate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
-from phd_jdtc_ros.core.gaussian.strays import with_strays
+from phd_jdtc_ros.core.gaussian.strays import with_reacquired
 from phd_jdtc_ros.core.models.manoeuvre import ACCELERATION, OFFSET, PROBABILITY
 
 SINCE_S = 4.0
@@ -26,13 +26,13 @@ def predicted():
 
 
 def lost(target, column, since_s):
-    return Lost(np.array(target), np.array(column), np.array(since_s))
+    return OutOfGate(np.array(target), np.array(column), np.array(since_s))
 
 
 def test_stray_comes_from_the_most_probable_hypothesis_of_its_target():
     model, before = predicted()
-    after = with_strays(before, lost([0], [3], [SINCE_S]), model)
-    assert after.mixture.origin.tolist() == [4, 4, 6, 4]
+    after = with_reacquired(before, lost([0], [3], [SINCE_S]), model)
+    assert after.mixture.row_label.tolist() == [4, 4, 6, 4]
     assert after.parent.tolist() == [2, 1, 0, 1]
     np.testing.assert_array_equal(after.mixture.mean[3], before.mixture.mean[1])
     np.testing.assert_allclose(after.mixture.existence, before.mixture.existence, rtol=1e-12)
@@ -41,7 +41,7 @@ def test_stray_comes_from_the_most_probable_hypothesis_of_its_target():
 
 def test_stray_is_spread_by_a_constant_acceleration():
     model, before = predicted()
-    after = with_strays(before, lost([0], [0], [SINCE_S]), model)
+    after = with_reacquired(before, lost([0], [0], [SINCE_S]), model)
     added = after.mixture.covariance[3] - before.mixture.covariance[1]
     lever = np.array([0.5 * SINCE_S**2, SINCE_S])
     expected = ACCELERATION**2 * np.outer(lever, lever)
@@ -56,7 +56,7 @@ def test_stray_is_spread_by_a_constant_acceleration():
 
 def test_stray_that_was_long_unseen_is_no_faster_than_new_targets():
     model, before = predicted()
-    after = with_strays(before, lost([1], [0], [600.0]), model)
+    after = with_reacquired(before, lost([1], [0], [600.0]), model)
     added = after.mixture.covariance[3] - before.mixture.covariance[2]
     speed = model.detection_births.velocity_std
     np.testing.assert_allclose(added[0, 1, 1], speed**2, rtol=1e-9)
@@ -65,5 +65,5 @@ def test_stray_that_was_long_unseen_is_no_faster_than_new_targets():
 
 def test_stray_is_one_however_many_detections_show_its_target():
     model, before = predicted()
-    after = with_strays(before, lost([0, 0], [0, 1], [SINCE_S, SINCE_S]), model)
-    assert after.mixture.origin.tolist() == [4, 4, 6, 4]
+    after = with_reacquired(before, lost([0, 0], [0, 1], [SINCE_S, SINCE_S]), model)
+    assert after.mixture.row_label.tolist() == [4, 4, 6, 4]

@@ -10,7 +10,7 @@ from matchings import posterior
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.association import marginals
-from phd_jdtc_ros.core.attributes.readings import plain
+from phd_jdtc_ros.core.attributes.reprojection import plain
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
@@ -48,7 +48,7 @@ class Reply:
 
 
 class Register:
-    """Stands for what is known of attributes, by origin and detection; it notes what it is told."""
+    """Stands for what is known of attributes, by label and detection; it notes what it is told."""
 
     def __init__(self, factor, clutter):
         self.log_factor, self.log_clutter = np.log(factor), np.log(clutter)
@@ -58,23 +58,23 @@ class Register:
         self.stamps.append(stamp_ns)
         return self
 
-    def pair(self, gate, origin, target, report):
+    def pair(self, gate, label, target, report):
         return plain(gate, report.detections)
 
-    def lost(self, origin, target, column, detections):
+    def out_of_gate(self, label, target, column, detections):
         return None
 
-    def evidence(self, origin, target, column, detections, undetected):
+    def evidence(self, label, target, column, detections, undetected):
         assert len(self.log_clutter) == len(detections)
-        assert undetected.shape == origin.shape
-        factor = self.log_factor[origin[target], column]
+        assert undetected.shape == label.shape
+        factor = self.log_factor[label[target], column]
         return Reply(factor, self.log_clutter, np.zeros(len(detections)), column)
 
     def learn(self, evidence, mass, existence):
         self.learned.append((evidence.column, mass, existence))
 
-    def initiate(self, origin, detections):
-        self.newborn.append((origin, detections))
+    def initiate(self, label, detections):
+        self.newborn.append((label, detections))
 
 
 class Clutter:
@@ -82,7 +82,10 @@ class Clutter:
 
     def with_learned_clutter(self, report):
         radar = report.sensor
-        return replace(report, sensor=radar.limited(radar.threshold, 100.0 * radar.clutter_rate))
+        return replace(
+            report,
+            sensor=radar.with_threshold_and_rate(radar.threshold, 100.0 * radar.clutter_rate),
+        )
 
     def learns(self, report):
         return False
@@ -295,7 +298,7 @@ def test_scan_tells_what_is_known_its_stamp_and_the_newborn_of_each_radar():
     known.evidence = lambda *_: None
     branched, _ = scan_update(config, nothing, 0, reports, attributes=known)
     assert known.stamps == [STAMP_NS]
-    assert [origin for origin, _ in known.newborn] == [first, first + 2]
+    assert [label for label, _ in known.newborn] == [first, first + 2]
     for (_, told), seen in zip(known.newborn, reports, strict=True):
         np.testing.assert_array_equal(told.measurement, seen.measurement)
     np.testing.assert_array_equal(branched.mixture.label, first + np.arange(3))

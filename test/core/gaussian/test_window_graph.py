@@ -55,7 +55,7 @@ def scan_by_scan(entries):
 def check_as_scan_by_scan(entries):
     together = smoother.backward_pass(entries)[::-1]
     for own, expected in zip(together, scan_by_scan(entries), strict=True):
-        np.testing.assert_array_equal(own.origin, expected.origin)
+        np.testing.assert_array_equal(own.row_label, expected.row_label)
         np.testing.assert_allclose(own.weight, expected.weight, rtol=1e-9, atol=1e-15)
         np.testing.assert_allclose(own.mean, expected.mean, rtol=1e-9, atol=1e-6)
         np.testing.assert_allclose(own.covariance, expected.covariance, rtol=1e-6, atol=1e-6)
@@ -113,7 +113,7 @@ def test_generations_hold_every_hypothesis_once():
     assert len(parts) < len(entries) / 4
     for part, before in itertools.pairwise(parts):
         assert len(part.link.moves.change) == len(before.stored)
-        assert set(part.stored.origin[part.link.ancestry.child]) <= set(before.stored.origin)
+        assert set(part.stored.row_label[part.link.ancestry.child]) <= set(before.stored.row_label)
 
 
 def test_window_whose_sources_have_left_is_what_was_filtered():

@@ -24,7 +24,7 @@ def found_of(engine, reports, numbered):
         found += [
             one for event in events if isinstance(event, Stepped) for one in event.step.filtered
         ]
-    return found[-1], pipeline.take_doubts(0)
+    return found[-1], pipeline.take_anomalies(0)
 
 
 def of_target(estimates, target=1):

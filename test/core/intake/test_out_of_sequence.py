@@ -10,9 +10,9 @@ from scenes import no_detections, short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.intake.out_of_sequence import EARNED, SAVED, Budget
+from phd_jdtc_ros.core.intake.out_of_sequence import EARNED, MAX_SAVED, Budget
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.pipeline import LATE_REWORKED, Stepped
+from phd_jdtc_ros.core.pipeline import REPROCESSED, Stepped
 from phd_jdtc_ros.core.types import Attributes, Estimates
 from phd_jdtc_ros.simulation.simulate import simulate
 
@@ -57,7 +57,7 @@ class Run:
 
     @property
     def reworked(self):
-        counts = [self.pipeline.take_doubts(radar)[LATE_REWORKED] for radar in range(self.radars)]
+        counts = [self.pipeline.take_anomalies(radar)[REPROCESSED] for radar in range(self.radars)]
         return sum(counts)
 
 
@@ -172,7 +172,7 @@ def test_a_burst_is_limited_and_counted():
                for stamp_ns in [SCANS[7].stamp_ns]]  # fmt: skip
     run = Run(config("gaussian")).feed([*REPORTS[:20], *between])
     window = 4
-    most = SAVED * (window + 1)
+    most = MAX_SAVED * (window + 1)
     assert run.reworked < most
     assert set(run.refused) == {Rejection.LATE_BURST}
     assert len(run.refused) > 100 - most

@@ -101,7 +101,7 @@ def test_stamps_that_jump_back_begin_a_new_run():
 def test_a_yaw_is_needed_only_where_it_turns_the_radar():
     unknown = Pose((3.0, 4.0), math.nan)
     assert track().add(0, unknown) is PoseFault.ORIENTATION
-    stabilised = track(turned=False)
+    stabilised = track(yaw_applies=False)
     assert stabilised.add(0, unknown) is None
     assert stabilised.at(0) == (Pose((3.0, 4.0), 0.0), False)
 

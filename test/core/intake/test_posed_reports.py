@@ -108,7 +108,7 @@ def test_poses_that_stop_are_bridged_for_a_moment_and_then_reports_are_given_up(
     pipeline = new_pipeline(moving.config())
     events, _ = fed(pipeline, in_order(reports(), poses(last_s=until_s)))
     assert len(events) == 11
-    assert pipeline.take_doubts(0) == {"poses_extrapolated": 1}
+    assert pipeline.take_anomalies(0) == {"poses_extrapolated": 1}
     assert pipeline.take_drops(0) == {"pose_missing": moving.SCANS - 11}
 
 

@@ -27,11 +27,11 @@ def test_a_late_report_and_those_after_it_become_what_they_would_have_been(rotat
     assert history.later(sent.stamp_ns) == len(REPORTS) - late - 1
     found = history.insert(sent.stamp_ns, sent.detections, None)
     expected = [piece for pieces in wanted[late:] for piece in pieces]
-    assert [stamp_ns for stamp_ns, _ in found.pieces] == [stamp_ns for stamp_ns, _ in expected]
-    for (_, piece), (_, other) in zip(found.pieces, expected, strict=True):
+    assert [stamp_ns for stamp_ns, _ in found.slices] == [stamp_ns for stamp_ns, _ in expected]
+    for (_, piece), (_, other) in zip(found.slices, expected, strict=True):
         assert piece.coverage == other.coverage
         np.testing.assert_array_equal(piece.measurement, other.measurement)
-    assert (turns.turn_s, turns.usual_s) == (told.turn_s, told.usual_s)
+    assert (turns.period_s, turns.nominal_period_s) == (told.period_s, told.nominal_period_s)
 
 
 def test_what_a_late_report_takes_the_place_of_is_named_by_its_first_stamps():

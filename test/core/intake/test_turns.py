@@ -1,48 +1,15 @@
-import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from antennas import START_NS, TurningRadar, covered, degrees_off
+from antennas import START_NS, S, TurningRadar, absolute, covered, degrees_off, fed, turns_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phd_jdtc_ros.core.intake.scans import Rejection
-from phd_jdtc_ros.core.intake.sectors import coverage_of
-from phd_jdtc_ros.core.intake.turns import SLICES, Turns
-from phd_jdtc_ros.core.types import UNKNOWN_COVERAGE, Detections
-
-S = 1_000_000_000
-NONE = Detections(np.zeros((0, 2)), None)
-NONE_TIMED = Detections(np.zeros((0, 2)), None, np.zeros(0))
-
-
-def turns_of(radar, **changes):
-    given = {"compass": False, "reset_threshold_s": 3.0 * radar.rotation_s, **changes}
-    return Turns(radar.rotation_s, radar.sectors, **given)
-
-
-def fed(turns, reports, numbers=False):
-    """Return the pieces of each report."""
-    return [
-        turns.split(sent.stamp_ns, sent.detections, sent.sector if numbers else None)
-        for sent in reports
-    ]
-
-
-def emptied(sent):
-    nothing = NONE if sent.detections.time_s is None else NONE_TIMED
-    return replace(sent, detections=nothing)
-
-
-def absolute(stamp_ns, detections):
-    """Return range and absolute time (ns) of detections, in the order of ranges."""
-    time_s = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
-    rows = [
-        (distance, stamp_ns - START_NS + round(own * 1e9))
-        for distance, own in zip(detections.measurement[:, 0], time_s, strict=True)
-    ]
-    return sorted(rows)
+from phd_jdtc_ros.core.intake.slices import SLICES
+from phd_jdtc_ros.core.intake.turns import Turns
+from phd_jdtc_ros.core.types import Detections
 
 
 @pytest.mark.parametrize("rotation_s", [0.0, 4.0])
@@ -131,7 +98,7 @@ def test_what_the_antenna_passed_is_covered_once_and_little_else(radar, seed, dr
     settled = off[2 * radar.per_turn :]
     assert max(settled) < 30.0
     assert np.mean(settled) < 15.0
-    assert not +turns.doubts
+    assert not +turns.anomalies
 
 
 @settings(deadline=None, max_examples=40)
@@ -158,7 +125,7 @@ def test_turns_with_few_detections_go_on_with_the_phase_of_those_before(few):
         for (stamp_ns, piece), (first_ns, first) in zip(pieces, before, strict=True):
             assert abs((stamp_ns - first_ns) / S - 4.0 * (turn + 1)) < 0.05
             assert abs(np.sin(0.5 * (piece.coverage.start - first.coverage.start))) < 0.02
-    assert not +turns.doubts
+    assert not +turns.anomalies
 
 
 def test_the_first_turns_with_few_detections_are_one_piece_of_all_that_is_seen():
@@ -182,7 +149,7 @@ def test_a_turn_that_changes_its_speed_is_followed(factor):
         assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < (0.05 if learning else 0.01)
         longest = max(np.abs(piece.time_s).max(initial=0.0) for _, piece in pieces)
         assert longest < 4.0 * max(factor, 1.0) / 2 / SLICES + 0.1
-    assert not +turns.doubts
+    assert not +turns.anomalies
 
 
 def test_turns_cut_by_time_and_not_by_azimuth_are_covered_as_they_are_passed():
@@ -196,7 +163,7 @@ def test_turns_cut_by_time_and_not_by_azimuth_are_covered_as_they_are_passed():
         cloud = Detections(rows[inside], None, times[inside] - 4.0 * k)
         total = total + covered(turns.split(START_NS + 4 * k * S, cloud))
     assert abs(total.mean() - 40.0 / 3.9) < 0.1
-    assert not +turns.doubts
+    assert not +turns.anomalies
 
 
 def test_a_duplicate_is_rejected_and_changes_nothing():
@@ -229,7 +196,7 @@ def test_lost_reports_are_counted_and_not_covered(sectors):
     kept = [sent for k, sent in enumerate(reports) if k not in (lost, lost + 1)]
     for sent, pieces in list(zip(kept, fed(turns, kept), strict=True))[2 * radar.per_turn :]:
         assert degrees_off(sent, pieces) < 5.0
-    assert +turns.doubts == {"clouds_missing": 2}
+    assert +turns.anomalies == {"clouds_missing": 2}
 
 
 @pytest.mark.parametrize(
@@ -249,8 +216,8 @@ def test_times_that_do_not_go_with_the_azimuth_are_kept_and_counted(wrong_s, cou
     wanted = absolute(sent.stamp_ns, wrong)
     assert [row[0] for row in found] == [row[0] for row in wanted]
     np.testing.assert_allclose([row[1] for row in found], [row[1] for row in wanted], atol=2.0)
-    # A time that is a turn off fits its azimuth: it is indistinguishable, and harmless.
-    assert +turns.doubts == ({counted: len(chosen)} if counted else {})
+    # A time that is a turn off goes with its azimuth: nobody can tell, and nothing follows from it.
+    assert +turns.anomalies == ({counted: len(chosen)} if counted else {})
     for slices in [pieces, *fed(turns, reports[4:])]:
         assert (np.abs(covered(slices) - 1.0) > 0.0).mean() < 0.01
 
@@ -281,7 +248,7 @@ def test_two_antennas_back_to_back_are_not_cut_and_counted():
             sent.stamp_ns, replace(sent.detections, measurement=turned)
         )
         assert (stamp_ns, piece.coverage) == (sent.stamp_ns, None)
-    assert turns.doubts["antenna_unclear"] == 5
+    assert turns.anomalies["antenna_unclear"] == 5
 
 
 def test_an_antenna_that_stops_covers_only_where_it_points_and_is_found_again():
@@ -294,7 +261,7 @@ def test_an_antenna_that_stops_covers_only_where_it_points_and_is_found_again():
         still[:, 1] = 1.0 + 0.01 * np.sin(np.arange(len(still)))
         pieces = turns.split(sent.stamp_ns, replace(sent.detections, measurement=still))
         assert covered(pieces).mean() < 0.02
-    assert turns.doubts["antenna_unclear"] == 4
+    assert turns.anomalies["antenna_unclear"] == 4
     later = fed(turns, reports[8:])
     for pieces in later[2:]:
         assert len(pieces) == SLICES
@@ -309,164 +276,6 @@ def test_an_antenna_that_turns_the_other_way_is_found_again():
     for pieces in fed(turns, back)[2:]:
         assert len(pieces) == SLICES
         assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < 0.02
-
-
-@pytest.mark.parametrize("compass", [False, True])
-@pytest.mark.parametrize("timed", [False, True])
-@pytest.mark.parametrize("sectors", [4, 16])
-def test_a_sector_covers_the_azimuths_of_its_number(sectors, timed, compass):
-    # Numbers count in the direction of azimuths, from azimuth zero.
-    radar = TurningRadar(
-        sectors=sectors, timed=timed, clockwise=compass, cut=-0.5 * np.pi if compass else 0.0
-    )
-    turns = turns_of(radar, compass=compass)
-    reports = radar.reports(4)
-    for k, (sent, pieces) in enumerate(zip(reports, fed(turns, reports, True), strict=True)):
-        assert degrees_off(sent, pieces) < 1.5
-        if not timed:
-            ((stamp_ns, piece),) = pieces
-            assert stamp_ns == sent.stamp_ns
-            assert piece.coverage == coverage_of(sent.sector, sectors, compass)
-        elif k >= radar.per_turn:
-            assert len(pieces) == max(SLICES // sectors, 1)
-            longest = max(np.abs(piece.time_s).max(initial=0.0) for _, piece in pieces)
-            assert longest < 0.5 * 4.0 / SLICES + 0.03
-    assert not +turns.doubts
-
-
-@pytest.mark.parametrize("compass", [False, True])
-@pytest.mark.parametrize("timed", [False, True])
-def test_a_sector_of_a_misaligned_antenna_covers_where_it_truly_was(timed, compass):
-    # The antenna, and its sectors, are 3 degrees clockwise of the reported azimuth.
-    bias = np.radians(3.0)
-    cut = -0.5 * np.pi + bias if compass else -bias
-    radar = TurningRadar(sectors=16, timed=timed, clockwise=compass, cut=cut)
-    reports = radar.reports(4)
-    off = {}
-    for told in (0.0, bias):
-        turns = turns_of(radar, compass=compass, azimuth_bias=told)
-        pairs = zip(reports, fed(turns, reports, True), strict=True)
-        off[told] = max(degrees_off(sent, pieces) for sent, pieces in pairs)
-    assert off[bias] < 1.5
-    assert off[0.0] > 5.0
-
-
-@pytest.mark.parametrize("timed", [False, True])
-def test_empty_sectors_go_on_with_the_numbers(timed):
-    radar = TurningRadar(sectors=16, timed=timed, cut=0.0)
-    reports = [s if k % 3 else emptied(s) for k, s in enumerate(radar.reports(4))]
-    numbers = [sent.sector if len(sent.detections) else None for sent in reports]
-    turns = turns_of(radar)
-    for k, sent in enumerate(reports):
-        pieces = turns.split(sent.stamp_ns, sent.detections, numbers[k])
-        if k > 2:
-            assert degrees_off(sent, pieces) < 1.5
-    assert not +turns.doubts
-
-
-@pytest.mark.parametrize("timed", [False, True])
-def test_empty_sectors_go_on_with_the_antenna(timed):
-    radar = TurningRadar(sectors=16, timed=timed, plots=150)
-    reports = radar.reports(6)
-    turns = turns_of(radar)
-    fed(turns, reports[:48])
-    for sent in reports[48:]:
-        pieces = turns.split(sent.stamp_ns, emptied(sent).detections)
-        assert degrees_off(sent, pieces) < 4.0
-    assert not +turns.doubts
-
-
-def test_an_empty_sector_covers_nothing_while_the_antenna_is_not_known():
-    turns = Turns(4.0, 16)
-    for k in range(20):
-        ((stamp_ns, piece),) = turns.split(START_NS + k * S // 4, NONE)
-        assert (stamp_ns, piece.coverage) == (START_NS + k * S // 4, UNKNOWN_COVERAGE)
-
-
-def test_the_first_sector_covers_nothing_and_keeps_its_detections():
-    radar = TurningRadar(sectors=8, timed=False, plots=150)
-    sent = radar.reports(1)[0]
-    ((stamp_ns, piece),) = turns_of(radar).split(sent.stamp_ns, sent.detections)
-    assert (stamp_ns, piece.coverage) == (sent.stamp_ns, UNKNOWN_COVERAGE)
-    np.testing.assert_array_equal(piece.measurement, sent.detections.measurement)
-
-
-@pytest.mark.parametrize("numbers", [False, True])
-@pytest.mark.parametrize("timed", [False, True])
-def test_a_repeated_sector_is_used_and_covers_nothing(timed, numbers):
-    radar = TurningRadar(sectors=16, timed=timed, cut=0.0, plots=150)
-    turns, reports = turns_of(radar), radar.reports(4)
-    fed(turns, reports[:37], numbers)
-    again = reports[36]
-    stamp_ns = again.stamp_ns + 20_000_000
-    sector = again.sector if numbers else None
-    ((_, piece),) = turns.split(stamp_ns, again.detections, sector)
-    assert piece.coverage == UNKNOWN_COVERAGE
-    assert len(piece) == len(again.detections)
-    assert +turns.doubts == {"sectors_repeated": 1}
-    for sent, pieces in zip(reports[37:], fed(turns, reports[37:], numbers), strict=True):
-        assert degrees_off(sent, pieces) < 5.0
-
-
-@pytest.mark.parametrize("timed", [False, True])
-def test_overlapping_sectors_share_the_turn_between_them(timed):
-    radar = TurningRadar(sectors=16, timed=timed, plots=300)
-    reports = radar.reports(6)
-    turns, total = turns_of(radar), []
-    for before, sent in itertools.pairwise(reports):
-        # The last third of a report's detections comes with the next one.
-        count = len(before.detections)
-        late = before.detections.take(np.arange(count * 2 // 3, count))
-        joined = joined_at(sent, late, before)
-        pieces = turns.split(sent.stamp_ns, joined)
-        total.append(covered(pieces))
-    settled = np.sum(total[32:64], axis=0) / 2.0
-    assert abs(settled.mean() - 1.0) < 0.15
-    assert turns.doubts["antenna_unclear"] == 0
-
-
-def joined_at(sent, late, before):
-    """Return a report's detections with late ones of the report before."""
-    first = len(sent.detections) * 2 // 3
-    own = sent.detections.take(np.arange(first))
-    time_s = None
-    if own.time_s is not None:
-        earlier = late.time_s + (before.stamp_ns - sent.stamp_ns) / S
-        time_s = np.concatenate([earlier, own.time_s])
-    return Detections(np.concatenate([late.measurement, own.measurement]), None, time_s)
-
-
-def test_sector_numbers_that_count_from_one_are_noticed_and_not_believed():
-    radar = TurningRadar(sectors=16, timed=False, cut=0.0, plots=300)
-    turns = turns_of(radar)
-    reports = radar.reports(5)
-    for k, sent in enumerate(reports):
-        pieces = turns.split(sent.stamp_ns, sent.detections, (sent.sector + 8) % 16)
-        if k >= 32:
-            assert degrees_off(sent, pieces) < 4.0
-    assert turns.doubts["sector_numbers_wrong"] > 60
-
-
-@pytest.mark.parametrize("sectors", [0, 16])
-def test_detections_in_a_part_of_the_turn_alone_are_enough(sectors):
-    radar = TurningRadar(sectors=sectors, plots=40, seen=(0.4, 0.55))
-    turns = turns_of(radar)
-    reports = radar.reports(6)
-    for sent, pieces in list(zip(reports, fed(turns, reports), strict=True))[2 * radar.per_turn :]:
-        assert degrees_off(sent, pieces) < 16.0
-        inside = sum(len(piece) for _, piece in pieces)
-        assert inside == len(sent.detections)
-    assert not +turns.doubts
-
-
-def test_a_late_sector_without_times_keeps_its_stamp_for_the_grouper():
-    radar = TurningRadar(sectors=16, timed=False, cut=0.0)
-    turns, reports = turns_of(radar), radar.reports(2)
-    fed(turns, reports[:10], True)
-    ((stamp_ns, piece),) = turns.split(reports[8].stamp_ns, reports[8].detections, 8)
-    assert (stamp_ns, piece.coverage) == (reports[8].stamp_ns, coverage_of(8, 16, False))
-    ((_, piece),) = turns.split(reports[7].stamp_ns, reports[7].detections)
-    assert piece.coverage == UNKNOWN_COVERAGE
 
 
 def test_a_hundred_thousand_detections_are_cut_in_time():
@@ -502,8 +311,8 @@ def test_a_radar_that_does_not_turn_is_never_taken_for_one_that_does(kind, timed
         report = Detections(measurement, None, interval_s * time_s if timed else None)
         stamp_ns = START_NS + round(k * interval_s * 1e9)
         assert turns.split(stamp_ns, report) == [(stamp_ns, report)]
-    assert turns.turn_s == 0.0
-    assert not +turns.doubts
+    assert turns.period_s == 0.0
+    assert not +turns.anomalies
 
 
 @pytest.mark.parametrize("ahead_s", [60.0, 12.0, 3.9])
@@ -515,7 +324,7 @@ def test_a_time_far_ahead_does_not_keep_a_turn_from_being_found(ahead_s):
     wrong = replace(reports[0].detections, time_s=time_s)
     turns.split(reports[0].stamp_ns, wrong)
     fed(turns, reports[1:])
-    assert turns.turn_s == pytest.approx(4.0, rel=0.01)
+    assert turns.period_s == pytest.approx(4.0, rel=0.01)
 
 
 def test_a_late_detection_after_a_gap_does_not_make_the_gap_swept():
@@ -537,7 +346,7 @@ def test_the_first_slices_of_a_turn_that_was_found_follow_the_reports_before():
     radar = TurningRadar(sectors=4, plots=80, stamp_at=3.0)
     turns = Turns()
     stamps = [stamp_ns for pieces in fed(turns, radar.reports(8)) for stamp_ns, _ in pieces]
-    assert turns.turn_s > 0.0
+    assert turns.period_s > 0.0
     assert (np.diff(stamps) > 0).all()
 
 
@@ -546,7 +355,7 @@ def test_a_report_out_of_order_does_not_stop_the_search_for_a_turn():
     turns, reports = Turns(reset_threshold_s=12.0), radar.reports(6)
     swapped = [each for pair in zip(reports[1::2], reports[::2], strict=True) for each in pair]
     fed(turns, swapped)
-    assert turns.turn_s == pytest.approx(4.0, rel=0.01)
+    assert turns.period_s == pytest.approx(4.0, rel=0.01)
 
 
 @pytest.mark.parametrize("length_s", [0.7, 0.75, 0.8])
@@ -556,4 +365,4 @@ def test_a_turn_is_looked_for_in_just_enough_time(length_s):
     azimuth = np.remainder(2.0 * np.pi * time_s / 0.5 + np.pi, 2.0 * np.pi) - np.pi
     turns, report = Turns(), Detections(np.stack([np.full(40, 1e3), azimuth], axis=1), None, time_s)
     turns.split(START_NS, report)
-    assert turns.turn_s == (pytest.approx(0.5, rel=0.01) if length_s >= 0.75 else 0.0)
+    assert turns.period_s == (pytest.approx(0.5, rel=0.01) if length_s >= 0.75 else 0.0)

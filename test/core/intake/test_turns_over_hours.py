@@ -199,7 +199,7 @@ def test_turns_of_an_approach_radar_are_cut_where_the_antenna_was(guess):
     apart, known = off(hour, covered, 10.0 * hour.rotation_s)
     assert apart.max() < np.radians(3.0)
     assert known == 1.0
-    assert turns.turn_s == pytest.approx(hour.rotation_s, rel=0.01)
+    assert turns.period_s == pytest.approx(hour.rotation_s, rel=0.01)
 
 
 def test_a_clock_that_goes_back_loses_the_repeated_times_and_no_more():

@@ -9,7 +9,7 @@ from scenes import small
 
 from phd_jdtc_ros.core.clutter.grid import GroundGrid, PolarGrid
 from phd_jdtc_ros.core.clutter.map import ClutterMap
-from phd_jdtc_ros.core.models.clutter_raster import MOST, raster
+from phd_jdtc_ros.core.models.clutter_raster import MAX_CELLS, raster
 from phd_jdtc_ros.core.types import Pose
 
 STD = np.array([10.0, math.radians(0.2)])
@@ -51,7 +51,7 @@ def test_a_reflector_is_drawn_where_it_is(grid, seen_from):
     left, right, bottom, top = shown.extent
     assert (np.array([left, bottom]) < PLACES).all()
     assert (np.array([right, top]) > PLACES).all()
-    assert max(shown.density.shape) <= MOST
+    assert max(shown.density.shape) <= MAX_CELLS
     rows, columns = np.nonzero(shown.density)
     x, y = left + (columns + 0.5) * shown.cell, bottom + (rows + 0.5) * shown.cell
     weight = shown.density[rows, columns]

@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.models import detection_birth
+from phd_jdtc_ros.core.models import detection_birth, newborn_sampling
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel, Newborn
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.smc.correction import BERNOULLI, CORRECTORS
@@ -40,7 +40,7 @@ def one_detection(mass=(0.3, 0.6), place=(6000.0, 0.5)):
 
 
 def test_sample_carries_the_newborn_mass():
-    _, mode, weight, _ = detection_birth.sample(
+    _, mode, weight, _ = newborn_sampling.sample(
         one_detection(), BIRTHS, MODES, BIRTHS.particles, np.random.default_rng(0)
     )
     by_class = np.bincount(MODES.class_of[mode], weights=weight)
@@ -53,11 +53,11 @@ def test_affordable_gives_fewer_particles_first_and_then_leaves_out_the_least_ma
     mass = np.stack([np.linspace(0.01, 0.5, 100), np.zeros(100)], axis=1)
     every = Newborn(Report(RADAR, Detections(np.ones((100, 2)), np.arange(100.0))), mass)
 
-    few, count = detection_birth.affordable(every.take(np.arange(10)), model)
+    few, count = detection_birth.limit_newborns(every.take(np.arange(10)), model)
     assert (len(few), count) == (10, 64)
-    some, count = detection_birth.affordable(every.take(np.arange(25)), model)
+    some, count = detection_birth.limit_newborns(every.take(np.arange(25)), model)
     assert (len(some), count) == (25, 16)
-    kept, count = detection_birth.affordable(every, model)
+    kept, count = detection_birth.limit_newborns(every, model)
     assert (len(kept), count) == (40, 16)
     np.testing.assert_array_equal(kept.mass, mass[60:])
     np.testing.assert_array_equal(kept.report.detections.amplitude, np.arange(60.0, 100.0))
@@ -67,16 +67,16 @@ def test_intensity_is_the_same_in_chunks(monkeypatch):
     report = Detections(np.array([[6e3, 0.5], [6.2e3, 0.52]]), None)
     found = Newborn(Report(RADAR, report), np.array([[0.3, 0.6], [0.1, 0.2]]))
     rng = np.random.default_rng(0)
-    state, mode, _, _ = detection_birth.sample(found, BIRTHS, MODES, 64, rng)
-    whole = detection_birth.intensity(found, BIRTHS, MODES, state, mode)
-    monkeypatch.setattr(detection_birth, "CHUNK_PRODUCT", 14)
+    state, mode, _, _ = newborn_sampling.sample(found, BIRTHS, MODES, 64, rng)
+    whole = newborn_sampling.intensity(found, BIRTHS, MODES, state, mode)
+    monkeypatch.setattr(newborn_sampling, "CHUNK_PRODUCT", 14)
     np.testing.assert_array_equal(
-        detection_birth.intensity(found, BIRTHS, MODES, state, mode), whole
+        newborn_sampling.intensity(found, BIRTHS, MODES, state, mode), whole
     )
 
 
 def test_sample_is_about_the_detection():
-    state, mode, _, detection = detection_birth.sample(
+    state, mode, _, detection = newborn_sampling.sample(
         one_detection(), BIRTHS, MODES, BIRTHS.particles, np.random.default_rng(0)
     )
     measured = RADAR.measure(state)
@@ -93,7 +93,7 @@ def test_sample_is_about_the_detection():
 def test_intensity_equals_the_density_written_out():
     report = Detections(np.array([[6000.0, 0.5], [9000.0, np.pi]]), None)
     found = Newborn(Report(RADAR, report), np.array([[0.3, 0.6], [0.2, 0.1]]))
-    state, mode, _, _ = detection_birth.sample(
+    state, mode, _, _ = newborn_sampling.sample(
         found, BIRTHS, MODES, BIRTHS.particles, np.random.default_rng(1)
     )
     chosen = np.arange(0, len(state), 97)
@@ -107,7 +107,7 @@ def test_intensity_equals_the_density_written_out():
         density *= norm.pdf(state[:, 1], 0.0, 40.0) * norm.pdf(state[:, 3], 0.0, 40.0)
         density *= np.where(np.isin(mode, [1, 3]), norm.pdf(state[:, 4], 0.0, 1e-3), 1.0)
         expected += density * mass[MODES.class_of[mode]] / 2.0
-    found_intensity = detection_birth.intensity(found, BIRTHS, MODES, state, mode)
+    found_intensity = newborn_sampling.intensity(found, BIRTHS, MODES, state, mode)
 
     np.testing.assert_allclose(found_intensity, expected, rtol=1e-6)
 
@@ -162,11 +162,11 @@ def test_update_scan_gives_every_detection_an_origin_of_its_own():
     scan = replace(scan, detections=(far, scan.detections[1]))
     scans = [update_scan(EMPTY, scan, steps_of(model), 6.0, k).rows for k in (2, 3)]
 
-    assert [len(set(phd.origin)) for phd in scans] == [3, 3]
-    assert not set(scans[0].origin) & set(scans[1].origin)
+    assert [len(set(phd.row_label)) for phd in scans] == [3, 3]
+    assert not set(scans[0].row_label) & set(scans[1].row_label)
     for phd in scans:
         assert (phd.parent == -1).all()
-        assert set(phd.label) == set(phd.origin)
+        assert set(phd.label) == set(phd.row_label)
 
 
 def test_tracker_finds_targets_without_known_birth_places():

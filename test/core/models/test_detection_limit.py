@@ -26,14 +26,14 @@ AMPLITUDES = {
 
 def limited(predicted, targets, detections, radar):
     """Return the detections, the sensor and the share of an incomplete report."""
-    report = detection_limit.limited(Report(radar, detections), predicted, targets)
+    report = detection_limit.limit_detections(Report(radar, detections), predicted, targets)
     assert not report.complete
     return report.detections, report.sensor, report.share
 
 
 @pytest.fixture(autouse=True)
 def few_candidates(monkeypatch):
-    monkeypatch.setattr(detection_limit, "MOST_CANDIDATES", 5000)
+    monkeypatch.setattr(detection_limit, "MAX_CANDIDATES", 5000)
 
 
 PREDICTED = crowd(1000, None).measurement
@@ -42,7 +42,7 @@ PREDICTED = crowd(1000, None).measurement
 def test_what_can_be_afforded_is_left_as_it_is():
     few = crowd(100, np.full(100, 5.0))
     report = Report(RADAR, few)
-    assert detection_limit.limited(report, PREDICTED, 4.0) is report
+    assert detection_limit.limit_detections(report, PREDICTED, 4.0) is report
 
 
 def test_with_amplitudes_the_threshold_is_raised():
@@ -50,7 +50,7 @@ def test_with_amplitudes_the_threshold_is_raised():
     many = crowd(20_000, amplitude)
     kept, raised, share = limited(PREDICTED, 1e6, many, RADAR)
     assert share == 1.0
-    assert RADAR.candidates(PREDICTED, kept) < 1.2 * detection_limit.MOST_CANDIDATES
+    assert RADAR.candidate_count(PREDICTED, kept) < 1.2 * detection_limit.MAX_CANDIDATES
     assert sorted(kept.amplitude) == sorted(amplitude)[-len(kept) :]
     assert raised.threshold == kept.amplitude.min()
     # If all may be targets, clutter is above the new threshold as often as it was above the old
@@ -94,14 +94,14 @@ def test_a_crowd_with_unknown_amplitudes_has_a_threshold():
 def test_a_crowd_without_particles_is_bounded_too():
     many = crowd(20_000, AMPLITUDES["equal"])
     kept, crowded, _ = limited(PREDICTED[:0], 0.0, many, RADAR)
-    assert len(kept) == crowded.clutter_rate == detection_limit.MOST_DETECTIONS
+    assert len(kept) == crowded.clutter_rate == detection_limit.MAX_DETECTIONS
 
 
 @pytest.mark.parametrize("amplitudes", ["none", "equal"])
 def test_without_an_order_of_amplitudes_an_even_draw_is_kept(amplitudes):
     many = crowd(20_000, AMPLITUDES[amplitudes])
     kept, raised, share = limited(PREDICTED, 1e6, many, RADAR)
-    assert RADAR.candidates(PREDICTED, kept) < 1.2 * detection_limit.MOST_CANDIDATES
+    assert RADAR.candidate_count(PREDICTED, kept) < 1.2 * detection_limit.MAX_CANDIDATES
     if amplitudes == "none":
         assert share == len(kept) / 20_000
         assert raised.clutter_rate == pytest.approx(share * RADAR.clutter_rate)

@@ -19,23 +19,25 @@ def test_the_probability_of_being_slower_is_that_of_drawn_velocities():
     mean, covariance = velocities([2.0, -1.0], 1.5)
     drawn = mean + 1.5 * np.random.default_rng(0).standard_normal((200_000, 2))
     share = (np.hypot(*drawn.T) < BOUND).mean()
-    assert stationary.slower(mean, covariance, BOUND)[0] == pytest.approx(share, abs=0.005)
+    assert stationary.probability_slower(mean, covariance, BOUND)[0] == pytest.approx(
+        share, abs=0.005
+    )
 
 
 def test_velocities_known_well_are_slower_or_faster():
     mean, covariance = velocities([[1.0, 0.0], [4.0, 0.0], [1e4, 0.0]], 1e-9)
     np.testing.assert_allclose(
-        stationary.slower(mean, covariance, BOUND), [1.0, 0.0, 0.0], atol=1e-9
+        stationary.probability_slower(mean, covariance, BOUND), [1.0, 0.0, 0.0], atol=1e-9
     )
 
 
 def test_nothing_is_slower_than_zero():
-    assert stationary.slower(*velocities([0.0, 0.0], 1.0), 0.0) == 0.0
+    assert stationary.probability_slower(*velocities([0.0, 0.0], 1.0), 0.0) == 0.0
 
 
 @pytest.mark.parametrize("velocity_std", [1.0, 5.0, 40.0])
 def test_a_newborn_target_is_at_rest_with_even_odds(velocity_std):
-    newborn = stationary.slower(*velocities([0.0, 0.0], velocity_std), BOUND)
+    newborn = stationary.probability_slower(*velocities([0.0, 0.0], velocity_std), BOUND)
     even = stationary.at_even_odds(newborn, BOUND, velocity_std)
     np.testing.assert_allclose(even, 0.5, rtol=1e-9)
 

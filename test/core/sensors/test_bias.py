@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.types import Detections
 
-BIAS = RadarBias(80.0, 2e-3, np.radians(0.3), 0.5)
+BIAS = SensorBias(80.0, 2e-3, np.radians(0.3), 0.5)
 FOUND = Detections(np.array([[1000.0, 3.14], [90e3, -3.14]]), None, np.array([-1.0, 0.0]))
 
 
@@ -32,9 +32,9 @@ def test_a_range_is_not_below_zero():
     assert BIAS.remove_from(0, near)[1].measurement[0, 0] == 0.0
 
 
-@pytest.mark.parametrize("first", [NO_BIAS, BIAS, RadarBias(-30.0, -1e-3, 0.1, -2.0)])
+@pytest.mark.parametrize("first", [NO_BIAS, BIAS, SensorBias(-30.0, -1e-3, 0.1, -2.0)])
 def test_errors_that_are_left_after_others_are_removed_add_up(first):
-    later = RadarBias(10.0, 1e-3, 0.02, 0.25)
+    later = SensorBias(10.0, 1e-3, 0.02, 0.25)
     # Who has the first errors beside the later ones is right once both are removed.
     stamp_ns, found = first.apply_to(*later.apply_to(10**12, FOUND))
     whole_ns, whole = first.followed_by(later).remove_from(stamp_ns, found)

@@ -8,7 +8,7 @@ from scenes import intensity, small
 
 from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.arrays import wrap_angle
-from phd_jdtc_ros.core.sensors.polar_radar import GATE_SIGMA, RadarModel
+from phd_jdtc_ros.core.sensors.polar_radar import DETECTION_GATE_SIGMA, RadarModel
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.sensors.visibility import Visibility
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
@@ -66,7 +66,7 @@ def brute_pairs(radar, predicted, detections):
     error = predicted[:, None, :] - detections.measurement[None, :, :]
     turn = np.exp(1j * error[..., 1])
     scaled = np.stack([error[..., 0], np.angle(turn)], axis=-1) / radar.noise_std
-    near = (scaled**2).sum(axis=-1) <= GATE_SIGMA**2
+    near = (scaled**2).sum(axis=-1) <= DETECTION_GATE_SIGMA**2
     log_likelihood = -0.5 * (scaled**2).sum(axis=-1) - np.log(
         2.0 * np.pi * radar.range_std * radar.azimuth_std
     )
@@ -227,7 +227,7 @@ def test_gated_pairs_takes_each_detections_own_deviation():
 def test_detection_noise_grows_with_the_range_unless_reported_by_the_driver():
     radar = replace(RADAR, range_growth=0.01)
     own = np.array([[np.nan, np.nan], [50.0, 0.01]])
-    found = radar.detection_noise(Detections(np.array([[10e3, 0.0]] * 2), None, noise_std=own))
+    found = radar.noise_std_of(Detections(np.array([[10e3, 0.0]] * 2), None, noise_std=own))
     np.testing.assert_allclose(found[0], [np.hypot(300.0, 100.0), RADAR.azimuth_std])
     np.testing.assert_allclose(found[1], [50.0, 0.01])
 
@@ -256,10 +256,12 @@ def test_given_detection_probability_takes_the_place_of_that_of_the_bands():
     np.testing.assert_allclose(difference[:, 0], expected)
 
 
-def test_missable_is_what_the_antenna_passed_of_the_field_of_view():
+def test_coverage_probability_is_what_the_antenna_passed_of_the_field_of_view():
     predicted = np.array([[5e3, 0.1], [5e3, 1.0], [20e3, 0.1]])
-    assert RADAR.missable(predicted, Coverage(0.0, 0.5)).tolist() == pytest.approx([1.0, 0.0, 0.0])
-    assert RADAR.missable(predicted, None).tolist() == [1.0, 1.0, 0.0]
+    assert RADAR.coverage_probability(predicted, Coverage(0.0, 0.5)).tolist() == pytest.approx(
+        [1.0, 0.0, 0.0]
+    )
+    assert RADAR.coverage_probability(predicted, None).tolist() == [1.0, 1.0, 0.0]
 
 
 def test_linearised_is_the_measurement_and_its_derivative():

@@ -5,7 +5,7 @@ import pytest
 from lone import lone
 from scipy.stats import norm
 
-from phd_jdtc_ros.core.models import detection_birth
+from phd_jdtc_ros.core.models import newborn_sampling
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel, Newborn
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.sensors.report import Report
@@ -107,7 +107,7 @@ def newborns(radar, *rates):
 def drawn(found):
     rng = np.random.default_rng(0)
     modes = CONFIG.model.modes
-    return detection_birth.sample(found, BIRTHS, modes, BIRTHS.particles, rng)
+    return newborn_sampling.sample(found, BIRTHS, modes, BIRTHS.particles, rng)
 
 
 def parts_of(radar, state):
@@ -145,11 +145,11 @@ def test_intensity_of_newborns_is_the_density_of_their_sample(time_s):
     detections = replace(found.report.detections, time_s=time_s)
     found = replace(found, report=replace(found.report, detections=detections))
     state, mode, _, _ = drawn(found)
-    intensity = detection_birth.intensity(found, BIRTHS, CONFIG.model.modes, state, mode)
+    intensity = newborn_sampling.intensity(found, BIRTHS, CONFIG.model.modes, state, mode)
     # By Bayes' rule, prior times likelihood over posterior is the density of the range rate.
     report = replace(found.report, detections=replace(detections, range_rate=None))
     plain = Newborn(report, found.mass)
-    prior = detection_birth.intensity(plain, BIRTHS, CONFIG.model.modes, state, mode)
+    prior = newborn_sampling.intensity(plain, BIRTHS, CONFIG.model.modes, state, mode)
     row = np.arange(len(state)), np.zeros(len(state), dtype=int)
     likelihood = np.exp(AMBIGUOUS.log_range_rate(state, detections, row))
     near = np.flatnonzero(prior > 0.0)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phd_jdtc_ros.core.sensors.visibility import Visibility, within
+from phd_jdtc_ros.core.sensors.visibility import Visibility, sector_probability
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage
 
 STD = np.radians(0.5)
@@ -13,25 +13,27 @@ TURN = np.linspace(-np.pi, np.pi, 721)
 @given(start=st.floats(-10.0, 10.0), width=st.floats(0.01, FULL_TURN))
 def test_within_without_noise_is_inside_or_outside(start, width):
     sector = Coverage(start, width)
-    inside = within(start + width * np.array([1e-6, 0.5, 1.0 - 1e-6]), sector)
+    inside = sector_probability(start + width * np.array([1e-6, 0.5, 1.0 - 1e-6]), sector)
     assert inside.tolist() == [1.0, 1.0, 1.0]
     if width < FULL_TURN - 0.01:
-        assert within(np.array([start - 0.004, start + width + 0.004]), sector).tolist() == [0, 0]
+        assert sector_probability(
+            np.array([start - 0.004, start + width + 0.004]), sector
+        ).tolist() == [0, 0]
 
 
 def test_within_of_a_turn_of_sectors_counts_every_azimuth_once():
     sectors = [Coverage(0.3 + k * FULL_TURN / 16, FULL_TURN / 16) for k in range(16)]
-    total = sum(within(TURN, sector, STD) for sector in sectors)
+    total = sum(sector_probability(TURN, sector, STD) for sector in sectors)
     np.testing.assert_allclose(total, 1.0, atol=1e-12)
 
 
 def test_within_at_the_edge_is_a_half():
-    share = within(np.array([0.0, 1.0]), Coverage(0.0, 1.0), STD)
+    share = sector_probability(np.array([0.0, 1.0]), Coverage(0.0, 1.0), STD)
     np.testing.assert_allclose(share, 0.5, atol=1e-9)
 
 
 def test_within_a_whole_turn_has_no_edge():
-    assert (within(TURN, Coverage(1.0, FULL_TURN), STD) == 1.0).all()
+    assert (sector_probability(TURN, Coverage(1.0, FULL_TURN), STD) == 1.0).all()
 
 
 @pytest.mark.parametrize("width", [0.0, -1.0, 7.0, np.nan])

@@ -16,16 +16,16 @@ def claims(likelihood, weight, other, p_d=0.9):
     return Claims(row, column, mass, np.asarray(other, dtype=float), p_d)
 
 
-def corrected(likelihood, weight, other, p_d=0.9, origin=None, corrector=BERNOULLI):
+def corrected(likelihood, weight, other, p_d=0.9, row_label=None, corrector=BERNOULLI):
     weight = np.asarray(weight, dtype=float)
-    phd = intensity(np.zeros((len(weight), 5)), weight, origin=origin)
+    phd = intensity(np.zeros((len(weight), 5)), weight, row_label=row_label)
     likelihood = np.asarray(likelihood, dtype=float)
     return corrector.correct(phd, claims(likelihood, weight, other, p_d))[:2]
 
 
-def pair_weights(likelihood, weight, other, p_d, origin, corrector):
+def pair_weights(likelihood, weight, other, p_d, row_label, corrector):
     """Return the weight of each pair, (N, M); zero where there is none."""
-    phd = intensity(np.zeros((len(weight), 5)), weight, origin=origin)
+    phd = intensity(np.zeros((len(weight), 5)), weight, row_label=row_label)
     told = claims(likelihood, weight, other, p_d)
     found = np.zeros_like(likelihood)
     found[told.row, told.column] = corrector.correct(phd, told).pair
@@ -62,29 +62,29 @@ def test_bernoulli_single_target_is_the_exact_posterior():
 @pytest.mark.parametrize("seed", range(4))
 def test_bernoulli_targets_have_the_posterior_of_all_association_events(targets, detections, seed):
     rng = np.random.default_rng(seed)
-    origin = np.repeat(np.array([11, 3, 40])[:targets], [5, 2, 4][:targets])
-    order = rng.permutation(len(origin))
-    origin, (label, target) = origin[order], np.unique(origin[order], return_inverse=True)
+    row_label = np.repeat(np.array([11, 3, 40])[:targets], [5, 2, 4][:targets])
+    order = rng.permutation(len(row_label))
+    row_label, (label, target) = row_label[order], np.unique(row_label[order], return_inverse=True)
     existence = rng.uniform(0.05, 0.999, targets)
-    weight = rng.uniform(0.1, 1.0, len(origin))
+    weight = rng.uniform(0.1, 1.0, len(row_label))
     weight *= (existence / np.bincount(target, weight))[target]
     # One particle is out of sight, and some pairs are outside of the gate.
-    p_d = rng.uniform(0.2, 0.999, len(origin))
+    p_d = rng.uniform(0.2, 0.999, len(row_label))
     p_d[0] = 0.0
-    likelihood = rng.exponential(1.0, (len(origin), detections))
+    likelihood = rng.exponential(1.0, (len(row_label), detections))
     likelihood[rng.random(likelihood.shape) < 0.2] = 0.0
     other = rng.uniform(0.02, 1.0, detections)
     missed, detected = posterior(
         target, weight, weight * (1.0 - p_d), (weight * p_d)[:, None] * likelihood / other
     )
-    phd, claimed = corrected(likelihood, weight, other, p_d, origin)
+    phd, claimed = corrected(likelihood, weight, other, p_d, row_label)
     np.testing.assert_array_equal(phd.label, label)
     np.testing.assert_allclose(phd.weight, missed + detected.sum(axis=1), rtol=1e-9)
     np.testing.assert_allclose(
         phd.component_mass, np.bincount(target, missed + detected.sum(axis=1)), rtol=1e-9
     )
     np.testing.assert_allclose(claimed, detected.sum(axis=0), rtol=1e-9)
-    pairs = pair_weights(likelihood, weight, other, p_d, origin, BERNOULLI)
+    pairs = pair_weights(likelihood, weight, other, p_d, row_label, BERNOULLI)
     np.testing.assert_allclose(pairs, detected, rtol=1e-9)
 
 
@@ -100,8 +100,9 @@ def test_bernoulli_of_small_masses_is_the_poisson_correction():
     # For a very small mass the limit of one target has no effect.
     rng = np.random.default_rng(1)
     likelihood, weight = rng.exponential(1.0, (6, 1)), rng.uniform(1e-7, 1e-6, 6)
+    row_label = np.array([0, 0, 1, 1, 2, 2])
     phds = [
-        corrected(likelihood, weight, [2e-7], origin=np.array([0, 0, 1, 1, 2, 2]), corrector=c)[0]
+        corrected(likelihood, weight, [2e-7], row_label=row_label, corrector=c)[0]
         for c in (BERNOULLI, POISSON)
     ]
     np.testing.assert_allclose(phds[0].weight, phds[1].weight, rtol=1e-5)
@@ -109,7 +110,7 @@ def test_bernoulli_of_small_masses_is_the_poisson_correction():
 
 def test_bernoulli_targets_do_not_both_take_one_detection():
     phd, claimed = corrected(
-        np.full((2, 1), 100.0), [0.999, 0.999], [1e-3], p_d=0.95, origin=np.array([3, 8])
+        np.full((2, 1), 100.0), [0.999, 0.999], [1e-3], p_d=0.95, row_label=np.array([3, 8])
     )
     assert claimed[0] == pytest.approx(1.0, abs=1e-3)
     # One was detected and one missed, either of them: both keep their mass.
@@ -117,8 +118,8 @@ def test_bernoulli_targets_do_not_both_take_one_detection():
 
 
 def test_bernoulli_components_are_the_origins_and_hold_all_mass():
-    origin = np.array([7, 2, 7, 5])
-    phd, _ = corrected(np.ones((4, 2)), [0.1, 0.2, 0.3, 0.4], [1.0, 1.0], origin=origin)
+    row_label = np.array([7, 2, 7, 5])
+    phd, _ = corrected(np.ones((4, 2)), [0.1, 0.2, 0.3, 0.4], [1.0, 1.0], row_label=row_label)
     np.testing.assert_array_equal(phd.label, [2, 5, 7])
     np.testing.assert_array_equal(phd.poisson, 0.0)
     dense = phd.components.toarray()

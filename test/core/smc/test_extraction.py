@@ -35,13 +35,13 @@ def test_components_report_each_detection_likelier_than_not():
 
 
 def test_components_report_the_unexplained_mass_of_an_origin_and_class():
-    # Origin 4 of class 0 exceeds one half, split over its two motions; the same origin's other
-    # class and another origin do not.
+    # Origin 4 of class 0 exceeds one half, split over its two motions; the same row_label's other
+    # class and another row_label do not.
     phd = intensity(
         np.zeros((4, 5)),
         [0.3, 0.3, 0.4, 0.45],
         mode=np.array([0, 1, 2, 0]),
-        origin=np.array([4, 4, 4, 9]),
+        row_label=np.array([4, 4, 4, 9]),
     )
     found = extract(phd)
     np.testing.assert_allclose(found.weight, [0.6])

@@ -7,7 +7,7 @@ from scipy import sparse
 
 from phd_jdtc_ros.configuration.engines import particle_filter
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
-from phd_jdtc_ros.core.tracks.labels import ORIGINS_PER_SCAN
+from phd_jdtc_ros.core.tracks.labels import LABELS_PER_SCAN
 
 CONFIG = small({"engine": "phd"})
 FILTER = particle_filter(CONFIG)
@@ -64,7 +64,7 @@ def test_predict_survivors_keep_class_and_origin():
     predicted = predict(phd, model, *METHOD, 6.0, 1, np.random.default_rng(0))
     source = phd.mode[predicted.parent]
     np.testing.assert_array_equal(MODES.class_of[predicted.mode], MODES.class_of[source])
-    np.testing.assert_array_equal(predicted.origin, phd.origin[predicted.parent])
+    np.testing.assert_array_equal(predicted.row_label, phd.row_label[predicted.parent])
     assert (predicted.mode != source).any()
 
 
@@ -83,10 +83,10 @@ def test_predict_names_births_after_term_and_scan():
     empty = ParticleSet.empty(5)
     rng = np.random.default_rng(0)
     scans = [predict(empty, MODEL, *METHOD, 6.0, index, rng) for index in (0, 1)]
-    names = [set(scan.origin.tolist()) for scan in scans]
-    assert names == [{0, 1, 2, 3}, {ORIGINS_PER_SCAN + term for term in range(4)}]
+    names = [set(scan.row_label.tolist()) for scan in scans]
+    assert names == [{0, 1, 2, 3}, {LABELS_PER_SCAN + term for term in range(4)}]
     for term, (mean, _) in enumerate(zip(MODEL.births, range(4), strict=True)):
-        near = scans[0].state[scans[0].origin == term]
+        near = scans[0].state[scans[0].row_label == term]
         assert np.abs(near[:, 0] - mean.mean[0]).max() < 6.0 * 200.0
 
 
@@ -99,7 +99,7 @@ def test_predict_of_nothing_without_births_is_nothing():
 
 def test_predict_leaves_all_weight_in_the_poisson_part():
     phd = scattered()
-    held = sparse.csr_array((phd.weight, (np.arange(len(phd)), phd.origin)), shape=(len(phd), 3))
+    held = sparse.csr_array((phd.weight, (np.arange(len(phd)), phd.row_label)), shape=(len(phd), 3))
     updated = replace(
         phd, poisson=np.zeros(len(phd)), components=held, label=np.arange(3, dtype=np.int64)
     )

@@ -6,7 +6,7 @@ from scenes import intensity, small
 
 from phd_jdtc_ros.core.smc import resampling
 from phd_jdtc_ros.core.smc.resampling import ParticleBudget
-from phd_jdtc_ros.core.tracks.labels import ORIGINS_PER_SCAN
+from phd_jdtc_ros.core.tracks.labels import LABELS_PER_SCAN
 
 
 @st.composite
@@ -106,13 +106,13 @@ def test_allocate_keeps_the_mass_of_every_group_with_a_particle_of_its_own(mass,
 
 def test_within_leaves_alone_what_fits():
     mass = np.array([1.0, 0.2, 1e-3])
-    assert resampling.within(1500, mass, 1000, 100) == (1000, 100)
+    assert resampling.fit_to_budget(1500, mass, 1000, 100) == (1000, 100)
 
 
 def test_within_takes_first_from_those_without_mass():
     # Two targets, and a thousand groups of small mass.
     mass = np.concatenate([[1.0, 1.0], np.full(1000, 0.01)])
-    density, least = resampling.within(20_000, mass, 1000, 200)
+    density, least = resampling.fit_to_budget(20_000, mass, 1000, 200)
     assert density == 1000
     count, weight = resampling.allocate(mass, density, least, np.random.default_rng(0))
     assert count[:2].tolist() == [1000, 1000]
@@ -122,7 +122,7 @@ def test_within_takes_first_from_those_without_mass():
 
 def test_within_holds_for_more_mass_than_it_has_particles_for():
     mass = np.random.default_rng(0).uniform(0.0, 2.0, 3000)
-    density, least = resampling.within(2000, mass, 1000, 200)
+    density, least = resampling.fit_to_budget(2000, mass, 1000, 200)
     assert least == 1
     totals = []
     for seed in range(50):
@@ -169,12 +169,12 @@ def test_systematic_and_allocate_are_reproducible(seed):
 def test_young_origins_have_more_particles():
     count, index = 400, 30
     ages = np.repeat([resampling.YOUNG_SCANS, resampling.YOUNG_SCANS - 1, 0], count)
-    origin = (index - ages) * ORIGINS_PER_SCAN
+    row_label = (index - ages) * LABELS_PER_SCAN
     weight = np.full(3 * count, 1.0 / count)
-    phd = intensity(np.zeros((3 * count, 5)), weight, origin=origin)
+    phd = intensity(np.zeros((3 * count, 5)), weight, row_label=row_label)
     budget = ParticleBudget(per_target=1000, least=20, per_birth_term=64, most=10**6)
     for scan, factor in ((index, resampling.YOUNG_FACTOR), (None, 1.0)):
         kept = resampling.resample(phd, small().model.modes, budget, np.random.default_rng(0), scan)
-        copies = [kept.multiplicity[kept.origin == one].sum() for one in np.unique(origin)]
+        copies = [kept.multiplicity[kept.row_label == one].sum() for one in np.unique(row_label)]
         assert copies == [1000, factor * 1000, factor * 1000]
         np.testing.assert_allclose(kept.weight.sum(), 3.0)

@@ -22,7 +22,7 @@ CONFIG = small({"engine": "phd"})
 FILTER = particle_filter(CONFIG)
 MODEL = CONFIG.model
 MODES = MODEL.modes
-# Much clutter, so that the origin of detections of low amplitude is uncertain.
+# Much clutter, so that the row_label of detections of low amplitude is uncertain.
 RADARS = tuple(replace(radar, clutter_rate=200.0) for radar in MODEL.radars)
 RADAR = RADARS[1]  # at the world's origin
 
@@ -200,7 +200,7 @@ def updated_set():
 
 def group_mass(phd):
     mass = {}
-    for c, o, w in zip(MODES.class_of[phd.mode], phd.origin, phd.weight, strict=True):
+    for c, o, w in zip(MODES.class_of[phd.mode], phd.row_label, phd.weight, strict=True):
         mass[int(c), int(o)] = mass.get((int(c), int(o)), 0.0) + w
     return mass
 
@@ -227,7 +227,7 @@ def test_resample_scales_every_component_by_the_new_over_the_old_weight():
     np.testing.assert_allclose(kept.poisson, phd.poisson[source] * factor, rtol=1e-10)
     expected = phd.components.toarray()[source] * factor[:, None]
     np.testing.assert_allclose(kept.components.toarray(), expected, rtol=1e-10)
-    for name in ("mode", "origin", "parent"):
+    for name in ("mode", "row_label", "parent"):
         np.testing.assert_array_equal(getattr(kept, name), getattr(phd, name)[source])
 
 
@@ -235,7 +235,7 @@ def test_resample_gives_unique_rows_of_equally_heavy_copies():
     kept = resample(updated_set(), MODES, FILTER.budget, np.random.default_rng(0))
     assert len(np.unique(kept.state, axis=0)) == len(kept)
     assert kept.multiplicity.max() > 1
-    group = np.stack([MODES.class_of[kept.mode], kept.origin], axis=1)
+    group = np.stack([MODES.class_of[kept.mode], kept.row_label], axis=1)
     per_copy = kept.weight / kept.multiplicity
     for key in np.unique(group, axis=0):
         chosen = (group == key).all(axis=1)
@@ -244,7 +244,7 @@ def test_resample_gives_unique_rows_of_equally_heavy_copies():
 
 def test_resample_is_sorted_by_class_and_origin():
     kept = resample(updated_set(), MODES, FILTER.budget, np.random.default_rng(0))
-    key = MODES.class_of[kept.mode] * 100 + kept.origin
+    key = MODES.class_of[kept.mode] * 100 + kept.row_label
     assert (np.diff(key) >= 0).all()
 
 

@@ -14,7 +14,7 @@ MODEL = replace(CONFIG.model, births=())
 
 
 def spawned_from(state, mode, dt=6.0, corrector=FILTER.corrector):
-    phd = intensity([state], [1.0], mode=np.array([mode]), origin=np.array([7]))
+    phd = intensity([state], [1.0], mode=np.array([mode]), row_label=np.array([7]))
     rng = np.random.default_rng(0)
     predicted = predict(phd, MODEL, corrector, FILTER.budget, dt, 1, rng)
     return phd, predicted, np.arange(len(predicted)) > 0  # the first row survives
@@ -56,16 +56,16 @@ def test_spawn_mass_follows_the_interval(dt):
 
 def test_spawn_inherits_the_origin_in_the_phd_filter():
     _, predicted, _ = spawned_from([0.0, 10.0, 0.0, 0.0, 0.0], 0, corrector=POISSON)
-    np.testing.assert_array_equal(predicted.origin, 7)
+    np.testing.assert_array_equal(predicted.row_label, 7)
 
 
 def test_spawn_founds_an_origin_a_parent_where_origins_are_targets():
-    phd = intensity(np.zeros((3, 5)), np.ones(3), origin=np.array([7, 9, 9]))
+    phd = intensity(np.zeros((3, 5)), np.ones(3), row_label=np.array([7, 9, 9]))
     model = replace(MODEL, births=CONFIG.model.births)
     rng = np.random.default_rng(0)
     predicted = predict(phd, model, FILTER.corrector, FILTER.budget, 6.0, 5, rng)
     spawned = (predicted.parent >= 0) & (np.arange(len(predicted)) >= 3)
-    own = predicted.origin[spawned]
-    named = {(phd.origin[p], o) for p, o in zip(predicted.parent[spawned], own, strict=True)}
+    own = predicted.row_label[spawned]
+    named = {(phd.row_label[p], o) for p, o in zip(predicted.parent[spawned], own, strict=True)}
     assert len(named) == 2
-    assert not set(own) & set(predicted.origin[~spawned])
+    assert not set(own) & set(predicted.row_label[~spawned])

@@ -11,7 +11,8 @@ from scenes import seen_with
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.snapshot import Snapshot
-from phd_jdtc_ros.core.tracks.confirmation import Records, TrackStates, missed_by_all
+from phd_jdtc_ros.core.tracks.confirmation import TrackStates, missed_by_all
+from phd_jdtc_ros.core.tracks.confirmation_records import ConfirmationRecords
 from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
 from phd_jdtc_ros.core.types import (
     COASTING,
@@ -195,7 +196,7 @@ def test_a_target_that_comes_out_of_a_blind_sector_has_its_number(engine, hidden
     tracks = []
     for index, place in enumerate(north):
         measured = radar.measure(space.state((8e3, place), (0.0, 40.0), 0.0)[None])
-        measured = measured[radar.missable(measured, None) > 0.0]
+        measured = measured[radar.coverage_probability(measured, None) > 0.0]
         seen = Detections(measured, np.full(len(measured), 60.0))
         (found,) = of.step(Scan((index + 1) * INTERVAL, (seen,))).filtered
         tracks.append(found.track_id.tolist())
@@ -350,8 +351,8 @@ def test_forged_states_are_refused(name, value, said):
 
 
 def test_records_are_of_the_tracks_in_the_order_of_their_labels():
-    first = Records.new(np.array([2, 9]), SECOND, np.array([0.1, 0.2]))
-    second = Records.new(np.array([5]), SECOND, np.array([0.3]))
+    first = ConfirmationRecords.new(np.array([2, 9]), SECOND, np.array([0.1, 0.2]))
+    second = ConfirmationRecords.new(np.array([5]), SECOND, np.array([0.3]))
     assert first.merge(second).label.tolist() == [2, 5, 9]
     assert first.merge(second).existence.tolist() == [0.1, 0.3, 0.2]
 

@@ -98,7 +98,7 @@ def test_number_goes_back_to_an_aircraft_that_was_another():
 
 
 def test_aircraft_are_forgotten_after_their_time_and_beyond_the_most(monkeypatch):
-    monkeypatch.setattr(known_aircraft, "MOST_AIRCRAFT", 3)
+    monkeypatch.setattr(known_aircraft, "MAX_AIRCRAFT", 3)
     tracks = TrackNumbers()
     for index in range(5):
         numbers(tracks, index, (10 + index, 100 + index, 1e4 * index, CONFIRMED))
@@ -120,7 +120,11 @@ def test_stored_aircraft_are_the_same():
 @pytest.mark.parametrize(
     ("part", "value", "text"),
     [
-        ("number", [9], r"1 up to 9 given, must be at most 10000 up to 2"),
+        (
+            "number",
+            [9],
+            "1 aircraft with numbers up to 9, expected at most 10000 with",
+        ),
         ("address", [1 << 24], "aircraft.address: "),
         ("stamp_ns", [-1], "aircraft.stamp_ns: "),
         ("position", [[np.nan, 0.0]], "aircraft.position: a number is not finite"),

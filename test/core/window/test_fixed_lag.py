@@ -90,7 +90,10 @@ def put(name, value):
         (put("window.stamps_ns", [2, 1]), "ValueError: window.stamps_ns: must increase"),
         (put("window.stamps_ns", [2, 2]), "ValueError: window.stamps_ns: must increase"),
         (put("window.stamps_ns", [1.5]), "window.stamps_ns: float64 given, expected whole"),
-        (put("window.stamps_ns", [5, 7 * SECOND + 1]), "end at 7000000001, after 7000000000$"),
+        (
+            put("window.stamps_ns", [5, 7 * SECOND + 1]),
+            "last stamp is 7000000001, must be at most 7000000000$",
+        ),
         (put("window.entries", -1), "ValueError: window.entries: -1 given"),
         (put("window.entries", 99), "ValueError: stored.7.stamp_ns: missing"),
         (put("numbers.last", -1), "numbers.last: -1 given"),
@@ -98,7 +101,7 @@ def put(name, value):
         (put("numbers.label", [1]), r"numbers.number: shape \(4,\), expected \(1\)"),
         (put("numbers.number", [2, 5, 1, 3]), "numbers.number: 5 given, must be at most 4"),
         (put("filter.current_ns", [5]), "none of the stored sets"),
-        (put("filter.current_ns", [SECOND]), "do not end at 7000000000"),
+        (put("filter.current_ns", [SECOND]), "the last stamp must be 7000000000"),
         (put("stored.1.size", [3]), "rows, expected"),
         (put("stored.6.source_ns", [8 * SECOND]), "stored.6.source_ns: "),
         (put("stored.1.size", [101]), "stored.1.size: 101 rows, at most 100"),
@@ -137,7 +140,7 @@ def test_restore_refuses_stamps_of_an_engine_that_has_had_no_scan():
     of = engine()
     held = stored_and_read(of.snapshot())
     put("window.stamps_ns", [1])(held)
-    with pytest.raises(ValueError, match=r"stamps_ns: end at 1, after None$"):
+    with pytest.raises(ValueError, match=r"stamps_ns: the last stamp is 1, must be at most None$"):
         of.restore(held)
 
 
@@ -173,7 +176,7 @@ def test_stamp_before_all_sets_has_no_targets():
 
 def test_steps_report_their_parts_and_figures():
     of, parts = engine(lag=2), []
-    of.forward.done = parts.append
+    of.forward.on_stage_end = parts.append
     assert of.step(sector(0)).figures == {"touched": 0}
     assert of.step(sector(1)).figures == {"touched": 4}  # the set of the first scan
     assert parts == ["extraction"] * 2
@@ -183,7 +186,9 @@ def test_steps_report_their_parts_and_figures():
 
 def test_steps_by_period_report_the_same_parts():
     parts = []
-    of = MarkEngine(MarkFilter(MODEL, done=parts.append), Lag(2), Schedule(SECOND * 3), rule(0.5))
+    of = MarkEngine(
+        MarkFilter(MODEL, on_stage_end=parts.append), Lag(2), Schedule(SECOND * 3), rule(0.5)
+    )
     stepped_through(of, 0, 3)
     assert parts == ["extraction"] * 3
     of.step(sector(3))

@@ -4,7 +4,7 @@ from scenes import intensity
 from sweep import configuration
 
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN_COVERAGE, Coverage, Detections, Scan
-from phd_jdtc_ros.core.window.entries import Current, Entry
+from phd_jdtc_ros.core.window.entries import Entry, UnsweptRows
 from phd_jdtc_ros.core.window.swept import partition_swept, swept_births
 
 MODEL = configuration().model
@@ -17,9 +17,9 @@ def current(stamp_s=0.0, spread=50.0):
     rng = np.random.default_rng(0)
     state = np.zeros((60, 5))
     state[:, [0, 2]] = PLACES.repeat(20, axis=0) + spread * rng.standard_normal((60, 2))
-    origin = np.arange(3).repeat(20)
-    return Current(
-        Entry(round(stamp_s * SECOND), intensity(state, np.full(60, 0.05), origin=origin))
+    row_label = np.arange(3).repeat(20)
+    return UnsweptRows(
+        Entry(round(stamp_s * SECOND), intensity(state, np.full(60, 0.05), row_label=row_label))
     )
 
 
@@ -30,7 +30,7 @@ def scan(stamp_s, start, width):
 
 
 def origins_of(rows):
-    return sorted({int(o) for part in rows for o in part.origin})
+    return sorted({int(o) for part in rows for o in part.row_label})
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def origins_of(rows):
 def test_parted_takes_the_targets_near_the_sector(start, width, expected):
     touched, others = partition_swept([current()], scan(1.0, start, width), MODEL, True)
     assert origins_of(touched) == expected
-    assert origins_of(others) == [origin for origin in range(3) if origin not in expected]
+    assert origins_of(others) == [row_label for row_label in range(3) if row_label not in expected]
 
 
 def test_parted_takes_both_sides_of_an_edge():

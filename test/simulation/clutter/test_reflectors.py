@@ -11,8 +11,9 @@ from phd_jdtc_ros.core.clutter.amplitude_law import level_db
 from phd_jdtc_ros.core.intake.poses import Mount
 from phd_jdtc_ros.core.types import FULL_TURN, Pose
 from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.plots import plots_of
 from phd_jdtc_ros.simulation.simulate import simulate
-from phd_jdtc_ros.simulation.turning_antenna import plots_of, simulate_reports
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 # Precise, and without noise's false detections.
 RADAR = {

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.simulation.scenario import TargetScript, Turn
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.simulation.traffic.target_script import TargetScript, Turn
 
 LEGS = (
     Leg(30.0),
@@ -42,7 +42,7 @@ def test_a_flight_has_the_turn_rate_of_its_leg():
 def test_a_flight_exists_from_its_start_until_its_last_leg_ends():
     flight = flown(Leg(0.1), Leg(0.2), start_s=0.3)
     assert flight.end_s == pytest.approx(0.6)
-    assert [scan for scan in range(10) if flight.exists_at(scan, 0.1)] == [3, 4, 5, 6]
+    assert [scan for scan in range(10) if flight.state_at(scan * 0.1) is not None] == [3, 4, 5, 6]
 
 
 def test_a_stopped_flight_goes_on_in_its_direction():
@@ -76,12 +76,11 @@ def test_a_script_in_scans_is_the_same_flight_in_seconds():
     flight = script.flight(6.0)
     for scan in range(2, 31):
         expected = script.state_at(scan, 6.0)
-        np.testing.assert_allclose(flight.state_at(scan, 6.0), expected, rtol=1e-12, atol=1e-9)
-        assert flight.exists_at(scan, 6.0)
-    assert not flight.exists_at(1, 6.0)
-    assert not flight.exists_at(31, 6.0)
+        np.testing.assert_allclose(flight.state_at(scan * 6.0), expected, rtol=1e-12, atol=1e-9)
+    assert flight.state_at(6.0) is None
+    assert flight.state_at(31 * 6.0) is None
 
 
 def test_a_script_of_one_scan_is_a_flight_of_that_scan():
     flight = TargetScript(0, 1e3, (0.0, 0.0), (1.0, 0.0), 3, 3).flight(6.0)
-    assert [scan for scan in range(6) if flight.exists_at(scan, 6.0)] == [3]
+    assert [scan for scan in range(6) if flight.state_at(scan * 6.0) is not None] == [3]

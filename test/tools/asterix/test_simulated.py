@@ -14,7 +14,8 @@ from phd_jdtc_ros.asterix.transport import pcap
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import UNKNOWN
 from phd_jdtc_ros.simulation import sending
-from phd_jdtc_ros.simulation.turning_antenna import plot_times, plots_with_replies
+from phd_jdtc_ros.simulation.plots import plot_times
+from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 from phd_jdtc_ros.tools import simulate
 from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
 from studies.hours import study as hours

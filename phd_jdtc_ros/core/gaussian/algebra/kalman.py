@@ -9,7 +9,7 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray, contiguous
 from ...compilation import Float1, Float2, Float3, Int1, compiled
-from ...sensors.polar_geometry import LEAST_RANGE
+from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.sensor import Sensor
 from .blocks import SIZE, wrapped
 
@@ -98,7 +98,7 @@ def _innovations(
         for _ in range(iterations):
             line_x, line_y = east - at_x, north - at_y
             ahead, left = cos * line_x + sin * line_y, cos * line_y - sin * line_x
-            distance = max(math.sqrt(ahead * ahead + left * left), LEAST_RANGE)
+            distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
             j, k = line_x / distance, line_y / distance
             n, m = -k / distance, j / distance
             seen_x, seen_y = p * j + q * k, q * j + r * k

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray, IntArray
-from ...sensors.polar_geometry import LEAST_RANGE
+from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.range_rate import RangeRateModel, Rates
 from ...sensors.sensor import Sensor
 from . import kalman
@@ -82,7 +82,7 @@ def expected_rates(
     line = mean[:, place] - np.asarray(sensor.position)
     if time_s is not None:
         line = line + time_s[:, None] * velocity
-    distance = np.maximum(np.sqrt((line**2).sum(axis=1)), LEAST_RANGE)
+    distance = np.maximum(np.sqrt((line**2).sum(axis=1)), MIN_RANGE)
     along = line / distance[:, None]
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
     relative = velocity - np.asarray(sensor.velocity)

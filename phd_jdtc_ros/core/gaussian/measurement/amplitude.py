@@ -19,7 +19,7 @@ def detection_probability(expected: Expected, report: Report, dynamics: Dynamics
     flat = expected.measured.reshape(-1, 2)
     cell = np.arange(len(flat) * len(cells)) % len(cells)
     azimuth_std = np.sqrt(expected.covariance[..., 1, 1].ravel() + sensor.noise_std[1] ** 2)
-    seen = sensor.missable(flat, report.detections.coverage, azimuth_std)
+    seen = sensor.coverage_probability(flat, report.detections.coverage, azimuth_std)
     probability = model.amplitudes.detection_probability(
         dynamics.mode_of_cell[cell],
         cells.log_snr[cell],
@@ -49,7 +49,7 @@ def slower(mixture: Mixture, bound: float, space: StateSpace) -> FloatArray:
     """Return the probability that each hypothesis is slower than a bound in m/s, (H,)."""
     axes = list(space.velocity)
     covariance = mixture.covariance[..., axes, :][..., axes]
-    each = stationary.slower(mixture.mean[..., axes], covariance, bound)
+    each = stationary.probability_slower(mixture.mean[..., axes], covariance, bound)
     weight = np.einsum("hrs->hr", mixture.weight)
     total = np.maximum(weight.sum(axis=1), np.finfo(float).tiny)
     probability: FloatArray = (weight * each).sum(axis=1) / total

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray, contiguous
 from ...compilation import Float1, Float2, Float3, Float4, Int1, compiled, inner
-from ...sensors.polar_geometry import LEAST_RANGE
+from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
 from ...types import FULL_TURN
@@ -60,7 +60,7 @@ def _expected(
         for mode in range(modes):
             east, north = mean[row, mode, x] - at_x, mean[row, mode, y] - at_y
             ahead, left = cos * east + sin * north, cos * north - sin * east
-            distance = max(math.sqrt(ahead * ahead + left * left), LEAST_RANGE)
+            distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
             measured[row, mode, 0], measured[row, mode, 1] = distance, math.atan2(left, ahead)
             j, k = east / distance, north / distance
             n, m = -k / distance, j / distance
@@ -191,14 +191,14 @@ def gate_pairs(
         Log likelihood with the measurement linearised at the mean; -inf outside a Gaussian's gate.
     """
     sensor, detections, shape = report.sensor, report.detections, expected.measured.shape
-    times, std = detections.time_s, report.noise_std
+    times, std = detections.time_s, report.detection_std
     rate, moved = np.zeros(shape), np.zeros(shape)
     if times is not None and len(report):
         rate = sensor.measurement_rate(mixture.mean.reshape(-1, mixture.mean.shape[2]))
         rate = rate.reshape(shape)
         speed = np.abs(mixture.mean[..., list(sensor.space.velocity)]).sum(axis=-1)
         moved[..., 0] = speed * np.abs(times).max()
-        moved[..., 1] = moved[..., 0] / np.maximum(expected.measured[..., 0], LEAST_RANGE)
+        moved[..., 1] = moved[..., 0] / np.maximum(expected.measured[..., 0], MIN_RANGE)
     azimuth = np.mod(detections.measurement[:, 1], FULL_TURN)
     order = np.argsort(azimuth, kind="stable")
     return _gate_pairs(

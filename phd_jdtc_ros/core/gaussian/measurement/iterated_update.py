@@ -85,7 +85,8 @@ def iterated_update(
     gaussian = (row[:, None] * modes + np.arange(modes)).ravel()
     mean, covariance = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
     innovation = kalman.iterated_update(
-        *(mean, covariance, sensor, detections.measurement, report.noise_std, detections.time_s),
+        *(mean, covariance, sensor, detections.measurement, report.detection_std),
+        detections.time_s,
         # Modes without weight, half of all, are left out.
         pairs=(np.where(mixture.mode_weight[row].ravel() > 0.0, gaussian, -1), each),
     )

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from ...arrays import FloatArray, IntArray, SparseArray, add_by_row, factorize
-from ...models import detection_birth
+from ...models import newborn_sampling
 from ...models.detection_birth import Newborn
 from ...models.tracker_model import TrackerModel
 from ...pair_search import kernels
@@ -25,14 +25,14 @@ from ...pair_search.rows import Points, Queries
 from ...snapshot import floats, integers, sparse_columns
 from ...targets import birth
 from ...targets.modes import ModeSpace
-from ...window.entries import Current, Entry
+from ...window.entries import Entry, UnsweptRows
 from ..correction import Corrector
 from ..particle_set import Aged, ParticleSet
 from . import kernel_thinning, strata
 from .spawn_intensity import spawn_intensity
 from .transition_density import TransitionDensity, gated_density, transition_density, whiten
 
-GATE_SIGMA = 7.5
+KERNEL_GATE_SIGMA = 7.5
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class Transition:
     survival : array of shape (N_t,)
         P_s over the true interval.
     orphans : int
-        Number of rows of the later set that no survivor, spawn or birth explains within the gate.
-        Each is paired with its parent.
+        Number of rows of the later set for which mu is zero: no survivor, spawned target or birth
+        is within the gate. Each is linked to its parent instead.
     """
 
     ratio: Annotated[SparseArray, sparse_columns("EN")]
@@ -56,7 +56,7 @@ class Transition:
 
 
 ParticleEntry = Entry[ParticleSet, Transition]
-CurrentParticles = Current[ParticleSet, Transition]
+UnsweptParticles = UnsweptRows[ParticleSet, Transition]
 
 
 class _Sums(NamedTuple):
@@ -100,10 +100,6 @@ def build(
     found : tuple of Newborn
         Targets born at the detections of the later scan, by radar.
 
-    Returns
-    -------
-    Transition
-
     Notes
     -----
     Sec. IV-C, Step 4: K[q, s] = P_s h[r_s, r_q] f_{r_q}(x_q | x_s) within a class, and
@@ -122,16 +118,16 @@ def build(
         ratio, column, start, mu = _within_origins(kernel, modes, earlier, later)
     else:
         every = np.arange(len(later))
-        pairs = gated_density(kernel, modes, earlier, later, every, GATE_SIGMA)
+        pairs = gated_density(kernel, modes, earlier, later, every, KERNEL_GATE_SIGMA)
         ratio, column, start, mu = _sum_pairs(pairs, earlier, later)
         mu += _birth_intensity(later, model, dt, found)
         if model.spawn.rate > 0.0 and len(earlier):
-            mu += spawn_intensity(mu, earlier, later, model, dt, successor, GATE_SIGMA)
+            mu += spawn_intensity(mu, earlier, later, model, dt, successor, KERNEL_GATE_SIGMA)
     ratio /= np.where(mu > 0.0, mu, 1.0).repeat(np.diff(start))
     # An orphan is paired with its parent alone, which is the limit of K / mu for a wide gate.
     orphan = np.flatnonzero((mu <= 0.0) & (later.parent >= 0))
     if corrector.labelled:  # a spawned target has no past under its parent's label
-        orphan = orphan[later.origin[orphan] == earlier.origin[later.parent[orphan]]]
+        orphan = orphan[later.row_label[orphan] == earlier.row_label[later.parent[orphan]]]
     if len(orphan):
         parent = later.parent[orphan]
         ratio = np.insert(ratio, start[orphan], 1.0 / earlier.weight[parent])
@@ -174,7 +170,7 @@ def build_joint(
     parts, first = [], 0
     for particles, dt in earlier:
         # Each label is in one earlier set, which therefore explains all later rows of the label.
-        columns = np.flatnonzero(np.isin(later.origin, factorize(particles.origin)[0]))
+        columns = np.flatnonzero(np.isin(later.row_label, factorize(particles.row_label)[0]))
         continued = later.take(columns)
         own = replace(continued, parent=np.maximum(continued.parent - first, -1))
         parts.append((columns, build(particles, own, model, corrector, dt)))
@@ -207,7 +203,7 @@ def _birth_intensity(
     modes, state, mode = model.modes, later.state, later.mode
     total = birth.intensity(model.births, modes, state, mode) * dt / modes.interval_s
     for newborn in newborns:
-        total += detection_birth.intensity(newborn, model.detection_births, modes, state, mode)
+        total += newborn_sampling.intensity(newborn, model.detection_births, modes, state, mode)
     return total
 
 
@@ -217,18 +213,18 @@ def _within_origins(
     """Return the kernel between rows of one label, and its sums."""
     # A target's class never changes, so groups by (label, class) are smaller and faster to search.
     key = [
-        modes.class_of[side.mode] + len(modes.classes) * side.origin for side in (later, earlier)
+        modes.class_of[side.mode] + len(modes.classes) * side.row_label for side in (later, earlier)
     ]
     group = factorize(np.concatenate(key))[1]
     groups = group[: len(later)], group[len(later) :]
     later_group, earlier_group = strata.split_into_strata(
-        kernel, modes, earlier, later, groups, GATE_SIGMA
+        kernel, modes, earlier, later, groups, KERNEL_GATE_SIGMA
     )
     every = np.arange(len(later))
     compiled = kernels.current().kernel_within_groups
     if compiled is None or len(group) == 0:
         groups = later_group, earlier_group
-        pairs = gated_density(kernel, modes, earlier, later, every, GATE_SIGMA, groups)
+        pairs = gated_density(kernel, modes, earlier, later, every, KERNEL_GATE_SIGMA, groups)
         return _sum_pairs(pairs, earlier, later)
     motions = list(kernel.successor)
     survival = np.zeros(len(modes))
@@ -243,9 +239,9 @@ def _within_origins(
         ),
         np.array([motions.index(motion) for motion in modes.motions]),
         kernel.peak * kernel.transition * survival[:, None],
-        GATE_SIGMA,
+        KERNEL_GATE_SIGMA,
         kernel_thinning.offsets(every),
-        kernel_thinning.MOST,
+        kernel_thinning.MAX_PAIRS_PER_ROW,
     )
     return _Sums(value, near, start, mu)
 

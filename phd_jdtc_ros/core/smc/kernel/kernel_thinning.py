@@ -2,8 +2,8 @@
 
 After a long interval nearly every particle of a set may descend from nearly every particle of the
 previous one, and the number of pairs grows with the square of the particles. A row of more than
-`MOST` pairs is therefore reduced to the pairs that the teeth of a comb hit, in proportion to kernel
-times weight. The memory is then linear in the number of particles.
+`MAX_PAIRS_PER_ROW` pairs is therefore reduced to the pairs that the teeth of a comb hit, in
+proportion to kernel times weight. The memory is then linear in the number of particles.
 
 The selection is deterministic: the offset of a row's comb follows from the row's number, and the
 offsets of many rows are spread evenly over one tooth. The selection of a single row is not an
@@ -25,19 +25,17 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray, run_starts
+from ...arrays import GOLDEN_RATIO, FloatArray, IntArray, run_starts
 from ..resampling import comb
 
-MOST = 128
-# Multiples of this ratio modulo 1 are spread evenly, whatever their number, so that the combs of
-# consecutive rows begin at different offsets.
-GOLDEN_SECTION = 0.5 * (5.0**0.5 - 1.0)
+MAX_PAIRS_PER_ROW = 128
 Triples = tuple[IntArray, IntArray, FloatArray]
 
 
 def offsets(row: IntArray) -> FloatArray:
     """Return the offset of each row's comb, at least 0 and below 1; the same in every run."""
-    return np.asarray(row * GOLDEN_SECTION % 1.0)
+    # The combs of consecutive rows begin at different offsets.
+    return np.asarray(row * GOLDEN_RATIO % 1.0)
 
 
 def complete_rows(pairs: Iterable[Triples]) -> Iterator[Triples]:
@@ -73,25 +71,27 @@ def thin(
     Returns
     -------
     row, column, value : arrays of shape (kept,)
-        At most `MOST` pairs per row. The sum of value times weight of each row is unchanged.
+        At most `MAX_PAIRS_PER_ROW` pairs per row; each row keeps its sum of value times weight.
     """
-    if not (row[MOST:] == row[:-MOST]).any():  # the usual case: no row is long
+    if not (
+        row[MAX_PAIRS_PER_ROW:] == row[:-MAX_PAIRS_PER_ROW]
+    ).any():  # the usual case: no row is long
         return row, column, value
     first = run_starts(row)
     count = np.diff(np.append(first, len(row)))
-    in_long_row = (count > MOST).repeat(count)
+    in_long_row = (count > MAX_PAIRS_PER_ROW).repeat(count)
     pair = np.flatnonzero(in_long_row)
     # The sort by column makes the selection independent of the order of the search.
     pair = pair[np.lexsort((column[pair], row[pair]))]
-    long_row = row[first[count > MOST]]
-    group = np.arange(len(long_row)).repeat(count[count > MOST])
+    long_row = row[first[count > MAX_PAIRS_PER_ROW]]
+    group = np.arange(len(long_row)).repeat(count[count > MAX_PAIRS_PER_ROW])
     share = value[pair] * weight[pair]
     mu = np.bincount(group, share)
-    copies = comb(share, group, np.full(len(long_row), MOST), offsets(long_row))
+    copies = comb(share, group, np.full(len(long_row), MAX_PAIRS_PER_ROW), offsets(long_row))
     kept = np.logical_not(in_long_row)
     hit = copies > 0
     pair, group = pair[hit], group[hit]
     kept[pair] = True
     value = value.copy()
-    value[pair] = copies[hit] * mu[group] / (MOST * weight[pair])
+    value[pair] = copies[hit] * mu[group] / (MAX_PAIRS_PER_ROW * weight[pair])
     return row[kept], column[kept], value[kept]

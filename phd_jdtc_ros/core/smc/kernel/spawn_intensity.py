@@ -14,7 +14,7 @@ from .transition_density import TransitionDensity, gated_density, transition_den
 # gate's own error. For most rows the radius is 5 or 6 sigma, which saves a quarter of the tests.
 SPAWN_TOLERANCE = 1e-5
 # Largest number of bins of the histogram that bounds the spawned mass; fewer loosen the bound.
-MOST_BINS = 4096
+MAX_BINS = 4096
 
 
 def spawn_intensity(
@@ -75,7 +75,7 @@ def _mass_bound(
     for axis in axes:
         moved = np.array([successor[:, axis] for successor in kernel.successor.values()])
         low, high = moved.min(), moved.max()
-        width = max(reach[axis], (high - low) / MOST_BINS)
+        width = max(reach[axis], (high - low) / MAX_BINS)
         bins = int((high - low) / width) + 1
         mass = np.zeros(bins + 4)
         for moved_bin in ((moved - low) / width).astype(np.int64):

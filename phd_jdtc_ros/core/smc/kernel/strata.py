@@ -14,16 +14,16 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...targets.modes import ModeSpace
 from ..particle_set import ParticleSet
-from .kernel_thinning import MOST
+from .kernel_thinning import MAX_PAIRS_PER_ROW
 from .transition_density import TransitionDensity, whiten
 
 # Number of earlier and of later rows of a group that are sampled to estimate its density.
 PROBES = 16
 # A group is split if its rows have more than this estimated number of pairs each.
-DENSE = 2 * MOST
+DENSE = 2 * MAX_PAIRS_PER_ROW
 # Number of pairs of each row in a stratum. With fewer, the moments of a smoothed set of 600
 # particles are off by more than a fiftieth of its standard deviation.
-LEFT = 3 * MOST // 2
+LEFT = 3 * MAX_PAIRS_PER_ROW // 2
 
 
 def split_into_strata(

@@ -9,6 +9,8 @@ velocities.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...arrays import FloatArray, IntArray
@@ -37,7 +39,7 @@ def redraw_velocities(
         It has a row for each copy of a particle of a birth term. The first copy keeps its velocity
         and turn rate, the others draw them from the term.
     """
-    newborn = (stored.parent < 0) & ~labels.is_detected(stored.origin)
+    newborn = (stored.parent < 0) & ~labels.born_at_detection(stored.row_label)
     newborn &= stored.multiplicity > 1
     if not newborn.any() or _tells_velocities(scan):
         return stored
@@ -45,19 +47,16 @@ def redraw_velocities(
     row = np.repeat(np.arange(len(stored)), copies)
     again = np.flatnonzero(np.append(False, row[1:] == row[:-1]))
     share = 1.0 / copies[row]
-    term = stored.origin[row[again]] - labels.first_predicted(scan_index)
+    term = stored.row_label[row[again]] - labels.first_predicted(scan_index)
     state = stored.state[row]
     _draw_velocities(state, again, stored.mode[row], term, model, rng)
-    return ParticleSet(
+    return replace(
+        stored.take(row),
         state=state,
-        mode=stored.mode[row],
-        origin=stored.origin[row],
-        parent=stored.parent[row],
         multiplicity=np.where(newborn, 1, stored.multiplicity)[row],
         poisson=stored.poisson[row] * share,
         components=scale_rows(stored.components[row], share),
         label=stored.label,
-        log_snr=stored.log_snr[row],
     )
 
 
@@ -67,9 +66,9 @@ def _tells_velocities(scan: Scan) -> bool:
     The position at another time depends on the velocity too.
     """
     return any(
-        found is not None
-        and (found.range_rate is not None or (found.time_s is not None and found.time_s.any()))
-        for found in scan.detections
+        each is not None
+        and (each.range_rate is not None or (each.time_s is not None and each.time_s.any()))
+        for each in scan.detections
     )
 
 

@@ -18,10 +18,10 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...models.detection_birth import DetectionBirthModel
 from ...models.tracker_model import TrackerModel
-from ...tracks.labels import is_detected
-from ...window.entries import Current, Entry
+from ...tracks.labels import born_at_detection
+from ...window.entries import UnsweptRows
 from ..correction import scale_rows
-from ..kernel.backward_kernel import CurrentParticles
+from ..kernel.backward_kernel import UnsweptParticles
 from ..particle_set import ParticleSet
 from .detections_in_plane import Places
 
@@ -37,17 +37,17 @@ INFLATION = 1.5
 
 
 def redraw_velocities(
-    touched: Sequence[CurrentParticles],
+    swept: Sequence[UnsweptParticles],
     stamp_ns: int,
     seen: Places,
     model: TrackerModel,
     rng: np.random.Generator,
-) -> list[CurrentParticles]:
+) -> list[UnsweptParticles]:
     """Return the rows that a scan sweeps, with the velocities of newborn targets redrawn.
 
     Parameters
     ----------
-    touched : sequence of Current
+    swept : sequence of UnsweptRows
         The swept rows.
     stamp_ns : int
         Stamp of the scan.
@@ -56,25 +56,25 @@ def redraw_velocities(
     """
     rated = any(radar.range_rate is not None for radar in model.radars)
     if rated or not model.detection_births.enabled:
-        return list(touched)
+        return list(swept)
     return [
         _redraw_velocities(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, model, rng)
-        for rows in touched
+        for rows in swept
     ]
 
 
 def _redraw_velocities(
-    rows: CurrentParticles,
+    rows: UnsweptParticles,
     dt: float,
     seen: Places,
     model: TrackerModel,
     rng: np.random.Generator,
-) -> CurrentParticles:
+) -> UnsweptParticles:
     stored, births = rows.entry.stored, model.detection_births
     broad = BROAD * np.sqrt(np.linalg.eigvalsh(seen.covariance)[:, -1])
     sharp = births.velocity_std * dt > broad
     seen = Places(seen.position[sharp], seen.covariance[sharp], seen.time_s[sharp])
-    newborn = (stored.parent < 0) & is_detected(stored.origin)
+    newborn = (stored.parent < 0) & born_at_detection(stored.row_label)
     if rows.rows is not None:
         of_rows = np.zeros(len(stored), dtype=bool)
         of_rows[rows.rows] = True
@@ -83,18 +83,13 @@ def _redraw_velocities(
     if not len(chosen) or not len(seen.position):
         return rows
     state, factor = _redraw(stored, chosen, dt, seen, model, rng)
-    entry = Entry(
-        rows.entry.stamp_ns,
-        replace(
-            stored,
-            state=state,
-            poisson=stored.poisson * factor,
-            components=scale_rows(stored.components, factor),
-        ),
-        rows.entry.sources,
-        rows.entry.link,
+    redrawn = replace(
+        stored,
+        state=state,
+        poisson=stored.poisson * factor,
+        components=scale_rows(stored.components, factor),
     )
-    return Current(entry, rows.rows)
+    return UnsweptRows(replace(rows.entry, stored=redrawn), rows.rows)
 
 
 def _redraw(
@@ -110,8 +105,8 @@ def _redraw(
     place, speed = list(space.position), list(space.velocity)
     state, factor = stored.state.copy(), np.ones(len(stored))
     shape = [INFLATION * np.linalg.cholesky(matrix) / dt for matrix in seen.covariance]
-    for origin in np.unique(stored.origin[chosen]):
-        row = chosen[stored.origin[chosen] == origin]
+    for label in np.unique(stored.row_label[chosen]):
+        row = chosen[stored.row_label[chosen] == label]
         centre = state[row][:, place].mean(axis=0)
         reach = REACH_SIGMA * births.velocity_std * dt
         near = np.flatnonzero(np.hypot(*(seen.position - centre).T) <= reach)

@@ -34,9 +34,9 @@ SHARP = 6.0
 # Share of the particles whose noise is drawn from the prior.
 BLIND_SHARE = 0.3
 # Gate, in standard deviations of the innovation, on the detections in a particle's proposal.
-GATE_SIGMA = 6.0
+PROPOSAL_GATE_SIGMA = 6.0
 # Largest product of particles and detections; beyond it all noise is drawn from the prior.
-MOST_PAIRS = 1 << 22
+MAX_PAIRS = 1 << 22
 
 
 def sample(
@@ -62,7 +62,7 @@ def sample(
     noise = model.noise_covariance(dt)
     place = [model.support.index(axis) for axis in model.space.position]
     sharp = seen.sharper_than(SHARP * float(np.sqrt(noise[place[0], place[0]])))
-    if not len(sharp) or not len(state) or len(sharp) * len(state) > MOST_PAIRS:
+    if not len(sharp) or not len(state) or len(sharp) * len(state) > MAX_PAIRS:
         return moved, np.ones(len(state))
     seen_noise = _seen_noise(sharp, model, noise)
     innovation = sharp.covariance + _position_covariance(sharp, model, seen_noise)
@@ -90,8 +90,7 @@ def _position_covariance(seen: Places, model: MotionModel, seen_noise: FloatArra
     """Return the covariance of the position at each detection's time by noise, (M, 2, 2)."""
     place = [model.support.index(axis) for axis in model.space.position]
     speed = [model.support.index(axis) for axis in model.space.velocity]
-    at_time: FloatArray = seen_noise[:, place] + seen.time_s[:, None, None] * seen_noise[:, speed]
-    return at_time
+    return seen_noise[:, place] + seen.time_s[:, None, None] * seen_noise[:, speed]
 
 
 def _densities(
@@ -110,7 +109,7 @@ def _densities(
     square += inverse[:, 1, 1, None] * north**2
     peak = 1.0 / (2.0 * np.pi * np.sqrt(np.linalg.det(covariance)))
     density: FloatArray = peak[:, None] * np.exp(-0.5 * square)
-    return np.where(square <= GATE_SIGMA**2, density, 0.0) if gate else density
+    return np.where(square <= PROPOSAL_GATE_SIGMA**2, density, 0.0) if gate else density
 
 
 def _choose(density: FloatArray, rng: np.random.Generator) -> IntArray:

@@ -59,7 +59,7 @@ def test_newborns_are_shared_among_the_probable_folds_of_their_range_rates(
     share /= share.sum(axis=1, keepdims=True)
     gain = velocity_std**2 / (velocity_std**2 + std**2)
     for row, mass in enumerate((0.3, 0.02, 0.7)):
-        own = np.flatnonzero(found.origin == 100 + row)
+        own = np.flatnonzero(found.row_label == 100 + row)
         toward = PLACES[row, 1] + config.model.radars[0].yaw
         radial = found.mean[own, 0][:, [1, 3]] @ [np.cos(toward), np.sin(toward)]
         expected = np.flatnonzero(share[row])
@@ -84,7 +84,7 @@ def test_newborns_whose_range_rates_are_improbable_are_born_all_the_same():
     config = rated(1.0, 0.0)
     rates = np.array([0.5, 50.0, -80.0])
     found = born(config, Detections(PLACES, None, range_rate=rates))
-    np.testing.assert_array_equal(found.origin, [100, 101, 102])
+    np.testing.assert_array_equal(found.row_label, [100, 101, 102])
     np.testing.assert_allclose(found.mass, 0.3, rtol=1e-12)
 
 
@@ -94,11 +94,11 @@ def test_newborn_with_a_time_is_one_seen_then_where_it_was_before():
     rate, times = np.array([3.0, np.nan, -9.0]), np.array([0.7, 3.0, -2.0])
     then = born(config, Detections(near, None, range_rate=rate))
     found = born(config, Detections(near, None, range_rate=rate, time_s=times))
-    np.testing.assert_array_equal(found.origin, then.origin)
+    np.testing.assert_array_equal(found.row_label, then.row_label)
     np.testing.assert_allclose(found.mass, then.mass, rtol=1e-9)
-    for row, origin in enumerate(found.origin):
+    for row, row_label in enumerate(found.row_label):
         back = np.eye(5)
-        back[[0, 2], [1, 3]] = -times[origin - 100]
+        back[[0, 2], [1, 3]] = -times[row_label - 100]
         for mode in range(2):
             np.testing.assert_allclose(found.mean[row, mode], back @ then.mean[row, mode])
             expected = back @ then.covariance[row, mode] @ back.T
@@ -137,7 +137,7 @@ def test_amplitude_tells_the_cells_of_a_class_and_not_its_probability():
     amplitude, mass = np.array([5.0, 28.0, 1000.0, 1500.0]), np.array([[0.2, 0.3]] * 4)
     seen = Detections(PLACES[[0, 1, 2, 0]], amplitude)
     found = born(config, seen, mass)
-    np.testing.assert_array_equal(found.origin, [100, 101, 102, 103])
+    np.testing.assert_array_equal(found.row_label, [100, 101, 102, 103])
     weight = found.weight.sum(axis=1)
     by_class = weight @ (dynamics.cells.class_of[:, None] == np.arange(2))
     np.testing.assert_allclose(by_class[:2], mass[:2], rtol=1e-9)

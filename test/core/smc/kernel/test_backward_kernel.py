@@ -58,7 +58,7 @@ def dense_kernels(earlier, later, model, corrector, dt):
             for term in model.births
         )
         if corrector.labelled:
-            kernel[q, earlier.origin != later.origin[q]] = 0.0
+            kernel[q, earlier.row_label != later.row_label[q]] = 0.0
             spawned, born = 0.0, 0.0
         mu[q] = born + (earlier.weight * (kernel[q] + spawned)).sum()
     return kernel, mu
@@ -91,7 +91,7 @@ def wide_cloud():
 def every_partner():
     """Keep all pairs, whatever their number; thinning is tested in test_kernel_thinning."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernel_thinning, "MOST", 1_000_000)
+        patch.setattr(kernel_thinning, "MAX_PAIRS_PER_ROW", 1_000_000)
         yield
 
 
@@ -293,7 +293,7 @@ def test_build_leaves_a_birth_out_of_reach_without_a_parent():
 @pytest.mark.parametrize("spread", [1.0, 50.0, 20e3])
 def test_build_within_origins_does_not_depend_on_the_backend(spread, monkeypatch):
     pytest.importorskip("numba", reason="numba is missing: pip install numba")
-    # Sets from the size of one grid cell to far more than the largest grid; an origin of the later
+    # Sets from the size of one grid cell to far more than the largest grid; a label of the later
     # set without earlier rows, and one of the earlier set without later rows.
     model = small().model
     rng = np.random.default_rng(3)
@@ -301,12 +301,12 @@ def test_build_within_origins_does_not_depend_on_the_backend(spread, monkeypatch
     cloud = gaussian_cloud(rng, 2000, np.zeros(5), [spread, 2.0, spread, 2.0, 1e-3])
     cloud[mode % 2 == 0, 4] = 0.0
     weight = rng.uniform(0.5, 1.5, 2000)
-    earlier = intensity(cloud, weight, mode=mode, origin=rng.integers(0, 3, 2000))
+    earlier = intensity(cloud, weight, mode=mode, row_label=rng.integers(0, 3, 2000))
     parent = rng.permutation(2000)
     moved = cloud[parent] + gaussian_cloud(rng, 2000, np.zeros(5), [8.0, 2.0, 8.0, 2.0, 1e-4])
     moved[mode[parent] % 2 == 0, 4] = 0.0
-    origin = np.where(earlier.origin == 0, 3, earlier.origin)[parent]
-    later = intensity(moved, weight, mode=mode[parent], origin=origin)
+    row_label = np.where(earlier.row_label == 0, 3, earlier.row_label)[parent]
+    later = intensity(moved, weight, mode=mode[parent], row_label=row_label)
     links = {}
     for name in ("numpy", "numba"):
         with backend.using(name):
@@ -314,8 +314,8 @@ def test_build_within_origins_does_not_depend_on_the_backend(spread, monkeypatch
 
     plain, compiled = (links[name].ratio.toarray() for name in ("numpy", "numba"))
     assert np.count_nonzero(plain) > 1000
-    assert not plain[:, later.origin == 3].any()
-    assert not plain[earlier.origin == 0].any()
+    assert not plain[:, later.row_label == 3].any()
+    assert not plain[earlier.row_label == 0].any()
     np.testing.assert_allclose(compiled, plain, rtol=1e-12, atol=0.0)
 
 

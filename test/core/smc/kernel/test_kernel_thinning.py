@@ -23,7 +23,7 @@ def pairs_of(counts, seed=0):
 
 
 def test_thin_leaves_short_rows_alone():
-    row, column, value, weight = pairs_of([kernel_thinning.MOST, 0, 3])
+    row, column, value, weight = pairs_of([kernel_thinning.MAX_PAIRS_PER_ROW, 0, 3])
     kept = kernel_thinning.thin(row, column, value, weight[column])
     for found, given in zip(kept, (row, column, value), strict=True):
         np.testing.assert_array_equal(found, given)
@@ -36,7 +36,7 @@ def test_thin_keeps_the_sum_of_every_row_in_few_pairs():
     np.testing.assert_allclose(
         np.bincount(kept_row, kept_value * weight[kept_column]), before, rtol=1e-12
     )
-    assert np.bincount(kept_row).max() <= kernel_thinning.MOST
+    assert np.bincount(kept_row).max() <= kernel_thinning.MAX_PAIRS_PER_ROW
     few, kept_few = row == 1, kept_row == 1
     np.testing.assert_array_equal(kept_value[kept_few], value[few])
 
@@ -60,10 +60,10 @@ def test_thin_is_fair_over_many_rows():
     kept_row, kept_column, kept_value = kernel_thinning.thin(
         row, np.tile(column, rows), np.tile(value, rows), np.tile(weight[column], rows)
     )
-    assert len(kept_row) <= rows * kernel_thinning.MOST
+    assert len(kept_row) <= rows * kernel_thinning.MAX_PAIRS_PER_ROW
     mean = np.bincount(kept_column, kept_value, COUNT)[column] / rows
     # Offsets by the golden section are more even than random ones, so the error is smaller.
-    tooth = value @ weight[column] / kernel_thinning.MOST / weight[column]
+    tooth = value @ weight[column] / kernel_thinning.MAX_PAIRS_PER_ROW / weight[column]
     assert (np.abs(mean - value) <= 5.0 * tooth / np.sqrt(rows)).all()
 
 
@@ -103,8 +103,8 @@ def dense_scene(interval):
 def test_a_thinned_dense_kernel_gives_the_same_weights(interval, monkeypatch):
     model, earlier, later = dense_scene(interval)
     few = backward_kernel.build(earlier, later, model, BERNOULLI, interval)
-    limit = kernel_thinning.MOST
-    monkeypatch.setattr(kernel_thinning, "MOST", 1_000_000)
+    limit = kernel_thinning.MAX_PAIRS_PER_ROW
+    monkeypatch.setattr(kernel_thinning, "MAX_PAIRS_PER_ROW", 1_000_000)
     monkeypatch.setattr(strata, "DENSE", 1_000_000)
     every = backward_kernel.build(earlier, later, model, BERNOULLI, interval)
     assert every.ratio.nnz > 100 * COUNT
@@ -147,7 +147,7 @@ def groups_of(interval, origins, rows=COUNT):
     )
     group = np.arange(rows) % origins
     return strata.split_into_strata(
-        kernel, modes, earlier, later, (group, group), backward_kernel.GATE_SIGMA
+        kernel, modes, earlier, later, (group, group), backward_kernel.KERNEL_GATE_SIGMA
     )
 
 

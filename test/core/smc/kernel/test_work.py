@@ -19,7 +19,7 @@ SPACING = 2500.0
 def tracked(targets, per_target, corrector="poisson", spacing=SPACING):
     """Return the arguments of a build: two stored sets of well-tracked targets, 6 s apart.
 
-    With the PHD filter's corrector spawned targets are in mu, and no origin keeps rows apart.
+    With the PHD filter's corrector spawned targets are in mu, and no row_label keeps rows apart.
     """
     model = small().model
     rng = np.random.default_rng(targets)
@@ -33,11 +33,11 @@ def tracked(targets, per_target, corrector="poisson", spacing=SPACING):
     state = gaussian_cloud(rng, len(place), centre, [100.0, 7.0, 100.0, 7.0, 1e-2])
     state[mode % 2 == 0, 4] = 0.0
     weight = np.full(len(place), 1.0 / per_target)
-    earlier = intensity(state, weight, mode=mode, origin=place)
+    earlier = intensity(state, weight, mode=mode, row_label=place)
     moved = np.empty_like(state)
     for index, motion in enumerate(model.modes.motions):
         moved[mode == index] = sample(motion, state[mode == index], 6.0, rng)
-    later = intensity(moved, weight, mode=mode, origin=place)
+    later = intensity(moved, weight, mode=mode, row_label=place)
     return earlier, later, model, CORRECTORS[corrector], 6.0
 
 

@@ -27,7 +27,7 @@ PLACES = np.array([[1010.0, -490.0], [900.0, -300.0], [1200.0, -700.0]])
 COPIES = np.array([4000, 1, 2000])
 
 
-def resampled(origin=HERE, parent=-1, mode=0):
+def resampled(row_label=HERE, parent=-1, mode=0):
     """Return three particles at different places with as many copies as `COPIES`."""
     state = np.zeros((3, 5))
     state[:, [0, 2]] = PLACES
@@ -37,7 +37,7 @@ def resampled(origin=HERE, parent=-1, mode=0):
         state,
         np.zeros(3),
         mode=np.full(3, mode),
-        origin=np.full(3, origin),
+        row_label=np.full(3, row_label),
         components=mass[:, None],
     )
     return replace(particles, parent=np.full(3, parent), multiplicity=COPIES)
@@ -89,7 +89,7 @@ def test_turn_rates_are_drawn_where_the_motion_has_one():
 
 @pytest.mark.parametrize(
     "particles",
-    [resampled(parent=5), resampled(origin=first_detected(SCAN_INDEX))],
+    [resampled(parent=5), resampled(row_label=first_detected(SCAN_INDEX))],
     ids=["survivors", "born at a detection"],
 )
 def test_the_velocities_of_others_stay(particles):

@@ -10,7 +10,7 @@ from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.smc.proposals.detected_newborns import redraw_velocities
 from phd_jdtc_ros.core.smc.proposals.detections_in_plane import Places
 from phd_jdtc_ros.core.tracks.labels import first_detected, first_predicted
-from phd_jdtc_ros.core.window.entries import Current, Entry
+from phd_jdtc_ros.core.window.entries import Entry, UnsweptRows
 
 STD = 150.0
 MODEL = replace(
@@ -23,7 +23,7 @@ DT = 4.0
 BORN = first_detected(3)
 
 
-def newborn(origin=BORN, parent=-1, count=4000):
+def newborn(row_label=BORN, parent=-1, count=4000):
     rng = np.random.default_rng(1)
     state = np.zeros((count, 5))
     state[:, [0, 2]] = [20e3, 5e3] + 40.0 * rng.standard_normal((count, 2))
@@ -31,10 +31,10 @@ def newborn(origin=BORN, parent=-1, count=4000):
     particles = intensity(
         state,
         np.full(count, 0.2 / count),
-        origin=np.full(count, origin),
+        row_label=np.full(count, row_label),
         components=np.full((count, 1), 0.0),
     )
-    return Current(Entry(0, replace(particles, parent=np.full(count, parent))))
+    return UnsweptRows(Entry(0, replace(particles, parent=np.full(count, parent))))
 
 
 def seen(positions, std=40.0):
@@ -76,7 +76,7 @@ def test_informed_velocities_lead_to_the_next_detections():
 @pytest.mark.parametrize(
     ("rows", "places"),
     [
-        (newborn(origin=first_predicted(3)), seen([20.5e3, 5.3e3])),
+        (newborn(row_label=first_predicted(3)), seen([20.5e3, 5.3e3])),
         (newborn(parent=7), seen([20.5e3, 5.3e3])),
         (newborn(), seen([60e3, 5e3])),
         (newborn(), seen([20.5e3, 5.3e3], std=400.0)),
@@ -92,7 +92,7 @@ def test_informed_leaves_other_targets_alone(rows, places):
 
 def test_informed_takes_only_the_rows_that_are_touched():
     rows = newborn()
-    half = Current(rows.entry, np.arange(0, 4000, 2))
+    half = UnsweptRows(rows.entry, np.arange(0, 4000, 2))
     found = redrawn(half, seen([20.5e3, 5.3e3]))
     np.testing.assert_array_equal(found.state[1::2], rows.entry.stored.state[1::2])
     assert (found.state[::2] != rows.entry.stored.state[::2]).any()

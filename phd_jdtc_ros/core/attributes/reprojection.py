@@ -14,14 +14,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..sensors.slant_range import HeightReading
+from ..sensors.slant_range import HeightProjection
 from ..types import Detections
-from .height import HeightModel, Heights, compare
+from .height import HeightModel, Heights, HeightUpdate, compare
 
 # Smallest probability of a height that is used to project plots.
-KNOWN = 0.5
-# Columns of `height.Measured.part`.
-RIGHT, FALSE = 0, 1
+MIN_KNOWN = 0.5
 # Ratio of the shift of a plot by another height to the standard deviation that widens its gate: the
 # shifted plot is then well inside the gate.
 WIDENING = 3.0
@@ -39,26 +37,25 @@ class Paired(NamedTuple):
         Row and detection of each pair.
     log_likelihood : array of shape (P, ...)
         As the gate returns it.
-    reading : int array of shape (P,)
-        Index of each pair's detection in `readings`.
-    readings : Detections
-        The detections, followed by those projected at a target's height.
+    projected_index : int array of shape (P,)
+        Row of each pair's detection in `projected`.
+    projected : Detections
+        The detections, followed by those projected again at a target's height.
     """
 
     row: IntArray
     column: IntArray
     log_likelihood: FloatArray
-    reading: IntArray
-    readings: Detections
+    projected_index: IntArray
+    projected: Detections
 
     def take(self, pairs: IntArray) -> Paired:
         """Return these pairs alone."""
-        return Paired(
-            self.row[pairs],
-            self.column[pairs],
-            self.log_likelihood[pairs],
-            self.reading[pairs],
-            self.readings,
+        return self._replace(
+            row=self.row[pairs],
+            column=self.column[pairs],
+            log_likelihood=self.log_likelihood[pairs],
+            projected_index=self.projected_index[pairs],
         )
 
 
@@ -74,116 +71,131 @@ def pair(
     heights: Heights,
     detections: Detections,
     std: FloatArray,
-    reading: HeightReading,
+    projection: HeightProjection,
     model: HeightModel,
 ) -> Paired:
     """Return the pairs of detections, some of them projected at the heights of the targets.
 
     Parameters
     ----------
-    gate : Gate
     target : int array of shape (N,)
         Target of each of the engine's rows.
     heights : Heights
         Of all targets, at the scan's stamp.
-    detections : Detections
     std : array of shape (M, 2)
         Standard deviations of the detections, metres and radians.
-    reading : HeightReading
-        Dependence of the ranges on the heights.
-    model : HeightModel
     """
     first, size = plain(gate, detections), len(detections)
-    known = heights.known > KNOWN
     edge = np.unique(target[first.row] * size + first.column)
-    part = _most_probable_part(heights, edge // size, edge % size, detections, model)
-    right = known[edge // size] & (part == RIGHT)
-    # A detection with the height of a nearby target needs no other projection.
-    doubtful = np.setdiff1d(np.arange(size), edge[right] % size)
+    doubtful = _doubtful(edge, heights, detections, model)
+    known = heights.known > MIN_KNOWN
     if not known.any() or not len(doubtful):
         return first
-    lowest, highest = heights.mean[known, 0].min(), heights.mean[known, 0].max()
-    edge = _near(gate, target, detections, std, reading, doubtful, (lowest, highest))
+    between = heights.mean[known, 0].min(), heights.mean[known, 0].max()
+    edge = _gated_at_heights(gate, target, detections, std, projection, doubtful, between)
     owner, column = edge // size, edge % size
-    wrong = known[owner] & (_most_probable_part(heights, owner, column, detections, model) == FALSE)
-    owner, column, edge = owner[wrong], column[wrong], edge[wrong]
+    update = _height_update(heights, owner, column, detections, model)
+    edge = edge[known[owner] & update.probably_garbled]
     if not len(edge):
         return first
-    again = _read(owner, column, heights, detections, std, reading)
-    row, which, log_likelihood = gate(again)
-    own = np.flatnonzero(target[row] == owner[which])
-    # The projection at the target's height replaces the one at the plot's height.
+    again = _project(edge // size, edge % size, heights, detections, std, projection)
+    return _replace_pairs(first, plain(gate, again), target, edge, std)
+
+
+def _doubtful(
+    edge: IntArray, heights: Heights, detections: Detections, model: HeightModel
+) -> IntArray:
+    """Return the detections without the height of a target in whose gate they are."""
+    size = len(detections)
+    owner, column = edge // size, edge % size
+    update = _height_update(heights, owner, column, detections, model)
+    right = (heights.known > MIN_KNOWN)[owner] & update.probably_known
+    return np.setdiff1d(np.arange(size), column[right])
+
+
+def _replace_pairs(
+    first: Paired, again: Paired, target: IntArray, edge: IntArray, std: FloatArray
+) -> Paired:
+    """Return the pairs, with those of some edges replaced by pairs at the target's height.
+
+    `again` has pairs of the detections that were projected again, one for each edge, (E,).
+    """
+    size = len(first.projected)
+    owner, column = edge // size, edge % size
+    own = np.flatnonzero(target[again.row] == owner[again.column])
     kept = np.flatnonzero(~np.isin(target[first.row] * size + first.column, edge))
-    rows = np.concatenate([first.row[kept], row[own]])
-    order = np.argsort(rows, kind="stable")
-    every = detections.take(np.concatenate([np.arange(size), column]))
+    row = np.concatenate([first.row[kept], again.row[own]])
+    order = np.argsort(row, kind="stable")
+    every = first.projected.take(np.concatenate([np.arange(size), column]))
+    own_column = again.column[own]
     return Paired(
-        rows[order],
-        np.concatenate([first.column[kept], column[which[own]]])[order],
-        np.concatenate([first.log_likelihood[kept], log_likelihood[own]])[order],
-        np.concatenate([first.column[kept], size + which[own]])[order],
+        row[order],
+        np.concatenate([first.column[kept], column[own_column]])[order],
+        np.concatenate([first.log_likelihood[kept], again.log_likelihood[own]])[order],
+        np.concatenate([first.column[kept], size + own_column])[order],
         replace(
             every,
-            measurement=np.concatenate([detections.measurement, again.measurement]),
-            noise_std=np.concatenate([std, again.noise_std]),
+            measurement=np.concatenate([first.projected.measurement, again.projected.measurement]),
+            noise_std=np.concatenate([std, again.projected.noise_std]),
         ),
     )
 
 
-def _most_probable_part(
+def _height_update(
     heights: Heights,
     target: IntArray,
     column: IntArray,
     detections: Detections,
     model: HeightModel,
-) -> IntArray:
-    """Return the most probable column of `height.Measured.part` for each pair, (E,)."""
+) -> HeightUpdate:
+    """Return the likelihood of the heights of (target, detection) pairs."""
     since = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
-    part = compare(heights, target, _heights(detections)[column], since[column], model).part
-    most: IntArray = part.argmax(axis=1)
-    return most
+    return compare(heights, target, _heights(detections)[column], since[column], model)
 
 
-def _near(
+def _gated_at_heights(
     gate: Gate,
     target: IntArray,
     detections: Detections,
     std: FloatArray,
-    reading: HeightReading,
+    projection: HeightProjection,
     columns: IntArray,
     between: tuple[float, float],
 ) -> IntArray:
-    """Return the cells (target times M plus detection) of pairs near at a height between two."""
+    """Return the pairs of targets and detections that may be in a gate at some height `between`.
+
+    The result, (E,), is ascending and has target * M + detection.
+    """
     doubtful, wide = detections.take(columns), std[columns]
     for height in between:
-        shift = _at(reading, doubtful, np.full(len(columns), height)) - doubtful.measurement
+        shift = _at(projection, doubtful, np.full(len(columns), height)) - doubtful.measurement
         wide[:, 0] = np.maximum(wide[:, 0], std[columns, 0] + np.abs(shift[:, 0]) / WIDENING)
     row, column, _ = gate(replace(doubtful, noise_std=wide))
     size = len(detections)
     return np.unique(target[row] * size + columns[column])
 
 
-def _read(
+def _project(
     target: IntArray,
     column: IntArray,
     heights: Heights,
     detections: Detections,
     std: FloatArray,
-    reading: HeightReading,
+    projection: HeightProjection,
 ) -> Detections:
     """Return the detections of some columns, projected at the heights of targets."""
     again = detections.take(column)
-    height, deviation = heights.mean[target, 0], np.sqrt(heights.covariance[target, 0, 0])
-    place = _at(reading, again, height)
+    height, std_height = heights.mean[target, 0], np.sqrt(heights.covariance[target, 0, 0])
+    place = _at(projection, again, height)
     # The uncertainty of the height adds to that of the range.
-    spread = _at(reading, again, height + deviation)[:, 0] - place[:, 0]
+    spread = _at(projection, again, height + std_height)[:, 0] - place[:, 0]
     noise = np.stack([np.hypot(std[column, 0], spread), std[column, 1]], axis=1)
     return replace(again, measurement=place, noise_std=noise)
 
 
-def _at(reading: HeightReading, detections: Detections, height: FloatArray) -> FloatArray:
+def _at(projection: HeightProjection, detections: Detections, height: FloatArray) -> FloatArray:
     """Return detections projected at other heights, (M, 2)."""
-    return reading.at(detections.measurement, _heights(detections), height)
+    return projection.at(detections.measurement, _heights(detections), height)
 
 
 def _heights(detections: Detections) -> FloatArray:

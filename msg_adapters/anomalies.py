@@ -10,7 +10,7 @@ from phd_jdtc_ros.configuration.radar_input import RadarInput
 
 
 def of(radar: RadarInput, counts: Mapping[str, int]) -> Iterator[str]:
-    """Yield a warning for each counted doubt about a radar's reports."""
+    """Yield a warning for each kind of anomaly in a radar's reports."""
     for what, count in counts.items():
         yield _TEXTS[what](radar, count)
 
@@ -42,10 +42,10 @@ def no_targets(scans: int) -> str:
 
 def of_noise(fit: Fit) -> str | None:
     """Return the warning about a radar whose innovations contradict its noise, None if they fit."""
-    if fit.larger:
-        factor, wrong = math.sqrt(fit.alone), "larger"
-    elif fit.smaller:
-        factor, wrong = 1.0 / math.sqrt(fit.expected), "smaller"
+    if fit.noise_too_small:
+        factor, wrong = math.sqrt(fit.ratio_to_noise), "larger"
+    elif fit.noise_too_large:
+        factor, wrong = 1.0 / math.sqrt(fit.ratio_to_expected), "smaller"
     else:
         return None
     ranges, azimuths = fit.axes

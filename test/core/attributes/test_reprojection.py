@@ -6,9 +6,9 @@ from hard_turns import GIVEN, PERIOD_S, measured
 from lone import lone, scan_at
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.attributes import readings
+from phd_jdtc_ros.core.attributes import reprojection
 from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
-from phd_jdtc_ros.core.sensors.polar_gate import GATE_SIGMA
+from phd_jdtc_ros.core.sensors.polar_gate import DETECTION_GATE_SIGMA
 from phd_jdtc_ros.core.types import Detections
 
 RADAR = lone({"radar.fields.height": "height", "radar.range_std": 40.0}).model.radars[0]
@@ -40,7 +40,7 @@ def crowd(rng):
 def explained(expected, target, detections, column):
     """Return whether a plot has the known height of a target that it is near to."""
     error = (detections.measurement[column] - expected) / RADAR.noise_std
-    near = (error**2).sum(axis=1) <= GATE_SIGMA**2
+    near = (error**2).sum(axis=1) <= DETECTION_GATE_SIGMA**2
     same = np.abs(detections.height[column] - HEIGHTS.mean[target, 0]) < 1000.0
     return (near & same & (HEIGHTS.known[target] > 0.5)).any()
 
@@ -60,16 +60,16 @@ def by_hand(expected, target, detections):
             std[0] = np.hypot(std[0], ground - lower)
             distance = ground
         error = (np.array([distance, azimuth]) - expected[row]) / std
-        if (error**2).sum() <= GATE_SIGMA**2:
+        if (error**2).sum() <= DETECTION_GATE_SIGMA**2:
             found[row, column] = -0.5 * (error**2).sum() - np.log(2.0 * np.pi * std.prod())
     return found
 
 
 def test_a_plot_of_a_false_height_is_read_at_the_height_of_each_target():
     expected, target, detections = crowd(np.random.default_rng(1))
-    pairs = readings.pair(
+    pairs = reprojection.pair(
         lambda seen: RADAR.gated_pairs(expected, seen),
-        *(target, HEIGHTS, detections, RADAR.deviations(detections), RADAR.height_reading),
+        *(target, HEIGHTS, detections, RADAR.noise_std_of(detections), RADAR.height_projection),
         HeightModel(),
     )
     found = np.full((len(expected), len(detections)), -np.inf)

@@ -6,12 +6,12 @@ from lone import MEAN, lone
 from scipy import sparse
 from scipy.stats import multivariate_normal
 
-from phd_jdtc_ros.core.attributes.uniqueness import Lost
+from phd_jdtc_ros.core.attributes.uniqueness import OutOfGate
 from phd_jdtc_ros.core.models.manoeuvre import PROBABILITY, manoeuvre
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.proposals.detections_in_plane import places_of
-from phd_jdtc_ros.core.smc.strays import with_strays
+from phd_jdtc_ros.core.smc.reacquisition import with_reacquired
 from phd_jdtc_ros.core.types import Detections
 
 SINCE_S, TIME_S, EXISTENCE = 4.0, -0.5, 0.8
@@ -25,7 +25,7 @@ def strayed(seed=3):
     before = ParticleSet(
         state=np.tile(MEAN, (count, 1)),
         mode=np.zeros(count, dtype=np.int64),
-        origin=np.full(count, 5),
+        row_label=np.full(count, 5),
         parent=np.arange(count),
         multiplicity=np.ones(count, dtype=np.int64),
         poisson=np.full(count, EXISTENCE / count),
@@ -35,16 +35,16 @@ def strayed(seed=3):
     )
     place = radar.measure(MEAN[None] + [150.0, 0.0, -120.0, 0.0, 0.0])
     report = Report(radar, Detections(place, None, time_s=np.array([TIME_S])))
-    lost = Lost(np.array([0]), np.array([0]), np.array([SINCE_S]))
+    lost = OutOfGate(np.array([0]), np.array([0]), np.array([SINCE_S]))
     rng = np.random.default_rng(seed)
-    after = with_strays(before, lost, report, config.model, rng)
+    after = with_reacquired(before, lost, report, config.model, rng)
     return before, after, places_of(report), config.model
 
 
 def test_strays_have_the_evidence_of_the_manoeuvre_that_leads_to_the_detection():
     before, after, seen, model = strayed()
     new = np.arange(len(before), len(after))
-    assert set(after.origin[new]) == {5}
+    assert set(after.row_label[new]) == {5}
     at = after.state[new][:, [0, 2]] + TIME_S * after.state[new][:, [1, 3]]
     likelihood = multivariate_normal(seen.position[0], seen.covariance[0]).pdf(at)
     found = float(after.weight[new] @ likelihood)

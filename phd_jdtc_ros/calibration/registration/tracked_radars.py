@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
-from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 from ..tuning.plots import Plots
@@ -40,8 +40,8 @@ class Corrected(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Sensor:
-    """A radar with its tracks.
+class TrackedRadar:
+    """The plots of a radar, linked to tracks.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Sensor:
     look_s: float
     tracks: tuple[IntArray, ...]
 
-    def corrected(self, bias: RadarBias) -> Corrected:
+    def corrected(self, bias: SensorBias) -> Corrected:
         """Return the plots with these biases removed."""
         distance = np.maximum(bias.true_range(self.measurement[:, 0]), 0.0)
         azimuth = wrap_angle(self.measurement[:, 1] - bias.azimuth)
@@ -79,8 +79,8 @@ class Sensor:
         )
 
 
-def sensor(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> Sensor:
-    """Return a radar with its tracks.
+def tracked_radar(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> TrackedRadar:
+    """Link a radar's plots to tracks.
 
     Parameters
     ----------
@@ -120,12 +120,12 @@ def sensor(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> Senso
             f"{LEAST_PLOTS} plots in tracks: record longer, or check its range_std and "
             "azimuth_std_deg"
         )
-    standing = np.tile([*radar.position, radar.yaw], (len(plots), 1))
-    return Sensor(
+    stationary = np.tile([*radar.position, radar.yaw], (len(plots), 1))
+    return TrackedRadar(
         radar.name,
         plots.time_s + (plots.zero_ns - zero_ns) * 1e-9,
         plots.measurement,
-        plots.pose if moving else standing,
+        plots.pose if moving else stationary,
         radar.noise_std,
         timing.look_s,
         tracks.plots,
@@ -139,8 +139,8 @@ def _tracks(plots: Plots, timing: Timing, radar: RadarModel) -> Tracks:
     part = plots.until(LOOKS * timing.look_s)
 
     def link(some: Plots, speed: float) -> Tracks:
-        guess = guess_of(some, timing, radar.range_std, radar.azimuth_std, speed)
-        return link_plots(some, timing, guess, np.zeros(len(some)))
+        model = guess_of(some, timing, radar.range_std, radar.azimuth_std, speed)
+        return link_plots(some, timing, model, np.zeros(len(some)))
 
     usable = part if len(part) else plots
     best = max(SPEEDS, key=lambda speed: link(usable, speed).score)

@@ -1,15 +1,16 @@
-"""Extra particles for targets whose identities are detected outside all their gates.
+"""Additional particles for targets whose identities are shown outside all of their gates.
 
 They are drawn by importance sampling: positions from the detection, and velocities given these.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, factorize
-from ..attributes.uniqueness import Lost
+from ..attributes.uniqueness import OutOfGate
 from ..models.manoeuvre import PROBABILITY, Manoeuvre, manoeuvre
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
@@ -17,26 +18,26 @@ from .particle_set import ParticleSet
 from .proposals.detections_in_plane import Places, places_of
 
 
-def with_strays(
+def with_reacquired(
     particles: ParticleSet,
-    lost: Lost,
+    out_of_gate: OutOfGate,
     report: Report,
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> ParticleSet:
-    """Return the set with more particles of lost targets: manoeuvres beyond their models.
+    """Return the set with additional particles at the detections that show a target's identity.
 
     Parameters
     ----------
     particles : ParticleSet
         The predicted set of a labelled filter.
-    lost : Lost
-        The lost targets, by index of the distinct labels.
+    out_of_gate : OutOfGate
+        By index of the distinct labels. These targets have deviated from their motion models.
     """
-    target = factorize(particles.origin)[1]
+    target = factorize(particles.row_label)[1]
     count = model.detection_births.particles
-    row = np.concatenate([_draw(particles, target, own, count, rng) for own in lost.target])
-    column, since_s = lost.column.repeat(count), lost.since_s.repeat(count)
+    row = np.concatenate([_draw(particles, target, own, count, rng) for own in out_of_gate.target])
+    column, since_s = out_of_gate.column.repeat(count), out_of_gate.since_s.repeat(count)
     seen = places_of(report).take(column)
     space = model.modes.space
     place, speed = list(space.position), list(space.velocity)
@@ -49,21 +50,16 @@ def with_strays(
     state[:, speed] += _velocities(moved, done, rng)
     state[:, place] = position - seen.time_s[:, None] * state[:, speed]
     log_prior = -0.5 * (moved**2).sum(axis=1) / done.position - np.log(2.0 * np.pi * done.position)
-    strayed, mass = np.unique(lost.target), np.bincount(target, particles.weight)
-    share = PROBABILITY * mass[lost.target].repeat(count) / count
-    kept = np.where(np.isin(target, strayed), 1.0 - PROBABILITY, 1.0)
+    reacquired, mass = np.unique(out_of_gate.target), np.bincount(target, particles.weight)
+    share = PROBABILITY * mass[out_of_gate.target].repeat(count) / count
+    kept = np.where(np.isin(target, reacquired), 1.0 - PROBABILITY, 1.0)
     weight = np.concatenate([particles.weight * kept, share * np.exp(log_prior - log_density)])
     every = np.concatenate([np.arange(len(particles)), row])
-    return ParticleSet(
+    return replace(
+        particles.take(every),
         state=np.concatenate([particles.state, state]),
-        mode=particles.mode[every],
-        origin=particles.origin[every],
-        parent=particles.parent[every],
         multiplicity=np.concatenate([particles.multiplicity, np.ones(len(row), dtype=np.int64)]),
         poisson=weight,
-        components=sparse.csr_array((len(every), 0)),
-        label=particles.label[:0],
-        log_snr=particles.log_snr[every],
     )
 
 
@@ -91,5 +87,4 @@ def _velocities(moved: FloatArray, done: Manoeuvre, rng: np.random.Generator) ->
     """Draw changes of velocity given the displacements by manoeuvres, both of shape (N, 2)."""
     gain = done.both / done.position
     rest = np.sqrt(np.maximum(done.velocity - gain * done.both, 0.0))
-    change: FloatArray = gain[:, None] * moved + rest[:, None] * rng.standard_normal(moved.shape)
-    return change
+    return gain[:, None] * moved + rest[:, None] * rng.standard_normal(moved.shape)

@@ -1,0 +1,118 @@
+"""Models of identities and heights, the beliefs about targets, and their records by label."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+from ..snapshot import MAX_STAMP_NS, MAX_STATE, ROUNDING, covariances, floats, integers
+from ..types import UNKNOWN
+from . import updates
+from .height import HeightModel, Heights
+from .identity import ADDRESSES, CODES, Belief, IdentityModel
+
+
+@dataclass(frozen=True)
+class AttributeModel:
+    """Models of the identities and heights that detections report beside positions.
+
+    Parameters
+    ----------
+    clutter_reply : float
+        Probability that a false detection has a reply.
+    ages : bool
+        Whether estimates have the time of the last detection by each sensor type.
+    """
+
+    code: IdentityModel
+    address: IdentityModel
+    height: HeightModel
+    clutter_reply: float = 0.05
+    ages: bool = False
+
+
+class Beliefs(NamedTuple):
+    """Beliefs about T targets."""
+
+    code: Belief
+    address: Belief
+    heights: Heights
+
+    @staticmethod
+    def fresh(targets: int, model: AttributeModel) -> Beliefs:
+        """Return the prior beliefs about new targets."""
+        return Beliefs(
+            Belief.fresh(targets, model.code),
+            Belief.fresh(targets, model.address),
+            Heights.fresh(targets),
+        )
+
+    def predict(self, dt: FloatArray, model: AttributeModel) -> Beliefs:
+        """Return the beliefs `dt` seconds later, (T,); identities are not predicted backwards."""
+        return Beliefs(
+            self.code.predict(np.maximum(dt, 0.0), model.code),
+            self.address.predict(np.maximum(dt, 0.0), model.address),
+            self.heights.predict(dt, model.height),
+        )
+
+
+class AttributeRecords(NamedTuple):
+    """Beliefs about T labels as columns.
+
+    Parameters
+    ----------
+    label : int array of shape (T,)
+        Ascending.
+    stamp_ns : int array of shape (T,)
+        Time of the beliefs.
+    code, code_weight : arrays of shape (T, K) and (T, K + 2)
+        See `identity.Belief`.
+    address, address_weight : arrays of shape (T, K) and (T, K + 2)
+    height_known, height, height_covariance : arrays of shape (T,), (T, 2) and (T, 2, 2)
+        See `height.Heights`.
+    seen_ns : int array of shape (T, S)
+        Time of the last detection by each sensor type; see `Attributes`.
+    """
+
+    label: Annotated[IntArray, integers("T", 0, ascending=True, key="origin")]
+    stamp_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]
+    code: Annotated[IntArray, integers("TK", UNKNOWN, CODES - 1)]
+    code_weight: Annotated[FloatArray, floats("TW", 0.0, 1.0 + ROUNDING)]
+    address: Annotated[IntArray, integers("TK", UNKNOWN, ADDRESSES - 1)]
+    address_weight: Annotated[FloatArray, floats("TW", 0.0, 1.0 + ROUNDING)]
+    height_known: Annotated[FloatArray, floats("T", 0.0, 1.0)]
+    height: Annotated[FloatArray, floats("TA", -MAX_STATE, MAX_STATE)]
+    height_covariance: Annotated[FloatArray, covariances("TAA", MAX_STATE)]
+    seen_ns: Annotated[IntArray, integers("TS", UNKNOWN, MAX_STAMP_NS)]
+
+    @staticmethod
+    def of(
+        label: IntArray, stamp_ns: int, beliefs: Beliefs, seen_ns: IntArray | None = None
+    ) -> AttributeRecords:
+        """Return records of beliefs; without `seen_ns` no sensor has detected the targets."""
+        stamps = np.full(len(label), stamp_ns, dtype=np.int64)
+        seen_ns = updates.never(len(label)) if seen_ns is None else seen_ns
+        columns = *beliefs.code, *beliefs.address, *beliefs.heights
+        return AttributeRecords(label, stamps, *columns, seen_ns)
+
+    @property
+    def beliefs(self) -> Beliefs:
+        """The beliefs without labels and stamps."""
+        return Beliefs(
+            Belief(self.code, self.code_weight),
+            Belief(self.address, self.address_weight),
+            Heights(self.height_known, self.height, self.height_covariance),
+        )
+
+    def take(self, rows: IntArray) -> AttributeRecords:
+        """Return the records of these rows."""
+        return AttributeRecords._make(column[rows] for column in self)
+
+    def merge(self, other: AttributeRecords) -> AttributeRecords:
+        """Return these records and others, which replace records of the same labels."""
+        old = self.take(np.flatnonzero(~np.isin(self.label, other.label)))
+        every = AttributeRecords._make(map(np.concatenate, zip(old, other, strict=True)))
+        return every.take(np.argsort(every.label, kind="stable"))

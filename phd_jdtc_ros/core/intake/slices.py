@@ -1,0 +1,99 @@
+"""Slices of a report of a turning radar: the detections, the time and the azimuths of each."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import FloatArray
+from ..types import FULL_TURN, UNKNOWN_COVERAGE, Coverage, Detections
+
+# Slices per turn; a target's motion during half a slice is nearly straight.
+SLICES = 8
+
+Slice = tuple[int, Detections]
+
+
+class UnstampedSlice(NamedTuple):
+    """A slice whose stamp may still increase, and whose detections' times refer to the report.
+
+    Parameters
+    ----------
+    middle_ns : int
+        Middle of the time that the slice covers, nanoseconds.
+    coverage : Coverage or None
+        None for the radar's whole field.
+    """
+
+    middle_ns: int
+    detections: Detections
+    coverage: Coverage | None
+
+
+class TimedReport(NamedTuple):
+    """A report, with its times in seconds."""
+
+    stamp_ns: int
+    detections: Detections
+
+    @property
+    def stamp_s(self) -> float:
+        """Stamp of the report."""
+        return self.stamp_ns * 1e-9
+
+    @property
+    def timed(self) -> bool:
+        """Whether detections have times of their own."""
+        return self.detections.time_s is not None
+
+    @property
+    def own_s(self) -> FloatArray:
+        """Times of the detections, shape (M,); empty if they have none."""
+        own_s = self.detections.time_s
+        return np.zeros(0) if own_s is None else self.stamp_s + own_s
+
+    @property
+    def azimuth(self) -> FloatArray:
+        """Azimuths of the detections, radians, shape (M,)."""
+        return self.detections.measurement[:, 1]
+
+
+def cut(
+    report: TimedReport,
+    period_s: float,
+    between_s: tuple[float, float],
+    between: tuple[float, float],
+) -> list[UnstampedSlice]:
+    """Return the slices of a report of detections with times of their own, oldest first.
+
+    Parameters
+    ----------
+    period_s : float
+        Rotation period of the antenna, seconds.
+    between_s, between : tuples of two floats
+        Begin and end of the time that the report covers, seconds, and the antenna's directions at
+        these times, radians.
+    """
+    start_s, end_s = between_s
+    count = max(1, round(SLICES * (end_s - start_s) / period_s))
+    edges_s, edges = np.linspace(start_s, end_s, count + 1), np.linspace(*between, count + 1)
+    index = np.clip(np.searchsorted(edges_s, report.own_s, side="right") - 1, 0, count - 1)
+    middle_ns = np.rint((0.5 * (edges_s[1:] + edges_s[:-1]) - report.stamp_s) * 1e9)
+    return [
+        UnstampedSlice(
+            report.stamp_ns + int(middle_ns[k]),
+            report.detections.take(np.flatnonzero(index == k)),
+            arc(edges[k], edges[k + 1]),
+        )
+        for k in range(count)
+    ]
+
+
+def arc(start: float, end: float) -> Coverage:
+    """Return the coverage between two azimuths, radians; unknown if it is too narrow."""
+    width = min(abs(end - start), FULL_TURN)
+    if width <= UNKNOWN_COVERAGE.width:
+        return UNKNOWN_COVERAGE
+    return Coverage(math.remainder(min(start, end), FULL_TURN), width)

@@ -1,0 +1,52 @@
+"""The tracker's input and output values: scans in, estimates out.
+
+Every type is frozen and its arrays are read-only, so that a later stage, such as the fixed-lag
+window, can keep a value without a copy. Entries of sparse arrays, which scipy requires to be
+writable, are never written to either.
+
+Dimension letters: N rows (particles or Gaussians), M detections, T targets, P pairs of a row and a
+detection, E pairs of a target and a detection, J components, O modes, C classes, D state,
+Z measurement. Other letters are explained where they are used.
+"""
+
+from .detections import (
+    FULL_TURN,
+    SENSORS,
+    UNKNOWN,
+    UNKNOWN_COVERAGE,
+    Coverage,
+    Detections,
+    Pose,
+    Scan,
+)
+from .estimates import (
+    COASTING,
+    CONFIRMED,
+    FILTERED,
+    SMOOTHED,
+    SOURCES,
+    TENTATIVE,
+    Attributes,
+    Estimates,
+    Truth,
+)
+
+__all__ = [
+    "COASTING",
+    "CONFIRMED",
+    "FILTERED",
+    "FULL_TURN",
+    "SENSORS",
+    "SMOOTHED",
+    "SOURCES",
+    "TENTATIVE",
+    "UNKNOWN",
+    "UNKNOWN_COVERAGE",
+    "Attributes",
+    "Coverage",
+    "Detections",
+    "Estimates",
+    "Pose",
+    "Scan",
+    "Truth",
+]

@@ -1,0 +1,167 @@
+"""Detections of a radar with their coverage and pose, and scans: the tracker's input."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, read_only
+
+FULL_TURN = 2.0 * np.pi
+# Marks an unknown code or address.
+UNKNOWN = -1
+# The columns of detections with one number per detection, and the integer columns of these.
+_WHOLE = ("code", "address", "kind")
+_PER_DETECTION = ("amplitude", "time_s", "range_rate", "range_rate_std", "height", *_WHOLE)
+# Sensor types of detections: primary radar, secondary radar, Mode S.
+SENSORS = ("psr", "ssr", "mds")
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """The azimuths that a radar's antenna swept for one report.
+
+    Parameters
+    ----------
+    start : float
+        First azimuth in the radar's frame, radians counter-clockwise from the x axis.
+    width : float
+        Extent counter-clockwise from `start`, radians; more than 0 and at most 2 pi. An antenna
+        that turns clockwise sweeps it from end to start.
+    """
+
+    start: float
+    width: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.start) and 0.0 < self.width <= FULL_TURN):
+            raise ValueError(
+                f"coverage: start {self.start}, width {self.width}, expected a finite start and a "
+                "width above 0 and at most 2 pi"
+            )
+
+    @property
+    def turns(self) -> float:
+        """Share of a turn; 0 if the swept azimuths are unknown."""
+        return 0.0 if self == UNKNOWN_COVERAGE else self.width / FULL_TURN
+
+
+# Coverage of a report without known coverage: its detections count, but it implies no misses.
+UNKNOWN_COVERAGE = Coverage(0.0, 1e-9)
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Position, heading and velocity of a sensor or its platform.
+
+    Parameters
+    ----------
+    position : tuple of two floats
+        In the world frame, metres.
+    yaw : float
+        Direction of its x axis in the world frame, radians counter-clockwise; NaN if unknown.
+    velocity : tuple of two floats
+        In the world frame, metres per second; zero where it is not needed.
+    """
+
+    position: tuple[float, float]
+    yaw: float
+    velocity: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Detections:
+    """Detections of one radar in one scan, in the frame of that radar.
+
+    Parameters
+    ----------
+    measurement : array of shape (M, Z)
+        For the polar radar Z = 2: range in metres, azimuth in radians counter-clockwise from the
+        sensor's x axis.
+    amplitude : array of shape (M,) or None
+        Linear envelope in units of the noise's per-quadrature standard deviation. NaN where it is
+        unknown. None when the radar reports no amplitude: the class likelihood is then neutral.
+    time_s : array of shape (M,) or None
+        Time of each detection relative to the scan's stamp, seconds; None if all are at the stamp.
+    noise_std : array of shape (M, Z) or None
+        Standard deviations of each detection, in the units of the measurement; None for the radar
+        model's.
+    coverage : Coverage or None
+        The swept azimuths; None for the radar's whole field of view, `UNKNOWN_COVERAGE` if they are
+        unknown. Detections outside the coverage are valid.
+    pose : Pose or None
+        Pose of the radar at the scan's stamp, to which all measurements are relative; None for the
+        radar model's.
+    range_rate : array of shape (M,) or None
+        Metres per second relative to the radar, positive for a receding target, modulo the radar's
+        ambiguity; NaN if unknown. None when the radar reports none.
+    range_rate_std : array of shape (M,) or None
+        Standard deviation of each range rate, metres per second; NaN, and None for all, for the
+        radar model's.
+    height : array of shape (M,) or None
+        Above the world's zero, metres; NaN where it is unknown. None when the radar reports none.
+    code, address : int array of shape (M,) or None
+        Mode A code, 12 bits, and Mode S address, 24 bits, of the transponder's reply; `UNKNOWN`
+        without one. None when the radar reports none.
+    kind : int array of shape (M,) or None
+        Sensor type, the TYP of I048/020: 1 primary, 2 secondary, 3 both, 4 and 5 Mode S, 6 and 7
+        Mode S and primary; `UNKNOWN` otherwise. None when the radar reports none.
+    """
+
+    measurement: FloatArray
+    amplitude: FloatArray | None
+    time_s: FloatArray | None = None
+    noise_std: FloatArray | None = None
+    coverage: Coverage | None = None
+    pose: Pose | None = None
+    range_rate: FloatArray | None = None
+    range_rate_std: FloatArray | None = None
+    height: FloatArray | None = None
+    code: IntArray | None = None
+    address: IntArray | None = None
+    kind: IntArray | None = None
+
+    def __post_init__(self) -> None:
+        measurement = read_only(self.measurement)
+        if measurement.ndim != 2:
+            raise ValueError(f"measurement: expected shape (M, Z), got {measurement.shape}")
+        object.__setattr__(self, "measurement", measurement)
+        for name in (*_PER_DETECTION, "noise_std"):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            value = read_only(value, np.int64) if name in _WHOLE else read_only(value)
+            shape = measurement.shape if name == "noise_std" else measurement.shape[:1]
+            if value.shape != shape:
+                raise ValueError(f"{name}: expected shape {shape}, got {value.shape}")
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.measurement)
+
+    def take(self, rows: IntArray) -> Detections:
+        """Return the detections of these rows, in this order; coverage and pose stay the same."""
+        columns = {
+            name: getattr(self, name)[rows]
+            for name in ("measurement", "noise_std", *_PER_DETECTION)
+            if getattr(self, name) is not None
+        }
+        return replace(self, **columns)
+
+
+@dataclass(frozen=True)
+class Scan:
+    """All detections with a common stamp.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Time of the scan in nanoseconds.
+    detections : tuple of (Detections or None), one entry per radar, in the configured order
+        None if that radar did not report at this stamp. The filter is then not updated with it,
+        which differs from an update with zero detections.
+    """
+
+    stamp_ns: int
+    detections: tuple[Detections | None, ...]

@@ -1,0 +1,242 @@
+"""Estimates of targets with their heights and identities, and the truth: the tracker's output."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, read_only
+from ..snapshot import MAX_MASS, MAX_STATE, covariances, floats, integers
+from ..state_space import PLANAR, StateSpace
+from .detections import SENSORS, UNKNOWN
+
+# Track states, see `confirmation`.
+TENTATIVE, CONFIRMED, COASTING = range(3)
+# The columns of estimates with one entry per target.
+_PER_TARGET = (
+    *("state", "covariance", "weight", "class_probability"),
+    *("class_id", "track_id", "track_state"),
+)
+# The columns of attributes with one entry per target, without the detection times.
+_PER_ATTRIBUTE = ("height", "height_covariance", "code", "address")
+_NOT_GIVEN: IntArray = np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Attributes:
+    """Heights and identities of targets, in addition to their states.
+
+    Parameters
+    ----------
+    height : array of shape (T, 2)
+        Above the world's zero and climb rate, metres and metres per second; NaN where unknown.
+    height_covariance : array of shape (T, 2, 2)
+        NaN where unknown.
+    code, address : int arrays of shape (T,)
+        Mode A code and Mode S address; `UNKNOWN` if there is none or none is probable enough.
+    seen_ns : int array of shape (T, S) or None
+        Time of the last detection by each of `SENSORS`, nanoseconds; `UNKNOWN` for never. None if
+        no radar reports sensor types, and in smoothed estimates.
+    """
+
+    height: FloatArray
+    height_covariance: FloatArray
+    code: IntArray
+    address: IntArray
+    seen_ns: IntArray | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("height", "height_covariance"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        for name in ("code", "address", *(() if self.seen_ns is None else ("seen_ns",))):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
+
+    @staticmethod
+    def joined(parts: Sequence[Attributes]) -> Attributes:
+        """Concatenate the attributes of several sets of targets, at least one.
+
+        Without detection times in any set there are none; in a set they are then `UNKNOWN`.
+        """
+        columns = {
+            name: np.concatenate([getattr(part, name) for part in parts]) for name in _PER_ATTRIBUTE
+        }
+        if any(part.seen_ns is not None for part in parts):
+            never = (np.full((len(part.code), len(SENSORS)), UNKNOWN) for part in parts)
+            seen = (
+                none if part.seen_ns is None else part.seen_ns
+                for part, none in zip(parts, never, strict=True)
+            )
+            columns["seen_ns"] = np.concatenate([*seen])
+        return Attributes(**columns)
+
+    @staticmethod
+    def unknown(count: int) -> Attributes:
+        """Return unknown attributes for `count` targets."""
+        none = np.full(count, UNKNOWN)
+        return Attributes(np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan), none, none)
+
+    def take(self, rows: IntArray) -> Attributes:
+        """Return the attributes of the targets of these rows."""
+        columns = {name: getattr(self, name)[rows] for name in _PER_ATTRIBUTE}
+        return Attributes(**columns, seen_ns=None if self.seen_ns is None else self.seen_ns[rows])
+
+
+class _Targets:
+    """Positions and velocities of states in the world frame."""
+
+    state: FloatArray
+    space: StateSpace
+
+    @property
+    def position(self) -> FloatArray:
+        """Positions in the world frame, metres, shape (T, 2)."""
+        return self.state[:, list(self.space.position)]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities in the world frame, metres per second, shape (T, 2)."""
+        return self.state[:, list(self.space.velocity)]
+
+
+@dataclass(frozen=True)
+class Estimates(_Targets):
+    """Targets extracted from an intensity.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Time of the states in nanoseconds.
+    lag : int
+        Number of later scans used in the estimates; 0 for filtered ones.
+    state : array of shape (T, D)
+        In the world frame; metres, metres per second, radians per second.
+    covariance : array of shape (T, D, D)
+        Covariance of the state, in the same units.
+    weight : array of shape (T,)
+        Existence probability of the target: the mass of its component; biased with the PHD filter.
+    class_probability : array of shape (T, C)
+    class_id : int array of shape (T,)
+    track_id : int array of shape (T,)
+        Track number, from 1. Within an engine, before `TrackNumbers.assign`, label + 1. 0 for an
+        estimate without a label.
+    space : StateSpace
+        Axes of the states.
+    track_state : int array of shape (T,)
+        `TENTATIVE`, `CONFIRMED` or `COASTING`; by default all are confirmed.
+    attributes : Attributes or None
+        Heights and identities; None if no radar reports any.
+    """
+
+    stamp_ns: int
+    lag: int
+    state: Annotated[FloatArray, floats("TD", -MAX_STATE, MAX_STATE)]
+    covariance: Annotated[FloatArray, covariances("TDD", MAX_STATE)]
+    weight: Annotated[FloatArray, floats("T", 0.0, MAX_MASS)]
+    class_probability: Annotated[FloatArray, floats("TC", 0.0, MAX_MASS)]
+    class_id: Annotated[IntArray, integers("T", 0, below="C")]
+    track_id: Annotated[IntArray, integers("T", 0)]
+    space: StateSpace = PLANAR
+    track_state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)] = field(
+        default_factory=lambda: _NOT_GIVEN
+    )
+    attributes: Attributes | None = None
+
+    @property
+    def position_covariance(self) -> FloatArray:
+        """Covariances of the positions, square metres, shape (T, 2, 2)."""
+        axes = list(self.space.position)
+        return self.covariance[:, axes][:, :, axes]
+
+    def __post_init__(self) -> None:
+        for name in ("state", "covariance", "weight", "class_probability"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        if self.track_state is _NOT_GIVEN:
+            object.__setattr__(self, "track_state", np.full(len(self), CONFIRMED))
+        for name in ("class_id", "track_id", "track_state"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+    def take(self, rows: IntArray) -> Estimates:
+        """Return the estimates of these rows."""
+        columns = {name: getattr(self, name)[rows] for name in _PER_TARGET}
+        known = None if self.attributes is None else self.attributes.take(rows)
+        return replace(self, attributes=known, **columns)
+
+    @staticmethod
+    def concatenate(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:
+        """Concatenate estimates of several stamps; return them by ascending track, with each stamp.
+
+        At least one part is required. The result has the stamp of the last part.
+        """
+        stamps = np.repeat([part.stamp_ns for part in parts], [len(part) for part in parts])
+        if len(parts) == 1:
+            return parts[0], stamps
+        order = np.argsort(np.concatenate([part.track_id for part in parts]), kind="stable")
+        columns: dict[str, Any] = {
+            name: np.concatenate([getattr(part, name) for part in parts])[order]
+            for name in _PER_TARGET
+        }
+        known = [part.attributes for part in parts if part.attributes is not None]
+        attributes = Attributes.joined(known).take(order) if len(known) == len(parts) else None
+        last = parts[-1]
+        return replace(last, lag=lag, attributes=attributes, **columns), stamps[order]
+
+    @staticmethod
+    def empty(stamp_ns: int, lag: int, classes: int, space: StateSpace = PLANAR) -> Estimates:
+        """Return estimates of no targets."""
+        size, no_one = len(space), np.zeros(0, dtype=np.int64)
+        return Estimates(
+            stamp_ns=stamp_ns,
+            lag=lag,
+            state=np.zeros((0, size)),
+            covariance=np.zeros((0, size, size)),
+            weight=np.zeros(0),
+            class_probability=np.zeros((0, classes)),
+            class_id=no_one,
+            track_id=no_one,
+            space=space,
+        )
+
+    @property
+    def unresolved(self) -> int:
+        """Number of estimates with the mass of two or more unresolved targets."""
+        return int(np.count_nonzero(self.weight > 1.5))
+
+
+FILTERED, SMOOTHED = SOURCES = ("filtered", "smoothed")
+
+
+@dataclass(frozen=True)
+class Truth(_Targets):
+    """The targets that exist at one stamp.
+
+    Parameters
+    ----------
+    state : array of shape (T, D)
+    track_id : int array of shape (T,)
+        Counted from 1 in the order of the scenario.
+    class_id : int array of shape (T,)
+    space : StateSpace
+        What the axes of the states are.
+    height : array of shape (T, 2) or None
+        Height and climb rate, metres and metres per second; None if they are not known.
+    """
+
+    stamp_ns: int
+    state: FloatArray
+    track_id: IntArray
+    class_id: IntArray
+    space: StateSpace = PLANAR
+    height: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "state", read_only(self.state))
+        if self.height is not None:
+            object.__setattr__(self, "height", read_only(self.height))
+        for name in ("track_id", "class_id"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))

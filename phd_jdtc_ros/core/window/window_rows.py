@@ -1,0 +1,66 @@
+"""Rows of a window that represent the targets at a stamp, and entries that are still needed."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from ..arrays import IntArray
+from .entries import Entry, LinkT, RowsT, UnsweptRows
+
+NO_ROWS = np.zeros(0, dtype=np.int64)
+
+
+def rows_at(
+    window: Sequence[Entry[RowsT, LinkT]],
+    unswept: Sequence[UnsweptRows[RowsT, LinkT]],
+    stamp_ns: int,
+) -> dict[int, IntArray | None]:
+    """Return the rows that represent the targets at a stamp, by the stamp of their entry.
+
+    None stands for all rows of an entry. These are the rows of entries up to the stamp that only
+    later entries, or no entry yet, continue.
+    """
+    sources = [rows.source for rows in unswept]
+    for entry in window:
+        if entry.stamp_ns > stamp_ns:
+            sources += entry.sources
+    alive: dict[int, IntArray | None] = {}
+    earlier = {entry.stamp_ns for entry in window if entry.stamp_ns <= stamp_ns}
+    for source in sources:
+        if source.stamp_ns in earlier:
+            before, rows = alive.get(source.stamp_ns, NO_ROWS), source.rows
+            both = None if before is None or rows is None else np.append(before, rows)
+            alive[source.stamp_ns] = both
+    return alive
+
+
+def interpolation_stamps(
+    window: Sequence[Entry[RowsT, LinkT]], stamp_ns: int, alive: Collection[int]
+) -> list[int]:
+    """Return the stamps of the entries to interpolate between, ascending.
+
+    `alive` has the stamps of `rows_at`.
+    """
+    return [
+        entry.stamp_ns
+        for entry in window
+        if entry.stamp_ns in alive
+        or (entry.stamp_ns > stamp_ns and any(source.stamp_ns in alive for source in entry.sources))
+    ]
+
+
+def trimmed(
+    window: Sequence[Entry[RowsT, LinkT]],
+    unswept: Sequence[UnsweptRows[RowsT, LinkT]],
+    following: int,
+) -> list[Entry[RowsT, LinkT]]:
+    """Return the entries that the filter or a pending stamp, from `following` on, needs."""
+    needed = {*rows_at(window, unswept, following)}
+    needed |= {entry.stamp_ns for entry in window if entry.stamp_ns >= following}
+    return [
+        entry if any(source.stamp_ns in needed for source in entry.sources) else entry.unlinked
+        for entry in window
+        if entry.stamp_ns in needed
+    ]

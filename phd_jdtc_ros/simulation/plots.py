@@ -1,0 +1,165 @@
+"""Simulates the plots of a turning radar: targets, clutter, reflectors and mirrored replies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
+from phd_jdtc_ros.core.types import FULL_TURN
+
+from .antenna import Antenna
+from .looks import looks, looks_beside, passes
+from .scenario import Scenario
+from .simulate import false_detections, observe, range_rates
+from .traffic.flight import Flight, Leg
+
+
+class SimulatedPlots(NamedTuple):
+    """The plots of one radar in a run.
+
+    Parameters
+    ----------
+    turns : array of shape (M,)
+        Turns of the antenna from the start of scan 0's turn to the measured azimuth, ascending.
+    measurement : array of shape (M, 2)
+        Range and azimuth; slant range and azimuth from true east for a radar with a site.
+    amplitude : array of shape (M,)
+    source : int array of shape (M,)
+        The track_id of each plot's target; 0 for clutter.
+    answering : int array of shape (M,)
+        The track_id of the target whose transponder replies; set also for a mirrored reply, whose
+        source is clutter.
+    range_rate : array of shape (M,) or None
+    """
+
+    turns: FloatArray
+    measurement: FloatArray
+    amplitude: FloatArray
+    source: IntArray
+    answering: IntArray
+    range_rate: FloatArray | None = None
+
+    def take(self, rows: IntArray) -> SimulatedPlots:
+        """Return the plots of some rows."""
+        rate = None if self.range_rate is None else self.range_rate[rows]
+        turns, measurement, amplitude, source, answering, _ = self
+        return SimulatedPlots(
+            *(turns[rows], measurement[rows], amplitude[rows]),
+            *(source[rows], answering[rows], rate),
+        )
+
+
+def plots_of(
+    scenario: Scenario, index: int, rng: np.random.Generator, layout: RadarInput | None = None
+) -> SimulatedPlots:
+    """Return the plots of one radar, with clutter, ordered by time.
+
+    `layout` has the radar's site on the round earth; None if it measures over a plane.
+    """
+    radar, antenna = scenario.radars[index], scenario.antennas[index]
+    _, state, true, source = own = looks(scenario, index, layout)
+    snr = np.array([0.0, *(flight.snr for flight in scenario.flights)])[source]
+    found, amplitude, seen = observe(true, snr, radar, rng)
+    turned = _plot_turns(antenna, antenna.turns_at(own.time_s, radar.rotation_s), true, found)
+    targets = SimulatedPlots(turned[seen], found[seen], amplitude[seen], source[seen], source[seen])
+    parts = (
+        targets,
+        _clutter(scenario, index, rng),
+        *_reflector_plots(scenario, index, rng),
+        *_mirror_plots(scenario, index, layout, rng),
+    )
+    turned = np.concatenate([part.turns for part in parts])
+    others = len(turned) - len(targets.turns)
+    range_rate = range_rates(state[seen], others, radar, rng)
+    every = SimulatedPlots(
+        turned,
+        np.concatenate([part.measurement for part in parts]),
+        np.concatenate([part.amplitude for part in parts]),
+        np.concatenate([part.source for part in parts]),
+        np.concatenate([part.answering for part in parts]),
+        range_rate,
+    )
+    return every.take(np.argsort(turned, kind="stable"))
+
+
+def _plot_turns(
+    antenna: Antenna, turns: FloatArray, exact: FloatArray, found: FloatArray
+) -> FloatArray:
+    """Return the turns at which the antenna points at measured azimuths.
+
+    Parameters
+    ----------
+    turns : array of shape (N,)
+        Turns at which the antenna points at the true azimuths.
+    exact, found : arrays of shape (N, 2)
+        True and measured range and azimuth.
+    """
+    moved = wrap_angle(found[:, 1] - exact[:, 1]) / FULL_TURN
+    return turns + (-moved if antenna.clockwise else moved)
+
+
+def _reflector_plots(
+    scenario: Scenario, index: int, rng: np.random.Generator
+) -> Iterator[SimulatedPlots]:
+    """Yield a radar's plots of each kind of reflectors."""
+    radar, antenna = scenario.radars[index], scenario.antennas[index]
+    whole = (Leg(max(scenario.duration_s, radar.rotation_s)),)
+    for kind in scenario.reflectors:
+        exact, turns = [np.zeros((0, 2))], [np.zeros(0)]
+        for point in kind.points:
+            still = Flight(0, 0.0, 0.0, point, (0.0, 0.0), whole)
+            time = passes(still, radar, antenna, scenario.duration_s, scenario.carrier(index))
+            exact.append(scenario.measure(index, still.states(time), time))
+            turns.append(antenna.turns_at(time, radar.rotation_s))
+        true = np.concatenate(exact)
+        found, amplitude, seen = kind.measure(true, radar, rng)
+        turned = _plot_turns(antenna, np.concatenate(turns), true, found)
+        none = np.zeros(int(np.count_nonzero(seen)), dtype=np.int64)
+        yield SimulatedPlots(turned[seen], found[seen], amplitude[seen], none, none)
+
+
+def _mirror_plots(
+    scenario: Scenario, index: int, layout: RadarInput | None, rng: np.random.Generator
+) -> Iterator[SimulatedPlots]:
+    """Yield a radar's plots of each target's replies by each mirror."""
+    radar, antenna = scenario.radars[index], scenario.antennas[index]
+    axes = list(radar.space.position)
+    for mirror in scenario.mirrors:
+        for number, flight in enumerate(scenario.flights, start=1):
+            if not scenario.has_transponder(number):
+                continue
+            own = looks_beside(scenario, index, layout, number, mirror.position)
+            position = own.state[:, axes]
+            exact = own.exact + np.stack(
+                [mirror.detour(position, radar), np.zeros(len(position))], axis=1
+            )
+            snr = np.full(len(position), flight.snr)
+            found, amplitude, seen = observe(exact, snr, radar, rng)
+            seen &= mirror.reflects(position, radar, rng)
+            turned = _plot_turns(
+                antenna, antenna.turns_at(own.time_s, radar.rotation_s), exact, found
+            )
+            none = np.zeros(int(np.count_nonzero(seen)), dtype=np.int64)
+            yield SimulatedPlots(turned[seen], found[seen], amplitude[seen], none, own.source[seen])
+
+
+def _clutter(scenario: Scenario, index: int, rng: np.random.Generator) -> SimulatedPlots:
+    """Return one radar's clutter in its field of view; the clutter rate is per whole turn."""
+    radar, antenna = scenario.radars[index], scenario.antennas[index]
+    end = antenna.turns_at(np.array([scenario.duration_s]), radar.rotation_s)
+    last = int(np.ceil(end[0]))
+    count = rng.poisson(radar.clutter_rate, last)
+    measurement, amplitude = false_detections(radar, int(count.sum()), rng, scenario.law(index))
+    turns = np.repeat(np.arange(last), count) + antenna.turns_to(measurement[:, 1])
+    kept = radar.visibility.sees(measurement) > 0.0
+    none = np.zeros(int(np.count_nonzero(kept)), dtype=np.int64)
+    return SimulatedPlots(turns[kept], measurement[kept], amplitude[kept], none, none)
+
+
+def plot_times(scenario: Scenario, index: int, plots: SimulatedPlots) -> FloatArray:
+    """Return the times of one radar's plots, seconds after scan 0, shape (M,)."""
+    return scenario.antennas[index].times_at(plots.turns, scenario.radars[index].rotation_s)

@@ -1,0 +1,103 @@
+"""A sensor that measures positions: it needs the abstract members only."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from phd_jdtc_ros.configuration.radar_build import watch_of
+from scenes import small
+
+from phd_jdtc_ros.core.intake.input_checks import ReportWatch
+from phd_jdtc_ros.core.sensors.gaussians import PlanePlots
+from phd_jdtc_ros.core.sensors.sensor import Sensor
+from phd_jdtc_ros.core.types import UNKNOWN_COVERAGE, Detections, Pose
+
+STATE = np.array([[100.0, 3.0, 200.0, -4.0, 0.0], [0.0, 0.0, 50.0, 1.0, 0.0]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PositionSensor(Sensor):
+    """Measures positions relative to its own, with the same noise along both axes."""
+
+    std: float = 5.0
+
+    @property
+    def noise_std(self):
+        return np.full(2, self.std)
+
+    @property
+    def field_size(self):
+        return 1e6
+
+    @property
+    def log_uniform_clutter(self):
+        return float(np.log(self.clutter_rate / self.field_size))
+
+    def linearise(self, position):
+        return position - self.position, np.broadcast_to(np.eye(2), (*position.shape, 2))
+
+    def to_world(self, measurement):
+        return measurement + self.position
+
+    def log_jacobian(self, measured):
+        return np.zeros(len(measured))
+
+    def in_plane(self, detections):
+        axes = np.broadcast_to(np.eye(2), (len(detections), 2, 2))
+        return PlanePlots(
+            self.to_world(detections.measurement), axes, self.noise_std_of(detections)
+        )
+
+    def drawn_in_plane(self, detections, normal):
+        position = self.to_world(detections.measurement)
+        return position[:, None] + normal * self.noise_std_of(detections)[:, None]
+
+    def gated_pairs(self, predicted, detections, rate=None):
+        error = detections.measurement - predicted[:, None]
+        square = ((error / self.noise_std_of(detections)) ** 2).sum(axis=2)
+        row, column = np.nonzero(square < 36.0)
+        return row, column, -0.5 * square[row, column]
+
+    def gated_boxes(self, gaussians, detections):
+        row, column, _ = self.gated_pairs(gaussians.measured[:, 0], detections)
+        return row, column, np.zeros(gaussians.alive.shape, dtype=bool)
+
+
+SENSOR = PositionSensor(
+    name="mast", position=(10.0, 20.0), yaw=0.0, threshold=3.0, clutter_rate=2.0
+)
+DETECTIONS = Detections(
+    np.array([[90.0, 180.0], [0.0, 0.0]]), None, noise_std=np.array([[1.0, 2.0], [np.nan, np.nan]])
+)
+
+
+def test_measurements_and_their_rates_follow_from_the_linearised_measurement():
+    np.testing.assert_array_equal(SENSOR.measure(STATE), [[90.0, 180.0], [-10.0, 30.0]])
+    np.testing.assert_array_equal(SENSOR.measurement_rate(STATE), [[3.0, -4.0], [0.0, 1.0]])
+
+
+def test_noise_of_detections_is_their_own_or_the_sensors():
+    np.testing.assert_array_equal(SENSOR.noise_std_of(DETECTIONS), [[1.0, 2.0], [5.0, 5.0]])
+
+
+def test_sensor_without_coverage_sees_and_sweeps_everything():
+    measured = SENSOR.measure(STATE)
+    assert SENSOR.coverage_probability(measured, UNKNOWN_COVERAGE).tolist() == [1.0, 1.0]
+    assert SENSOR.may_have_swept(STATE[:, :2], np.ones(2), DETECTIONS).all()
+    assert SENSOR.given_detection_probability(measured) is None
+
+
+def test_clutter_without_a_map_is_uniform():
+    np.testing.assert_allclose(SENSOR.log_clutter_intensity(DETECTIONS), np.log(2e-6))
+    assert not SENSOR.neighbourhood_density(DETECTIONS.measurement, STATE[:, :2]).any()
+
+
+def test_pose_moves_the_sensor_and_keeps_the_rest():
+    moved = SENSOR.at(Pose((1.0, 2.0), 0.5, (3.0, 4.0)))
+    assert (moved.position, moved.yaw, moved.velocity) == ((1.0, 2.0), 0.5, (3.0, 4.0))
+    assert (moved.std, moved.name, moved.polar) == (5.0, "mast", False)
+
+
+def test_input_checks_of_azimuths_are_only_for_polar_radars():
+    ours, none = watch_of(small().inputs[0], SENSOR), ReportWatch()
+    names = ("by_sectors", "whole_turn", "slant_ranges")
+    assert [getattr(ours, name) for name in names] == [getattr(none, name) for name in names]
