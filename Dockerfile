@@ -33,11 +33,11 @@ RUN apt-get update \
         ros-jazzy-tf2-msgs \
         ros-jazzy-visualization-msgs \
     && rm -rf /var/lib/apt/lists/*
-# What has no package in Ubuntu: bags, the report's page, ASTERIX. The messages that ROS has compiled
+# What has no package in Ubuntu: bags, compilation, the report's page, ASTERIX. The messages that ROS has compiled
 # need the numpy that Ubuntu has.
 COPY constraints-ros.txt /tmp/constraints.txt
 RUN pip install --break-system-packages --no-cache-dir -c /tmp/constraints.txt \
-        libasterix mcap-ros2-support plotly \
+        libasterix mcap-ros2-support numba plotly \
     && rm /tmp/constraints.txt
 
 # What .devcontainer opens: the checkout is mounted, and `make` installs into its .venv.

@@ -9,12 +9,12 @@ ifdef ROS_DISTRO
 VENV_FLAGS := --system-site-packages
 PIP_FLAGS  := -c constraints-ros.txt
 EXTRAS     :=
-TEST_EXTRAS := [fast,test,study,peers,docs,dev]
+TEST_EXTRAS := [test,study,peers,docs,dev]
 else
 VENV_FLAGS :=
 PIP_FLAGS  := -c constraints.txt
 EXTRAS     := [ros]
-TEST_EXTRAS := [ros,fast,test,study,peers,docs,dev]
+TEST_EXTRAS := [ros,test,study,peers,docs,dev]
 endif
 
 INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS)
@@ -79,7 +79,7 @@ $(VENV)/.ready-study: $(VENV)/.ready
 
 $(VENV)/.ready-bench: $(VENV)/.ready
 	@echo "installing what the benchmark needs into $(VENV) ..."
-	@$(INSTALL) -e '.[study,peers,fast]' || $(NOT_INSTALLED)
+	@$(INSTALL) -e '.[study,peers]' || $(NOT_INSTALLED)
 	@touch $@
 
 demo: $(VENV)/.ready

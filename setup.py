@@ -54,6 +54,8 @@ setup(
         "rich>=13",
         "pyproj>=3.6",
         "libasterix>=0.36",
+        # Compiles the step; without it the tracker does the same slowly.
+        "numba>=0.59",
     ],
     extras_require={
         "ros": ROS_WHEELS,
@@ -64,8 +66,6 @@ setup(
             "hypothesis",
             "rosbags",
         ],
-        # A compiled inner loop of the smoother, with the same results; ROS has it as python3-numba.
-        "fast": ["numba>=0.59"],
         "study": ["dask", "distributed"],
         "peers": ["stonesoup>=1.9,<2"],
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5", "latex2mathml>=3.77"],

@@ -23,7 +23,7 @@ def available() -> tuple[str, ...]:
 
 def reason_missing(backend: str) -> str:
     """Return why a backend is not available."""
-    return f"{backend} is not installed: pip install '.[fast]'"
+    return f"{backend} is not installed: pip install numba"
 
 
 def using(backend: str) -> AbstractContextManager[None]:

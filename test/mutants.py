@@ -1,8 +1,8 @@
 """Mutation tests of the association, the correctors and the smoother, into out/mutants.
 
 mutmut changes one operator, number, name or argument at a time, and runs the unit tests of the
-module that it changed: a mutant that passes them all survives. Loops that numba compiles are those
-of NumPy here, because a mutant of a compiled one would be compiled for every test.
+module that it changed: a mutant that passes them all survives. What numba compiles is
+interpreted here, because a mutant of a compiled one would be compiled for every test.
 
 A mutant that no test can distinguish from the original is equivalent, and is listed with the
 reason in ``equivalent_mutants.yaml``. The share is that of the others, and the goal is for each
@@ -73,7 +73,7 @@ PARTS = {
         ("association",),
     ),
     "exact association": Part(
-        ("association/batches.py", "association/exact_marginals.py"), ("association",)
+        ("association/frontier.py", "association/planning.py"), ("association",)
     ),
     "correction": Part(("smc/correction.py",), ("smc/test_correction.py",)),
     "gaussian pairs": Part(
@@ -155,6 +155,7 @@ def mutate(name, part):
     with (place / "pyproject.toml").open("a") as file:
         file.write(configuration(part))
     environment = {**os.environ, "PHD_JDTC_KERNELS": "numpy", "OMP_NUM_THREADS": "1"}
+    environment["NUMBA_DISABLE_JIT"] = "1"
     environment.pop("PYTHONPATH", None)  # which could lead to the original modules
     command = [sys.executable, "-m", "mutmut"]
     with (place / "mutmut.log").open("w") as log:

@@ -13,7 +13,7 @@ import phd_jdtc_ros.core
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "phd_jdtc_ros"
 CORE = sorted((PACKAGE / "core").rglob("*.py"))
-COMPILED = ("numba_loops", "compiled", "compiled_kernel")
+COMPILED = ("compilation", "numba_loops", "compiled", "compiled_kernel")
 
 
 def module_of(path):

@@ -16,6 +16,7 @@ KEYS = {
     "libasterix": None,
     "lz4": "mcap-ros2-support",
     "mcap": "mcap-ros2-support",
+    "numba": None,  # there is one, for a package that Ubuntu 24.04 does not have
     "plotly": None,
     "pyyaml": "python3-yaml",
     "rosbags": None,  # for the tests alone, and a pip key keeps a package out of an apt release
@@ -25,7 +26,7 @@ KEYS = {
 # Name of the module of a Python package, where it is another.
 MODULES = {"libasterix": "asterix", "pyyaml": "yaml"}
 # Imported where they are installed.
-OPTIONAL = {"dask", "distributed", "numba", "stonesoup"}
+OPTIONAL = {"dask", "distributed", "stonesoup"}
 
 
 def declared(*tags):

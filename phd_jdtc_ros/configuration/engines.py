@@ -1,27 +1,29 @@
-"""The engines by their names, and the pipeline of a configuration."""
+"""The engines by their names, and the pipeline of a configuration.
+
+Each engine is imported when the first one of its kind is made, because that loads numba and
+compiled code, and compiles new code.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.engine import Engine
-from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
-from phd_jdtc_ros.core.gaussian.filter import GaussianFilter
 from phd_jdtc_ros.core.intake.input_checks import ResultWatch
 from phd_jdtc_ros.core.intake.out_of_sequence import POLICIES
 from phd_jdtc_ros.core.intake.turn_history import TurnHistory
 from phd_jdtc_ros.core.pipeline import EVERYWHERE, Pipeline, start_cold
-from phd_jdtc_ros.core.smc.correction import CORRECTORS
-from phd_jdtc_ros.core.smc.engine import ParticleEngine
-from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
-from phd_jdtc_ros.core.smc.filter import ParticleFilter
-from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
-from phd_jdtc_ros.core.targets.sobol import sobol_points
 from phd_jdtc_ros.core.tracks.common_stamp import Schedule
 
 from .build import TrackerConfig
 from .schema import ConfigError
+
+if TYPE_CHECKING:
+    from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
+    from phd_jdtc_ros.core.smc.engine import ParticleEngine
+    from phd_jdtc_ros.core.smc.filter import ParticleFilter
 
 
 def new_engine(config: TrackerConfig) -> Engine:
@@ -41,6 +43,10 @@ def new_engine(config: TrackerConfig) -> Engine:
 
 def particle_engine(config: TrackerConfig) -> ParticleEngine:
     """Return a new particle engine."""
+    from phd_jdtc_ros.core.smc.engine import ParticleEngine
+    from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
+    from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
+
     return ParticleEngine(
         forward=particle_filter(config),
         lag=config.lag,
@@ -53,6 +59,11 @@ def particle_engine(config: TrackerConfig) -> ParticleEngine:
 
 def particle_filter(config: TrackerConfig) -> ParticleFilter:
     """Return a new forward filter of the particle engine."""
+    from phd_jdtc_ros.core.association import marginals  # noqa: F401, not during the first scan
+    from phd_jdtc_ros.core.smc.correction import CORRECTORS
+    from phd_jdtc_ros.core.smc.filter import ParticleFilter
+    from phd_jdtc_ros.core.targets.sobol import sobol_points
+
     corrector = CORRECTORS[config.recursion.corrector]
     # Loads the module of Sobol points now and not during the first scan.
     sobol_points(1, 1)
@@ -61,6 +72,9 @@ def particle_filter(config: TrackerConfig) -> ParticleFilter:
 
 def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
     """Return a new engine of Gaussian mixtures."""
+    from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
+    from phd_jdtc_ros.core.gaussian.filter import GaussianFilter
+
     return GaussianEngine(
         forward=GaussianFilter(config.model, config.bounds),
         lag=config.lag,
@@ -71,8 +85,8 @@ def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
 
 # The modules with an engine's compiled loops.
 COMPILED = {
-    "particles": ("association.compiled", "pair_search.compiled", "pair_search.compiled_kernel"),
-    "gaussian": ("association.compiled", "gaussian.algebra.compiled"),
+    "particles": ("pair_search.compiled", "pair_search.compiled_kernel"),
+    "gaussian": (),
 }
 ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {
     "particles": particle_engine,

@@ -36,6 +36,11 @@ def read_only(array: npt.ArrayLike, dtype: type = np.float64) -> Any:
     return view
 
 
+def contiguous(*arrays: Any) -> tuple[Any, ...]:
+    """Return arrays as compiled functions take them."""
+    return tuple([np.ascontiguousarray(array) for array in arrays])
+
+
 def wrap_angle(angle: FloatArray) -> FloatArray:
     """Return `angle` in radians wrapped to (-pi, pi], elementwise."""
     wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
@@ -67,12 +72,28 @@ def run_starts(value: IntArray) -> IntArray:
 def factorize(value: IntArray) -> tuple[IntArray, IntArray]:
     """Return the distinct values, ascending, and for each entry the index of its value in them.
 
-    This equals `numpy.unique` with the inverse, but is fast for long runs of equal values.
+    This equals `numpy.unique` with the inverse, but is fast for long runs of equal values and for
+    ascending ones.
     """
-    first = run_starts(value)
-    distinct, run = np.unique(value[first], return_inverse=True)
-    length = np.diff(np.append(first, len(value)))
-    return distinct, run.ravel().repeat(length)
+    starts = np.ones(len(value), dtype=np.bool_)
+    np.not_equal(value[1:], value[:-1], out=starts[1:])
+    distinct, run = value[starts], starts.cumsum() - 1
+    if (distinct[1:] > distinct[:-1]).all():
+        return distinct, run
+    distinct, place = np.unique(distinct, return_inverse=True)
+    return distinct, place.ravel()[run]
+
+
+def contains(ascending: IntArray, value: IntArray) -> BoolArray:
+    """Return whether each value is one of the ascending ones, shape of `value`.
+
+    For few values this takes a fifth of the time of `numpy.isin`.
+    """
+    if not len(ascending):
+        return np.zeros(value.shape, dtype=np.bool_)
+    place = np.minimum(ascending.searchsorted(value), len(ascending) - 1)
+    found: BoolArray = ascending[place] == value
+    return found
 
 
 def add_by_row(total: FloatArray | IntArray, row: IntArray, weight: FloatArray | None) -> None:

@@ -50,6 +50,36 @@ class Gaussian:
 
 
 @dataclass(frozen=True)
+class Backward:
+    """What leads from a later distribution back to the earlier one.
+
+    Parameters
+    ----------
+    before, predicted : Gaussian
+        The filtered distribution, and what it predicted.
+    gain : array of shape (D, D)
+    """
+
+    before: Gaussian
+    predicted: Gaussian
+    gain: FloatArray
+
+    def earlier(self, later: Gaussian) -> Gaussian:
+        """Return the earlier distribution, given the later one.
+
+        References
+        ----------
+        Rauch, Tung and Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
+        Journal 3(8), 1965.
+        """
+        gain, apart = self.gain, later.covariance - self.predicted.covariance
+        return Gaussian(
+            self.before.mean + gain @ (later.mean - self.predicted.mean),
+            self.before.covariance + gain @ apart @ gain.T,
+        )
+
+
+@dataclass(frozen=True)
 class Filtered:
     """The filter's result for one scan, for use by the smoother.
 
@@ -62,7 +92,7 @@ class Filtered:
     """
 
     updated: Gaussian
-    back: kalman.Backward | None
+    back: Backward | None
 
 
 def birth(
@@ -81,17 +111,16 @@ def birth(
     return Gaussian(motion.space.state(position, 0.0, 0.0), np.diag(std**2))
 
 
-def predict(before: Gaussian, motion: MotionModel, dt: float) -> tuple[Gaussian, kalman.Backward]:
+def predict(before: Gaussian, motion: MotionModel, dt: float) -> tuple[Gaussian, Backward]:
     """Return the distribution `dt` seconds later, and the backward step from it."""
-    size = len(motion.space)
+    size, axes = len(motion.space), list(motion.support)
     state = before.mean[None]
     later_mean, jacobian = motion.mean(state, dt)[0], motion.jacobian(state, dt)[0]
-    noise, unsupported = np.zeros((size, size)), np.ones(size)
-    noise[np.ix_(motion.support, motion.support)] = motion.noise_covariance(dt)
-    unsupported[list(motion.support)] = 0.0
+    noise, gain = np.zeros((size, size)), np.zeros((size, size))
+    noise[np.ix_(axes, axes)] = motion.noise_covariance(dt)
     later, cross = kalman.predicted_covariance(before.covariance, jacobian, noise)
-    back, _ = kalman.backward(before.mean, before.covariance, later_mean, later, cross, unsupported)
-    return Gaussian(later_mean, later), back
+    gain[:, axes] = np.linalg.solve(later[np.ix_(axes, axes)], cross[:, axes].T).T
+    return Gaussian(later_mean, later), Backward(before, Gaussian(later_mean, later), gain)
 
 
 def update(
@@ -131,7 +160,7 @@ def smooth(filtered: Sequence[Filtered]) -> Gaussian:
     for step in filtered[:0:-1]:
         if step.back is None:
             raise ValueError("filtered: a scan after the first has no backward step")
-        smoothed = Gaussian(*step.back.earlier(smoothed.mean, smoothed.covariance))
+        smoothed = step.back.earlier(smoothed)
     return smoothed
 
 

@@ -7,6 +7,6 @@ from phd_jdtc_ros.core import backend as backends
 def backend(request):
     """Run a test with the plain and with the compiled kernels."""
     if request.param == "numba":
-        pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+        pytest.importorskip("numba", reason="numba is missing: pip install numba")
     with backends.using(request.param):
         yield

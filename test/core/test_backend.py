@@ -32,7 +32,7 @@ def test_backend_is_numpy_where_numba_is_missing():
 
 
 def test_backend_is_numba_where_it_is_installed():
-    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    pytest.importorskip("numba", reason="numba is missing: pip install numba")
     assert chosen_backend("auto") == "numba"
 
 

@@ -8,10 +8,11 @@ from lone import STD, lone, mixture_of, scan_at
 from scipy.stats import norm
 
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement.newborn import newborn_mixture
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
-from phd_jdtc_ros.core.gaussian.reduction import Bounds, Branched
+from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.smc import extraction

@@ -1,18 +1,22 @@
 """Association probabilities from all matchings, one after the other."""
 
 import itertools
+import math
 
 import numpy as np
 
 
 def enumerated(odds, clutter):
-    """Return (T, M) and (T,) exact marginals of dense odds, event by event."""
-    edge, none, total = np.zeros_like(odds), np.zeros(len(odds)), 0.0
+    """Return (T, M) and (T,) exact marginals of dense odds, event by event.
+
+    Entries may be fractions, which neither overflow nor round.
+    """
+    edge, none, total = np.zeros_like(odds), np.zeros(len(odds), dtype=odds.dtype), 0
     for event in itertools.product(*[[-1, *np.flatnonzero(row)] for row in odds]):
         used = [z for z in event if z >= 0]
         if len(set(used)) < len(used):
             continue
-        weight = np.prod([odds[t, z] / clutter[z] for t, z in enumerate(event) if z >= 0])
+        weight = math.prod(odds[t, z] / clutter[z] for t, z in enumerate(event) if z >= 0)
         total += weight
         for t, z in enumerate(event):
             if z >= 0:

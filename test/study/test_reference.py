@@ -12,6 +12,7 @@ from phd_jdtc_ros.core.types import Detections, Scan, Truth
 from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.study.reference import (
+    Backward,
     Filtered,
     Gaussian,
     best_noise,
@@ -79,9 +80,7 @@ def filtered_toy(rng, scans):
         if k:
             later, cross = kalman.predicted_covariance(updated.covariance, moving, noise)
             predicted = Gaussian(moving @ updated.mean, later)
-            back, _ = kalman.backward(
-                updated.mean, updated.covariance, predicted.mean, later, cross, np.zeros(2)
-            )
+            back = Backward(updated, predicted, cross @ np.linalg.inv(later))
         gain = predicted.covariance[:, 0] / (predicted.covariance[0, 0] + variance)
         updated = Gaussian(
             predicted.mean + gain * (seen[k] - predicted.mean[0]),

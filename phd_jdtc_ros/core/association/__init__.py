@@ -6,8 +6,9 @@
       |  edges, odds                         bernoulli
     edges (target, detection, odds), clutter
       |  connected targets and detections     clusters
-      |  clusters with loops, if affordable   batches -> exact_marginals
-      |  everything else                      belief_propagation
+      |  the order of a cluster's edges        planning
+      |  sums over all matchings               frontier
+      |  clusters beyond all bounds            belief_propagation
     probability of every edge, and of no detection: marginals
       |  factors on the rows' weights        bernoulli
 

@@ -9,85 +9,62 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, sum_by
+from ..arrays import FloatArray
+from ..compilation import Float1, Int1, compiled, inner
 
 ITERATIONS = 200
 # Bound on edges times iterations; it keeps a graph of millions of edges within seconds.
 MOST_WORK = 1 << 25
 LEAST_ITERATIONS = 10
 TOLERANCE = 1e-6
-# Clusters are tested for convergence after the iterations `FIRST_TESTS`, and later after every
-# `TEST_EVERY`. Converged ones are removed if this leaves less than `WORTH_DROPPING` of the edges.
-# Single edges converge at once, stars after two iterations.
-FIRST_TESTS = (1, 2, 4, 8)
-TEST_EVERY = 16
-WORTH_DROPPING = 0.75
 
 
+@inner
+def rounds(edges: int) -> int:
+    """Return the largest number of iterations for so many edges."""
+    return min(ITERATIONS, max(MOST_WORK // max(edges, 1), LEAST_ITERATIONS))
+
+
+@compiled
 def propagate(
-    target: IntArray,
-    detection: IntArray,
-    odds: FloatArray,
-    targets: int,
-    clutter: FloatArray,
-    cluster: IntArray,
+    targets: int, size: int, target: Int1, detection: Int1, odds: Float1, iterations: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the marginals by loopy belief propagation; exact where the graph is a tree.
+    """Return the probabilities of edges, (E,), and of targets without one, (T,).
 
-    Parameters and returns are those of `marginals.marginals`; `clutter` is positive. `cluster`, of
-    shape (E,) and below T, is the same for all edges of a cluster.
+    Parameters
+    ----------
+    targets, size : int
+        T and M.
+    target, detection : int arrays of shape (E,)
+    odds : array of shape (E,)
+        Odds of each edge against both its target and its detection having none.
+    iterations : int
+        Largest number of them.
 
     References
     ----------
     Williams and Lau, "Approximate evaluation of marginal association probabilities with belief
     propagation", IEEE Transactions on Aerospace and Electronic Systems 50(4), 2014.
     """
-    if not len(odds):
-        return odds.copy(), np.ones(targets)
-    taken = odds * _availability(target, detection, odds, targets, clutter, cluster)
-    total = 1.0 + sum_by(target, taken, targets)
-    return taken / total.take(target), 1.0 / total
-
-
-def _availability(
-    target: IntArray,
-    detection: IntArray,
-    odds: FloatArray,
-    targets: int,
-    clutter: FloatArray,
-    cluster: IntArray,
-) -> FloatArray:
-    """Return the messages to the targets: the availability of each detection, (E,)."""
-    rival = clutter.take(detection)
-    free = 1.0 / rival
-    found, place = free, np.arange(len(odds))
-    watched = 0  # until this edge has converged, the others need no test
-    for iteration in range(min(ITERATIONS, max(MOST_WORK // len(odds), LEAST_ITERATIONS))):
-        wanted = odds / (1.0 + _others(target, odds * free, targets))  # message to the detection
-        before, free = free, 1.0 / (rival + _others(detection, wanted, len(clutter)))
-        due = iteration in FIRST_TESTS or iteration % TEST_EVERY == 0
-        if not due and abs(free[watched] - before[watched]) > TOLERANCE * before[watched]:
-            continue
-        change = np.abs(free - before)
-        if (change <= TOLERANCE * before).all():
+    count = len(odds)
+    # The message to the target is the availability of the detection.
+    wanted, free = np.empty(count), np.ones(count)
+    for _ in range(iterations):
+        share, claimed = np.zeros(targets), np.zeros(size)
+        for edge in range(count):
+            share[target[edge]] += odds[edge] * free[edge]
+        for edge in range(count):
+            others = max(share[target[edge]] - odds[edge] * free[edge], 0.0)
+            wanted[edge] = odds[edge] / (1.0 + others)
+            claimed[detection[edge]] += wanted[edge]
+        moving = False
+        for edge in range(count):
+            found = 1.0 / (1.0 + max(claimed[detection[edge]] - wanted[edge], 0.0))
+            moving = moving or abs(found - free[edge]) > TOLERANCE * free[edge]
+            free[edge] = found
+        if not moving:
             break
-        watched = int(np.argmax(change / before))
-        if not due:
-            continue
-        # Messages of a cluster that did not change at all, as in a tree, never change again.
-        moving = np.zeros(targets, dtype=bool)
-        moving[cluster[change > 0.0]] = True
-        kept = np.flatnonzero(moving.take(cluster))
-        if len(kept) < WORTH_DROPPING * len(free):
-            found[place], watched = free, 0
-            target, detection, cluster = target.take(kept), detection.take(kept), cluster.take(kept)
-            odds, rival, free = odds.take(kept), rival.take(kept), free.take(kept)
-            place = place.take(kept)
-    found[place] = free
-    return found
-
-
-def _others(index: IntArray, value: FloatArray, size: int) -> FloatArray:
-    """Return, for each edge, the sum of `value` over the other edges of its node."""
-    others = np.bincount(index, value, size).take(index) - value
-    return np.maximum(others, 0.0, out=others)
+    total = np.ones(targets)
+    for edge in range(count):
+        total[target[edge]] += odds[edge] * free[edge]
+    return odds * free / total[target], 1.0 / total

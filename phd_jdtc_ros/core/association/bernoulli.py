@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
-from .marginals import marginals
+from ..arrays import FloatArray, IntArray, contiguous, sum_by
 
 BoolArray = npt.NDArray[np.bool_]
 # Lower bound of the probability of a missed detection, by which odds are divided.
@@ -117,21 +116,11 @@ def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims
     Meyer et al., "Message passing algorithms for scalable multitarget tracking", Proceedings of
     the IEEE 106(2), 2018, for the same marginals in a particle filter of Bernoulli targets.
     """
-    size = len(claims.other)
-    # Rounding in the reduction of a set may leave a mass slightly above one.
-    excess = np.maximum(sum_by(target, weight, targets), 1.0)
-    prior = weight / excess.take(target)
-    detected = sum_by(target, prior * claims.detection_probability, targets)
-    missed = np.maximum(1.0 - detected, LEAST_MISSED)
+    # Only an engine loads compiled code, and the names of correctors are known without it.
+    from . import marginals
+    from .shares import posterior_shares
 
-    edge, edge_of_pair = distinct_cells(
-        (target * size).take(claims.row) + claims.column, targets * size
+    columns = (claims.row, claims.column, claims.mass, claims.other, claims.detection_probability)
+    return Shares(
+        *posterior_shares(marginals.MOST_WORK, targets, *contiguous(target, weight, *columns))
     )
-    edge_target, column = edge // max(size, 1), edge % max(size, 1)
-    explained = sum_by(edge_of_pair, claims.mass, len(edge)) / excess[edge_target]
-    odds = explained / missed[edge_target]
-    probability, none, approximate = marginals(edge_target, column, odds, targets, claims.other)
-
-    scale = probability / np.where(explained > 0.0, explained, 1.0) / excess[edge_target]
-    claimed = np.minimum(sum_by(column, probability, size), 1.0)
-    return Shares(prior, none / missed, scale.take(edge_of_pair), claimed, approximate)

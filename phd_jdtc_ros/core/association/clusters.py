@@ -6,36 +6,108 @@ cluster is named by its first node.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..arrays import IntArray
+from ..compilation import Int1, compiled, inner
 
 
-def cluster_of_nodes(target: IntArray, detection: IntArray, targets: int, size: int) -> IntArray:
+class Graph(NamedTuple):
+    """C clusters of N nodes with E edges.
+
+    Parameters
+    ----------
+    first : int array of shape (C + 1,)
+        The first node of each cluster, and N.
+    middle : int array of shape (C,)
+        The first detection of each cluster; its targets are the nodes before.
+    target, detection : int arrays of shape (E,)
+        The nodes of each edge.
+    start : int array of shape (N + 1,)
+        Where the edges of each node begin in `link`, and 2 E.
+    link : int array of shape (2 E,)
+        The edges of each node.
+    """
+
+    first: Int1
+    middle: Int1
+    target: Int1
+    detection: Int1
+    start: Int1
+    link: Int1
+
+
+@inner
+def _root(cluster: IntArray, node: int) -> int:
+    """Return the first node of a node's cluster; halve the way to it."""
+    while cluster[node] != node:
+        cluster[node] = cluster[cluster[node]]
+        node = cluster[node]
+    return node
+
+
+@compiled
+def clusters_of(targets: int, size: int, target: Int1, detection: Int1) -> IntArray:
     """Return the first node of each node's cluster, shape (T + M,).
 
     Parameters
     ----------
-    target, detection : int arrays of shape (E,)
-        The edges.
     targets, size : int
         T and M.
-
-    Notes
-    -----
-    In every round each cluster found so far joins a neighbour, so that the number of rounds is at
-    most the logarithm of the number of nodes. For small graphs this takes a quarter of the time of
-    `scipy.sparse.csgraph.connected_components`, for large graphs at most twice its time.
+    target, detection : int arrays of shape (E,)
+        The edges.
     """
-    first = np.arange(targets + size)
-    own, other = target, targets + detection
-    while True:
-        lower, upper = np.minimum(own, other), np.maximum(own, other)
-        if (lower == upper).all():
-            return first
-        np.minimum.at(first, upper, lower)
-        while True:
-            before, first = first, first.take(first)
-            if (first == before).all():
-                break
-        own, other = first.take(own), first.take(other)
+    cluster = np.arange(targets + size)
+    for edge in range(len(target)):
+        one, other = _root(cluster, target[edge]), _root(cluster, targets + detection[edge])
+        cluster[max(one, other)] = min(one, other)
+    for node in range(targets + size):
+        cluster[node] = _root(cluster, node)
+    return cluster
+
+
+@compiled
+def graph_of(targets: int, size: int, target: Int1, detection: Int1) -> tuple[IntArray, Graph]:
+    """Return the nodes that have edges, sorted by cluster, and the graph of their indices there.
+
+    For the parameters see `clusters_of`.
+    """
+    edges, cluster = len(target), clusters_of(targets, size, target, detection)
+    degree, members = np.zeros(targets + size, np.int64), np.zeros(targets + size, np.int64)
+    for edge in range(edges):
+        degree[target[edge]] += 1
+        degree[targets + detection[edge]] += 1
+    for node in range(targets + size):
+        members[cluster[node]] += degree[node] > 0
+    # A cluster is named by its first node, so that its place is known when that comes.
+    found, nodes = 0, 0
+    first, middle = np.zeros(targets + 1, np.int64), np.zeros(targets, np.int64)
+    number, free = np.zeros(targets, np.int64), np.zeros(targets, np.int64)
+    place = np.zeros(targets + size, np.int64)
+    for node in range(targets + size):
+        if degree[node] == 0:
+            continue
+        one = cluster[node]
+        if one == node:
+            first[found], number[node], free[found] = nodes, found, nodes
+            found, nodes = found + 1, nodes + members[node]
+        place[node] = free[number[one]]
+        free[number[one]] += 1
+        if node < targets:
+            middle[number[one]] = free[number[one]]
+    first[found] = nodes
+    order, start = np.zeros(nodes, np.int64), np.zeros(nodes + 1, np.int64)
+    for node in range(targets + size):
+        if degree[node]:
+            order[place[node]] = node
+            start[place[node] + 1] = degree[node]
+    start = np.cumsum(start)
+    ends, others = place[target], place[targets + detection]
+    link, room = np.empty(2 * edges, np.int64), start.copy()
+    for edge in range(edges):
+        for node in (ends[edge], others[edge]):
+            link[room[node]] = edge
+            room[node] += 1
+    return order, Graph(first[: found + 1], middle[:found], ends, others, start, link)

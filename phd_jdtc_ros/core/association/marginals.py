@@ -1,25 +1,31 @@
 """Marginal association probabilities of targets and detections.
 
-A target has at most one detection, and a detection at most one source. The cost of exact marginals
-is exponential in the number of contested detections. Belief propagation has linear cost and is
-exact if the graph of targets and detections is a tree. Small clusters with loops are summed
-exactly, because belief propagation may be overconfident there.
+A target has at most one detection, and a detection at most one source. The probabilities are exact
+except in clusters in which very many targets compete for the same detections. Belief propagation
+approximates these, and may be overconfident if the graph of targets and detections has loops.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
-from .batches import affordable_loops, sum_exactly
-from .belief_propagation import propagate
-from .clusters import cluster_of_nodes
+from ..arrays import FloatArray, IntArray, contiguous
+from ..compilation import Float1, Int1, compiled, inner
+from .belief_propagation import propagate, rounds
+from .clusters import graph_of
+from .frontier import prices, sums
+from .planning import plan
 
-# Smallest clutter intensity, in the units of the odds. A sum without one term is formed by
-# subtraction, which would lose digits at larger odds; these are practically certain anyway.
+# Smallest clutter intensity, in the units of the odds. Larger odds are practically certain.
 LEAST_CLUTTER = 1e-9
+# Bound on the work for a cluster, per target, in entries of a table times edges, which take a
+# nanosecond each. Twelve targets that compete for twelve detections are within it.
+MOST_WORK = 1 << 17
+# Largest log odds in belief propagation, which multiplies odds.
+CERTAIN = 200.0
 
 
 class Marginals(NamedTuple):
@@ -32,8 +38,8 @@ class Marginals(NamedTuple):
     none : array of shape (T,)
         Probability that the target has no detection, because it was missed or does not exist.
     approximate : int
-        Number of clusters with loops that were too large for exact sums. Their probabilities come
-        from belief propagation and may be overconfident.
+        Number of clusters that were too large for exact sums. Their probabilities come from belief
+        propagation and may be overconfident.
     """
 
     edge: FloatArray
@@ -46,8 +52,6 @@ def marginals(
 ) -> Marginals:
     """Return the marginal probabilities of associations.
 
-    They are exact except in clusters with loops that are too large for exact sums (`batches`).
-
     Parameters
     ----------
     target, detection : int arrays of shape (E,)
@@ -59,29 +63,83 @@ def marginals(
         T.
     clutter : array of shape (M,)
         Intensity of all other sources of each detection, in the units of `odds`.
-
-    References
-    ----------
-    Williams and Lau, "Approximate evaluation of marginal association probabilities with belief
-    propagation", IEEE Transactions on Aerospace and Electronic Systems 50(4), 2014.
     """
-    clutter = np.maximum(clutter, LEAST_CLUTTER)
-    cluster = cluster_of_nodes(target, detection, targets, len(clutter))
-    cluster_of_edge = cluster.take(target)
-    loops, approximate = affordable_loops(cluster, cluster_of_edge, targets)
-    if not len(loops.cluster):
-        edge, none = propagate(target, detection, odds, targets, clutter, cluster_of_edge)
-        return Marginals(edge, none, approximate)
+    edges = contiguous(target, detection, odds, clutter)
+    return Marginals(*edge_probabilities(MOST_WORK, targets, *edges))
 
-    ratio = odds / clutter.take(detection)
-    sums = sum_exactly(loops, cluster, target, detection, ratio, targets)
-    propagated = np.ones(len(target), dtype=bool)
-    propagated[sums.edge] = False
-    rest = np.flatnonzero(propagated)
-    edge = np.empty(len(target))
-    target, detection, odds = target.take(rest), detection.take(rest), odds.take(rest)
-    edge[rest], none = propagate(
-        target, detection, odds, targets, clutter, cluster_of_edge.take(rest)
+
+@inner
+def _contested(
+    most_work: int,
+    targets: int,
+    size: int,
+    target: IntArray,
+    detection: IntArray,
+    log_odds: FloatArray,
+) -> tuple[FloatArray, FloatArray, int]:
+    """Return the columns of `Marginals`; `log_odds` are against both nodes having none of them."""
+    order, graph = graph_of(targets, size, target, detection)
+    steps, price = plan(graph, most_work), prices(graph, log_odds)
+    weight = np.empty(len(log_odds))
+    for edge in range(len(weight)):
+        worth = price[graph.target[edge]] + price[graph.detection[edge]]
+        weight[edge] = math.exp(log_odds[edge] - worth)
+    probability, untaken = sums(steps, weight, np.exp(-price))
+    none, approximate = np.ones(targets), 0
+    left_out = np.zeros(len(order), np.bool_)
+    for cluster in range(len(graph.middle)):
+        if steps.first[cluster] == steps.first[cluster + 1]:
+            left_out[graph.first[cluster] : graph.first[cluster + 1]] = True
+            approximate += 1
+    rest = np.flatnonzero(left_out[graph.target])
+    odds = np.exp(np.minimum(log_odds[rest], CERTAIN))
+    probability[rest], propagated = propagate(
+        targets, size, target[rest], detection[rest], odds, rounds(len(rest))
     )
-    edge[sums.edge], none[sums.target] = sums.probability, sums.none
-    return Marginals(edge, none, approximate)
+    for node in range(len(order)):
+        if order[node] < targets:
+            none[order[node]] = propagated[order[node]] if left_out[node] else untaken[node]
+    return probability, none, approximate
+
+
+@compiled
+def edge_probabilities(
+    most_work: int, targets: int, target: Int1, detection: Int1, odds: Float1, clutter: Float1
+) -> tuple[FloatArray, FloatArray, int]:
+    """Return the columns of `Marginals`; `most_work` bounds the work for each target."""
+    count, size, contested = len(odds), len(clutter), 0
+    log_odds, share = np.empty(count), np.zeros(count)
+    largest, wanted = np.zeros(targets), np.zeros(size, np.int64)
+    for edge in range(count):
+        if odds[edge] > 0.0:
+            other = max(clutter[detection[edge]], LEAST_CLUTTER)
+            log_odds[edge] = math.log(odds[edge]) - math.log(other)
+            largest[target[edge]] = max(largest[target[edge]], log_odds[edge])
+            wanted[detection[edge]] += 1
+    # Alternatives of each target alone, divided by the largest: no detection, or one that no other
+    # target wants.
+    missed = np.exp(-largest)
+    own = missed.copy()
+    for edge in range(count):
+        if odds[edge] > 0.0:
+            log_odds[edge] -= largest[target[edge]]
+            share[edge] = math.exp(log_odds[edge])
+            if wanted[detection[edge]] > 1:
+                contested += 1
+            else:
+                own[target[edge]] += share[edge]
+    some, place = np.empty(contested, np.int64), 0
+    for edge in range(count):
+        if odds[edge] > 0.0 and wanted[detection[edge]] > 1:
+            log_odds[edge] -= math.log(own[target[edge]])
+            some[place] = edge
+            place += 1
+    found, none, approximate = np.zeros(0), np.ones(targets), 0
+    if contested:
+        found, none, approximate = _contested(
+            most_work, targets, size, target[some], detection[some], log_odds[some]
+        )
+    for edge in range(count):
+        share[edge] *= none[target[edge]] / own[target[edge]]
+    share[some] = found
+    return share, missed * none / own, approximate

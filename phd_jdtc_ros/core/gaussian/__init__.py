@@ -6,7 +6,7 @@ The path of one scan, with the module of each step::
 
     stored mixture t                         mixture
       |  predict: survive, spawn, be born    prediction, dynamics
-      |    mix motion modes, keep gains        moments, kalman
+      |    mix motion modes, keep gains        algebra.blocks
       |  update, report by report            window.update: the order; update: its steps
       |    gate                                gating, amplitude
       |    iterated Kalman update              iterated_update, kalman

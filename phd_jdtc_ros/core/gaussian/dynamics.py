@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,30 @@ from ..arrays import FloatArray, IntArray
 from ..models.amplitude_model import SnrCells
 from ..models.tracker_model import TrackerModel
 from ..targets.motion import MotionModel
+
+# Antennas turn evenly, so the same intervals come again and again.
+MOST_INTERVALS = 256
+
+
+class Interval(NamedTuple):
+    """What happens to targets in some time.
+
+    Parameters
+    ----------
+    survival : array of shape (R,)
+        Probability to survive, by motion mode before.
+    change : array of shape (K,)
+        Probability to survive and to change from the one mode of a pair to the other.
+    noise : array of shape (R, D, D)
+        Process noise, by motion mode after.
+    cells : array of shape (S, S) or None
+        Matrix of the cells, [from, to]; None if no cell is left.
+    """
+
+    survival: FloatArray
+    change: FloatArray
+    noise: FloatArray
+    cells: FloatArray | None
 
 
 @dataclass(frozen=True)
@@ -62,13 +87,6 @@ class Dynamics:
         return of, to
 
     @cached_property
-    def to_mode(self) -> FloatArray:
-        """Indicator, 0 or 1, of the pairs that lead to each motion mode, shape (R, K)."""
-        modes = np.arange(len(self.motions))
-        select: FloatArray = (modes[:, None] == self.pairs[1]).astype(np.float64)
-        return select
-
-    @cached_property
     def supported(self) -> FloatArray:
         """Indicator, 0 or 1, of the axes on which each mode has a density, shape (R, D)."""
         supported = np.zeros((len(self.motions), len(self.model.modes.space)))
@@ -99,16 +117,48 @@ class Dynamics:
         return weight
 
     @cached_property
-    def of_class(self) -> FloatArray:
-        """Indicator, 0 or 1, of the class of each cell, shape (S, C)."""
-        classes = np.arange(len(self.model.modes.classes))
-        select: FloatArray = (self.cells.class_of[:, None] == classes).astype(np.float64)
-        return select
+    def births(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Weights, (B, R, S), means and covariances of the birth terms, over a nominal interval."""
+        terms, (modes, size) = self.model.births, self.supported.shape
+        weight, mean = np.zeros((len(terms), *self.spread.shape[1:])), np.zeros((len(terms), size))
+        covariance = np.zeros((len(terms), modes, size, size))
+        for row, term in enumerate(terms):
+            weight[row], mean[row] = np.tensordot(term.rate, self.spread, axes=1), term.mean
+            covariance[row] = self._diagonal(term.std**2)
+        return weight, mean[:, None] * self.supported, covariance
+
+    @cached_property
+    def spawned(self) -> tuple[FloatArray, FloatArray]:
+        """Weights of spawned targets by the parent's, (R S, R S), and their noise, (R, D, D)."""
+        spawn, spread = self.model.spawn, self.spread.reshape(len(self.spread), -1)
+        weight = (spread > 0.0).T.astype(np.float64) @ spawn.transition @ spread
+        return weight, self._diagonal(spawn.std**2)
+
+    def _diagonal(self, variance: FloatArray) -> FloatArray:
+        """Return a diagonal matrix for each motion mode, on its axes, (R, D, D)."""
+        covariance: FloatArray = self.supported[..., None] * np.diag(variance)
+        return covariance
 
     @cached_property
     def mode_of_cell(self) -> IntArray:
         """The index of some flat mode of each cell's class, shape (S,)."""
         return np.searchsorted(self.model.modes.class_of, self.cells.class_of)
+
+    @cached_property
+    def _intervals(self) -> dict[float, Interval]:
+        return {}
+
+    def over(self, dt: float) -> Interval:
+        """Return what happens in `dt` seconds; the latest intervals are computed once."""
+        known = self._intervals
+        if dt not in known:
+            if len(known) == MOST_INTERVALS:
+                known.clear()
+            of, to = self.pairs
+            survival = self.survival(dt)
+            change = self.transition(dt)[of, to] * survival[of]
+            known[dt] = Interval(survival, change, self.noise(dt), self.cells.transition(dt))
+        return known[dt]
 
     def transition(self, dt: float) -> FloatArray:
         """Return the (R, R) matrix of the motion modes over `dt` seconds, [from, to]."""

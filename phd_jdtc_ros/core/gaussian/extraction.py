@@ -7,12 +7,51 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import IntArray, sum_by
+from ..arrays import FloatArray, IntArray
+from ..compilation import Float3, Float4, Int1, compiled
 from ..types import Estimates
 from ..window.fixed_lag import Part
 from .algebra import kalman
+from .algebra.blocks import SIZE, add_mean, add_spread
 from .dynamics import Dynamics
 from .mixture import Mixture
+
+
+@compiled
+def _class_moments(
+    target: Int1,
+    targets: int,
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+    class_of: Int1,
+    classes: int,
+) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+    """Return each target's mass by class, (T, C), its class, and the moments of that class."""
+    class_mass, majority = np.zeros((targets, classes)), np.zeros(targets, np.int64)
+    state, spread = np.zeros((targets, SIZE)), np.zeros((targets, SIZE, SIZE))
+    count, modes, cells = weight.shape
+    for row in range(count):
+        for mode in range(modes):
+            for cell in range(cells):
+                class_mass[target[row], class_of[cell]] += weight[row, mode, cell]
+    for one in range(targets):
+        majority[one] = np.argmax(class_mass[one])
+    share = np.zeros((count, modes))
+    for row in range(count):
+        own = majority[target[row]]
+        whole = class_mass[target[row], own]
+        for mode in range(modes):
+            for cell in range(cells):
+                if class_of[cell] == own and whole > 0.0:
+                    share[row, mode] += weight[row, mode, cell] / whole
+            add_mean(share[row, mode], mean[row, mode], state[target[row]])
+    for row in range(count):
+        for mode in range(modes):
+            if share[row, mode] > 0.0:
+                at, around = state[target[row]], spread[target[row]]
+                add_spread(share[row, mode], mean[row, mode], covariance[row, mode], at, around)
+    return class_mass, majority, state, spread
 
 
 def extract(
@@ -23,32 +62,24 @@ def extract(
     A target's class is the one of largest weight. State and covariance are the moments of that
     class over all hypotheses and motion modes. The `track_id` of a target is its label plus one.
     """
-    reported = mixture.existence > threshold
-    if not reported.all():
-        mixture = mixture.take(np.flatnonzero(reported[mixture.target]))
-    space, cells = dynamics.model.modes.space, dynamics.cells
-    count = len(mixture.label)
-    by_class = np.einsum("hrs->hs", mixture.weight) @ dynamics.of_class
-    class_mass = np.stack(
-        [sum_by(mixture.target, weight, count) for weight in by_class.T.copy()], axis=1
+    cells = dynamics.cells
+    class_mass, majority, state, covariance = _class_moments(
+        *(mixture.target, len(mixture.label), mixture.weight, mixture.mean, mixture.covariance),
+        *(np.ascontiguousarray(cells.class_of), len(dynamics.model.modes.classes)),
     )
-    majority = class_mass.argmax(axis=1) if count else np.zeros(0, dtype=np.int64)
     mass = class_mass.sum(axis=1)
-    own = cells.class_of == majority[mixture.target][:, None]
-    own_weight = np.einsum("hrs,hs->hr", mixture.weight, own.astype(np.float64))
-    total = class_mass[np.arange(count), majority]
-    share = own_weight / np.where(total > 0.0, total, 1.0)[mixture.target][:, None]
-    state, covariance = mixture.moments(share)
+    rows = np.flatnonzero(mass > threshold)
+    mass = mass[rows]
     return Estimates(
         stamp_ns=stamp_ns,
         lag=lag,
-        state=state,
-        covariance=kalman.floor_eigenvalues(kalman.symmetric(covariance))[0],
+        state=state[rows],
+        covariance=kalman.floor_eigenvalues(kalman.symmetric(covariance[rows]))[0],
         weight=mass,
-        class_probability=class_mass / np.where(mass > 0.0, mass, 1.0)[:, None],
-        class_id=majority,
-        track_id=mixture.label + 1,
-        space=space,
+        class_probability=class_mass[rows] / np.where(mass > 0.0, mass, 1.0)[:, None],
+        class_id=majority[rows],
+        track_id=mixture.label[rows] + 1,
+        space=dynamics.model.modes.space,
     )
 
 

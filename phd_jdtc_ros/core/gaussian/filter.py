@@ -11,10 +11,11 @@ from ..window.entries import Entry
 from ..window.forward_filter import Filtered, ForwardFilter
 from ..window.swept import partition_swept
 from ..window.update import update_scan
+from .bounds import Bounds
 from .dynamics import Dynamics
 from .mixture import Mixture
 from .prediction import Aged, births, spawn, survivors
-from .reduction import Bounds, Branched, reduce_hypotheses
+from .reduction import Branched, reduce_hypotheses
 from .update import GaussianSteps
 from .window_graph import Link
 

@@ -110,15 +110,13 @@ class Mixture:
     def moments(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return each target's mean and covariance for given shares of its Gaussians, (H, R)."""
         modes, size = self.mean.shape[1:]
-        order = np.argsort(self.target, kind="stable")
-        first = np.searchsorted(self.target[order], np.arange(len(self.label))) * modes
-        mean, covariance = merge_moments(
-            share[order].reshape(-1, 1),
-            self.mean[order].reshape(-1, 1, size),
-            self.covariance[order].reshape(-1, 1, size, size),
-            first,
+        return merge_moments(
+            share.reshape(-1),
+            self.mean.reshape(-1, size),
+            self.covariance.reshape(-1, size, size),
+            self.target.repeat(modes),
+            len(self.label),
         )
-        return mean[:, 0], covariance[:, 0]
 
     def extents(self, space: StateSpace) -> Extents:
         """Return the position and extent of each target; see `Rows`."""

@@ -8,16 +8,18 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, sum_by
-from ..snapshot import MAX_STATE, floats
+from ..arrays import FloatArray, IntArray, contiguous
+from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled
+from ..snapshot import MAX_STATE, floats, integers
 from ..tracks import labels
-from .algebra.kalman import MOST_GAIN, Backward, backward, predicted_covariance
-from .algebra.moments import match_moments
+from .algebra.blocks import SIZE, add_mean, add_spread, dot, factorise, solve
+from .algebra.kalman import predicted_covariance
 from .dynamics import Dynamics
 from .mixture import Mixture
 
-# Bound, in a snapshot, on the magnitude of a log determinant.
-MOST_LOG = 1e4
+# Bounds in a snapshot: on the entries of a backward step, of which metres per radian per second are
+# the largest, and on those of the factors of a covariance.
+MOST_GAIN, MOST_FACTOR = 1e15, 1e30
 
 
 class Aged(NamedTuple):
@@ -49,52 +51,150 @@ class Moves:
         Probability of survival until the later scan.
     cells : array of shape (H, S, S) or None
         Transition matrix of the cells, [from, to]; None if cells do not change.
-    mean : array of shape (H, K, D)
+    mean : array of shape (A, D)
         Predicted mean of each pair.
-    precision : array of shape (H, K, D, D)
-        Inverse of each pair's predicted covariance.
-    log_determinant : array of shape (H, K)
-        Log determinant of the precision.
-    backward : Backward
-        Backward step from each pair's later Gaussian to the earlier one, leading shape (H, K).
+    factor : array of shape (A, D, D)
+        Factors of each pair's predicted covariance; see `blocks.factorise`.
+    gain, base : arrays of shape (A, D, D)
+        The backward step: given a later Gaussian of mean m and covariance P, the earlier one has
+        its own mean + gain (m - mean), and the covariance base + gain P gain'.
+    place : int array of shape (H, K)
+        Row of each pair in the arrays of A rows; -1 if the pair has no weight.
     """
 
     pairs: tuple[IntArray, IntArray]
     change: Annotated[FloatArray, floats("PK", 0.0, 1.0)]
     survival: Annotated[FloatArray, floats("PO", 0.0, 1.0)]
     cells: Annotated[FloatArray | None, floats("PSS", 0.0, 1.0)]
-    mean: Annotated[FloatArray, floats("PKD", -MAX_STATE, MAX_STATE)]
-    precision: Annotated[FloatArray, floats("PKDD", -MOST_GAIN, MOST_GAIN)]
-    log_determinant: Annotated[FloatArray, floats("PK", -MOST_LOG, MOST_LOG)]
-    backward: Backward
+    mean: Annotated[FloatArray, floats("AD", -MAX_STATE, MAX_STATE)]
+    factor: Annotated[FloatArray, floats("ADD", -MOST_FACTOR, MOST_FACTOR)]
+    gain: Annotated[FloatArray, floats("ADD", -MOST_GAIN, MOST_GAIN)]
+    # A small difference of large covariances: rounding may leave it indefinite.
+    base: Annotated[FloatArray, floats("ADD", -(MAX_STATE**2), MAX_STATE**2)]
+    place: Annotated[IntArray, integers("PK", -1, below="A")]
 
     def take(self, rows: IntArray) -> Moves:
         """Return the predictions of these rows."""
+        place = self.place[rows]
+        kept = place[place >= 0]
+        place[place >= 0] = np.arange(len(kept))
         return Moves(
             self.pairs,
             self.change[rows],
             self.survival[rows],
             None if self.cells is None else self.cells[rows],
-            self.mean[rows],
-            self.precision[rows],
-            self.log_determinant[rows],
-            Backward(*(part[rows] for part in self.backward)),
+            self.mean[kept],
+            self.factor[kept],
+            self.gain[kept],
+            self.base[kept],
+            place,
         )
 
     @staticmethod
     def concatenate(parts: Sequence[Moves]) -> Moves:
         """Return the predictions of several scans concatenated."""
         cells = [part.cells for part in parts if part.cells is not None]
+        before = np.cumsum([0, *(len(part.mean) for part in parts)])
+        place = [
+            np.where(part.place >= 0, part.place + begin, -1)
+            for part, begin in zip(parts, before, strict=False)
+        ]
         return Moves(
             parts[0].pairs,
             np.concatenate([part.change for part in parts]),
             np.concatenate([part.survival for part in parts]),
             np.concatenate(cells) if cells else None,
             np.concatenate([part.mean for part in parts]),
-            np.concatenate([part.precision for part in parts]),
-            np.concatenate([part.log_determinant for part in parts]),
-            Backward(*map(np.concatenate, zip(*(part.backward for part in parts), strict=True))),
+            np.concatenate([part.factor for part in parts]),
+            np.concatenate([part.gain for part in parts]),
+            np.concatenate([part.base for part in parts]),
+            np.concatenate(place),
         )
+
+
+@compiled
+def _pairs(
+    covariance: Float4,
+    row: Int1,
+    of: Int1,
+    to: Int1,
+    source: Int1,
+    jacobian: Float3,
+    noise: Float4,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the predicted covariance of each pair, its factors, gain and base; see `Moves`.
+
+    `row`, `of` and `to` are the hypothesis and the modes of each pair; `source` is the scan whose
+    interval gives the noise.
+    """
+    count = len(row)
+    later, factor = np.empty((count, SIZE, SIZE)), np.empty((count, SIZE, SIZE))
+    gain, base = np.empty((count, SIZE, SIZE)), np.empty((count, SIZE, SIZE))
+    cross = np.empty((SIZE, SIZE))  # of the earlier and the later state
+    for pair in range(count):
+        before, turn = covariance[row[pair], of[pair]], jacobian[pair]
+        added = noise[source[pair], to[pair]]
+        for i in range(SIZE):
+            for k in range(SIZE):
+                cross[i, k] = dot(before[i], turn[k])
+        for i in range(SIZE):
+            for k in range(i + 1):
+                total = added[i, k]
+                for n in range(SIZE):
+                    total += turn[i, n] * cross[n, k]
+                later[pair, i, k] = later[pair, k, i] = total
+        factorise(later[pair], factor[pair])
+        for i in range(SIZE):
+            gain[pair, i] = cross[i]
+            solve(factor[pair], gain[pair, i])
+            for k in range(i + 1):
+                total = before[i, k] - dot(gain[pair, i], cross[k])
+                base[pair, i, k] = base[pair, k, i] = total
+    return later, factor, gain, base
+
+
+@compiled
+def _mixed(
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+    of: Int1,
+    to: Int1,
+    change: Float2,
+    place: Int2,
+    pair_mean: Float2,
+    pair_covariance: Float3,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the weight, mean and covariance of each later mode, matched over its pairs.
+
+    A mode that cannot be reached has no weight; it keeps its own Gaussian.
+    """
+    count, modes, cells = weight.shape
+    later_weight, later_mean = np.zeros(weight.shape), np.zeros(mean.shape)
+    later = np.zeros(covariance.shape)
+    share, total = np.empty(len(of)), np.empty(modes)
+    for row in range(count):
+        total[:] = 0.0
+        for pair in range(len(of)):
+            share[pair] = 0.0
+            for cell in range(cells):
+                moved = change[row, pair] * weight[row, of[pair], cell]
+                later_weight[row, to[pair], cell] += moved
+                share[pair] += moved
+            total[to[pair]] += share[pair]
+        for pair in range(len(of)):
+            if share[pair] > 0.0:
+                share[pair] /= total[to[pair]]
+                add_mean(share[pair], pair_mean[place[row, pair]], later_mean[row, to[pair]])
+        for pair in range(len(of)):
+            mode, at = to[pair], place[row, pair]
+            if share[pair] > 0.0:
+                centre, spread = later_mean[row, mode], later[row, mode]
+                add_spread(share[pair], pair_mean[at], pair_covariance[at], centre, spread)
+        for mode in range(modes):
+            if not total[mode] > 0.0:
+                later_mean[row, mode], later[row, mode] = mean[row, mode], covariance[row, mode]
+    return later_weight, later_mean, later
 
 
 def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Moves]:
@@ -112,64 +212,44 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     """
     before = Mixture.concatenate([part.mixture for part in earlier])
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
-    survival = np.stack([dynamics.survival(dt) for _, dt in earlier])[source]
+    dt_of = np.array([dt for _, dt in earlier])
+    intervals = [dynamics.over(dt) for _, dt in earlier]
     of, to = dynamics.pairs
-    change = np.stack([dynamics.transition(dt)[of, to] for _, dt in earlier])[source]
-    change = change * survival[:, of]
-    noise = np.stack([dynamics.noise(dt) for _, dt in earlier])[source]
+    change = np.array([interval.change for interval in intervals])[source]
+    survival = np.array([interval.survival for interval in intervals])[source]
+    noise = np.array([interval.noise for interval in intervals])
+    row, pair = np.nonzero((before.mode_weight[:, of] > 0.0) & (change > 0.0))
+    place = np.full(change.shape, -1)
+    place[row, pair] = np.arange(len(row))
+    earlier_mode, later_mode, scan = of[pair], to[pair], source[row]
+    pair_mean, jacobian = _move(before.mean[row, earlier_mode], later_mode, dt_of[scan], dynamics)
+    pair_covariance, factor, gain, base = _pairs(
+        *contiguous(before.covariance, row, earlier_mode, later_mode, scan, jacobian, noise)
+    )
+    weight, mean, covariance = _mixed(
+        *contiguous(before.weight, before.mean, before.covariance),
+        *contiguous(of, to, change, place, pair_mean, pair_covariance),
+    )
     cells = None
-    weight = dynamics.to_mode @ (change[..., None] * before.weight.take(of, axis=1))
-    if (first := dynamics.cells.transition(earlier[0].dt)) is not None:
-        others = [dynamics.cells.transition(dt) for _, dt in earlier[1:]]
-        cells = np.stack([first, *(other for other in others if other is not None)])[source]
+    if intervals[0].cells is not None:
+        cells = np.array([interval.cells for interval in intervals])[source]
         weight = weight @ cells
-    dt_of = np.array([dt for _, dt in earlier])[source]
-    mean, covariance = before.mean.take(of, axis=1), before.covariance.take(of, axis=1)
-    later_mean, jacobian = _move(mean, to, dt_of, dynamics)
-    later, cross = predicted_covariance(covariance, jacobian, noise.take(to, axis=1))
-    back, precision = backward(
-        mean, covariance, later_mean, later, cross, 1.0 - dynamics.supported[to]
-    )
-    share = _shares(change * before.mode_weight[:, of], dynamics)
     return (
-        Mixture(before.row_label, weight, *match_moments(share, later_mean, later)),
-        Moves(
-            pairs=(of, to),
-            change=change,
-            survival=survival,
-            cells=cells,
-            mean=later_mean,
-            precision=precision,
-            log_determinant=np.linalg.slogdet(precision)[1],
-            backward=back,
-        ),
+        Mixture(before.row_label, weight, mean, covariance),
+        Moves(*((of, to), change, survival, cells), *(pair_mean, factor, gain, base), place),
     )
-
-
-def _shares(joint: FloatArray, dynamics: Dynamics) -> FloatArray:
-    """Return the share of each pair in each later mode, (H, R, K), given the weights (H, K)."""
-    weight = dynamics.to_mode * joint[:, None]
-    total = weight.sum(axis=2, keepdims=True)
-    reached = total > 0.0
-    # An unreachable mode has no weight; it keeps its own Gaussian.
-    same = dynamics.to_mode * (dynamics.pairs[0] == dynamics.pairs[1])
-    share: FloatArray = np.where(reached, weight / np.where(reached, total, 1.0), same)
-    return share
 
 
 def _move(
     mean: FloatArray, to: IntArray, dt: FloatArray, dynamics: Dynamics
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the means (H, K, D) after `dt` seconds in each mode `to`, and the Jacobians."""
+    """Return the means (A, D) after `dt` seconds, each in its mode `to`, and the Jacobians."""
     later = np.empty_like(mean)
-    jacobian = np.empty((*mean.shape, mean.shape[2]))
+    jacobian = np.empty((*mean.shape, mean.shape[1]))
     for mode, motion in enumerate(dynamics.motions):
         own = np.flatnonzero(to == mode)
-        flat, since = mean[:, own].reshape(-1, mean.shape[2]), dt.repeat(len(own))
-        later[:, own] = motion.mean(flat, since).reshape(len(mean), len(own), mean.shape[2])
-        jacobian[:, own] = motion.jacobian(flat, since).reshape(
-            len(mean), len(own), *jacobian.shape[2:]
-        )
+        later[own] = motion.mean(mean[own], dt[own])
+        jacobian[own] = motion.jacobian(mean[own], dt[own])
     return later, jacobian
 
 
@@ -181,23 +261,12 @@ def births(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: 
     births : sequence of (int, float)
         Index of each birth term, and the time since its last births, seconds.
     """
-    model, supported = dynamics.model, dynamics.supported
     first = labels.first_predicted(scan_index)
-    terms = [model.births[index] for index, _ in births]
-    count, (modes, size) = len(terms), supported.shape
-    if not terms:
-        return Mixture.empty(modes, len(dynamics.cells), size)
-    expected = np.array([dt / model.modes.interval_s for _, dt in births])
-    rate = np.stack([term.rate for term in terms])
-    covariance = np.zeros((count, modes, size, size))
-    axes = np.arange(size)
-    covariance[..., axes, axes] = np.stack([term.std**2 for term in terms])[:, None] * supported
-    return Mixture(
-        np.array([first + index for index, _ in births]),
-        expected[:, None, None] * np.tensordot(rate, dynamics.spread, axes=1),
-        np.stack([term.mean for term in terms])[:, None] * supported,
-        covariance,
-    )
+    rows = np.array([index for index, _ in births], dtype=np.int64)
+    expected = np.array([dt for _, dt in births]) / dynamics.model.modes.interval_s
+    weight, mean, covariance = dynamics.births
+    weight = expected[:, None, None] * weight[rows]
+    return Mixture(first + rows, weight, mean[rows], covariance[rows])
 
 
 def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: float) -> Mixture:
@@ -229,22 +298,17 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
 def _spawned_by(
     mixture: Mixture, parents: IntArray, rate: float, dt: float, dynamics: Dynamics, label: int
 ) -> Mixture:
-    spawn, supported = dynamics.model.spawn, dynamics.supported
     mean, covariance = mixture.overall
     mean, covariance = mean[parents], covariance[parents]
-    modes, size = supported.shape
-    moved = np.repeat(mean[:, None], modes, axis=1)
-    later, jacobian = _move(moved, np.arange(modes), np.full(len(parents), dt), dynamics)
-    noise = np.zeros((modes, size, size))
-    noise[:, np.arange(size), np.arange(size)] = spawn.std**2 * supported
+    count, (modes, size) = len(parents), dynamics.supported.shape
+    to = np.arange(count * modes) % modes
+    later, jacobian = _move(mean.repeat(modes, axis=0), to, np.full(len(to), dt), dynamics)
+    later, jacobian = later.reshape(count, modes, -1), jacobian.reshape(count, modes, size, -1)
+    by_parent, noise = dynamics.spawned
     spread = predicted_covariance(covariance[:, None], jacobian, noise)[0]
-    to = np.tensordot(spawn.transition, dynamics.spread, axes=1)
-    of_mode = (dynamics.spread > 0.0).astype(np.float64)
-    flat = mixture.weight.reshape(len(mixture), -1) @ of_mode.reshape(len(of_mode), -1).T
-    flat = np.stack([sum_by(mixture.target, column, len(mixture.label)) for column in flat.T], 1)
-    return Mixture(
-        label + np.arange(len(parents)),
-        rate * np.tensordot(flat[parents], to, axes=1),
-        later,
-        spread,
-    )
+    place = np.full(len(mixture.label), count)
+    place[parents] = np.arange(count)
+    weight = np.zeros((count + 1, len(by_parent)))
+    np.add.at(weight, place[mixture.target], mixture.weight.reshape(len(mixture), -1))
+    weight = rate * (weight[:count] @ by_parent).reshape(count, modes, -1)
+    return Mixture(label + np.arange(count), weight, later, spread)

@@ -10,44 +10,18 @@ from typing import Annotated
 
 import numpy as np
 
-from .. import backend
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, contiguous
+from ..compilation import Float1, Float3, Float4, Int1, Int2, compiled, inner
 from ..snapshot import floats, integers
-from .algebra import kalman, moments
+from .algebra import kalman
+from .algebra.blocks import SIZE, add_mean, add_spread, factorise, square_distance
+from .algebra.vectors import add, total_of
+from .bounds import Bounds
 from .mixture import Mixture
 
 # Share of `Bounds.most` that single-mode hypotheses may take. The rest is reserved for the next
 # scan, in which every detection branches a hypothesis.
 ROOM = 0.25
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Limits of the reduction.
-
-    Parameters
-    ----------
-    hypotheses : int
-        Largest number per target, before they are split by motion mode.
-    least_share : float
-        Hypotheses with less than this share of their target's existence probability are dropped.
-    merge_distance : float
-        Square Mahalanobis distance within which hypotheses are merged.
-    least_existence : float
-        Targets with a smaller existence probability are dropped.
-    most : int
-        Largest number of hypotheses of all targets together.
-    least_mode : float
-        Motion modes with at least this share of their hypothesis become hypotheses of their own.
-        With 1 none does, and every prediction mixes the modes.
-    """
-
-    hypotheses: int
-    least_share: float
-    merge_distance: float
-    least_existence: float
-    most: int
-    least_mode: float
 
 
 @dataclass(frozen=True)
@@ -87,11 +61,18 @@ class Ancestry:
     share: Annotated[FloatArray, floats("EOS", 0.0, 1.0)]
 
 
-def probable(target: IntArray, mass: FloatArray, bounds: Bounds) -> tuple[IntArray, FloatArray]:
+@compiled
+def most_probable(
+    most: int, least_share: float, target: Int1, mass: Float1
+) -> tuple[IntArray, FloatArray]:
     """Return the most probable hypotheses of each target in descending order of probability.
 
     Parameters
     ----------
+    most : int
+        Largest number per target.
+    least_share : float
+        Hypotheses with less than this share of their target's existence probability are dropped.
     target : int array of shape (N,)
         The target of each hypothesis; every index below the number of targets occurs.
     mass : array of shape (N,)
@@ -103,17 +84,175 @@ def probable(target: IntArray, mass: FloatArray, bounds: Bounds) -> tuple[IntArr
     factor : array of shape (K,)
         Factor on their weights that preserves the existence probability of each target.
     """
-    existence = np.bincount(target, mass)
-    kept = np.flatnonzero((mass >= bounds.least_share * existence[target]) & (mass > 0.0))
-    target, mass = target[kept], mass[kept]
-    order = np.lexsort((-mass, target))
-    target = target[order]
-    rank = np.arange(len(target)) - np.searchsorted(target, target)
-    first = rank < bounds.hypotheses
-    kept, target = kept[order[first]], target[first]
-    left = np.bincount(target, mass[order[first]], len(existence))
-    factor = existence / np.where(left > 0.0, left, 1.0)
-    return kept, factor[target]
+    targets = target.max() + 1 if len(target) else 0
+    existence, size = np.zeros(targets), np.zeros(targets, np.int64)
+    for row in range(len(target)):
+        existence[target[row]] += mass[row]
+    best, factor = np.empty((targets, most), np.int64), np.empty(targets)
+    for row in range(len(target)):
+        one = target[row]
+        if mass[row] < least_share * existence[one] or not mass[row] > 0.0:
+            continue
+        # Insertion in descending order of mass; of too many, the last one is dropped.
+        place = size[one]
+        while place > 0 and mass[best[one, place - 1]] < mass[row]:
+            if place < most:
+                best[one, place] = best[one, place - 1]
+            place -= 1
+        if place < most:
+            best[one, place] = row
+            size[one] = min(size[one] + 1, most)
+    total = 0
+    for one in range(targets):
+        left = 0.0
+        for place in range(size[one]):
+            left += mass[best[one, place]]
+        factor[one] = existence[one] / left if left > 0.0 else 1.0
+        total += size[one]
+    kept, by_row = np.empty(total, np.int64), np.empty(total)
+    total = 0
+    for one in range(targets):
+        kept[total : total + size[one]] = best[one, : size[one]]
+        by_row[total : total + size[one]] = factor[one]
+        total += size[one]
+    return kept, by_row
+
+
+@inner
+def _across_modes(
+    weight: FloatArray,
+    mean: FloatArray,
+    covariance: FloatArray,
+    centre: FloatArray,
+    spread: FloatArray,
+) -> None:
+    """Write a hypothesis's moments over its motion modes; unused axes have variance 1."""
+    mass = 0.0
+    for mode in range(len(weight)):
+        mass += total_of(weight[mode])
+    for mode in range(len(weight)):
+        add_mean(total_of(weight[mode]) / mass if mass > 0.0 else 0.0, mean[mode], centre)
+    for mode in range(len(weight)):
+        share = total_of(weight[mode]) / mass if mass > 0.0 else 0.0
+        add_spread(share, mean[mode], covariance[mode], centre, spread)
+    for i in range(SIZE):
+        if spread[i, i] == 0.0:
+            spread[i, i] = 1.0
+
+
+@compiled
+def _clusters(
+    target: Int1, weight: Float3, mean: Float3, covariance: Float4, distance: float
+) -> IntArray:
+    """Return for each hypothesis the row that absorbs it; its own row if it is not merged.
+
+    The rows of a target come one after the other, the most probable first.
+    """
+    count = len(target)
+    into, centre = np.full(count, -1), np.zeros((count, SIZE))
+    spread, factor = np.zeros((count, SIZE, SIZE)), np.empty((SIZE, SIZE))
+    apart = np.empty(SIZE)
+    begin = 0
+    while begin < count:
+        end = begin + 1
+        while end < count and target[end] == target[begin]:
+            end += 1
+        for row in range(begin, end if end > begin + 1 else begin):
+            _across_modes(weight[row], mean[row], covariance[row], centre[row], spread[row])
+        for first in range(begin, end):
+            if into[first] >= 0:
+                continue
+            into[first] = first
+            if first + 1 < end:
+                factorise(spread[first], factor)
+            for row in range(first + 1, end):
+                if into[row] < 0:
+                    square = square_distance(factor, centre[row], centre[first], apart)
+                    into[row] = first if square <= distance else -1
+        begin = end
+    return into
+
+
+@compiled
+def _merged(
+    into: Int1, parent: Int1, weight: Float3, mean: Float3, covariance: Float4
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray, FloatArray]:
+    """Return the weight, mean and covariance of each cluster, and the columns of `Ancestry`.
+
+    For `into` see `_clusters`.
+    """
+    count, modes, cells = weight.shape
+    cluster, size = np.cumsum(into == np.arange(count)) - 1, np.zeros(count + 1, np.int64)
+    clusters = cluster[-1] + 1 if count else 0
+    for row in range(count):
+        size[cluster[into[row]] + 1] += 1
+    start = np.cumsum(size)
+    row_of, child = np.empty(count, np.int64), np.empty(count, np.int64)
+    for row in range(count):
+        child[start[cluster[into[row]]]] = cluster[into[row]]
+        row_of[start[cluster[into[row]]]] = row
+        start[cluster[into[row]]] += 1
+    found, share = np.zeros((clusters, modes, cells)), np.zeros((count, modes, cells))
+    centre, spread = np.zeros((clusters, modes, SIZE)), np.zeros((clusters, modes, SIZE, SIZE))
+    for row in range(count):
+        for mode in range(modes):
+            add(weight[row, mode], found[cluster[into[row]], mode])
+    part = np.empty((count, modes))
+    for edge in range(count):
+        row, one = row_of[edge], child[edge]
+        for mode in range(modes):
+            whole = total_of(found[one, mode])
+            # A mode without weight keeps the Gaussians of all hypotheses, equally weighted.
+            some = whole > 0.0
+            part[edge, mode] = total_of(weight[row, mode]) / whole if some else 1.0 / size[one + 1]
+            add_mean(part[edge, mode], mean[row, mode], centre[one, mode])
+            for cell in range(cells):
+                if found[one, mode, cell] > 0.0:
+                    share[edge, mode, cell] = weight[row, mode, cell] / found[one, mode, cell]
+    for edge in range(count):
+        row, one = row_of[edge], child[edge]
+        for mode in range(modes):
+            at, around = centre[one, mode], spread[one, mode]
+            add_spread(part[edge, mode], mean[row, mode], covariance[row, mode], at, around)
+    return found, centre, spread, child, parent[row_of], share
+
+
+@compiled
+def _split(
+    row: Int1,
+    mode: Int1,
+    stays_with: Int2,
+    weight: Float3,
+    child: Int1,
+    parent: Int1,
+    share: Float3,
+) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
+    """Return the weights of hypotheses of one mode each, and the columns of their `Ancestry`.
+
+    `row` and `mode` are the hypothesis and its mode, ascending, of each result. `stays_with` is the
+    mode with which each mode of a hypothesis stays.
+    """
+    modes, cells = weight.shape[1:]
+    size = np.zeros(len(weight) + 1, np.int64)
+    for edge in range(len(child)):
+        size[child[edge] + 1] += 1
+    start = np.cumsum(size)
+    edges = 0
+    for one in row:
+        edges += size[one + 1]
+    found, part = np.zeros((len(row), modes, cells)), np.zeros((edges, modes, cells))
+    to, of = np.empty(edges, np.int64), np.empty(edges, np.int64)
+    edge = 0
+    for new in range(len(row)):
+        old, begin = row[new], edge
+        for at in range(start[old], start[old + 1]):
+            to[edge], of[edge] = new, parent[at]
+            edge += 1
+        for other in range(modes):
+            if stays_with[old, other] == mode[new]:
+                found[new, other] = weight[old, other]
+                part[begin:edge, other] = share[start[old] : start[old + 1], other]
+    return found, to, of, part
 
 
 def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]:
@@ -149,28 +288,15 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     """
     branched = branched.take(_existing(branched.mixture, bounds))
     mixture = branched.mixture
-    if not len(mixture):
-        none = np.zeros(0, dtype=np.int64)
-        return mixture, Ancestry(none, none, mixture.weight), 0
-    cluster = _clusters(mixture, bounds.merge_distance)
-    order = np.argsort(cluster, kind="stable")
-    ordered = branched.take(order)
-    mixture, cluster = ordered.mixture, cluster[order]
-    first = np.flatnonzero(np.concatenate([[True], cluster[1:] != cluster[:-1]]))
-    child = np.cumsum(np.concatenate([[False], cluster[1:] != cluster[:-1]]))
-    weight = np.add.reduceat(mixture.weight, first)
-    total = np.add.reduceat(mixture.mode_weight, first)[child]
-    size = np.diff(np.append(first, len(child)))[child].astype(np.float64)
-    has_weight = total > 0.0
-    share = np.where(
-        has_weight, mixture.mode_weight / np.where(has_weight, total, 1.0), 1.0 / size[:, None]
+    columns = mixture.weight, mixture.mean, mixture.covariance
+    into = _clusters(mixture.target, *columns, bounds.merge_distance)
+    weight, mean, covariance, child, parent, share = _merged(
+        *contiguous(into, branched.parent, *columns)
     )
-    mean, covariance = moments.merge_moments(share, mixture.mean, mixture.covariance, first)
-    part = weight[child]
-    part = np.where(part > 0.0, mixture.weight / np.where(part > 0.0, part, 1.0), 0.0)
     covariance, floored = kalman.floor_eigenvalues(covariance)
-    merged = Mixture(mixture.row_label[first], weight, mean, covariance)
-    return *_by_mode(merged, Ancestry(child, ordered.parent, part), bounds), floored
+    origin = mixture.row_label[np.flatnonzero(into == np.arange(len(into)))]
+    merged = Mixture(origin, weight, mean, covariance)
+    return *_by_mode(merged, Ancestry(child, parent, share), bounds), floored
 
 
 def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixture, Ancestry]:
@@ -188,18 +314,14 @@ def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixt
     if count == len(mixture) or count > ROOM * bounds.most:
         return mixture, ancestry
     row, mode = np.nonzero(own)
-    kept = mode[:, None] == np.arange(own.shape[1])
-    kept |= ~own[row] & (mode == main[row])[:, None]
-    each = mixture.take(row)
-    # Repeat the rows of `ancestry` of each hypothesis for each of its modes.
-    first = np.searchsorted(ancestry.child, row)
-    size = np.searchsorted(ancestry.child, row, side="right") - first
-    child = np.arange(len(row)).repeat(size)
-    edge = np.arange(len(child)) + (first - (np.cumsum(size) - size)).repeat(size)
-    return (
-        each.with_gaussians(each.weight * kept[..., None], each.mean, each.covariance),
-        Ancestry(child, ancestry.parent[edge], ancestry.share[edge] * kept[child][..., None]),
+    # The mode of its own that each mode stays with.
+    stays_with = np.where(own, np.arange(own.shape[1]), main[:, None])
+    weight, child, parent, share = _split(
+        *contiguous(row, mode, stays_with, mixture.weight),
+        *contiguous(ancestry.child, ancestry.parent, ancestry.share),
     )
+    split = Mixture(mixture.row_label[row], weight, mixture.mean[row], mixture.covariance[row])
+    return split, Ancestry(child, parent, share)
 
 
 def _existing(mixture: Mixture, bounds: Bounds) -> IntArray:
@@ -215,41 +337,3 @@ def _existing(mixture: Mixture, bounds: Bounds) -> IntArray:
         kept &= affordable
     rows: IntArray = np.flatnonzero(kept[mixture.target])
     return rows
-
-
-def _clusters(mixture: Mixture, distance: float) -> IntArray:
-    """Return for each hypothesis the row that absorbs it; its own row if it is not merged."""
-    target, count = mixture.target, len(mixture)
-    into = np.arange(count)
-    size = np.bincount(target)
-    free = np.flatnonzero(size[target] > 1)
-    if not len(free):
-        return into
-    mean, covariance = _across_modes(mixture)
-    if loops := backend.compiled("gaussian.algebra"):
-        sound, into[:] = loops.clusters(target, mean, covariance, distance)
-        if sound:
-            return into
-        into = np.arange(count)
-    while len(free):
-        _, place, group = np.unique(target[free], return_index=True, return_inverse=True)
-        centre = free[place]  # the most probable one: rows of a target are in this order
-        inverse = kalman.inverse(covariance[centre])
-        apart = mean[free] - mean[centre][group]
-        square = (apart[:, None] @ inverse[group] @ apart[..., None])[:, 0, 0]
-        near = (square <= distance) | (free == centre[group])
-        into[free[near]] = centre[group[near]]
-        free = free[~near]
-    return into
-
-
-def _across_modes(mixture: Mixture) -> tuple[FloatArray, FloatArray]:
-    """Return each hypothesis's moments over its motion modes; unused axes have variance 1."""
-    mass = np.where(mixture.mass > 0.0, mixture.mass, 1.0)[:, None]
-    mean, covariance = moments.match_moments(
-        (mixture.mode_weight / mass)[:, None], mixture.mean, mixture.covariance
-    )
-    mean, covariance = mean[:, 0], covariance[:, 0]
-    axes = np.arange(mean.shape[1])
-    covariance[:, axes, axes] += covariance[:, axes, axes] == 0.0
-    return mean, covariance

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from .. import backend
-from ..arrays import FloatArray, IntArray, run_starts, sum_by
+from ..arrays import FloatArray, IntArray, contiguous
+from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled, inner
 from ..window.entries import Entry
-from .algebra import moments
+from .algebra.blocks import SIZE, add_mean, add_spread, dot, log_determinant, square_distance
+from .algebra.vectors import add, multiply, total_of, write_scaled
 from .mixture import Mixture
 from .prediction import Moves
 from .window_graph import Link, generations, is_chain
 
 # Smallest log fit of a pair of modes relative to the best pair: no pair is excluded for good.
 LEAST_LOG_FIT = -50.0
+# In the place of a log density that is not finite.
+LEAST_DENSITY = -1e300
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,285 @@ class Later:
     weight: FloatArray
     mean: FloatArray
     covariance: FloatArray
+
+
+@compiled
+def _of_children(
+    parents: int,
+    child: Int1,
+    parent: Int1,
+    share: Float3,
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return each parent's weight, mean and covariance; see `_before_update`."""
+    modes, cells = weight.shape[1:]
+    found, total = np.zeros((parents, modes, cells)), np.zeros((parents, modes))
+    centre, spread = np.zeros((parents, modes, SIZE)), np.zeros((parents, modes, SIZE, SIZE))
+    part = np.zeros((len(child), modes))
+    for edge in range(len(child)):
+        if parent[edge] < 0:
+            continue
+        for mode in range(modes):
+            for cell in range(cells):
+                given = weight[child[edge], mode, cell] * share[edge, mode, cell]
+                found[parent[edge], mode, cell] += given
+                part[edge, mode] += given
+            total[parent[edge], mode] += part[edge, mode]
+    for edge in range(len(child)):
+        for mode in range(modes):
+            if part[edge, mode] > 0.0:
+                part[edge, mode] /= total[parent[edge], mode]
+                at = centre[parent[edge], mode]
+                add_mean(part[edge, mode], mean[child[edge], mode], at)
+    for edge in range(len(child)):
+        for mode in range(modes):
+            if part[edge, mode] > 0.0:
+                own, one = mean[child[edge], mode], covariance[child[edge], mode]
+                at, around = centre[parent[edge], mode], spread[parent[edge], mode]
+                add_spread(part[edge, mode], own, one, at, around)
+    return found, centre, spread
+
+
+@inner
+def _fit(
+    place: IntArray,
+    to: IntArray,
+    later_weight: FloatArray,
+    later_mean: FloatArray,
+    mean: FloatArray,
+    factor: FloatArray,
+    apart: FloatArray,
+    fit: FloatArray,
+) -> None:
+    """Write how well the mean of each later mode fits what its pairs predicted, shape (K,).
+
+    A normal density, divided by the largest of the pairs of the later mode; 1 for a single pair.
+    """
+    for mode in range(len(later_mean)):
+        largest, many, some = -np.inf, 0, total_of(later_weight[mode]) > 0.0
+        for pair in range(len(to)):
+            if to[pair] == mode:
+                fit[pair] = 1.0 if some and place[pair] >= 0 else 0.0
+                many += place[pair] >= 0
+        if many < 2 or not some:
+            continue
+        for pair in range(len(to)):
+            if to[pair] == mode and place[pair] >= 0:
+                at = place[pair]
+                square = square_distance(factor[at], later_mean[mode], mean[at], apart)
+                density = 0.5 * (log_determinant(factor[at]) - square)
+                fit[pair] = density if math.isfinite(density) else LEAST_DENSITY
+                largest = max(largest, fit[pair])
+        for pair in range(len(to)):
+            if to[pair] == mode and place[pair] >= 0:
+                fit[pair] = math.exp(max(fit[pair] - largest, LEAST_LOG_FIT))
+
+
+@inner
+def _given_later(
+    joint: FloatArray,
+    to: IntArray,
+    cells: FloatArray,
+    row: int,
+    later_weight: FloatArray,
+    scratch: FloatArray,
+) -> None:
+    """Turn the joint weights of pairs (K, S) into those given the later modes' weights (R, S).
+
+    `cells` has the matrices of the cells of every row, [from, to]; none if no cell is left.
+    """
+    size = joint.shape[1]
+    for mode in range(len(later_weight)):
+        predicted, back = scratch[0, :size], scratch[1, :size]
+        predicted[:] = 0.0
+        for pair in range(len(to)):
+            if to[pair] == mode:
+                add(joint[pair], predicted)
+        if len(cells):
+            multiply(cells[row].T, predicted, back)
+            predicted[:] = back
+        for cell in range(size):
+            some = predicted[cell] > 0.0
+            back[cell] = later_weight[mode, cell] / predicted[cell] if some else 0.0
+        if len(cells):
+            multiply(cells[row], back, predicted)
+            back[:] = predicted
+        for pair in range(len(to)):
+            if to[pair] == mode:
+                for cell in range(size):
+                    joint[pair, cell] *= back[cell]
+
+
+@inner
+def _earlier(
+    columns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    later: tuple[FloatArray, FloatArray],
+    half: FloatArray,
+    mean: FloatArray,
+    covariance: FloatArray,
+) -> None:
+    """Write the earlier Gaussian of a pair, given its later one.
+
+    `columns` are the mode's own mean, and the pair's mean, gain and base; see `Moves`.
+    """
+    own, predicted, gain, base = columns
+    later_mean, later_covariance = later
+    for i in range(SIZE):
+        half[i] = later_mean[i] - predicted[i]
+    for i in range(SIZE):
+        mean[i] = own[i] + dot(gain[i], half)
+    for i in range(SIZE):
+        for k in range(SIZE):
+            half[k] = dot(gain[i], later_covariance[k])
+        for k in range(i + 1):
+            covariance[i, k] = covariance[k, i] = base[i, k] + dot(half, gain[k])
+
+
+@inner
+def _blend(
+    share: float, own: FloatArray, own_spread: FloatArray, mean: FloatArray, spread: FloatArray
+) -> None:
+    """Add a share of a mode's own Gaussian, that of a target that dies, to the one given later."""
+    if share > 0.0:
+        for i in range(SIZE):
+            for k in range(SIZE):
+                between = (1.0 - share) * (own[i] - mean[i]) * (own[k] - mean[k])
+                spread[i, k] += share * (own_spread[i, k] - spread[i, k] + between)
+        for i in range(SIZE):
+            mean[i] += share * (own[i] - mean[i])
+
+
+@compiled
+def _smoothed(
+    target: Int1,
+    targets: int,
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+    of: Int1,
+    to: Int1,
+    change: Float2,
+    survival: Float2,
+    cells: Float3,
+    place: Int2,
+    pair_mean: Float2,
+    factor: Float3,
+    gain: Float3,
+    base: Float3,
+    later_weight: Float3,
+    later_mean: Float3,
+    later_covariance: Float4,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the smoothed weight, mean and covariance; see `_with_hindsight` and `Moves`."""
+    count, modes, _ = weight.shape
+    found, centre, spread = np.zeros(weight.shape), np.zeros(mean.shape), np.zeros(covariance.shape)
+    alive, dead = np.zeros(targets), np.ones(targets)
+    fit, mass, total = np.empty(len(of)), np.empty(len(of)), np.empty(modes)
+    joint = np.empty((len(of), weight.shape[2]))
+    moved, around = np.empty((len(of), SIZE)), np.empty((len(of), SIZE, SIZE))
+    scratch = np.empty((2, max(SIZE, weight.shape[2])))
+    for row in range(count):
+        for mode in range(modes):
+            dead[target[row]] -= survival[row, mode] * total_of(weight[row, mode])
+        if not np.max(later_weight[row]) > 0.0:
+            continue
+        _fit(place[row], to, later_weight[row], later_mean[row], pair_mean, factor, scratch[0], fit)
+        for pair in range(len(of)):
+            write_scaled(change[row, pair] * fit[pair], weight[row, of[pair]], joint[pair])
+        _given_later(joint, to, cells, row, later_weight[row], scratch)
+        total[:] = 0.0
+        for pair in range(len(of)):
+            at, mode = place[row, pair], of[pair]
+            mass[pair] = total_of(joint[pair])
+            total[mode] += mass[pair]
+            if mass[pair] > 0.0:
+                add(joint[pair], found[row, mode])
+                later = later_mean[row, to[pair]], later_covariance[row, to[pair]]
+                columns = mean[row, mode], pair_mean[at], gain[at], base[at]
+                _earlier(columns, later, scratch[0], moved[pair], around[pair])
+        for pair in range(len(of)):
+            if mass[pair] > 0.0:
+                mass[pair] /= total[of[pair]]
+                add_mean(mass[pair], moved[pair], centre[row, of[pair]])
+        for pair in range(len(of)):
+            if mass[pair] > 0.0:
+                to_mean, to_spread = centre[row, of[pair]], spread[row, of[pair]]
+                add_spread(mass[pair], moved[pair], around[pair], to_mean, to_spread)
+        for mode in range(modes):
+            alive[target[row]] += total[mode]
+    for row in range(count):
+        one = target[row]
+        death = (1.0 - min(alive[one], 1.0)) / dead[one] if dead[one] > 0.0 else 0.0
+        for mode in range(modes):
+            died = death * (1.0 - survival[row, mode])
+            gone, left = died * total_of(weight[row, mode]), total_of(found[row, mode])
+            share = gone / (left + gone) if left > 0.0 else 1.0
+            own, own_spread = mean[row, mode], covariance[row, mode]
+            _blend(share, own, own_spread, centre[row, mode], spread[row, mode])
+            for cell in range(weight.shape[2]):
+                found[row, mode, cell] += died * weight[row, mode, cell]
+    return found, centre, spread
+
+
+def _before_update(smoothed: Mixture, link: Link) -> Later:
+    """Return the predicted hypotheses, given their smoothed children.
+
+    A predicted hypothesis has the summed weight of its smoothed children, and its Gaussians match
+    their moments. The weight of a merged child is divided by the filtered weights of its parents. A
+    hypothesis without children has no weight.
+    """
+    ancestry, moves = link.ancestry, link.moves
+    columns = _of_children(
+        len(moves.change),
+        *contiguous(ancestry.child, ancestry.parent, ancestry.share),
+        *contiguous(smoothed.weight, smoothed.mean, smoothed.covariance),
+    )
+    return Later(moves, *columns)
+
+
+def _with_hindsight(own: Mixture, later: Later) -> Mixture:
+    """Return the smoothed mixture of one scan, given the later predicted hypotheses.
+
+    Notes
+    -----
+    A later mode j divides its smoothed weight among the pairs (i, j) of earlier modes i in
+    proportion to w_i P_s pi_ij N(m_j; m_ij, P_ij), where m_j is the smoothed mean and m_ij, P_ij
+    are the pair's predicted mean and covariance. The state of a pair follows by a backward step
+    from the smoothed later state: the expectation correction. Without the normal density this is
+    Kim's smoother, whose error grows with the lag; in a turn the growth cancels its gain. The
+    weight of targets that die has the factor of a Bernoulli target's death,
+    (1 - smoothed survivors) / (1 - filtered survivors).
+
+    References
+    ----------
+    Barber, "Expectation correction for smoothed inference in switching linear dynamical systems",
+    Journal of Machine Learning Research 7, 2006.
+    Kim, "Dynamic linear models with Markov-switching", Journal of Econometrics 60, 1994.
+    """
+    moves = later.moves
+    cells = np.zeros((0, 0, 0)) if moves.cells is None else moves.cells
+    columns = _smoothed(
+        *(own.target, len(own.label), own.weight, own.mean, own.covariance),
+        *contiguous(*moves.pairs, moves.change, moves.survival, cells),
+        *contiguous(moves.place, moves.mean, moves.factor, moves.gain, moves.base),
+        *contiguous(later.weight, later.mean, later.covariance),
+    )
+    return own.with_gaussians(*columns)
+
+
+def _smooth_chain(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
+    """Yield the smoothed mixtures of a chain, newest first, each with its link to the next."""
+    later: Mixture | None = None
+    link: Link | None = None
+    for filtered, before in chain:
+        if later is None or link is None:
+            later = filtered
+        else:
+            later = _with_hindsight(filtered, _before_update(later, link))
+        yield later
+        link = before
 
 
 def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
@@ -60,169 +343,3 @@ def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
     columns = (np.split(column, ends) for column in (weight, mean, covariance))
     whole = zip(entries, *columns, strict=True)
     return [entry.stored.with_gaussians(*parts) for entry, *parts in whole][::-1]
-
-
-def _smooth_chain(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
-    """Yield the smoothed mixtures of a chain, newest first, each with its link to the next."""
-    later: Mixture | None = None
-    link: Link | None = None
-    for filtered, before in chain:
-        if later is None or link is None:
-            later = filtered
-        else:
-            later = _with_hindsight(filtered, _before_update(later, link))
-        yield later
-        link = before
-
-
-def _before_update(smoothed: Mixture, link: Link) -> Later:
-    """Return the predicted hypotheses, given their smoothed children.
-
-    A predicted hypothesis has the summed weight of its smoothed children, and its Gaussians match
-    their moments. The weight of a merged child is divided by the filtered weights of its parents.
-    """
-    ancestry, moves = link.ancestry, link.moves
-    edges = np.flatnonzero(ancestry.parent >= 0)
-    edges = edges[np.argsort(ancestry.parent[edges], kind="stable")]
-    child, parent = ancestry.child[edges], ancestry.parent[edges]
-    weight = smoothed.weight[child] * ancestry.share[edges]
-    mean, covariance = smoothed.mean[child], smoothed.covariance[child]
-    first = run_starts(parent)
-    if len(first) < len(parent):
-        size = np.diff(np.append(first, len(parent)))
-        mode_weight = weight.sum(axis=2)
-        weight = np.add.reduceat(weight, first)
-        total = weight.sum(axis=2).repeat(size, axis=0)
-        share = np.where(
-            total > 0.0,
-            mode_weight / np.where(total > 0.0, total, 1.0),
-            1.0 / size.repeat(size)[:, None],
-        )
-        mean, covariance = moments.merge_moments(share, mean, covariance, first)
-    rows, count = parent[first], len(moves.change)
-    if len(rows) == count:
-        return Later(moves, weight, mean, covariance)
-    # Hypotheses without children have no weight.
-    every = Later(
-        moves,
-        np.zeros((count, *weight.shape[1:])),
-        np.zeros((count, *mean.shape[1:])),
-        np.zeros((count, *covariance.shape[1:])),
-    )
-    every.weight[rows], every.mean[rows], every.covariance[rows] = weight, mean, covariance
-    return every
-
-
-def _with_hindsight(own: Mixture, later: Later) -> Mixture:
-    """Return the smoothed mixture of one scan, given the later predicted hypotheses.
-
-    Notes
-    -----
-    A later mode j divides its smoothed weight among the pairs (i, j) of earlier modes i in
-    proportion to w_i P_s pi_ij N(m_j; m_ij, P_ij), where m_j is the smoothed mean and m_ij, P_ij
-    are the pair's predicted mean and covariance. The state of a pair follows by a backward step
-    from the smoothed later state: the expectation correction. Without the normal density this is
-    Kim's smoother, whose error grows with the lag; in a turn the growth cancels its gain. The
-    weight of targets that die has the factor of a Bernoulli target's death,
-    (1 - smoothed survivors) / (1 - filtered survivors).
-
-    References
-    ----------
-    Barber, "Expectation correction for smoothed inference in switching linear dynamical systems",
-    Journal of Machine Learning Research 7, 2006.
-    Kim, "Dynamic linear models with Markov-switching", Journal of Econometrics 60, 1994.
-    """
-    moves, modes = later.moves, own.mean.shape[1]
-    of, to = moves.pairs
-    weight = moves.change[..., None] * own.weight.take(of, axis=1) * _fit(later)[..., None]
-    predicted = _by_mode(weight, to, modes)
-    if moves.cells is not None:
-        predicted = predicted @ moves.cells
-    back = np.where(predicted > 0.0, later.weight / np.where(predicted > 0.0, predicted, 1.0), 0.0)
-    if moves.cells is not None:
-        back = back @ moves.cells.swapaxes(1, 2)
-    weight *= back.take(to, axis=1)
-    survived = _by_mode(weight, of, modes)
-    died = own.weight * (1.0 - moves.survival)[..., None]
-    died *= _death_factor(own, survived, died)[:, None, None]
-    mean, covariance = _blend(own, weight.sum(axis=2), died.sum(axis=2), later)
-    return own.with_gaussians(survived + died, mean, covariance)
-
-
-def _death_factor(own: Mixture, survived: FloatArray, dying: FloatArray) -> FloatArray:
-    """Return phi of each row's target: the factor on the weight that does not survive."""
-
-    def by_target(weight: FloatArray) -> FloatArray:
-        return sum_by(own.target, weight.sum(axis=(1, 2)), len(own.label))
-
-    alive = np.minimum(by_target(survived), 1.0)
-    dead = 1.0 - own.existence + by_target(dying)
-    factor: FloatArray = (1.0 - alive) / np.where(dead > 0.0, dead, np.inf)
-    return factor[own.target]
-
-
-def _fit(later: Later) -> FloatArray:
-    """Return the relative likelihood of each later mode's mean under its pairs, shape (H, K).
-
-    This is a normal density, divided by the largest density among the pairs of that later mode.
-    """
-    moves = later.moves
-    of, to = moves.pairs
-    if len(of) == later.mean.shape[1]:
-        return np.ones_like(moves.change)
-    if loops := backend.compiled("gaussian.algebra"):
-        log_density = loops.log_densities(
-            *map(np.ascontiguousarray, (later.mean, moves.mean, moves.precision)),
-            *map(np.ascontiguousarray, (moves.log_determinant, to)),
-        )
-    else:
-        apart = (later.mean[:, to] - moves.mean)[..., None]
-        square = (apart.swapaxes(-1, -2) @ moves.precision @ apart)[..., 0, 0]
-        log_density = 0.5 * (moves.log_determinant - square)
-    log_density = np.where(np.isfinite(log_density), log_density, np.finfo(float).min)
-    largest = np.stack(
-        [log_density[:, to == mode].max(axis=1) for mode in range(later.mean.shape[1])], axis=1
-    )
-    fit: FloatArray = np.exp(np.maximum(log_density - largest[:, to], LEAST_LOG_FIT))
-    return fit
-
-
-def _by_mode(weight: FloatArray, mode: IntArray, modes: int) -> FloatArray:
-    """Return the weights of pairs, (H, K, S), summed by mode, (H, R, S)."""
-    select = (np.arange(modes)[:, None] == mode).astype(np.float64)
-    total: FloatArray = select @ weight
-    return total
-
-
-def _blend(
-    own: Mixture, joint: FloatArray, died: FloatArray, later: Later
-) -> tuple[FloatArray, FloatArray]:
-    """Return the Gaussian of each earlier mode, moment-matched over the later modes and death.
-
-    `joint` has the weights of the pairs, (H, K), and `died` the weights of death, (H, R).
-    """
-    of, to = later.moves.pairs
-    if loops := backend.compiled("gaussian.algebra"):
-        every: tuple[FloatArray, FloatArray] = loops.blend(
-            *map(np.ascontiguousarray, (own.mean, own.covariance, joint, died, of, to)),
-            *map(np.ascontiguousarray, (*later.moves.backward, later.mean, later.covariance)),
-        )
-        return every
-    mean, covariance = later.moves.backward.earlier(
-        later.mean.take(to, axis=1), later.covariance.take(to, axis=1)
-    )
-    weight = (np.arange(own.mean.shape[1])[:, None] == of) * joint[:, None]
-    total = weight.sum(axis=2)
-    reached = total > 0.0
-    share = weight / np.where(reached, total, 1.0)[..., None]
-    mean, covariance = moments.match_moments(share, mean, covariance)
-    share = np.where(reached, died / np.where(reached, total + died, 1.0), 1.0)[..., None]
-    apart = own.mean - mean
-    mean = mean + share * apart
-    share = share[..., None]
-    covariance = (1.0 - share) * covariance + share * own.covariance
-    covariance += share * (1.0 - share) * apart[..., None] * apart[..., None, :]
-    # Axes that a mode lacks stay zero, even where other modes have them.
-    axes = np.arange(mean.shape[2])
-    defined = (own.covariance[..., axes, axes] > 0.0).astype(np.float64)
-    return mean * defined, covariance * defined[..., None] * defined[..., None, :]

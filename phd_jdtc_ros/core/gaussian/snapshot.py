@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from ..snapshot import MAX_MASS, Snapshot, from_snapshot, to_snapshot
 from ..window.entries import Entry
 from ..window.window_snapshot import require_rows_of, sources_from_snapshot, sources_to_snapshot
-from .algebra.kalman import Backward
 from .dynamics import Dynamics
 from .mixture import Mixture
 from .prediction import Moves
@@ -23,7 +22,6 @@ def entry_to_snapshot(entry: GaussianEntry, snapshot: Snapshot, name: str) -> No
     to_snapshot(entry.stored, snapshot, name)
     if entry.link is not None:
         to_snapshot(entry.link.moves, snapshot, f"{name}.link")
-        to_snapshot(entry.link.moves.backward, snapshot, f"{name}.link")
         to_snapshot(entry.link.ancestry, snapshot, f"{name}.link")
 
 
@@ -54,8 +52,8 @@ def entry_from_snapshot(
     modes, size = dynamics.supported.shape
     sizes = {"O": modes, "D": size, "S": len(dynamics.cells), "K": len(dynamics.pairs[0])}
     stamp_ns, sources = sources_from_snapshot(snapshot, name, most)
-    if snapshot.array(f"{name}.origin").size > most:
-        raise ValueError(f"{name}.origin: more than {most} hypotheses")
+    if snapshot.array(f"{name}.row_label").size > most:
+        raise ValueError(f"{name}.row_label: more than {most} hypotheses")
     stored = from_snapshot(Mixture, snapshot, name, sizes)
     if stored.existence.max(initial=0.0) > MAX_MASS:
         raise ValueError(f"{name}.weight: a target of mass {stored.existence.max():.3g}")
@@ -66,6 +64,5 @@ def entry_from_snapshot(
             require_rows_of(name, source, earlier[source.stamp_ns].stored)
     sizes |= {"H": len(stored), "P": sum(source.size for source in sources)}
     of_link = snapshot, f"{name}.link", sizes
-    backward = from_snapshot(Backward, *of_link)
-    moves = from_snapshot(Moves, *of_link, pairs=dynamics.pairs, backward=backward)
+    moves = from_snapshot(Moves, *of_link, pairs=dynamics.pairs)
     return Entry(stamp_ns, stored, sources, Link(moves, from_snapshot(Ancestry, *of_link)))

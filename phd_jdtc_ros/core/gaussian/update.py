@@ -7,25 +7,24 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, sum_by
-from ..association.bernoulli import Claims, bernoulli
+from ..arrays import FloatArray, IntArray
 from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
 from ..attributes.uniqueness import OutOfGate
-from ..models.competing_sources import CompetingSources, competing_sources
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
 from ..types import Detections
 from ..window.update import Posterior
+from .bounds import Bounds
 from .dynamics import Dynamics
 from .measurement.amplitude import detection_probability, log_amplitude, slower
 from .measurement.gating import Expected, gate_pairs
 from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
 from .measurement.newborn import newborn_mixture
-from .measurement.pairs import likely, pair_weights, sum_modes
+from .measurement.pairs import Association, PairLikelihoods, associate, likely, sum_modes
 from .mixture import Mixture
-from .reduction import Bounds, Branched, probable
+from .reduction import Branched
 from .strays import with_reacquired
 
 
@@ -144,43 +143,28 @@ class PriorMixture:
         none. The weight of a hypothesis with z is its prior weight times its likelihood, times
         p(z) / psi(z).
         """
-        mixture, readings = self.mixture, self.report.project_as(pairs.projected)
-        coarse = self._coarse(pairs, readings)
-        weight, sources = self._pair_weights(pairs, evidence, coarse, log_other)
-        counted = likely(mixture, pairs.row, pairs.column, weight, self.missed, sources)
+        readings = self.report.project_as(pairs.projected)
+        likelihoods = self._likelihoods(pairs, evidence, self._coarse(pairs, readings), log_other)
+        counted = likely(self.mixture, self.missed, likelihoods)
         pairs = pairs.take(counted)
         evidence = None if evidence is None else evidence.take(counted)
 
-        found = iterated_update(mixture, pairs.row, pairs.projected_index, readings)
-        located = found.log_likelihood.reshape(-1, mixture.mean.shape[1])
-        weight, sources = self._pair_weights(pairs, evidence, located, log_other)
-        prior = np.where(mixture.mass > 0.0, mixture.mass, 1.0)
-        claims = Claims(
-            row=pairs.row,
-            column=pairs.column,
-            mass=sum_modes(weight),
-            other=sources.total,
-            detection_probability=sum_modes(mixture.weight * self.detectable) / prior,
+        found = iterated_update(self.mixture, pairs.row, pairs.projected_index, readings)
+        located = found.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
+        likelihoods = self._likelihoods(pairs, evidence, located, log_other)
+        association = associate(
+            self.mixture, self.missed, self.detectable, likelihoods, self.steps.bounds
         )
-        shares = bernoulli(mixture.target, len(mixture.label), mixture.mass, claims)
-        factor = shares.missed[mixture.target] * shares.prior / prior
-        missed, paired = self.missed * factor[:, None, None], weight * shares.pair[:, None, None]
-        weight, source = np.concatenate([missed, paired]), np.append(self._every, pairs.row)
-        mass = sum_modes(weight)
         return Posterior(
-            rows=self._branch(source, weight, found),
-            claims=claims,
-            sources=sources,
-            claimed_probability=shares.claimed,
-            pair_probability=mass[len(mixture) :],
-            existence=sum_by(mixture.target[source], mass, len(mixture.label)),
+            rows=self._branch(association, pairs.row, found),
+            claims=association.claims,
+            sources=association.sources,
+            claimed_probability=association.claimed,
+            pair_probability=association.pair,
+            existence=association.existence,
             evidence=evidence,
-            approximate=shares.approximate,
+            approximate=association.approximate,
         )
-
-    @property
-    def _every(self) -> IntArray:
-        return np.arange(len(self.mixture))
 
     def _coarse(self, pairs: Paired, readings: Report) -> FloatArray:
         """Return the log likelihoods of pairs, linearised at the predicted means, (P, R)."""
@@ -189,40 +173,27 @@ class PriorMixture:
         rough = coarse_rates(self.mixture, pairs.row, pairs.projected_index, rates, readings.sensor)
         return pairs.log_likelihood + rough
 
-    def _pair_weights(
+    def _likelihoods(
         self,
         pairs: Paired,
         evidence: Evidence | None,
         log_likelihood: FloatArray,
         log_other: FloatArray,
-    ) -> tuple[FloatArray, CompetingSources]:
-        """Return the weights of pairs, (P, R, S), and the competing sources."""
-        log_mass = log_likelihood[..., None] + self.log_amplitude[pairs.column][:, None, :]
-        if evidence is not None:
-            log_mass = log_mass + evidence.log_factor[:, None, None]
-        sources = competing_sources(log_other, pairs.column, log_mass.max(axis=(1, 2)))
-        return pair_weights(self.mixture, pairs.row, pairs.column, log_mass, sources), sources
-
-    def _branch(self, source: IntArray, weight: FloatArray, found: PairUpdate) -> Branched:
-        """Return the kept hypotheses: those without a detection, then those of the pairs.
-
-        Only the Gaussians of kept hypotheses are updated.
-        """
-        mixture = self.mixture
-        kept, factor = probable(mixture.target[source], sum_modes(weight), self.steps.bounds)
-        source, weight = source[kept], weight[kept] * factor[:, None, None]
-        modes, size = mixture.mean.shape[1:]
-        mean, covariance = mixture.mean[source], mixture.covariance[source]
-        paired = np.flatnonzero(kept >= len(mixture))
-        pair = kept[paired] - len(mixture)
-        gaussian = (pair[:, None] * modes + np.arange(modes)).ravel()
-        later = found.updated(
-            mean[paired].reshape(-1, size),
-            covariance[paired].reshape(-1, size, size),
-            pair,
-            gaussian,
+    ) -> PairLikelihoods:
+        """Return the log likelihoods of pairs, given those of the measurement alone, (P, R)."""
+        factor = np.zeros(len(pairs.row)) if evidence is None else evidence.log_factor
+        return PairLikelihoods(
+            pairs.row, pairs.column, log_likelihood, self.log_amplitude, factor, log_other
         )
-        mean[paired] = later[0].reshape(-1, modes, size)
-        covariance[paired] = later[1].reshape(-1, modes, size, size)
-        updated = Mixture(mixture.row_label[source], weight, mean, covariance)
+
+    def _branch(self, association: Association, row: IntArray, found: PairUpdate) -> Branched:
+        """Return the kept hypotheses: those without a detection, and those of the pairs.
+
+        Only the Gaussians of kept hypotheses are updated. `row` is the hypothesis of each pair.
+        """
+        mixture, kept = self.mixture, association.kept
+        source = np.append(np.arange(len(mixture)), row)[kept]
+        pair = np.maximum(kept - len(mixture), -1)
+        gaussians = found.updated(mixture, source, pair)
+        updated = Mixture(mixture.row_label[source], association.weight, *gaussians)
         return Branched(updated, self.branched.parent[source])

@@ -1,4 +1,4 @@
-"""Gaussians in measurement space, with their gates, and detections as Gaussians in the plane."""
+"""Detections as Gaussians in the plane."""
 
 from __future__ import annotations
 
@@ -6,30 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray
-
-
-class GatedGaussians(NamedTuple):
-    """Gaussians in measurement space, and the size of their gates.
-
-    Parameters
-    ----------
-    measured : array of shape (H, R, Z)
-    covariance : array of shape (H, R, Z, Z)
-        Without the sensor's noise.
-    speed : array of shape (H, R)
-        Sum of the velocity's components, metres per second.
-    alive : array of shape (H, R)
-        Whether a Gaussian has any weight.
-    sigma : float
-        Radius of the gates in standard deviations.
-    """
-
-    measured: FloatArray
-    covariance: FloatArray
-    speed: FloatArray
-    alive: BoolArray
-    sigma: float
+from ..arrays import FloatArray
 
 
 class PlanePlots(NamedTuple):

@@ -1,4 +1,4 @@
-"""Gates in range and azimuth: around points (particles), and around Gaussians.
+"""Gates in range and azimuth around points, the particles.
 
 The module has pure functions of arrays; measurements are (range, azimuth), metres and radians.
 """
@@ -7,13 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, wrap_angle
+from ..arrays import FloatArray, IntArray, wrap_angle
 from ..pair_search import kernels
-from ..pair_search.bands import in_boxes
 from ..pair_search.gating import CellLists, cell_lists
 from ..types import Detections
-from .gaussians import GatedGaussians
-from .polar_geometry import MIN_RANGE
 
 # Radius of the gates in standard deviations; there the likelihood is 1e-8 of its peak.
 DETECTION_GATE_SIGMA = 6.0
@@ -93,51 +90,3 @@ def _lists(detections: Detections, std: FloatArray) -> tuple[CellLists, float]:
     measured = detections.measurement.copy()
     measured[:, 1] = wrap_angle(measured[:, 1])
     return cell_lists(measured, DETECTION_GATE_SIGMA * float(std[0]), gate), gate
-
-
-def gated_boxes(
-    gaussians: GatedGaussians, noise: FloatArray, detections: Detections, max_range: float
-) -> tuple[IntArray, IntArray, BoolArray]:
-    """Return the pairs of rows and detections in the boxes around the gates of Gaussians.
-
-    Parameters
-    ----------
-    noise : array of shape (2,)
-        Largest standard deviations of the detections.
-    max_range : float
-        Gaussians with gates beyond this range are not detected, metres.
-
-    Returns
-    -------
-    row, column : int arrays of shape (P,)
-    surrounding : array of shape (H, R)
-        Whether a Gaussian surrounds the radar and can be detected at any azimuth.
-    """
-    measured, sigma = gaussians.measured, gaussians.sigma
-    reach = sigma * np.sqrt(gaussians.covariance[..., [0, 1], [0, 1]] + noise**2)
-    if detections.time_s is not None and len(detections):
-        moved = gaussians.speed * np.abs(detections.time_s).max()
-        reach[..., 0] += moved
-        reach[..., 1] += moved / np.maximum(measured[..., 0], MIN_RANGE)
-    alive = gaussians.alive & (measured[..., 0] - reach[..., 0] <= max_range)
-    # One box surrounds the gates of all motion modes; its centre is the first mode with weight.
-    centre = np.take_along_axis(measured[..., 1], alive.argmax(axis=1)[:, None], axis=1)
-    half = np.abs(wrap_angle(measured[..., 1] - centre)) + reach[..., 1]
-    half = np.where(alive, half, 0.0).max(axis=1)
-    near = np.where(alive, measured[..., 0] - reach[..., 0], np.inf).min(axis=1)
-    far = np.where(alive, measured[..., 0] + reach[..., 0], -np.inf).max(axis=1)
-    surrounding = _surrounding(gaussians, noise)
-    half = np.where(surrounding.any(axis=1), np.pi, half)
-    boxes = np.stack([near, far], axis=1)
-    return *in_boxes(boxes, centre[:, 0], half, detections.measurement), surrounding
-
-
-def _surrounding(gaussians: GatedGaussians, noise: FloatArray) -> BoolArray:
-    """Return a mask of the Gaussians that surround the radar, (H, R)."""
-    covariance, sigma = gaussians.covariance, gaussians.sigma
-    spread = np.sqrt(covariance[..., 0, 0] + noise[0] ** 2)
-    around = gaussians.measured[..., 0] <= sigma * spread
-    # The azimuth's variance grows with the square of the angle that the Gaussian covers.
-    wide = sigma * np.sqrt(covariance[..., 1, 1]) >= 0.5 * np.pi
-    surrounding: BoolArray = around & wide
-    return surrounding

@@ -13,7 +13,7 @@ from ..arrays import BoolArray, FloatArray, IntArray, wrap_angle
 from ..clutter.grid import GroundGrid
 from ..types import FULL_TURN, Coverage, Detections
 from . import polar_gate, polar_geometry
-from .gaussians import GatedGaussians, PlanePlots
+from .gaussians import PlanePlots
 from .polar_gate import DETECTION_GATE_SIGMA
 from .polar_geometry import MIN_RANGE
 from .sensor import Sensor
@@ -194,13 +194,6 @@ class RadarModel(Sensor):
         """Return the pairs of points and detections in the gate; see `polar_gate.gated_pairs`."""
         own = self._own_noise_std(detections)
         return polar_gate.gated_pairs(predicted, detections, self.noise_std, own, rate)
-
-    def gated_boxes(
-        self, gaussians: GatedGaussians, detections: Detections
-    ) -> tuple[IntArray, IntArray, BoolArray]:
-        """Return the pairs in boxes around Gaussians' gates; see `polar_gate.gated_boxes`."""
-        noise = self.noise_std_of(detections).max(axis=0, initial=0.0)
-        return polar_gate.gated_boxes(gaussians, noise, detections, self.max_range)
 
     def candidate_count(self, predicted: FloatArray, detections: Detections) -> int:
         """Return the number of candidate pairs of `gated_pairs`."""

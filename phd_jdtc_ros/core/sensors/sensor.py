@@ -8,6 +8,7 @@ has no learned map.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import ClassVar, TypeVar
@@ -22,7 +23,7 @@ from ..state_space import PLANAR, StateSpace
 from ..targets import amplitude_density
 from ..targets.modes import ClassModel
 from ..types import Coverage, Detections, Pose
-from .gaussians import GatedGaussians, PlanePlots
+from .gaussians import PlanePlots
 from .polar_geometry import MIN_RANGE, line_of_sight
 from .range_rate import RangeRateModel, Rates
 from .slant_range import HeightProjection
@@ -170,18 +171,14 @@ class Sensor(ABC):
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs of points and detections in the gate, with their log likelihoods."""
 
-    @abstractmethod
-    def gated_boxes(
-        self, gaussians: GatedGaussians, detections: Detections
-    ) -> tuple[IntArray, IntArray, BoolArray]:
-        """Return the pairs of rows and detections in the boxes around the gates of Gaussians.
-
-        The mask, (H, R), marks Gaussians that can be detected at any azimuth, without a gate.
-        """
-
     def candidate_count(self, predicted: FloatArray, detections: Detections) -> int:
         """Return the number of candidate pairs of `gated_pairs`."""
         return len(predicted) * len(detections)
+
+    @property
+    def max_range(self) -> float:
+        """Largest range of a detection, metres."""
+        return math.inf
 
     def reachable(self, measured: FloatArray) -> FloatArray:
         """Return the measurements, changed so that none beyond its range is in any gate."""

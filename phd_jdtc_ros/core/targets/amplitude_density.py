@@ -11,6 +11,8 @@ has a root mean square amplitude of 250.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.special import exp1
 
@@ -54,6 +56,7 @@ def threshold_for(false_alarm: float) -> float:
     return float(np.sqrt(-2.0 * np.log(false_alarm)))
 
 
+@lru_cache(maxsize=256)
 def detection_probability(threshold: float, snr_band: tuple[float, float]) -> float:
     """Return p_D of a class: the mass of its amplitude density above the threshold tau.
 

@@ -23,7 +23,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray
+from ..arrays import BoolArray, FloatArray, IntArray, contains
 from ..clutter.neighbourhood import probability_among_reflectors
 from ..models import stationary
 from ..models.amplitude_model import Band
@@ -162,7 +162,7 @@ class TrackStates:
         estimates : Estimates
             All with an existence probability above `ReportingRule.least`.
         swept : int array
-            Labels of the targets that the scan swept.
+            Labels of the targets that the scan swept, ascending.
         unswept_ns : collection of int
             Stamps of earlier scans with tracks that no later scan has swept.
         """
@@ -171,8 +171,8 @@ class TrackStates:
         place = np.argsort(estimates.track_id, kind="stable")
         labelled = place[estimates.track_id[place] > 0]
         records = self._next(estimates.take(labelled), scan, model)
-        gone = np.isin(self._records.label - 1, swept)
-        gone |= ~np.isin(self._records.stamp_ns, list(unswept_ns))
+        gone = contains(swept, self._records.label - 1)
+        gone |= ~contains(np.array(sorted(unswept_ns), dtype=np.int64), self._records.stamp_ns)
         self._records = self._records.take(np.flatnonzero(~gone)).merge(records)
         state = np.full(len(estimates), CONFIRMED)
         state[estimates.track_id == 0] = np.where(
@@ -263,7 +263,7 @@ class TrackStates:
             return estimates
         confirmed = self._records.label[self._records.state != TENTATIVE]
         ever = np.concatenate([confirmed, self._noted.since(estimates.stamp_ns).label])
-        kept = np.isin(estimates.track_id, ever) | (estimates.track_id == 0)
+        kept = contains(np.sort(ever), estimates.track_id) | (estimates.track_id == 0)
         kept &= estimates.weight >= self.rule.delete[estimates.class_id]
         estimates = estimates.take(np.flatnonzero(kept))
         _, label, state = self._noted.at(estimates.stamp_ns)

@@ -1,100 +1,73 @@
 import numpy as np
 import pytest
+from matchings import enumerated
 
+from phd_jdtc_ros.core.arrays import contiguous
 from phd_jdtc_ros.core.association import belief_propagation
-from phd_jdtc_ros.core.association.belief_propagation import propagate
-from phd_jdtc_ros.core.association.clusters import cluster_of_nodes
+from phd_jdtc_ros.core.association.belief_propagation import propagate, rounds
 
 
-def clusters_of(rng, shapes, density):
-    """Return target, detection, T and M of random clusters, sorted by target."""
-    target, detection, targets, size = [], [], 0, 0
-    for rows, columns in shapes:
-        t, z = np.nonzero(rng.random((rows, columns)) < density)
-        target.append(targets + t)
-        detection.append(size + z)
-        targets, size = targets + rows, size + columns
-    return np.concatenate(target), np.concatenate(detection), targets, size
+def dense(odds, iterations=200):
+    """Return the marginals of dense odds, as (T, M) and (T,)."""
+    target, detection = contiguous(*np.nonzero(odds))
+    edge, none = propagate(*odds.shape, target, detection, odds[target, detection], iterations)
+    found = np.zeros_like(odds)
+    found[target, detection] = edge
+    return found, none
 
 
-def undropped(target, detection, odds, targets, clutter):
-    """Return the edges' marginals by iterations over all edges, every message tested."""
-    rival = clutter[detection]
-    free = 1.0 / rival
-    for _ in range(belief_propagation.ITERATIONS):
-        taken = odds * free
-        others = np.bincount(target, taken, targets)[target] - taken
-        wanted = odds / (1.0 + np.maximum(others, 0.0))
-        others = np.bincount(detection, wanted, len(clutter))[detection] - wanted
-        before, free = free, 1.0 / (rival + np.maximum(others, 0.0))
-        if (np.abs(free - before) <= belief_propagation.TOLERANCE * before).all():
-            break
-    taken = odds * free
-    return taken / (1.0 + np.bincount(target, taken, targets))[target]
-
-
-@pytest.mark.parametrize("scale", [1.0, 1e3, 1e8])
-def test_propagation_drops_only_what_stands_still(scale):
-    rng = np.random.default_rng(2)
-    shapes = [(1, 1)] * 40 + [(1, 3), (3, 1)] * 30 + [(6, 6)] * 10 + [(30, 30)]
-    target, detection, targets, size = clusters_of(rng, shapes, 0.3)
-    odds, clutter = scale * rng.exponential(2.0, len(target)), rng.uniform(0.1, 2.0, size)
-    cluster = cluster_of_nodes(target, detection, targets, size)[target]
-    edge, _ = propagate(target, detection, odds, targets, clutter, cluster)
-    expected = undropped(target, detection, odds, targets, clutter)
-    np.testing.assert_allclose(edge, expected, rtol=1e-13)
+@pytest.mark.parametrize("seed", range(5))
+def test_propagation_is_exact_where_the_graph_is_a_tree(seed):
+    rng = np.random.default_rng(seed)
+    # Target t shares one detection with target t + 1, and has one of its own.
+    odds = np.zeros((4, 8))
+    for t in range(4):
+        odds[t, max(2 * t - 1, 0) : 2 * t + 2] = rng.exponential(5.0, min(2 * t + 2, 3))
+    odds[3, 7] = 0.0
+    for found, exact in zip(dense(odds), enumerated(odds, np.ones(8)), strict=True):
+        np.testing.assert_allclose(found, exact, atol=1e-6)
 
 
 def test_propagation_is_exact_where_the_target_or_the_detection_is_alone():
-    # Target 0 has three detections of its own, and targets 1 to 3 compete for the fourth; the
-    # dense cluster beside them takes many iterations.
-    rng = np.random.default_rng(3)
-    t, z = np.nonzero(rng.random((20, 20)) < 0.5)
-    target = np.concatenate([[0, 0, 0, 1, 2, 3], 4 + t])
-    detection = np.concatenate([[0, 1, 2, 3, 3, 3], 4 + z])
-    odds, clutter = rng.exponential(50.0, len(target)), rng.uniform(0.1, 2.0, 24)
-    cluster = cluster_of_nodes(target, detection, 24, 24)[target]
-    edge, none = propagate(target, detection, odds, 24, clutter, cluster)
-    ratio = odds[:6] / clutter[detection[:6]]
-    np.testing.assert_allclose(edge[:3], ratio[:3] / (1.0 + ratio[:3].sum()), rtol=1e-14)
-    np.testing.assert_allclose(edge[3:6], ratio[3:] / (1.0 + ratio[3:].sum()), rtol=1e-14)
-    np.testing.assert_allclose(none[0], 1.0 / (1.0 + ratio[:3].sum()), rtol=1e-14)
+    # Target 0 has three detections of its own, and targets 1 to 3 compete for the fourth.
+    odds = np.zeros((4, 4))
+    odds[0, :3], odds[1:, 3] = np.random.default_rng(3).exponential(50.0, (2, 3))
+    edge, none = dense(odds)
+    np.testing.assert_allclose(edge[0, :3], odds[0, :3] / (1.0 + odds[0].sum()), rtol=1e-14)
+    np.testing.assert_allclose(edge[1:, 3], odds[1:, 3] / (1.0 + odds[:, 3].sum()), rtol=1e-14)
+    np.testing.assert_allclose(none[0], 1.0 / (1.0 + odds[0].sum()), rtol=1e-14)
 
 
-@pytest.mark.parametrize("clutter", [1e-9, 1.0])
-def test_propagation_of_extreme_odds_is_finite(clutter):
+@pytest.mark.parametrize("seed", range(5))
+def test_propagation_is_close_where_the_graph_has_loops(seed):
+    odds = np.random.default_rng(seed).exponential(2.0, (3, 4))
+    for found, exact in zip(dense(odds), enumerated(odds, np.ones(4)), strict=True):
+        np.testing.assert_allclose(found, exact, atol=0.03)
+
+
+def test_propagation_of_no_edges_leaves_every_target_undetected():
+    none = np.zeros(0, dtype=np.int64)
+    edge, missed = propagate(3, 2, none, none, np.zeros(0), 200)
+    assert len(edge) == 0
+    np.testing.assert_array_equal(missed, 1.0)
+
+
+@pytest.mark.parametrize("scale", [1e12, 1e80])
+def test_propagation_of_extreme_odds_is_finite(scale):
     rng = np.random.default_rng(4)
-    target, detection, targets, size = clusters_of(rng, [(30, 30), (1, 4), (4, 1)], 0.5)
-    odds = 1e12 * rng.exponential(1.0, len(target))
-    odds[rng.random(len(odds)) < 0.2] = 0.0
-    cluster = cluster_of_nodes(target, detection, targets, size)[target]
-    edge, none = propagate(target, detection, odds, targets, np.full(size, clutter), cluster)
+    odds = scale * rng.exponential(1.0, (30, 30)) * (rng.random((30, 30)) < 0.5)
+    edge, none = dense(odds)
     assert np.isfinite(edge).all()
-    total = np.bincount(target, edge, targets) + none
-    np.testing.assert_allclose(total, 1.0, rtol=1e-12)
+    np.testing.assert_allclose(edge.sum(axis=1) + none, 1.0, rtol=1e-12)
 
 
-def loopy(units=1.0):
-    """Return the parameters of one cluster with loops, odds and clutter in these units."""
-    rng = np.random.default_rng(5)
-    target, detection, targets, size = clusters_of(rng, [(9, 9)], 0.6)
-    odds, clutter = rng.exponential(5.0, len(target)), rng.uniform(0.1, 2.0, size)
-    cluster = cluster_of_nodes(target, detection, targets, size)[target]
-    return target, detection, units * odds, targets, units * clutter, cluster
+def test_propagation_stops_after_the_iterations():
+    odds = np.random.default_rng(5).exponential(5.0, (9, 9))
+    assert np.abs(dense(odds, 6)[0] - dense(odds)[0]).max() > 1e-4
 
 
-@pytest.mark.parametrize("units", [1e-7, 1e7])
-def test_propagation_goes_on_for_as_long_in_all_units(units):
-    for one, other in zip(propagate(*loopy()), propagate(*loopy(units)), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12)
-
-
-def test_propagation_of_many_edges_takes_fewer_iterations(monkeypatch):
-    monkeypatch.setattr(belief_propagation, "ITERATIONS", 6)
-    expected = propagate(*loopy())[0]
-    monkeypatch.undo()
-    edges = len(expected)
-    monkeypatch.setattr(belief_propagation, "LEAST_ITERATIONS", 2)
-    monkeypatch.setattr(belief_propagation, "MOST_WORK", 7 * edges - 1)
-    np.testing.assert_array_equal(propagate(*loopy())[0], expected)
-    assert np.abs(expected - undropped(*loopy()[:5])).max() > 1e-4
+def test_rounds_are_fewer_for_many_edges():
+    most = belief_propagation.MOST_WORK
+    assert rounds(0) == rounds(most // 200) == 200
+    assert rounds(most // 50) == 50
+    assert rounds(most) == 10

@@ -3,7 +3,8 @@ import pytest
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from phd_jdtc_ros.core.association.clusters import cluster_of_nodes
+from phd_jdtc_ros.core.arrays import contiguous
+from phd_jdtc_ros.core.association.clusters import clusters_of, graph_of
 
 
 def first_nodes(target, detection, targets, size):
@@ -21,7 +22,7 @@ def first_nodes(target, detection, targets, size):
 def test_clusters_are_the_connected_components(edges):
     rng = np.random.default_rng(edges)
     target, detection = rng.integers(0, 80, edges), rng.integers(0, 120, edges)
-    found = cluster_of_nodes(target, detection, 80, 120)
+    found = clusters_of(80, 120, target, detection)
     np.testing.assert_array_equal(found, first_nodes(target, detection, 80, 120))
 
 
@@ -29,9 +30,30 @@ def test_clusters_of_a_long_chain_in_any_order_are_one():
     rng = np.random.default_rng(0)
     link = np.arange(2000)
     target, detection = rng.permutation(1001)[(link + 1) // 2], rng.permutation(1000)[link // 2]
-    np.testing.assert_array_equal(cluster_of_nodes(target, detection, 1001, 1000), 0)
+    np.testing.assert_array_equal(clusters_of(1001, 1000, target, detection), 0)
 
 
 def test_clusters_without_detections_are_the_targets():
     none = np.zeros(0, dtype=np.int64)
-    np.testing.assert_array_equal(cluster_of_nodes(none, none, 3, 0), [0, 1, 2])
+    np.testing.assert_array_equal(clusters_of(3, 0, none, none), [0, 1, 2])
+
+
+def test_graph_has_the_nodes_with_edges_cluster_by_cluster_targets_first():
+    # Targets 0 and 3 share detection 2, and target 2 has detections 0 and 3.
+    target, detection = np.array([3, 2, 0, 2]), np.array([2, 3, 2, 0])
+    order, graph = graph_of(4, 5, target, detection)
+    np.testing.assert_array_equal(order, [0, 3, 6, 2, 4, 7])
+    np.testing.assert_array_equal(graph.first, [0, 3, 6])
+    np.testing.assert_array_equal(graph.middle, [2, 4])
+    np.testing.assert_array_equal(order[graph.target], target)
+    np.testing.assert_array_equal(order[graph.detection], 4 + detection)
+
+
+def test_graph_lists_the_edges_of_every_node():
+    rng = np.random.default_rng(1)
+    target, detection = contiguous(*np.nonzero(rng.random((9, 7)) < 0.3))
+    order, graph = graph_of(9, 7, target, detection)
+    for node in range(len(order)):
+        own = graph.link[graph.start[node] : graph.start[node + 1]]
+        expected = np.flatnonzero((graph.target == node) | (graph.detection == node))
+        np.testing.assert_array_equal(np.sort(own), expected)

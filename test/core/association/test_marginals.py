@@ -1,12 +1,14 @@
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from matchings import enumerated
 
-from phd_jdtc_ros.core.association import batches
+from phd_jdtc_ros.core.association import marginals as module
 from phd_jdtc_ros.core.association.marginals import marginals
 
 
-def propagated(odds, clutter):
+def dense_marginals(odds, clutter):
     target, detection = np.nonzero(odds)
     edge, none, _ = marginals(target, detection, odds[target, detection], len(odds), clutter)
     dense = np.zeros_like(odds)
@@ -14,34 +16,108 @@ def propagated(odds, clutter):
     return dense, none
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_marginals_are_exact_where_the_graph_is_a_tree(seed):
-    rng = np.random.default_rng(seed)
-    # A chain: target t shares one detection with target t + 1, and has one of its own.
-    odds = np.zeros((4, 7))
-    for t in range(4):
-        for z in (2 * t - 1, 2 * t):
-            if z >= 0:
-                odds[t, z] = rng.exponential(5.0)
-    odds[3, 6] = rng.exponential(5.0)
-    clutter = rng.uniform(0.1, 2.0, 7)
-    edge, none = propagated(odds, clutter)
-    exact_edge, exact_none = enumerated(odds, clutter)
-    np.testing.assert_allclose(edge, exact_edge, atol=1e-6)
-    np.testing.assert_allclose(none, exact_none, atol=1e-6)
+def fractions(values):
+    return np.vectorize(Fraction, otypes=[object])(values)
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e4])
-@pytest.mark.parametrize("seed", range(5))
-def test_marginals_are_exact_in_small_clusters_with_loops(seed, scale):
+def random_odds(rng, weights):
+    """Return dense odds of up to four targets and detections, some of them zero."""
+    shape = tuple(rng.integers(1, 5, 2))
+    return weights(shape) * (rng.random(shape) < rng.choice([0.3, 0.6, 1.0]))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_marginals_are_those_of_all_matchings(seed):
     rng = np.random.default_rng(seed)
-    odds = scale * rng.exponential(2.0, (4, 4))
-    odds[rng.random((4, 4)) < 0.2] = 0.0
-    clutter = rng.uniform(0.1, 2.0, 4)
-    edge, none = propagated(odds, clutter)
-    exact_edge, exact_none = enumerated(odds, clutter)
-    np.testing.assert_allclose(edge, exact_edge, rtol=1e-12)
-    np.testing.assert_allclose(none, exact_none, rtol=1e-12)
+    for _ in range(50):
+        odds = random_odds(rng, lambda shape: 10.0 ** rng.uniform(-4.0, 8.0, shape))
+        clutter = 10.0 ** rng.uniform(-6.0, 1.0, len(odds.T))
+        edge, none = dense_marginals(odds, clutter)
+        exact_edge, exact_none = enumerated(odds, clutter)
+        np.testing.assert_allclose(edge, exact_edge, rtol=1e-10)
+        np.testing.assert_allclose(none, exact_none, rtol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_marginals_of_weights_of_all_magnitudes_are_those_of_all_matchings(seed):
+    rng = np.random.default_rng(seed)
+    values = [1e-300, 1e-150, 1.0, 1e298, 3e299, 1e300]
+    for _ in range(15):
+        odds = random_odds(rng, lambda shape: rng.choice(values, shape))
+        clutter = rng.choice([1e-6, 1.0], len(odds.T))
+        edge, none = dense_marginals(odds, clutter)
+        exact_edge, exact_none = enumerated(fractions(odds), fractions(clutter))
+        np.testing.assert_allclose(edge, exact_edge.astype(float), atol=1e-10)
+        np.testing.assert_allclose(none, exact_none.astype(float), atol=1e-10)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e12])
+def test_marginals_of_equal_odds_are_equal(scale):
+    edge, none = dense_marginals(np.full((5, 4), scale), np.ones(4))
+    exact_edge, exact_none = enumerated(np.full((5, 4), scale), np.ones(4))
+    np.testing.assert_allclose(edge, edge[0, 0], rtol=1e-12)
+    np.testing.assert_allclose(edge, exact_edge, rtol=1e-10)
+    np.testing.assert_allclose(none, exact_none, rtol=1e-10)
+
+
+def test_marginals_of_pairs_that_are_forced_are_one():
+    # Each target but the first shares its only other detection with the one before.
+    odds = np.diag(np.full(6, 1e200)) + np.diag(np.full(5, 1e199), -1)
+    edge, none = dense_marginals(odds, np.ones(6))
+    np.testing.assert_allclose(edge, np.eye(6), atol=1e-10)
+    np.testing.assert_allclose(none, 0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 6), (6, 1)])
+def test_marginals_of_one_target_or_one_detection_are_shares_of_the_odds(shape):
+    odds = np.random.default_rng(1).exponential(3.0, shape)
+    edge, none = dense_marginals(odds, np.ones(shape[1]))
+    np.testing.assert_allclose(edge, odds / (1.0 + odds.sum()), rtol=1e-12)
+    np.testing.assert_allclose(none, 1.0 - edge.sum(axis=1), rtol=1e-12)
+
+
+def chain(rng, targets):
+    """Return odds of targets that share a detection with the one before and the one after."""
+    odds = np.zeros((targets, targets + 1))
+    row = np.arange(targets)
+    odds[row, row], odds[row, row + 1] = 10.0 ** rng.uniform(-3.0, 6.0, (2, targets))
+    return odds
+
+
+def chain_marginals(odds):
+    """Return the marginals of a chain, by matrices from one shared detection to the next."""
+    # From [detection t free or taken] to the same of t + 1, by what target t does.
+    none = np.array([np.diag([1.0, 0.0])[:, [0, 1]] for _ in odds])
+    none[:, 1, 0] = 1.0
+    first, second = np.zeros_like(none), np.zeros_like(none)
+    row = np.arange(len(odds))
+    first[:, 0, 0] = odds[row, row]
+    second[:, :, 1] = odds[row, row + 1, None]
+    whole = none + first + second
+    earlier = [np.array([1.0, 0.0])]
+    for step in whole:
+        earlier.append(earlier[-1] @ step / (earlier[-1] @ step).sum())
+    later = [np.ones(2)]
+    for step in whole[::-1]:
+        later.append(step @ later[-1] / (step @ later[-1]).sum())
+    ways = np.array(
+        [
+            [earlier[t] @ way[t] @ later[len(odds) - 1 - t] for way in (none, first, second)]
+            for t in row
+        ]
+    )
+    return ways / ways.sum(axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("targets", [2, 30, 300])
+def test_marginals_of_a_long_chain_are_exact(targets):
+    rng = np.random.default_rng(targets)
+    odds = chain(rng, targets)
+    row, order = np.arange(targets), rng.permutation(targets)
+    edge, none = np.empty_like(odds), np.empty(targets)
+    edge[order], none[order] = dense_marginals(odds[order], np.ones(targets + 1))
+    found = np.stack([none, edge[row, row], edge[row, row + 1]], axis=1)
+    np.testing.assert_allclose(found, chain_marginals(odds), rtol=1e-10)
 
 
 @pytest.mark.parametrize("shape", [(2, 15), (3, 12), (5, 8), (8, 8)])
@@ -53,13 +129,13 @@ def test_marginals_are_exact_in_clusters_of_many_detections(shape):
         target, detection = np.ogrid[: shape[0], : shape[1]]
         odds[(detection - target) % shape[1] > 2] = 0.0
     clutter = rng.uniform(0.1, 2.0, shape[1])
-    edge, none = propagated(odds, clutter)
+    edge, none = dense_marginals(odds, clutter)
     exact_edge, exact_none = enumerated(odds, clutter)
     np.testing.assert_allclose(edge, exact_edge, rtol=1e-12)
     np.testing.assert_allclose(none, exact_none, rtol=1e-12)
 
 
-def test_marginals_of_clusters_of_all_sizes_are_those_of_each_alone(monkeypatch):
+def test_marginals_of_clusters_of_all_sizes_are_those_of_each_alone():
     rng = np.random.default_rng(6)
     tables = [rng.exponential(2.0, rng.integers(1, 6, 2)) for _ in range(40)]
     tables += [rng.exponential(2.0, (2, 9)), rng.exponential(2.0, (3, 9))]
@@ -69,30 +145,48 @@ def test_marginals_of_clusters_of_all_sizes_are_those_of_each_alone(monkeypatch)
         both[t : t + odds.shape[0], z : z + odds.shape[1]] = odds
     clutter = rng.uniform(0.1, 2.0, len(both.T))
     mixed = rng.permutation(len(both))  # neighbours in a cluster need not be neighbours in number
-    for entries in (1, batches.LARGEST_BATCH):
-        monkeypatch.setattr(batches, "LARGEST_BATCH", entries)
-        edge, none = np.empty_like(both), np.empty(len(both))
-        edge[mixed], none[mixed] = propagated(both[mixed], clutter)
-        for odds, (t, z) in zip(tables, ends, strict=False):
-            own = slice(t, t + odds.shape[0]), slice(z, z + odds.shape[1])
-            alone, none_alone = propagated(odds, clutter[own[1]])
-            np.testing.assert_allclose(edge[own], alone, rtol=1e-12)
-            np.testing.assert_allclose(none[own[0]], none_alone, rtol=1e-12)
+    edge, none = np.empty_like(both), np.empty(len(both))
+    edge[mixed], none[mixed] = dense_marginals(both[mixed], clutter)
+    for odds, (t, z) in zip(tables, ends, strict=False):
+        own = slice(t, t + odds.shape[0]), slice(z, z + odds.shape[1])
+        alone, none_alone = dense_marginals(odds, clutter[own[1]])
+        np.testing.assert_allclose(edge[own], alone, rtol=1e-12)
+        np.testing.assert_allclose(none[own[0]], none_alone, rtol=1e-12)
 
 
-def test_marginals_count_the_clusters_with_loops_that_are_not_summed_exactly():
-    # Two of the clusters are complete and large, one is complete and small, one is a tree.
-    blocks = [(30, 30), (4, 4), (1, 40), (30, 30)]
-    odds, start = np.zeros((65, 104)), np.zeros(2, dtype=np.int64)
+def complete(*blocks):
+    """Return the arguments of `marginals` for complete clusters of these shapes."""
+    odds, start = np.zeros(np.sum(blocks, axis=0)), np.zeros(2, dtype=np.int64)
     for t, z in blocks:
         odds[start[0] : start[0] + t, start[1] : start[1] + z] = 1.0
         start += t, z
     target, detection = np.nonzero(odds)
-    found = marginals(target, detection, np.ones(len(target)), 65, np.ones(104))
-    assert found.approximate == 2
-    few = target < 30
-    found = marginals(target[~few], detection[~few], np.ones((~few).sum()), 65, np.ones(104))
-    assert found.approximate == 1
+    return target, detection, np.ones(len(target)), len(odds), np.ones(len(odds.T))
+
+
+def test_marginals_count_the_clusters_that_take_too_much():
+    assert marginals(*complete((30, 30), (4, 4), (1, 40), (30, 30))).approximate == 2
+    assert marginals(*complete((4, 4), (1, 40), (30, 30))).approximate == 1
+
+
+@pytest.mark.parametrize("shape", [(12, 12), (100, 7), (7, 100), (2, 5000), (5000, 2), (1, 5000)])
+def test_marginals_of_clusters_of_this_size_are_exact(shape):
+    found = marginals(*complete(shape))
+    assert found.approximate == 0
+    np.testing.assert_allclose(found.edge, found.edge[0], rtol=1e-9)
+
+
+def test_marginals_are_as_exact_in_a_large_scene_as_in_a_small_one():
+    assert marginals(*complete(*[(10, 10)] * 40)).approximate == 0
+
+
+def test_marginals_of_just_the_bound_are_exact(monkeypatch):
+    # Two targets and two detections: two edges in the first step, with three open nodes, and two
+    # in the second one.
+    monkeypatch.setattr(module, "MOST_WORK", (2 * 8 + 2 * 8) // 2)
+    assert marginals(*complete((2, 2))).approximate == 0
+    monkeypatch.setattr(module, "MOST_WORK", (2 * 8 + 2 * 8) // 2 - 1)
+    assert marginals(*complete((2, 2))).approximate == 1
 
 
 @pytest.mark.parametrize("clutter", [0.0, 1e-9, 1.0])
@@ -109,10 +203,10 @@ def test_marginals_of_extreme_odds_are_finite(shape, clutter):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_marginals_are_close_in_large_clusters_with_loops(seed, monkeypatch):
-    monkeypatch.setattr(batches, "LARGEST_CLUSTER", 0)
+    monkeypatch.setattr(module, "MOST_WORK", 0)
     rng = np.random.default_rng(seed)
     odds = rng.exponential(2.0, (3, 4))
-    edge, none = propagated(odds, np.ones(4))
+    edge, none = dense_marginals(odds, np.ones(4))
     exact_edge, exact_none = enumerated(odds, np.ones(4))
     assert np.abs(edge - exact_edge).max() < 0.03
     assert np.abs(none - exact_none).max() < 0.03
@@ -121,26 +215,26 @@ def test_marginals_are_close_in_large_clusters_with_loops(seed, monkeypatch):
 def test_marginals_of_two_loud_targets_are_not_taken_for_certain(monkeypatch):
     # Without clutter or a miss there are two matchings, one twice as likely as the other.
     odds = 1e7 * np.array([[2.0, 1.0], [1.0, 1.0]])
-    edge, _ = propagated(odds, np.full(2, 1e-9))
+    edge, _ = dense_marginals(odds, np.full(2, 1e-9))
     np.testing.assert_allclose(edge, [[2 / 3, 1 / 3], [1 / 3, 2 / 3]], rtol=1e-6)
-    monkeypatch.setattr(batches, "LARGEST_CLUSTER", 0)
-    assert propagated(odds, np.full(2, 1e-9))[0].max() > 0.99
+    monkeypatch.setattr(module, "MOST_WORK", 0)
+    assert dense_marginals(odds, np.full(2, 1e-9))[0].max() > 0.99
 
 
 def test_marginals_of_one_cluster_do_not_depend_on_another():
     rng = np.random.default_rng(9)
     odds = np.zeros((5, 5))
     odds[:3, :3], odds[3:, 3:] = rng.exponential(3.0, (3, 3)), rng.exponential(3.0, (2, 2))
-    both, none = propagated(odds, np.ones(5))
-    first, none_first = propagated(odds[:3, :3], np.ones(3))
-    second, none_second = propagated(odds[3:, 3:], np.ones(2))
+    both, none = dense_marginals(odds, np.ones(5))
+    first, none_first = dense_marginals(odds[:3, :3], np.ones(3))
+    second, none_second = dense_marginals(odds[3:, 3:], np.ones(2))
     np.testing.assert_allclose(both[:3, :3], first, rtol=1e-12)
     np.testing.assert_allclose(both[3:, 3:], second, rtol=1e-12)
     np.testing.assert_allclose(none, np.concatenate([none_first, none_second]), rtol=1e-12)
 
 
 def test_marginals_of_a_detection_that_two_targets_want_alike_are_even():
-    edge, _ = propagated(np.full((2, 1), 1e6), np.ones(1))
+    edge, _ = dense_marginals(np.full((2, 1), 1e6), np.ones(1))
     np.testing.assert_allclose(edge, 0.5, atol=1e-3)
 
 
@@ -149,11 +243,11 @@ def test_marginals_of_a_detection_that_two_targets_want_alike_are_even():
 def test_marginals_never_use_a_target_or_a_detection_twice(scale, clutter):
     rng = np.random.default_rng(3)
     odds = scale * rng.exponential(1.0, (6, 5))
-    edge, none = propagated(odds, np.full(5, clutter))
+    edge, none = dense_marginals(odds, np.full(5, clutter))
     assert np.isfinite(edge).all()
     assert (edge >= 0.0).all()
     np.testing.assert_allclose(edge.sum(axis=1) + none, 1.0, rtol=1e-12)
-    assert (edge.sum(axis=0) <= 1.0 + 1e-4).all()
+    assert (edge.sum(axis=0) <= 1.0 + 1e-12).all()
 
 
 def test_marginals_do_not_depend_on_the_order_of_the_edges():

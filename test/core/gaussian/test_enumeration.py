@@ -29,8 +29,6 @@ from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.window.update import update
 
-pytestmark = pytest.mark.usefixtures("backend")
-
 DETECTION = 0.8
 SURVIVAL = 0.9
 CLUTTER = {

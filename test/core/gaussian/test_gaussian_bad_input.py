@@ -9,8 +9,6 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.types import Detections, Scan
 
-pytestmark = pytest.mark.usefixtures("backend")
-
 CLUTTER = {
     "confirm_probability": 1e-9,
     "delete_probability": 1e-9,

@@ -7,7 +7,6 @@ from scenes import short_scenario, small
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.simulation.simulate import simulate
 
-pytestmark = pytest.mark.usefixtures("backend")
 SCANS = [scan for _, scan in simulate(short_scenario(12), 5)]
 BIRTHS = {"births": [], "detection_births.rates": [0.1, 0.1]}
 

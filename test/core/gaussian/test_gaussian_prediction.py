@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import textbook
 from lone import MEAN, STD, TWO_MOTIONS, lone, mixture_of
 from scenes import small
 
@@ -52,6 +55,33 @@ def test_survivors_lose_what_does_not_survive_and_keep_their_origins():
     assert found.row_label.tolist() == [0, 1, 0, 1]
     np.testing.assert_allclose(moves.survival[:, 0], [0.9, 0.9, 0.81, 0.81])
     np.testing.assert_allclose(found.mean[:, 0, 0], MEAN[0] + MEAN[1] * np.array([6, 6, 12, 12.0]))
+
+
+@pytest.mark.parametrize("motions", [[0], [1]], ids=["straight", "turning"])
+def test_pair_of_modes_goes_back_by_the_step_of_rauch_tung_and_striebel(motions):
+    dynamics = Dynamics(lone(TWO_MOTIONS).model)
+    rng = np.random.default_rng(2)
+    mixture = mixture_of(dynamics, [(0.8, MEAN, STD)])
+    weight = np.zeros_like(mixture.weight)
+    weight[:, motions] = 0.8
+    root = rng.normal(size=(5, 5)) * STD[:, None]
+    supported = dynamics.supported[:, :, None] * dynamics.supported[:, None]
+    mixture = replace(mixture, weight=weight, covariance=(root @ root.T * supported)[None])
+    _, moves = survivors([Aged(mixture, 6.0)], dynamics)
+    of, to = moves.pairs
+    assert (moves.place >= 0).sum() == 2
+    for pair in np.flatnonzero(moves.place[0] >= 0):
+        at, motion = moves.place[0, pair], dynamics.motions[to[pair]]
+        before = textbook.Normal(mixture.mean[0, of[pair]], mixture.covariance[0, of[pair]])
+        predicted, gain = textbook.predict(before, motion, 6.0)
+        scale = np.sqrt(np.maximum(np.diag(before.covariance), 1e-12))
+        np.testing.assert_allclose(moves.mean[at], predicted.mean)
+        np.testing.assert_allclose(
+            moves.gain[at] / scale[:, None] * scale, gain / scale[:, None] * scale, atol=1e-6
+        )
+        right = before.covariance - gain @ predicted.covariance @ gain.T
+        unit = scale[:, None] * scale
+        np.testing.assert_allclose(moves.base[at] / unit, right / unit, atol=1e-6)
 
 
 def test_spawned_targets_are_about_their_predicted_parents():

@@ -72,9 +72,9 @@ FORGERIES = {
                 "survival": (NAN, 1.5, -0.5),
                 "change": (NAN, 1.5, -0.5),
                 "mean": (-INF, 2e300),
-                "precision": (NAN, INF, 1e300),
+                "place": (-7, 10**6),
+                "factor": (NAN, INF, 1e300),
                 "gain": (NAN, INF, 1e300),
-                "offset": (NAN, INF, 1e300),
                 "base": (NAN, INF),
                 "share": (NAN, -0.5, 2.0),
                 "child": (-1, 10**6),
@@ -181,11 +181,11 @@ def test_forged_base_of_a_backward_step_gives_only_sound_estimates(stored, matri
 
 
 @pytest.mark.parametrize("matrix", [INDEFINITE, np.zeros((5, 5)), -np.eye(5)])
-def test_forged_precision_of_a_pair_of_modes_gives_only_sound_estimates(stored, matrix):
+def test_forged_factor_of_a_pair_of_modes_gives_only_sound_estimates(stored, matrix):
     snapshot, engine = stored_and_read(stored), gaussian()
-    precision = np.array(snapshot.arrays[f"{LINK}.precision"])
-    precision[..., : len(matrix), : len(matrix)] = matrix
-    snapshot.arrays[f"{LINK}.precision"] = precision
+    factor = np.array(snapshot.arrays[f"{LINK}.factor"])
+    factor[..., : len(matrix), : len(matrix)] = matrix
+    snapshot.arrays[f"{LINK}.factor"] = factor
     try:
         engine.restore(snapshot)
     except ValueError:

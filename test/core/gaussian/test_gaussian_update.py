@@ -17,7 +17,6 @@ from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.models import detection_limit
-from phd_jdtc_ros.core.models.competing_sources import CompetingSources
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
@@ -352,10 +351,12 @@ def test_likely_pairs_are_those_of_a_share_of_all_that_may_be(
 ):
     monkeypatch.setattr(pairs, "LEAST_SHARE", 0.3)
     mixture = mixture_of(Dynamics(lone({}).model), [(existence, MEAN, STD)])
-    row, column = np.zeros(2, dtype=int), np.arange(2)
-    others = CompetingSources(np.zeros(2), np.ones((1, 2)))
-    weight = np.array(odds)[:, None, None]
-    found = pairs.likely(mixture, row, column, weight, np.full((1, 1, 1), missed), others)
+    row, column, none = np.zeros(2, dtype=int), np.arange(2), np.zeros(2)
+    log_likelihood = np.log(np.array(odds) / existence)[:, None]
+    likelihoods = pairs.PairLikelihoods(
+        row, column, log_likelihood, none[:, None], none, none[None]
+    )
+    found = pairs.likely(mixture, np.full((1, 1, 1), missed), likelihoods)
     np.testing.assert_array_equal(found, kept)
 
 
@@ -377,9 +378,16 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
     weight = rng.exponential(1.0, len(row)) * 10.0 ** rng.uniform(-3, 0.5, len(row))
     missed = mixture.weight * rng.uniform(0.1, 0.9, (4, 1, 1))
     total = np.array([0.3, 1e-12, 2.0])[:count]
-    others = CompetingSources(np.zeros(count), total[None])
-    found = pairs.likely(mixture, row, column, weight[:, None, None], missed, others)
+    log_likelihood = np.log(weight / mixture.mass[row])
+    likelihoods = pairs.PairLikelihoods(
+        *(row, column, log_likelihood[:, None], np.zeros((count, 1)), np.zeros(len(row))),
+        np.log(total)[None],
+    )
+    found = pairs.likely(mixture, missed, likelihoods)
 
+    scale = np.log(total)
+    np.maximum.at(scale, column, log_likelihood)
+    weight, total = weight * np.exp(-scale)[column], total * np.exp(-scale)
     odds = weight / np.maximum(total, LEAST_CLUTTER)[column]
     expected = []
     for pair in range(len(row)):

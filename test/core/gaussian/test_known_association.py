@@ -10,8 +10,6 @@ from lone import MEAN, STD, TWO_MOTIONS, lone, path, scan_at, started
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.types import Detections, Scan
 
-pytestmark = pytest.mark.usefixtures("backend")
-
 EVEN = 6.0 * np.arange(1, 15)
 UNEVEN = np.cumsum([6.0, 0.4, 11.0, 6.0, 25.0, 3.0, 3.0, 1e-3, 60.0, 6.0, 5.0, 7.0])
 LAG = 5

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
+from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
-from phd_jdtc_ros.core.gaussian.reduction import Bounds, Branched, probable, reduce_hypotheses
-
-pytestmark = pytest.mark.usefixtures("backend")
+from phd_jdtc_ros.core.gaussian.reduction import Branched, most_probable, reduce_hypotheses
 
 BOUNDS = Bounds(
     hypotheses=5,
@@ -137,7 +136,7 @@ def test_existence_is_unchanged_by_pruning_and_bounds_hold(seed):
     mass = rng.exponential(1.0, 80) ** 6
     mass /= np.bincount(target, mass)[target]
     mass *= rng.uniform(0.1, 1.0, 6)[target]
-    kept, factor = probable(target, mass, BOUNDS)
+    kept, factor = most_probable(BOUNDS.hypotheses, BOUNDS.least_share, target, mass)
     existence = np.bincount(target, mass)
     np.testing.assert_allclose(np.bincount(target[kept], mass[kept] * factor), existence)
     assert np.bincount(target[kept]).max() <= BOUNDS.hypotheses

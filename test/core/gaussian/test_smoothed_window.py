@@ -10,8 +10,6 @@ from lone import GIVEN, MEAN, STD, TWO_MOTIONS, lone, path, scan_at, started
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 
-pytestmark = pytest.mark.usefixtures("backend")
-
 SECONDS = np.cumsum([6.0, 0.4, 11.0, 6.0, 25.0, 3.0, 7.0, 60.0])
 EVEN = 6.0 * np.arange(1, 8)
 

@@ -9,7 +9,7 @@ from lone import MEAN, STD, UNREDUCED, lone, mixture_of
 from matchings import posterior
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.association import batches
+from phd_jdtc_ros.core.association import marginals
 from phd_jdtc_ros.core.attributes.reprojection import plain
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
@@ -280,7 +280,7 @@ def test_scan_counts_the_large_clusters_of_all_radars(monkeypatch):
     mixture = hypotheses(config, rng)
     reports = tuple(report(radar, rng) for radar in config.model.radars)
     assert scan_update(config, mixture, 4, reports)[1] == 0
-    monkeypatch.setattr(batches, "LARGEST_CLUSTER", 0)
+    monkeypatch.setattr(marginals, "MOST_WORK", 0)
     assert scan_update(config, mixture, 4, reports)[1] == 2
 
 

@@ -105,7 +105,7 @@ def test_pairs_within_include_those_exactly_as_far_as_the_radius(radius, origin)
     chunk=st.sampled_from([1, 50, 1 << 14]),
 )
 def test_backends_return_the_same_bits(seed, kind, sizes, dimension, chunk):
-    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    pytest.importorskip("numba", reason="numba is missing: pip install numba")
     rng = np.random.default_rng(seed)
     both = draw_points(rng, kind, sum(sizes), dimension)
     blocks = rng.integers(0, 3, sum(sizes))

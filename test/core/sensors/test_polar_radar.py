@@ -101,7 +101,7 @@ def test_gated_pairs_equal_brute_force(seed, particles, reports, azimuth_std, ce
 
 
 def test_gated_pairs_are_the_same_bits_with_either_backend(monkeypatch):
-    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    pytest.importorskip("numba", reason="numba is missing: pip install numba")
     rng = np.random.default_rng(8)
     area = np.array([15e3, 2.0 * np.pi])
     predicted = rng.uniform(0.0, 1.0, (5000, 2)) * area - [0.0, np.pi]

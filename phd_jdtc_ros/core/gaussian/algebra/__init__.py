@@ -1,1 +1,1 @@
-"""Operations on arrays of Gaussians: products, moments, and their compiled loops."""
+"""Operations on Gaussians: blocks of one, and arrays of many."""

@@ -1,19 +1,17 @@
-"""Prediction, iterated update and backward step of many Gaussians at once.
-
-With numba, the loops of `compiled` replace most of these functions; they agree up to rounding.
-"""
+"""Prediction and iterated update of many Gaussians at once."""
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+import math
+from typing import NamedTuple
 
 import numpy as np
 
-from ... import backend
-from ...arrays import FloatArray, IntArray
+from ...arrays import FloatArray, IntArray, contiguous
+from ...compilation import Float1, Float2, Float3, Int1, compiled
 from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.sensor import Sensor
-from ...snapshot import MAX_STATE, floats
+from .blocks import SIZE, wrapped
 
 # Largest number of Gauss-Newton steps of an update; two or three suffice unless a target is next
 # to the sensor.
@@ -24,34 +22,7 @@ CONVERGED = 1e-2
 LEAST_EIGENVALUE = 1e-10
 # Smallest ratio of updated to prior variance that doubles resolve.
 LEAST_VARIANCE = 1e-15
-
-
-# Bound on the entries of a backward step; metres per radian per second give the largest values.
-MOST_GAIN = 1e15
-
-
-class Backward(NamedTuple):
-    """The backward step from a Gaussian's later distribution to its earlier one.
-
-    Given a later distribution of mean m and covariance P, the earlier one has the mean
-    ``offset + gain m`` and the covariance ``base + gain P gain'``.
-
-    Parameters
-    ----------
-    gain : array of shape (..., D, D)
-    offset : array of shape (..., D)
-    base : array of shape (..., D, D)
-    """
-
-    gain: Annotated[FloatArray, floats("PKDD", -MOST_GAIN, MOST_GAIN)]
-    offset: Annotated[FloatArray, floats("PKD", -MOST_GAIN, MOST_GAIN)]
-    # A small difference of large covariances: rounding may leave it indefinite.
-    base: Annotated[FloatArray, floats("PKDD", -(MAX_STATE**2), MAX_STATE**2)]
-
-    def earlier(self, mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the earlier mean and covariance, given the later ones."""
-        moved = (self.gain @ mean[..., None])[..., 0]
-        return self.offset + moved, self.base + self.gain @ covariance @ _turned(self.gain)
+TINY = float(np.finfo(np.float64).tiny)
 
 
 def predicted_covariance(
@@ -62,49 +33,6 @@ def predicted_covariance(
     later = transition @ cross
     later += noise
     return symmetric(later), cross
-
-
-def backward(
-    mean: FloatArray,
-    covariance: FloatArray,
-    later_mean: FloatArray,
-    later: FloatArray,
-    cross: FloatArray,
-    unsupported: FloatArray,
-) -> tuple[Backward, FloatArray]:
-    """Return the backward steps of Gaussians, and the inverses of the later covariances.
-
-    Parameters
-    ----------
-    mean, covariance : arrays of shape (..., D) and (..., D, D)
-        Before the prediction.
-    later_mean, later : arrays of shape (..., D) and (..., D, D)
-        Predicted.
-    cross : array of shape (..., D, D)
-        Covariance of the earlier and the later state.
-    unsupported : array of shape (..., D)
-        1 for axes that the later state lacks, 0 otherwise.
-
-    References
-    ----------
-    Rauch, Tung and Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
-    Journal 3(8), 1965: the gain is P F' P_predicted^-1.
-    """
-    if loops := backend.compiled("gaussian.algebra"):
-        every = np.broadcast_to(unsupported, mean.shape)
-        parts = (mean, covariance, later_mean, later, cross, every)
-        sound, precision, *found = loops.backward(
-            *(flat(part, axes) for part, axes in zip(parts, (1, 2, 1, 2, 2, 1), strict=True))
-        )
-        if sound:
-            found = [part.reshape(*mean.shape[:-1], *part.shape[1:]) for part in found]
-            return Backward(*found), precision.reshape(covariance.shape)
-    size = mean.shape[-1]
-    precision = inverse(later + unsupported[..., None] * np.eye(size))
-    gain = cross @ precision
-    base = covariance - gain @ _turned(cross)
-    offset = mean - (gain @ later_mean[..., None])[..., 0]
-    return Backward(gain, offset, symmetric(base)), precision
 
 
 class Innovation(NamedTuple):
@@ -127,9 +55,77 @@ class Innovation(NamedTuple):
     inverse: FloatArray
     log_likelihood: FloatArray
 
-    def take(self, rows: IntArray) -> Innovation:
-        """Return the innovations of these rows."""
-        return Innovation(*(part[rows] for part in self))
+
+@compiled
+def _innovations(
+    iterations: int,
+    converged: float,
+    mean: Float2,
+    covariance: Float3,
+    axes: Int1,
+    pose: Float1,
+    gaussian: Int1,
+    column: Int1,
+    measurement: Float2,
+    noise_std: Float2,
+    time_s: Float1,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the columns of `Innovation`.
+
+    `axes` are those of the position and the velocity; `pose` is the radar's position, and the
+    cosine and the sine of its yaw. Pairs without a Gaussian, -1, have a likelihood of zero.
+    """
+    count = len(gaussian)
+    jacobian, inverse = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
+    weighted, log_likelihood = np.zeros((count, 2)), np.full(count, -np.inf)
+    x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
+    at_x, at_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
+    for row in range(count):
+        if gaussian[row] < 0:
+            continue
+        time, z, noise = time_s[column[row]], measurement[column[row]], noise_std[column[row]]
+        state, spread = mean[gaussian[row]], covariance[gaussian[row]]
+        prior_x, prior_y = state[x] + time * state[vx], state[y] + time * state[vy]
+        p = spread[x, x] + time * (2.0 * spread[x, vx] + time * spread[vx, vx])
+        q = spread[x, y] + time * (spread[x, vy] + spread[vx, y] + time * spread[vx, vy])
+        r = spread[y, y] + time * (2.0 * spread[y, vy] + time * spread[vy, vy])
+        noise_range, noise_azimuth = noise[0] ** 2, noise[1] ** 2
+        limit = converged * noise[0]
+        east, north = prior_x, prior_y
+        j, k, a, b, d, determinant = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        along, across, weight_along, weight_across = 0.0, 0.0, 0.0, 0.0
+        n, m = 0.0, 0.0
+        for _ in range(iterations):
+            line_x, line_y = east - at_x, north - at_y
+            ahead, left = cos * line_x + sin * line_y, cos * line_y - sin * line_x
+            distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
+            j, k = line_x / distance, line_y / distance
+            n, m = -k / distance, j / distance
+            seen_x, seen_y = p * j + q * k, q * j + r * k
+            turned_x, turned_y = p * n + q * m, q * n + r * m
+            a = j * seen_x + k * seen_y + noise_range
+            b = j * turned_x + k * turned_y
+            d = n * turned_x + m * turned_y + noise_azimuth
+            moved_x, moved_y = east - prior_x, north - prior_y
+            along = z[0] - distance + (j * moved_x + k * moved_y)
+            across = wrapped(z[1] - math.atan2(left, ahead))
+            across += n * moved_x + m * moved_y
+            determinant = max(a * d - b * b, TINY)
+            weight_along = (d * along - b * across) / determinant
+            weight_across = (a * across - b * along) / determinant
+            before_x, before_y = east, north
+            east = prior_x + seen_x * weight_along + turned_x * weight_across
+            north = prior_y + seen_y * weight_along + turned_y * weight_across
+            if max(abs(east - before_x), abs(north - before_y)) < limit:
+                break
+        jacobian[row, 0, 0], jacobian[row, 0, 1] = j, k
+        jacobian[row, 1, 0], jacobian[row, 1, 1] = n, m
+        inverse[row, 0, 0], inverse[row, 1, 1] = d / determinant, a / determinant
+        inverse[row, 0, 1] = inverse[row, 1, 0] = -b / determinant
+        weighted[row, 0], weighted[row, 1] = weight_along, weight_across
+        square = along * weight_along + across * weight_across
+        log_likelihood[row] = -0.5 * (square + math.log(determinant)) - math.log(2.0 * math.pi)
+    return jacobian, weighted, inverse, log_likelihood
 
 
 def iterated_update(
@@ -141,22 +137,26 @@ def iterated_update(
     time_s: FloatArray | None = None,
     iterations: int = ITERATIONS,
     converged: float = CONVERGED,
+    pairs: tuple[IntArray, IntArray] | None = None,
 ) -> Innovation:
-    """Return the innovation of one measurement of each Gaussian, by iterated linearisation.
+    """Return the innovations of measurements of Gaussians, by iterated linearisation.
 
     Parameters
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp.
-    measurement, noise_std : arrays of shape (N, 2)
-        In the units of the sensor; innovations are wrapped.
-    time_s : array of shape (N,) or None
+    measurement, noise_std : arrays of shape (M, 2)
+        Range in metres and azimuth in radians in the radar's frame; innovations are wrapped.
+    time_s : array of shape (M,) or None
         Time of each measurement relative to the stamp, seconds; the target moves on a straight
         line from the stamp to that time.
     iterations : int
         Largest number of linearisations; 1 is the plain extended Kalman filter.
     converged : float
-        Step, as a share of the first component's standard deviation, below which iteration ends.
+        Step, as a share of the range's standard deviation, below which iteration ends.
+    pairs : tuple of two int arrays of shape (P,), or None
+        Gaussian and measurement of each pair; None if each Gaussian has the measurement of its row.
+        A pair with the Gaussian -1 has a likelihood of zero.
 
     Notes
     -----
@@ -168,48 +168,58 @@ def iterated_update(
     Bell and Cathey, "The iterated Kalman filter update as a Gauss-Newton method", IEEE
     Transactions on Automatic Control 38(2), 1993.
     """
-    loops = backend.compiled("gaussian.algebra")
-    if loops is not None and sensor.polar:
-        pose = (*sensor.position, np.cos(sensor.yaw), np.sin(sensor.yaw))
-        return Innovation(
-            *loops.iterated_update(
-                *(flat(mean, 1), flat(covariance, 2), _place_and_speed(sensor), pose),
-                *(flat(measurement, 1), flat(noise_std, 1), _times(time_s, len(mean))),
-                *(iterations, converged, MIN_RANGE),
-            )
+    count = len(measurement)
+    gaussian, column = (np.arange(count), np.arange(count)) if pairs is None else pairs
+    noise = np.broadcast_to(noise_std, measurement.shape)
+    return Innovation(
+        *_innovations(
+            iterations,
+            converged,
+            *contiguous(mean, covariance, place_and_speed(sensor), pose(sensor)),
+            *contiguous(gaussian, column, measurement, noise, _times(time_s, count)),
         )
-    prior, cross = position_at(mean, covariance, sensor, time_s)
-    spread = cross[..., _axes(sensor.space.position), :]
-    if time_s is not None:
-        spread = spread + time_s[:, None, None] * cross[..., _axes(sensor.space.velocity), :]
-    noise, limit = noise_std**2, converged * noise_std[:, 0]
-    at, rows = prior, np.arange(len(mean))
-    found: list[FloatArray] = []
-    for _ in range(iterations):
-        expected, jacobian = sensor.linearise(at)
-        error = sensor.wrap(measurement - expected)
-        seen = spread @ _turned(jacobian)
-        total = jacobian @ seen
-        total[:, 0, 0] += noise[:, 0]
-        total[:, 1, 1] += noise[:, 1]
-        error += (jacobian @ (at - prior)[..., None])[..., 0]
-        inverse, determinant = inverse_of_pairs(total)
-        weighted = (inverse @ error[..., None])[..., 0]
-        later = prior + (seen @ weighted[..., None])[..., 0]
-        parts = [jacobian, weighted, inverse, (error * weighted).sum(axis=1), determinant]
-        for whole, part in zip(found, parts, strict=False):
-            whole[rows] = part
-        found = found or parts
-        step = np.abs(later - at)
-        moving = np.flatnonzero(~(np.maximum(step[:, 0], step[:, 1]) < limit))
-        if not len(moving):
-            break
-        rows, at = rows[moving], later[moving]
-        measurement, noise, limit = measurement[moving], noise[moving], limit[moving]
-        prior, spread = prior[moving], spread[moving]
-    jacobian, weighted, inverse, square, determinant = found
-    log_likelihood = -0.5 * (square + np.log(determinant)) - np.log(2.0 * np.pi)
-    return Innovation(jacobian, weighted, inverse, log_likelihood)
+    )
+
+
+@compiled
+def _updated(
+    mean: Float2,
+    covariance: Float3,
+    axes: Int1,
+    gaussian: Int1,
+    pair: Int1,
+    jacobian: Float3,
+    weighted: Float2,
+    inverse: Float3,
+    time_s: Float1,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the results of `updated`; `axes` as in `_innovations`."""
+    count = len(gaussian)
+    later_mean, later = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
+    x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
+    cross, gain = np.empty((2, SIZE)), np.empty((2, SIZE))
+    for row in range(count):
+        at, spread = pair[row], covariance[gaussian[row]]
+        later_mean[row], later[row] = mean[gaussian[row]], spread
+        if at < 0:
+            continue
+        time, seen = time_s[at], jacobian[at]
+        a, b, d = inverse[at, 0, 0], inverse[at, 0, 1], inverse[at, 1, 1]
+        for i in range(SIZE):
+            with_x = spread[i, x] + time * spread[i, vx]
+            with_y = spread[i, y] + time * spread[i, vy]
+            cross[0, i] = with_x * seen[0, 0] + with_y * seen[0, 1]
+            cross[1, i] = with_x * seen[1, 0] + with_y * seen[1, 1]
+            gain[0, i] = a * cross[0, i] + b * cross[1, i]
+            gain[1, i] = b * cross[0, i] + d * cross[1, i]
+            later_mean[row, i] += cross[0, i] * weighted[at, 0] + cross[1, i] * weighted[at, 1]
+        for i in range(SIZE):
+            for k in range(i + 1):
+                taken = gain[0, i] * cross[0, k] + gain[1, i] * cross[1, k]
+                later[row, i, k] = later[row, k, i] = spread[i, k] - taken
+            # Rounding may cancel a variance that a precise measurement reduces.
+            later[row, i, i] = max(later[row, i, i], LEAST_VARIANCE * spread[i, i])
+    return later_mean, later
 
 
 def updated(
@@ -218,33 +228,28 @@ def updated(
     sensor: Sensor,
     innovation: Innovation,
     time_s: FloatArray | None = None,
+    pairs: tuple[IntArray, IntArray] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the means and covariances of Gaussians after their innovations."""
-    later: FloatArray
-    spread: FloatArray
-    if loops := backend.compiled("gaussian.algebra"):
-        before = (flat(mean, 1), flat(covariance, 2), _place_and_speed(sensor))
-        later, spread = loops.updated(*before, *innovation[:3], _times(time_s, len(mean)))
-    else:
-        cross = position_at(mean, covariance, sensor, time_s)[1] @ _turned(innovation.jacobian)
-        later = mean + (cross @ innovation.weighted[..., None])[..., 0]
-        spread = symmetric(covariance - cross @ innovation.inverse @ _turned(cross))
-    axes = np.arange(mean.shape[-1])
-    # Rounding may cancel a variance that a precise measurement reduces.
-    least = LEAST_VARIANCE * covariance[..., axes, axes]
-    spread[..., axes, axes] = np.maximum(spread[..., axes, axes], least)
-    return later, spread
+    """Return the means and covariances of Gaussians after their innovations.
 
-
-def position_at(
-    mean: FloatArray, covariance: FloatArray, sensor: Sensor, time_s: FloatArray | None
-) -> tuple[FloatArray, FloatArray]:
-    """Return the positions at these times, (N, 2), and their covariances with the states."""
-    place, speed = _axes(sensor.space.position), _axes(sensor.space.velocity)
-    if time_s is None:
-        return mean[..., place], covariance[..., place]
-    position = mean[..., place] + time_s[..., None] * mean[..., speed]
-    return position, covariance[..., place] + time_s[..., None, None] * covariance[..., speed]
+    Parameters
+    ----------
+    mean, covariance : arrays of shape (N, D) and (N, D, D)
+    innovation : Innovation
+        P innovations.
+    time_s : array of shape (P,) or None
+        See `iterated_update`.
+    pairs : tuple of two int arrays of shape (K,), or None
+        Gaussian and innovation of each result; an innovation of -1 leaves the Gaussian as it is.
+        None if they pair row by row.
+    """
+    every = np.arange(len(mean))
+    gaussian, pair = (every, every) if pairs is None else pairs
+    return _updated(
+        *contiguous(mean, covariance, place_and_speed(sensor), gaussian, pair),
+        *contiguous(innovation.jacobian, innovation.weighted, innovation.inverse),
+        *contiguous(_times(time_s, len(innovation.weighted))),
+    )
 
 
 def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
@@ -255,15 +260,32 @@ def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
     covariance : array of shape (..., D, D)
         Symmetric and finite; axes whose variance is zero are left out.
     """
-    axes = np.arange(covariance.shape[-1])
-    variance = covariance[..., axes, axes]
-    checked = covariance.copy()
-    checked[..., axes, axes] += variance == 0.0
-    try:
-        np.linalg.cholesky(checked)
-    except np.linalg.LinAlgError:
-        return _floor_eigenvalues(covariance)
-    return covariance, 0
+    size = covariance.shape[-1]
+    if _are_positive(np.ascontiguousarray(covariance).reshape(-1, size, size)):
+        return covariance, 0
+    return _floor_eigenvalues(covariance)
+
+
+@compiled
+def _are_positive(covariance: Float3) -> bool:
+    """Return whether the Cholesky factors of matrices exist; axes of zero variance are left out."""
+    factor = np.empty((SIZE, SIZE))
+    for row in range(len(covariance)):
+        own = covariance[row]
+        for i in range(SIZE):
+            for k in range(i + 1):
+                total = own[i, k]
+                for n in range(k):
+                    total -= factor[i, n] * factor[k, n]
+                if k < i:
+                    factor[i, k] = total / factor[k, k]
+                elif own[i, i] == 0.0:
+                    factor[i, i] = 1.0
+                elif total > 0.0:
+                    factor[i, i] = math.sqrt(total)
+                else:
+                    return False
+    return True
 
 
 def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
@@ -282,25 +304,6 @@ def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
     return sound, int(np.count_nonzero(low))
 
 
-def inverse(matrix: FloatArray) -> FloatArray:
-    """Return the inverses of covariances, restricted to the axes of positive variance."""
-    try:
-        found = np.linalg.inv(matrix)
-    except np.linalg.LinAlgError:
-        found = np.linalg.pinv(matrix, hermitian=True)
-    return np.asarray(found, dtype=np.float64)
-
-
-def inverse_of_pairs(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the inverses and determinants of positive 2 x 2 matrices, shape (N, 2, 2)."""
-    a, b, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1]
-    determinant = np.maximum(a * d - b * b, np.finfo(float).tiny)
-    inverse = np.empty_like(matrix)
-    inverse[..., 0, 0], inverse[..., 1, 1] = d / determinant, a / determinant
-    inverse[..., 0, 1] = inverse[..., 1, 0] = -b / determinant
-    return inverse, determinant
-
-
 def symmetric(matrix: FloatArray) -> FloatArray:
     """Return the symmetric part."""
     part: FloatArray = 0.5 * (matrix + _turned(matrix))
@@ -312,21 +315,23 @@ def _turned(matrix: FloatArray) -> FloatArray:
     return turned
 
 
-def _axes(axes: tuple[int, ...]) -> slice | list[int]:
-    """Return axes as a slice where they are evenly spaced, which makes no copy."""
-    step = axes[1] - axes[0]
-    return slice(axes[0], axes[-1] + 1, step) if step > 0 else list(axes)
+def place_and_speed(sensor: Sensor) -> IntArray:
+    """Return the axes of the position and of the velocity."""
+    return np.array([*sensor.space.position, *sensor.space.velocity])
 
 
-def flat(array: FloatArray, axes: int) -> FloatArray:
-    """Return a contiguous array with all but the last `axes` axes flattened into one."""
-    shape = array.shape[array.ndim - axes :]
-    return np.ascontiguousarray(array).reshape(-1, *shape)
+def pose(sensor: Sensor) -> FloatArray:
+    """Return the position of a radar, and the cosine and the sine of its yaw.
 
-
-def _place_and_speed(sensor: Sensor) -> tuple[int, ...]:
-    return (*sensor.space.position, *sensor.space.velocity)
+    Raises
+    ------
+    TypeError
+        If the sensor does not measure range and azimuth.
+    """
+    if not sensor.polar:
+        raise TypeError(f"{sensor.name}: {type(sensor).__name__} given, must be a polar radar")
+    return np.array([*sensor.position, np.cos(sensor.yaw), np.sin(sensor.yaw)])
 
 
 def _times(time_s: FloatArray | None, count: int) -> FloatArray:
-    return np.zeros(count) if time_s is None else flat(time_s, 0)
+    return np.zeros(count) if time_s is None else time_s

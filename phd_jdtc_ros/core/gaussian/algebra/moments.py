@@ -4,70 +4,43 @@ from __future__ import annotations
 
 import numpy as np
 
-from ... import backend
-from ...arrays import FloatArray, IntArray
-
-
-def match_moments(
-    share: FloatArray, mean: FloatArray, covariance: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the means and covariances of mixtures with the same number of Gaussians.
-
-    Parameters
-    ----------
-    share : array of shape (N, J, K)
-        Share of Gaussian k in mixture j; sums to one over k.
-    mean : array of shape (N, K, D)
-    covariance : array of shape (N, K, D, D)
-
-    Returns
-    -------
-    mean : array of shape (N, J, D)
-    covariance : array of shape (N, J, D, D)
-    """
-    if loops := backend.compiled("gaussian.algebra"):
-        found: tuple[FloatArray, FloatArray] = loops.match_moments(
-            *(np.ascontiguousarray(part) for part in (share, mean, covariance))
-        )
-        return found
-    count, parts, size = mean.shape
-    centre = share @ mean
-    apart = mean[:, None] - centre[:, :, None]
-    within = share @ covariance.reshape(count, parts, size * size)
-    between = (apart * share[..., None]).swapaxes(-1, -2) @ apart
-    return centre, within.reshape(*centre.shape, size) + between
+from ...arrays import FloatArray, IntArray, contiguous
+from ...compilation import Float1, Float2, Float3, Int1, compiled
+from .blocks import SIZE, add_mean, add_spread
 
 
 def merge_moments(
-    share: FloatArray, mean: FloatArray, covariance: FloatArray, first: IntArray
+    share: FloatArray, mean: FloatArray, covariance: FloatArray, mixture: IntArray, count: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the means and covariances of mixtures of consecutive rows.
+    """Return the means and covariances of mixtures.
 
     Parameters
     ----------
-    share : array of shape (N, R)
-        Sums to one over the rows of a mixture, for each of R columns.
-    mean : array of shape (N, R, D)
-    covariance : array of shape (N, R, D, D)
-    first : int array of shape (J,)
-        The first row of each mixture, ascending from 0.
+    share : array of shape (N,)
+        Sums to one over the Gaussians of a mixture.
+    mean : array of shape (N, D)
+    covariance : array of shape (N, D, D)
+    mixture : int array of shape (N,)
+        That each Gaussian is of.
+    count : int
+        Number of mixtures, J.
 
     Returns
     -------
-    mean : array of shape (J, R, D)
-    covariance : array of shape (J, R, D, D)
+    mean : array of shape (J, D)
+    covariance : array of shape (J, D, D)
     """
-    if len(first) == len(mean):
-        return mean, covariance
-    if loops := backend.compiled("gaussian.algebra"):
-        found: tuple[FloatArray, FloatArray] = loops.merge_moments(
-            *(np.ascontiguousarray(part) for part in (share, mean, covariance)), first
-        )
-        return found
-    centre = np.add.reduceat(share[..., None] * mean, first)
-    size = np.diff(np.append(first, len(mean)))
-    apart = mean - centre.repeat(size, axis=0)
-    spread = apart[..., None] * apart[..., None, :]
-    spread += covariance
-    spread *= share[..., None, None]
-    return centre, np.add.reduceat(spread, first)
+    return _merge_moments(count, *contiguous(share, mean, covariance, mixture))
+
+
+@compiled
+def _merge_moments(
+    count: int, share: Float1, mean: Float2, covariance: Float3, mixture: Int1
+) -> tuple[FloatArray, FloatArray]:
+    centre, spread = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
+    for row in range(len(share)):
+        add_mean(share[row], mean[row], centre[mixture[row]])
+    for row in range(len(share)):
+        at, around = centre[mixture[row]], spread[mixture[row]]
+        add_spread(share[row], mean[row], covariance[row], at, around)
+    return centre, spread

@@ -17,11 +17,12 @@ def detection_probability(expected: Expected, report: Report, dynamics: Dynamics
     """Return the detection probability of a target with each Gaussian's density, (H, R, S)."""
     model, cells, sensor = dynamics.model, dynamics.cells, report.sensor
     flat = expected.measured.reshape(-1, 2)
+    cell = np.arange(len(flat) * len(cells)) % len(cells)
     azimuth_std = np.sqrt(expected.covariance[..., 1, 1].ravel() + sensor.noise_std[1] ** 2)
     seen = sensor.coverage_probability(flat, report.detections.coverage, azimuth_std)
     probability = model.amplitudes.detection_probability(
-        np.tile(dynamics.mode_of_cell, len(flat)),
-        np.tile(cells.log_snr, len(flat)),
+        dynamics.mode_of_cell[cell],
+        cells.log_snr[cell],
         flat.repeat(len(cells), axis=0),
         sensor,
         model.modes,
@@ -33,11 +34,12 @@ def detection_probability(expected: Expected, report: Report, dynamics: Dynamics
 def log_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
     """Return log p_D g(a) of every cell and detection, shape (S, M)."""
     cells, count = len(dynamics.cells), len(report)
+    cell, detection = np.divmod(np.arange(cells * count), max(count, 1))
     likelihood = dynamics.model.amplitudes.log_likelihood(
         dynamics.mode_of_cell,
         dynamics.cells.log_snr,
         report,
-        (np.arange(cells).repeat(count), np.tile(np.arange(count), cells)),
+        (cell, detection),
         dynamics.model.modes,
     )
     return likelihood.reshape(cells, count)

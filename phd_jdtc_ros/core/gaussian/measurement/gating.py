@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ... import backend
-from ...arrays import FloatArray, IntArray
-from ...sensors.gaussians import GatedGaussians
+from ...arrays import FloatArray, IntArray, contiguous
+from ...compilation import Float1, Float2, Float3, Float4, Int1, compiled, inner
+from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
+from ...types import FULL_TURN
+from ..algebra import kalman
+from ..algebra.blocks import wrapped
+from ..algebra.kalman import TINY
 from ..mixture import Mixture
 
 # Radius of the gate in standard deviations of the innovation; a target's detection falls outside
@@ -34,10 +39,144 @@ class Expected(NamedTuple):
     @staticmethod
     def of(mixture: Mixture, sensor: Sensor) -> Expected:
         """Return the measurements that a sensor is expected to make of a mixture's Gaussians."""
-        place = list(sensor.space.position)
-        measured, jacobian = sensor.linearise(mixture.mean[..., place])
-        position = mixture.covariance[..., place, :][..., place]
-        return Expected(measured, jacobian @ position @ jacobian.swapaxes(-1, -2))
+        return Expected(
+            *_expected(
+                *(mixture.mean, mixture.covariance, kalman.place_and_speed(sensor)),
+                kalman.pose(sensor),
+            )
+        )
+
+
+@compiled
+def _expected(
+    mean: Float3, covariance: Float4, axes: Int1, pose: Float1
+) -> tuple[FloatArray, FloatArray]:
+    """Return the columns of `Expected`; for `axes` and `pose` see `kalman`."""
+    count, modes = mean.shape[:2]
+    measured, spread = np.empty((count, modes, 2)), np.empty((count, modes, 2, 2))
+    x, y = axes[0], axes[1]
+    at_x, at_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
+    for row in range(count):
+        for mode in range(modes):
+            east, north = mean[row, mode, x] - at_x, mean[row, mode, y] - at_y
+            ahead, left = cos * east + sin * north, cos * north - sin * east
+            distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
+            measured[row, mode, 0], measured[row, mode, 1] = distance, math.atan2(left, ahead)
+            j, k = east / distance, north / distance
+            n, m = -k / distance, j / distance
+            own = covariance[row, mode]
+            p, q, r = own[x, x], own[x, y], own[y, y]
+            spread[row, mode, 0, 0] = j * (p * j + q * k) + k * (q * j + r * k)
+            spread[row, mode, 1, 1] = n * (p * n + q * m) + m * (q * n + r * m)
+            cross = j * (p * n + q * m) + k * (q * n + r * m)
+            spread[row, mode, 0, 1] = spread[row, mode, 1, 0] = cross
+    return measured, spread
+
+
+@inner
+def _longer(array: Any, size: int) -> Any:
+    """Return a table with room for more rows."""
+    longer = np.empty((size, array.shape[1]), array.dtype)
+    longer[: len(array)] = array
+    return longer
+
+
+@inner
+def _box(
+    measured: FloatArray,
+    reach: FloatArray,
+    weight: FloatArray,
+    max_range: float,
+    box: FloatArray,
+) -> bool:
+    """Write the box around a row's gates: both ranges, and the centre and half width in azimuth.
+
+    Return whether any Gaussian has weight and reaches into the radar's range.
+    """
+    found = False
+    for mode in range(len(weight)):
+        near, far = measured[mode, 0] - reach[mode, 0], measured[mode, 0] + reach[mode, 0]
+        if not (weight[mode] > 0.0 and near <= max_range):
+            continue
+        if not found:
+            box[0], box[1], box[2], box[3] = near, far, measured[mode, 1], 0.0
+            found = True
+        box[0], box[1] = min(box[0], near), max(box[1], far)
+        half = abs(wrapped(measured[mode, 1] - box[2])) + reach[mode, 1]
+        box[3] = max(box[3], half)
+    return found
+
+
+@compiled
+def _gate_pairs(
+    max_range: float,
+    measured: Float3,
+    covariance: Float4,
+    rate: Float3,
+    moved: Float3,
+    weight: Float2,
+    detection: Float2,
+    order: Int1,
+    azimuth: Float1,
+    noise_std: Float2,
+    time_s: Float1,
+    widest: Float1,
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the results of `gate_pairs`.
+
+    `azimuth` has the azimuths of the detections in ascending `order`, within a full turn from 0;
+    `widest` is the largest noise, and `moved` the largest motion of a measurement until its time.
+    """
+    count, modes = weight.shape
+    room, found = 4 * count + 64, 0
+    pairs, log_likelihood = np.empty((room, 2), np.int64), np.empty((room, modes))
+    around, reach, box = np.empty(modes, np.bool_), np.empty((modes, 2)), np.empty(4)
+    for row in range(count):
+        anywhere = False
+        for mode in range(modes):
+            spread = covariance[row, mode]
+            for axis in range(2):
+                std = math.sqrt(spread[axis, axis] + widest[axis] ** 2)
+                reach[mode, axis] = GATE_SIGMA * std + moved[row, mode, axis]
+            # The azimuth's variance grows with the square of the angle that the Gaussian covers.
+            wide = GATE_SIGMA * math.sqrt(spread[1, 1]) >= 0.5 * math.pi
+            inside = GATE_SIGMA * math.sqrt(spread[0, 0] + widest[0] ** 2)
+            around[mode] = measured[row, mode, 0] <= inside and wide
+            anywhere = anywhere or around[mode]
+        if not _box(measured[row], reach, weight[row], max_range, box):
+            continue
+        half = math.pi if anywhere else min(box[3], math.pi)
+        low = (box[2] - half) % FULL_TURN
+        begin = np.searchsorted(azimuth, low)
+        for step in range(len(order)):
+            place = (begin + step) % len(order)
+            if half < math.pi and (azimuth[place] - low) % FULL_TURN > 2.0 * half:
+                break
+            one = order[place]
+            if not box[0] <= detection[one, 0] <= box[1]:
+                continue
+            if found == room:
+                room *= 2
+                pairs, log_likelihood = _longer(pairs, room), _longer(log_likelihood, room)
+            near = False
+            for mode in range(modes):
+                time = time_s[one]
+                along = detection[one, 0] - measured[row, mode, 0] - rate[row, mode, 0] * time
+                across = detection[one, 1] - measured[row, mode, 1] - rate[row, mode, 1] * time
+                across = wrapped(across)
+                spread = covariance[row, mode]
+                a, b = spread[0, 0] + noise_std[one, 0] ** 2, spread[0, 1]
+                c = spread[1, 1] + noise_std[one, 1] ** 2
+                determinant = max(a * c - b * b, TINY)
+                square = (c * along**2 - 2.0 * b * along * across + a * across**2) / determinant
+                log_likelihood[found, mode] = -np.inf
+                if around[mode] or (square <= GATE_SIGMA**2 and weight[row, mode] > 0.0):
+                    log_density = -0.5 * (square + math.log(determinant))
+                    log_likelihood[found, mode] = log_density - math.log(FULL_TURN)
+                    near = True
+            pairs[found, 0], pairs[found, 1] = row, one
+            found += near
+    return pairs[:found, 0].copy(), pairs[:found, 1].copy(), log_likelihood[:found]
 
 
 def gate_pairs(
@@ -51,35 +190,20 @@ def gate_pairs(
     log_likelihood : array of shape (P, R)
         Log likelihood with the measurement linearised at the mean; -inf outside a Gaussian's gate.
     """
-    sensor, detections, alive = report.sensor, report.detections, mixture.mode_weight > 0.0
-    speed = np.abs(mixture.mean[..., list(sensor.space.velocity)]).sum(axis=-1)
-    gaussians = GatedGaussians(*expected, speed, alive, GATE_SIGMA)
-    row, column, surrounded = sensor.gated_boxes(gaussians, detections)
-    rate, times = None, detections.time_s
-    if times is not None:
+    sensor, detections, shape = report.sensor, report.detections, expected.measured.shape
+    times, std = detections.time_s, report.detection_std
+    rate, moved = np.zeros(shape), np.zeros(shape)
+    if times is not None and len(report):
         rate = sensor.measurement_rate(mixture.mean.reshape(-1, mixture.mean.shape[2]))
-        rate = rate.reshape(expected.measured.shape)
-    loops = backend.compiled("gaussian.algebra")
-    if loops is not None and sensor.polar:
-        measured = np.ascontiguousarray(expected.measured)
-        found: tuple[IntArray, IntArray, FloatArray] = loops.gate_pairs(
-            *(row, column, measured, np.zeros_like(measured) if rate is None else rate),
-            *(np.ascontiguousarray(expected.covariance), detections.measurement),
-            *(np.ascontiguousarray(report.detection_std), report.time_s),
-            *(alive, surrounded, GATE_SIGMA),
-        )
-        return found
-    error = detections.measurement[column][:, None] - expected.measured[row]
-    if rate is not None and times is not None:
-        error -= rate[row] * times[column][:, None, None]
-    along, across = np.moveaxis(sensor.wrap(error), -1, 0)
-    spread, std = expected.covariance[row], report.detection_std[column][:, None]
-    a, b = spread[..., 0, 0] + std[..., 0] ** 2, spread[..., 0, 1]
-    c = spread[..., 1, 1] + std[..., 1] ** 2
-    determinant = np.maximum(a * c - b * b, np.finfo(float).tiny)
-    square = (c * along**2 - 2.0 * b * along * across + a * across**2) / determinant
-    near = ((square <= GATE_SIGMA**2) & alive[row]) | surrounded[row]
-    log_likelihood = -0.5 * (square + np.log(determinant)) - np.log(2.0 * np.pi)
-    pairs = np.flatnonzero(near.any(axis=1))
-    rough = np.where(near[pairs], log_likelihood[pairs], -np.inf)
-    return row[pairs], column[pairs], rough
+        rate = rate.reshape(shape)
+        speed = np.abs(mixture.mean[..., list(sensor.space.velocity)]).sum(axis=-1)
+        moved[..., 0] = speed * np.abs(times).max()
+        moved[..., 1] = moved[..., 0] / np.maximum(expected.measured[..., 0], MIN_RANGE)
+    azimuth = np.mod(detections.measurement[:, 1], FULL_TURN)
+    order = np.argsort(azimuth, kind="stable")
+    return _gate_pairs(
+        sensor.max_range,
+        *contiguous(expected.measured, expected.covariance, rate, moved, mixture.mode_weight),
+        *contiguous(detections.measurement, order, azimuth[order], std, report.time_s),
+        *contiguous(std.max(axis=0, initial=0.0)),
+    )

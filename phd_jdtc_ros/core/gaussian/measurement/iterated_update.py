@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from ...arrays import FloatArray, IntArray
 from ...sensors.range_rate import Rates
 from ...sensors.report import Report
@@ -38,16 +40,33 @@ class PairUpdate(NamedTuple):
         return self.innovation.log_likelihood + self.rated.log_likelihood
 
     def updated(
-        self, mean: FloatArray, covariance: FloatArray, pair: IntArray, gaussian: IntArray
+        self, mixture: Mixture, row: IntArray, pair: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the updated Gaussians of some pairs; `gaussian` has their rows in this update."""
-        if self.rated is not None:
-            return self.rated.mean[gaussian], self.rated.covariance[gaussian]
-        times = self.report.detections.time_s
-        modes = len(gaussian) // max(len(pair), 1)
-        time_s = None if times is None else times[self.column[pair]].repeat(modes)
-        innovation = self.innovation.take(gaussian)
-        return kalman.updated(mean, covariance, self.report.sensor, innovation, time_s)
+        """Return the updated Gaussians of hypotheses, (K, R, D) and (K, R, D, D).
+
+        Parameters
+        ----------
+        row : int array of shape (K,)
+            The hypothesis before the update.
+        pair : int array of shape (K,)
+            Its pair with a detection in this update; -1 for none, which keeps its Gaussians.
+        """
+        modes, size = mixture.mean.shape[1:]
+        mean = mixture.mean.reshape(-1, size)
+        covariance = mixture.covariance.reshape(-1, size, size)
+        gaussian = (row[:, None] * modes + np.arange(modes)).ravel()
+        at = np.where(pair[:, None] < 0, -1, pair[:, None] * modes + np.arange(modes)).ravel()
+        if self.rated is None:
+            times = self.report.detections.time_s
+            time_s = None if times is None else times[self.column].repeat(modes)
+            later = kalman.updated(
+                mean, covariance, self.report.sensor, self.innovation, time_s, (gaussian, at)
+            )
+        else:
+            later = mean[gaussian], covariance[gaussian]
+            later[0][at >= 0] = self.rated.mean[at[at >= 0]]
+            later[1][at >= 0] = self.rated.covariance[at[at >= 0]]
+        return later[0].reshape(-1, modes, size), later[1].reshape(-1, modes, size, size)
 
 
 def iterated_update(
@@ -62,15 +81,19 @@ def iterated_update(
     """
     detections, sensor, rates = report.detections, report.sensor, report.range_rates
     modes, size = mixture.mean.shape[1:]
-    mean = mixture.mean[row].reshape(-1, size)
-    covariance = mixture.covariance[row].reshape(-1, size, size)
     each = column.repeat(modes)
-    time_s = None if detections.time_s is None else detections.time_s[each]
-    measured, noise_std = detections.measurement[each], report.detection_std[each]
-    innovation = kalman.iterated_update(mean, covariance, sensor, measured, noise_std, time_s)
+    gaussian = (row[:, None] * modes + np.arange(modes)).ravel()
+    mean, covariance = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
+    innovation = kalman.iterated_update(
+        *(mean, covariance, sensor, detections.measurement, report.detection_std),
+        detections.time_s,
+        # Modes without weight, half of all, are left out.
+        pairs=(np.where(mixture.mode_weight[row].ravel() > 0.0, gaussian, -1), each),
+    )
     rated = None
     if rates is not None:
-        later = kalman.updated(mean, covariance, sensor, innovation, time_s)
+        time_s = None if detections.time_s is None else detections.time_s[each]
+        later = kalman.updated(mean[gaussian], covariance[gaussian], sensor, innovation, time_s)
         rated = range_rate.update_rates(*later, sensor, rates.take(each), time_s)
     return PairUpdate(innovation, rated, column, report)
 

@@ -1,39 +1,86 @@
-"""Weights of the pairs of hypothesis and detection, and the selection of probable pairs."""
+"""Pairs of hypothesis and detection: the selection of probable pairs, and their association."""
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
-from ...arrays import FloatArray, IntArray, sum_by
+from ...arrays import FloatArray, IntArray, contiguous
+from ...association import marginals
+from ...association.bernoulli import Claims
 from ...association.marginals import LEAST_CLUTTER
+from ...association.shares import posterior_shares
+from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
 from ...models.competing_sources import CompetingSources
+from ..algebra.vectors import total_of
+from ..bounds import Bounds
 from ..mixture import Mixture
+from ..reduction import most_probable
 
 # A pair with less than this share of its detection's sources, or of its target's hypotheses, is
 # left out before the iterated update.
 LEAST_SHARE = 1e-4
 
 
-def pair_weights(
-    mixture: Mixture,
-    row: IntArray,
-    column: IntArray,
-    log_mass: FloatArray,
-    others: CompetingSources,
-) -> FloatArray:
-    """Return p_D L_z w of pairs, relative to the scale of their detections, shape (P, R, S).
+class PairLikelihoods(NamedTuple):
+    """Log likelihoods of the P pairs of hypotheses and detections.
+
+    The log of p_D L_z is the sum of the first three, each at its axes.
 
     Parameters
     ----------
     row, column : int arrays of shape (P,)
         Hypothesis and detection of each pair.
-    log_mass : array of shape (P, R, S)
-        log p_D L_z.
+    measurement : array of shape (P, R)
+        Log likelihood of the measurement for each motion mode; -inf outside its gate.
+    amplitude : array of shape (M, S)
+        Log p_D g(a) of each detection and cell.
+    evidence : array of shape (P,)
+        Log likelihood of the identity and the height.
+    other : array of shape (1 + C, M)
+        See `competing_sources.log_intensities`.
     """
-    weight: FloatArray = mixture.weight[row] * np.exp(
-        log_mass - others.log_scale[column, None, None]
-    )
-    return weight
+
+    row: IntArray
+    column: IntArray
+    measurement: FloatArray
+    amplitude: FloatArray
+    evidence: FloatArray
+    other: FloatArray
+
+
+class Association(NamedTuple):
+    """The association of pairs, and the hypotheses that follow from it.
+
+    Parameters
+    ----------
+    claims : Claims
+    sources : CompetingSources
+    claimed : array of shape (M,)
+        Probability that a known target is the source of each detection.
+    pair : array of shape (P,)
+        Association probability of each pair.
+    existence : array of shape (T,)
+        Existence probability of each target.
+    kept : int array of shape (K,)
+        The kept hypotheses, by target and descending probability: below H, the prior hypothesis of
+        this row with a missed detection; from H on, the pairs.
+    weight : array of shape (K, R, S)
+        Their weights.
+    approximate : int
+        Number of clusters of targets too large for exact association probabilities.
+    """
+
+    claims: Claims
+    sources: CompetingSources
+    claimed: FloatArray
+    pair: FloatArray
+    existence: FloatArray
+    kept: IntArray
+    weight: FloatArray
+    approximate: int
 
 
 def sum_modes(weight: FloatArray) -> FloatArray:
@@ -42,27 +89,233 @@ def sum_modes(weight: FloatArray) -> FloatArray:
     return total
 
 
-def likely(
-    mixture: Mixture,
-    row: IntArray,
+@inner
+def _sources(
     column: IntArray,
+    measurement: FloatArray,
+    amplitude: FloatArray,
+    evidence: FloatArray,
+    other: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the log scale, the intensities and their sum, as of `CompetingSources`.
+
+    Also return the largest log amplitude likelihood of each detection, (M,), and all likelihoods
+    relative to it, (M, S).
+    """
+    kinds, size = other.shape
+    scale, intensity, total = np.empty(size), np.empty((kinds, size)), np.zeros(size)
+    largest, relative = np.empty(size), np.zeros(amplitude.shape)
+    for z in range(size):
+        scale[z], largest[z] = np.max(other[:, z]), np.max(amplitude[z])
+        if largest[z] > -np.inf:
+            for cell in range(amplitude.shape[1]):
+                relative[z, cell] = math.exp(amplitude[z, cell] - largest[z])
+    for pair in range(len(column)):
+        z = column[pair]
+        scale[z] = max(scale[z], np.max(measurement[pair]) + largest[z] + evidence[pair])
+    for kind in range(kinds):
+        for z in range(size):
+            intensity[kind, z] = math.exp(other[kind, z] - scale[z])
+            total[z] += intensity[kind, z]
+    return scale, intensity, total, largest, relative
+
+
+@inner
+def _write_pair_weight(
+    prior: FloatArray,
+    log_measurement: FloatArray,
+    amplitude: FloatArray,
+    log_factor: float,
     weight: FloatArray,
-    missed: FloatArray,
-    others: CompetingSources,
+) -> None:
+    """Write the weight of a pair, p_D L_z w relative to the scale of its detection, (R, S).
+
+    `log_factor` is the log of all factors besides the measurement and the relative amplitude.
+    """
+    for mode in range(len(prior)):
+        weight[mode] = 0.0
+        if log_measurement[mode] > -np.inf and log_factor > -np.inf:
+            likelihood = math.exp(log_measurement[mode] + log_factor)
+            for cell in range(prior.shape[1]):
+                weight[mode, cell] = prior[mode, cell] * likelihood * amplitude[cell]
+
+
+@inner
+def _sum(weight: FloatArray) -> float:
+    """Return the sum over modes and cells."""
+    total = 0.0
+    for mode in range(len(weight)):
+        total += total_of(weight[mode])
+    return total
+
+
+@compiled
+def _likely(
+    least_share: float,
+    target: Int1,
+    existence: Float1,
+    weight: Float3,
+    missed: Float3,
+    row: Int1,
+    column: Int1,
+    measurement: Float2,
+    amplitude: Float2,
+    evidence: Float1,
+    other: Float2,
 ) -> IntArray:
+    """Return the results of `likely`; for the parameters see `PairLikelihoods`."""
+    count, targets, size = len(row), len(existence), other.shape[1]
+    scale, _, total, largest, relative = _sources(column, measurement, amplitude, evidence, other)
+    odds, wanted = np.empty(count), np.zeros(size)
+    start, each = np.zeros(targets + 1, np.int64), np.empty(weight.shape[1:])
+    for pair in range(count):
+        one, z = row[pair], column[pair]
+        factor = evidence[pair] + largest[z] - scale[z]
+        _write_pair_weight(weight[one], measurement[pair], relative[z], factor, each)
+        odds[pair] = _sum(each) / max(total[z], LEAST_CLUTTER)
+        wanted[z] += odds[pair]
+        start[target[one] + 1] += 1
+    start = np.cumsum(start)
+    order, room = np.empty(count, np.int64), start.copy()
+    for pair in range(count):
+        one = target[row[pair]]
+        order[room[one]] = pair
+        room[one] += 1
+    alone = 1.0 - existence
+    for one in range(len(target)):
+        alone[target[one]] += _sum(missed[one])
+    own, counted = np.zeros(size), np.zeros(count, np.bool_)
+    for one in range(targets):
+        pairs = order[start[one] : start[one + 1]]
+        for pair in pairs:
+            own[column[pair]] += odds[pair]
+        for pair in pairs:
+            # Each detection counts once, by what remains of it if all other targets claim it.
+            z = column[pair]
+            alone[one] += own[z] / (1.0 + max(wanted[z] - own[z], 0.0))
+            own[z] = 0.0
+        for pair in pairs:
+            counted[pair] = odds[pair] > least_share * max(alone[one], 1.0)
+    return np.flatnonzero(counted)
+
+
+def likely(mixture: Mixture, missed: FloatArray, pairs: PairLikelihoods) -> IntArray:
     """Return the pairs that may exceed `LEAST_SHARE` of both their target and their detection.
 
     Another target may claim a detection, however probable it is for this one. So a target's share
     is computed from the part of each detection that remains if all other targets claim it.
+
+    Parameters
+    ----------
+    missed : array of shape (H, R, S)
+        Weights times the probability of a missed detection.
     """
-    mass, total = sum_modes(weight), others.total
-    target, count = mixture.target[row], len(mixture.label)
-    odds = mass / np.maximum(total, LEAST_CLUTTER)[column]
-    edge, place = np.unique(target * len(total) + column, return_inverse=True)
-    own = sum_by(place.ravel(), odds, len(edge))
-    wanted = sum_by(column, odds, len(total))[edge % max(len(total), 1)]
-    left = own / (1.0 + np.maximum(wanted - own, 0.0))
-    alone = 1.0 - mixture.existence + sum_by(mixture.target, sum_modes(missed), count)
-    alone += sum_by(edge // max(len(total), 1), left, count)
-    rows: IntArray = np.flatnonzero(odds > LEAST_SHARE * np.maximum(alone, 1.0)[target])
-    return rows
+    return _likely(
+        *(LEAST_SHARE, mixture.target, mixture.existence, mixture.weight),
+        *contiguous(missed, *pairs),
+    )
+
+
+@compiled
+def _associate(
+    most_work: int,
+    most: int,
+    least_share: float,
+    targets: int,
+    target: Int1,
+    weight: Float3,
+    missed: Float3,
+    detectable: Float3,
+    row: Int1,
+    column: Int1,
+    measurement: Float2,
+    amplitude: Float2,
+    evidence: Float1,
+    other: Float2,
+) -> tuple[
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    IntArray,
+    FloatArray,
+    int,
+]:
+    """Return the columns of `Association`; for the parameters see `associate`.
+
+    These are mass, total and detection probability of the claims, log scale and intensity of the
+    sources, and then the others in their order.
+    """
+    rows, modes, cells = weight.shape
+    count = rows + len(row)
+    scale, intensity, total, largest, relative = _sources(
+        column, measurement, amplitude, evidence, other
+    )
+    later, mass = np.empty((count, modes, cells)), np.empty(count)
+    target_of, prior, probability = np.empty(count, np.int64), np.empty(rows), np.empty(rows)
+    for one in range(rows):
+        target_of[one], prior[one], detected = target[one], _sum(weight[one]), 0.0
+        for mode in range(modes):
+            for cell in range(cells):
+                detected += weight[one, mode, cell] * detectable[one, mode, cell]
+        probability[one] = detected / prior[one] if prior[one] > 0.0 else detected
+    for pair in range(len(row)):
+        one, z = row[pair], column[pair]
+        factor, each = evidence[pair] + largest[z] - scale[z], later[rows + pair]
+        _write_pair_weight(weight[one], measurement[pair], relative[z], factor, each)
+        target_of[rows + pair], mass[rows + pair] = target[one], _sum(each)
+    claim = mass[rows:].copy()
+    scaled, unseen, share, claimed, approximate = posterior_shares(
+        most_work, targets, target, prior, row, column, claim, total, probability
+    )
+    existence = np.zeros(targets)
+    for one in range(rows):
+        factor = unseen[target[one]] * (scaled[one] / prior[one] if prior[one] > 0.0 else 1.0)
+        for mode in range(modes):
+            for cell in range(cells):
+                later[one, mode, cell] = factor * missed[one, mode, cell]
+        mass[one] = _sum(later[one])
+    for pair in range(len(row)):
+        later[rows + pair] *= share[pair]
+        mass[rows + pair] *= share[pair]
+    for one in range(count):
+        existence[target_of[one]] += mass[one]
+    kept, factors = most_probable(most, least_share, target_of, mass)
+    found = np.empty((len(kept), modes, cells))
+    for place in range(len(kept)):
+        for mode in range(modes):
+            for cell in range(cells):
+                found[place, mode, cell] = factors[place] * later[kept[place], mode, cell]
+    associated = mass[rows:].copy()
+    claims = claim, total, probability
+    return *claims, scale, intensity, claimed, associated, existence, kept, found, approximate
+
+
+def associate(
+    mixture: Mixture,
+    missed: FloatArray,
+    detectable: FloatArray,
+    pairs: PairLikelihoods,
+    bounds: Bounds,
+) -> Association:
+    """Return the association of pairs, and the most probable hypotheses of each target.
+
+    Parameters
+    ----------
+    missed, detectable : arrays of shape (H, R, S)
+        Weights times the probability of a missed detection, and the probability of detection.
+    """
+    mass, total, probability, scale, intensity, claimed, pair, existence, kept, weight, count = (
+        _associate(
+            *(marginals.MOST_WORK, bounds.hypotheses, bounds.least_share),
+            *(len(mixture.label), mixture.target),
+            *contiguous(mixture.weight, missed, detectable, *pairs),
+        )
+    )
+    claims = Claims(pairs.row, pairs.column, mass, total, probability)
+    sources = CompetingSources(scale, intensity)
+    return Association(claims, sources, claimed, pair, existence, kept, weight, count)

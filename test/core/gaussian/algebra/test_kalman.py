@@ -4,9 +4,7 @@ import textbook
 from lone import MEAN, STD, lone
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman
-from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
 
-pytestmark = pytest.mark.usefixtures("backend")
 (RADAR,) = lone().model.radars
 
 
@@ -73,40 +71,6 @@ def test_update_wraps_the_azimuth(side):
     assert np.hypot(*(later[0, [0, 2]] - behind)) < 40.0
 
 
-@pytest.mark.parametrize("motion", [ConstantVelocity(2.0), CoordinatedTurn(2.0, 1e-5)])
-def test_backward_is_the_step_of_rauch_tung_and_striebel(motion):
-    rng = np.random.default_rng(2)
-    mean, covariance = priors(rng, 4)
-    support = np.isin(np.arange(5), motion.support).astype(float)
-    mean, covariance = mean * support, covariance * np.outer(support, support)
-    noise = np.zeros((5, 5))
-    noise[np.ix_(motion.support, motion.support)] = motion.noise_covariance(6.0)
-    jacobian = motion.jacobian(mean, 6.0)
-    later, cross = kalman.predicted_covariance(covariance, jacobian, np.array([noise] * 4))
-    moved = motion.mean(mean, 6.0)
-    unsupported = np.tile(1.0 - support, (4, 1))
-    back, precision = kalman.backward(mean, covariance, moved, later, cross, unsupported)
-    told_mean, told = back.earlier(moved + 3.0 * support, 0.5 * later)
-    axes = np.ix_(motion.support, motion.support)
-    for row in range(4):
-        before = textbook.Normal(mean[row], covariance[row])
-        predicted, gain = textbook.predict(before, motion, 6.0)
-        right = textbook.smooth(
-            before,
-            predicted,
-            gain,
-            textbook.Normal(predicted.mean + 3.0 * support, 0.5 * predicted.covariance),
-        )
-        scale = np.sqrt(np.maximum(np.diag(covariance[row]), 1e-12))
-        np.testing.assert_allclose(told_mean[row] / scale, right.mean / scale, rtol=1e-6)
-        np.testing.assert_allclose(
-            told[row] / scale / scale[:, None], right.covariance / scale / scale[:, None], atol=1e-6
-        )
-        np.testing.assert_allclose(
-            (precision[row] @ later[row])[axes], np.eye(len(motion.support)), atol=1e-5
-        )
-
-
 def test_floored_leaves_covariances_as_they_are_and_raises_others():
     rng = np.random.default_rng(3)
     _, sound = priors(rng, 3)
@@ -124,10 +88,29 @@ def test_floored_leaves_covariances_as_they_are_and_raises_others():
     assert found[1, 0, 0] >= 1e4
 
 
-def test_inverse_of_pairs_is_the_inverse():
-    rng = np.random.default_rng(4)
-    factor = rng.normal(0.0, 1.0, (6, 2, 2))
-    matrix = factor @ factor.swapaxes(1, 2)
-    inverse, determinant = kalman.inverse_of_pairs(matrix)
-    np.testing.assert_allclose(inverse, np.linalg.inv(matrix), rtol=1e-8)
-    np.testing.assert_allclose(determinant, np.linalg.det(matrix), rtol=1e-8)
+def test_pairs_of_gaussians_and_measurements_are_those_of_each_alone():
+    rng = np.random.default_rng(5)
+    mean, covariance = priors(rng, 3)
+    measurement = RADAR.measure(mean[:2]) + rng.normal(0.0, 1.0, (2, 2)) * RADAR.noise_std
+    gaussian, column = np.array([2, -1, 0, 2]), np.array([1, 0, 0, 0])
+    paired = (gaussian, column)
+    found = kalman.iterated_update(
+        mean, covariance, RADAR, measurement, RADAR.noise_std, None, pairs=paired
+    )
+    some = gaussian >= 0
+    noise = np.tile(RADAR.noise_std, (some.sum(), 1))
+    rows = gaussian[some]
+    alone = kalman.iterated_update(
+        mean[rows], covariance[rows], RADAR, measurement[column[some]], noise
+    )
+    for part, expected in zip(found, alone, strict=True):
+        np.testing.assert_array_equal(part[some], expected)
+    assert found.log_likelihood[1] == -np.inf
+    rows = np.array([0, 2, 2])
+    later = kalman.updated(mean, covariance, RADAR, found, None, (rows, np.array([1, -1, 3])))
+    np.testing.assert_array_equal(later[0][:2], mean[rows[:2]])
+    np.testing.assert_array_equal(later[1][:2], covariance[rows[:2]])
+    last = kalman.Innovation(*(part[2:] for part in alone))
+    right = kalman.updated(mean[rows[2:]], covariance[rows[2:]], RADAR, last)
+    for part, expected in zip(later, right, strict=True):
+        np.testing.assert_array_equal(part[2:], expected)

@@ -10,7 +10,6 @@ from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel, Rates
 
-pytestmark = pytest.mark.usefixtures("backend")
 RADAR = lone(
     {
         "radar.range_std": 0.4,

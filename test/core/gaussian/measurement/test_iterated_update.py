@@ -57,11 +57,14 @@ def test_pairs_are_where_each_detection_puts_what_flew_straight_until_then(times
     seen = seen if rated else replace(seen, range_rate=None)
     rates = RADAR.rates_of(seen)
     found = iterated_update(before, ROW, COLUMN, Report(RADAR, seen))
-    # Pairs 3 and 1, in this order, and their modes.
-    pair = np.array([3, 1])
+    # Pairs 3 and 1, in this order, and their modes; between them a hypothesis without a detection.
+    pair = np.array([3, -1, 1])
+    row = np.array([ROW[3], 0, ROW[1]])
+    every_mean, every = found.updated(before, row, pair)
+    np.testing.assert_array_equal(every_mean[1], before.mean[0])
+    np.testing.assert_array_equal(every[1], before.covariance[0])
+    mean, covariance = every_mean[[0, 2]].reshape(-1, 5), every[[0, 2]].reshape(-1, 5, 5)
     gaussian = np.array([6, 7, 2, 3])
-    rows = ROW[pair].repeat(2), np.tile([0, 1], 2)
-    mean, covariance = found.updated(before.mean[rows], before.covariance[rows], pair, gaussian)
 
     usual = np.where(np.isnan(seen.noise_std), RADAR.noise_std, seen.noise_std)
     for place, one in enumerate(gaussian):

@@ -292,7 +292,7 @@ def test_build_leaves_a_birth_out_of_reach_without_a_parent():
 
 @pytest.mark.parametrize("spread", [1.0, 50.0, 20e3])
 def test_build_within_origins_does_not_depend_on_the_backend(spread, monkeypatch):
-    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    pytest.importorskip("numba", reason="numba is missing: pip install numba")
     # Sets from the size of one grid cell to far more than the largest grid; a label of the later
     # set without earlier rows, and one of the earlier set without later rows.
     model = small().model

@@ -125,7 +125,7 @@ def test_a_thinned_dense_kernel_gives_the_same_weights(interval, monkeypatch):
 
 @pytest.mark.parametrize("interval", [24.0, 60.0])
 def test_thinning_does_not_depend_on_the_backend(interval, monkeypatch):
-    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    pytest.importorskip("numba", reason="numba is missing: pip install numba")
     model, earlier, later = dense_scene(interval)
     ratios = []
     for name in ("numpy", "numba"):

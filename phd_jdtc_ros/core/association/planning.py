@@ -1,0 +1,126 @@
+"""In which order the edges of clusters are passed, so that few nodes are open at a time.
+
+A node, target or detection, is open from its first edge to its last one. Each step takes a node
+with all its edges that are left: the one that opens the fewest others.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import IntArray
+from ..compilation import Int1, compiled, inner
+from .clusters import Graph
+
+# A cluster with tables of more entries, 32 MiB, is left out.
+MOST_ENTRIES = 1 << 22
+# Scores of nodes: for each node that would open, if none beside it is open yet, and when closed.
+OPENS, APART, CLOSED = 1 << 20, 1 << 42, 1 << 60
+
+
+class Plan(NamedTuple):
+    """The steps of all clusters, one after the other.
+
+    Parameters
+    ----------
+    first : int array of shape (C + 1,)
+        The first step of each cluster, and S; clusters without steps would take too much.
+    before, size : int arrays of shape (S,)
+        Two to the power of the nodes that are open before each step and in it: the entries of its
+        table.
+    passed, closed : int arrays of shape (S + 1,)
+        Where the edges and the nodes of each step begin below, and where those of the last end.
+    edge, lower, upper : int arrays
+        The edges as they are passed, and the bits of their two nodes in the table.
+    node, bit : int arrays
+        The nodes as they are closed, and their bits in the table, which ascend within a step.
+    """
+
+    first: Int1
+    before: Int1
+    size: Int1
+    passed: Int1
+    closed: Int1
+    edge: Int1
+    lower: Int1
+    upper: Int1
+    node: Int1
+    bit: Int1
+
+
+@inner
+def _opened(
+    graph: Graph, node: int, score: IntArray, place: IntArray, members: IntArray, width: int
+) -> int:
+    """Open a node, if it is not; return how many are open.
+
+    The least score is next: that of the fewest nodes to open, and of these of the most edges left.
+    """
+    if place[node] >= 0:
+        return width
+    members[width], place[node] = node, width
+    score[node] -= OPENS + (APART if score[node] >= APART else 0)
+    for link in graph.link[graph.start[node] : graph.start[node + 1]]:
+        near = graph.target[link] + graph.detection[link] - node
+        score[near] -= OPENS + (APART if score[near] >= APART else 0)
+    return width + 1
+
+
+@compiled
+def plan(graph: Graph, most_work: int) -> Plan:
+    """Return the steps of clusters that are affordable.
+
+    `most_work` is for each target of a cluster, in entries of a table times edges.
+    """
+    left = graph.start[1:] - graph.start[:-1]
+    score, place = APART + left * (OPENS - 1), np.full_like(left, -1)
+    members = np.empty_like(left)  # the open nodes, by their places
+    first, step = np.zeros_like(graph.first), 0
+    before, size = np.empty_like(left), np.empty_like(left)
+    passed, closed = np.zeros_like(graph.start), np.zeros_like(graph.start)
+    edge, node, bit = np.empty_like(graph.target), np.empty_like(left), np.empty_like(left)
+    lower, upper = np.empty_like(edge), np.empty_like(edge)
+    for cluster in range(len(graph.middle)):
+        low, high = graph.first[cluster], graph.first[cluster + 1]
+        budget = most_work * (graph.middle[cluster] - low)
+        width = entries = 0
+        found, gone = passed[step], closed[step]
+        last = found + (graph.start[high] - graph.start[low]) // 2
+        while found < last:
+            before[step] = 1 << width
+            chosen = low + np.argmin(score[low:high])
+            width = _opened(graph, chosen, score, place, members, width)
+            for link in graph.link[graph.start[chosen] : graph.start[chosen + 1]]:
+                near = graph.target[link] + graph.detection[link] - chosen
+                if left[near]:
+                    width = _opened(graph, near, score, place, members, width)
+                    bits = 1 << place[chosen], 1 << place[near]
+                    edge[found], lower[found], upper[found] = link, min(bits), max(bits)
+                    left[near] -= 1
+                    score[near] += 1
+                    found += 1
+            left[chosen] = 0
+            size[step] = 1 << min(width, 40)  # more is beyond all bounds anyway
+            entries += size[step]
+            budget -= (found - passed[step]) * size[step]
+            if budget < 0 or entries > MOST_ENTRIES:
+                step = first[cluster]
+                break
+            still = 0
+            for index in range(width):
+                member = members[index]
+                if left[member]:
+                    members[still], place[member] = member, still
+                    still += 1
+                else:
+                    score[member] = CLOSED
+                    node[gone], bit[gone] = member, 1 << index
+                    gone += 1
+            width = still
+            step += 1
+            passed[step], closed[step] = found, gone
+        first[cluster + 1] = step
+    passed, closed = passed[: step + 1], closed[: step + 1]
+    return Plan(first, before[:step], size[:step], passed, closed, edge, lower, upper, node, bit)

@@ -1,0 +1,86 @@
+"""Factors from prior to posterior weights of Bernoulli targets; `bernoulli` has the interface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+from ..compilation import Float1, Int1, compiled, inner
+from .bernoulli import LEAST_MISSED
+from .marginals import edge_probabilities
+
+
+@inner
+def _edges(
+    targets: int, size: int, target: IntArray, row: IntArray, column: IntArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the edge of each pair, and the target and the detection of each edge.
+
+    Pairs of the same target and detection share an edge; edges are sorted by target.
+    """
+    start = np.zeros(targets + 1, np.int64)
+    for pair in range(len(row)):
+        start[target[row[pair]] + 1] += 1
+    start = np.cumsum(start)
+    order, free = np.empty(len(row), np.int64), start.copy()
+    for pair in range(len(row)):
+        one = target[row[pair]]
+        order[free[one]] = pair
+        free[one] += 1
+    edge_of_pair, edge_of_column = np.empty(len(row), np.int64), np.full(size, -1)
+    edge_target, edge_column = np.empty(len(row), np.int64), np.empty(len(row), np.int64)
+    edges = 0
+    for one in range(targets):
+        first = edges
+        for pair in order[start[one] : start[one + 1]]:
+            z = column[pair]
+            if edge_of_column[z] < first:
+                edge_of_column[z] = edges
+                edge_target[edges], edge_column[edges] = one, z
+                edges += 1
+            edge_of_pair[pair] = edge_of_column[z]
+    return edge_of_pair, edge_target[:edges], edge_column[:edges]
+
+
+@compiled
+def posterior_shares(
+    most_work: int,
+    targets: int,
+    target: Int1,
+    weight: Float1,
+    row: Int1,
+    column: Int1,
+    mass: Float1,
+    other: Float1,
+    detection_probability: Float1,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int]:
+    """Return the columns of `bernoulli.Shares`.
+
+    For the parameters see `bernoulli.bernoulli` and `marginals.edge_probabilities`.
+    """
+    # Rounding in the reduction of a set may leave a mass slightly above one.
+    excess, detected = np.zeros(targets), np.zeros(targets)
+    for one in range(len(target)):
+        excess[target[one]] += weight[one]
+    excess = np.maximum(excess, 1.0)
+    prior = weight / excess[target]
+    for one in range(len(target)):
+        detected[target[one]] += prior[one] * detection_probability[one]
+    missed = np.maximum(1.0 - detected, LEAST_MISSED)
+
+    edge_of_pair, edge_target, edge_column = _edges(targets, len(other), target, row, column)
+    explained = np.zeros(len(edge_target))
+    for pair in range(len(row)):
+        explained[edge_of_pair[pair]] += mass[pair] / excess[target[row[pair]]]
+    odds = explained / missed[edge_target]
+    probability, none, approximate = edge_probabilities(
+        most_work, targets, edge_target, edge_column, odds, other
+    )
+    claimed, share = np.zeros(len(other)), np.empty(len(row))
+    for edge in range(len(edge_target)):
+        claimed[edge_column[edge]] += probability[edge]
+    for pair in range(len(row)):
+        edge = edge_of_pair[pair]
+        whole = explained[edge] if explained[edge] > 0.0 else 1.0
+        share[pair] = probability[edge] / whole / excess[target[row[pair]]]
+    return prior, none / missed, share, np.minimum(claimed, 1.0), approximate

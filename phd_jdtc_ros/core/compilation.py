@@ -1,0 +1,101 @@
+"""How functions over arrays are compiled: by numba where it is installed, or not at all.
+
+A compiled function is plain Python with loops. Without numba it is interpreted, with the same
+results, some twenty times as slowly. Arrays that come from Python are contiguous, and the types in
+the signature say how many axes they have: compilation happens at import and not during a scan.
+
+numba stores compiled code beside the source, by the function's name and file. It does not notice
+that a function of another file has changed, so the name includes what that file is now.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from types import FunctionType
+from typing import Annotated, Any, TypeVar, get_args, get_type_hints
+
+from .arrays import BoolArray, FloatArray, IntArray
+
+
+def _numba() -> Any:
+    """Return the library, whose types mypy does not need to know; None where it is missing."""
+    try:
+        return importlib.import_module("numba")
+    except ImportError as error:
+        logging.getLogger(__name__).warning(
+            "%s: the tracker runs interpreted, many times as slowly; pip install numba", error
+        )
+        return None
+
+
+numba = _numba()
+
+# An array of so many axes, which a compiled function only reads.
+Float1 = Annotated[FloatArray, 1]
+Float2 = Annotated[FloatArray, 2]
+Float3 = Annotated[FloatArray, 3]
+Float4 = Annotated[FloatArray, 4]
+Int1 = Annotated[IntArray, 1]
+Int2 = Annotated[IntArray, 2]
+Bool1 = Annotated[BoolArray, 1]
+
+FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
+_ELEMENTS = {FloatArray: "float64", IntArray: "int64", BoolArray: "boolean"}
+_NUMBERS = {float: "float64", int: "int64", bool: "boolean"}
+# A division by zero gives what NumPy gives, and does not raise.
+_OPTIONS = {"error_model": "numpy", "nogil": True}
+
+
+def compiled(function: FunctionT) -> FunctionT:
+    """Compile a function, at its definition, for the types in its signature."""
+    if numba is None:
+        return function
+    function.__qualname__ += "." + _digest(function)
+    hints = get_type_hints(function, include_extras=True)
+    hints.pop("return", None)
+    signature = tuple(_type_of(hint) for hint in hints.values())
+    done: FunctionT
+    try:
+        done = numba.njit(signature, cache=True, **_OPTIONS)(function)
+    except RuntimeError:  # no writable cache directory: compiled again at every start
+        done = numba.njit(signature, **_OPTIONS)(function)
+    return done
+
+
+def inner(function: FunctionT) -> FunctionT:
+    """Let compiled functions call a function; it is compiled with them."""
+    if numba is None:
+        return function
+    done: FunctionT = numba.njit(**_OPTIONS)(function)
+    return done
+
+
+def _type_of(hint: Any, readonly: bool = True) -> Any:
+    """Return numba's type of a parameter; the arrays of a named tuple must be writeable."""
+    if hint in _NUMBERS:
+        return getattr(numba.types, _NUMBERS[hint])
+    if hasattr(hint, "_fields"):
+        fields = get_type_hints(hint, include_extras=True).values()
+        return numba.types.BaseTuple.from_types([_type_of(one, False) for one in fields], hint)
+    element, axes = get_args(hint)
+    name = next(name for kind, name in _ELEMENTS.items() if kind == element)
+    return numba.types.Array(getattr(numba.types, name), axes, "C", readonly=readonly)
+
+
+def _digest(function: Any) -> str:
+    """Return a digest of the files with the functions that a function calls, and its own."""
+    text = b"".join(Path(name).read_bytes() for name in sorted(_files(function)))
+    return hashlib.sha256(text).hexdigest()[:8]
+
+
+def _files(function: FunctionType) -> set[str]:
+    found = {function.__code__.co_filename}
+    for name in function.__code__.co_names:
+        called = getattr(function.__globals__.get(name), "py_func", None)
+        if called is not None:
+            found |= _files(called)
+    return found

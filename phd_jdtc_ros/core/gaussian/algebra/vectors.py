@@ -1,0 +1,38 @@
+"""What compiled functions do with vectors of any size, in loops that allocate nothing."""
+
+from __future__ import annotations
+
+from ...arrays import FloatArray
+from ...compilation import inner
+
+
+@inner
+def total_of(vector: FloatArray) -> float:
+    """Return the sum of a vector, entry by entry."""
+    total = 0.0
+    for i in range(len(vector)):
+        total += vector[i]
+    return total
+
+
+@inner
+def add(vector: FloatArray, total: FloatArray) -> None:
+    """Add a vector to another one."""
+    for i in range(len(vector)):
+        total[i] += vector[i]
+
+
+@inner
+def write_scaled(factor: float, vector: FloatArray, scaled: FloatArray) -> None:
+    """Write a vector times a factor."""
+    for i in range(len(vector)):
+        scaled[i] = factor * vector[i]
+
+
+@inner
+def multiply(matrix: FloatArray, vector: FloatArray, product: FloatArray) -> None:
+    """Write a matrix times a vector."""
+    for i in range(len(matrix)):
+        product[i] = 0.0
+        for k in range(len(vector)):
+            product[i] += matrix[i, k] * vector[k]

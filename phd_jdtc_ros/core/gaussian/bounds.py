@@ -1,0 +1,34 @@
+"""Limits of the reduction; a configuration has them before an engine loads compiled code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Limits of the reduction.
+
+    Parameters
+    ----------
+    hypotheses : int
+        Largest number per target, before they are split by motion mode.
+    least_share : float
+        Hypotheses with less than this share of their target's existence probability are dropped.
+    merge_distance : float
+        Square Mahalanobis distance within which hypotheses are merged.
+    least_existence : float
+        Targets with a smaller existence probability are dropped.
+    most : int
+        Largest number of hypotheses of all targets together.
+    least_mode : float
+        Motion modes with at least this share of their hypothesis become hypotheses of their own.
+        With 1 none does, and every prediction mixes the modes.
+    """
+
+    hypotheses: int
+    least_share: float
+    merge_distance: float
+    least_existence: float
+    most: int
+    least_mode: float

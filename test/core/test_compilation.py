@@ -1,0 +1,92 @@
+"""Functions that numba compiles do the same where it is missing."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core import compilation
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = """
+import sys, json
+if {hidden}: sys.modules["numba"] = None
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core import compilation
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
+config = resolve({{"engine": "gaussian", "lag": 2}})
+engine, found = new_engine(config), []
+for _, scan in simulate(paper_scenario(config.model.radars), 1):
+    step = engine.step(scan)
+    found += [one.state.tolist() for one in (*step.filtered, *step.smoothed)]
+    if len(found) > 20:
+        break
+print(json.dumps([compilation.numba is None, found]))
+"""
+
+
+def estimates(hidden):
+    """Return what a new interpreter prints: whether numba is missing, the states, and warnings."""
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT.format(hidden=hidden)],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return json.loads(done.stdout), done.stderr
+
+
+def test_estimates_are_the_same_without_numba():
+    pytest.importorskip("numba", reason="both ways are the same without it")
+    (missing, plain), warning = estimates(True)
+    (found, compiled), silence = estimates(False)
+    assert "pip install numba" in warning
+    assert not silence
+    assert missing
+    assert not found
+    assert sum(map(len, plain)) > 40
+    for one, other in zip(plain, compiled, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
+def test_name_of_compiled_code_changes_with_the_functions_that_it_calls(tmp_path, monkeypatch):
+    pytest.importorskip("numba", reason="nothing is stored without it")
+    monkeypatch.syspath_prepend(tmp_path)
+    called = "from phd_jdtc_ros.core.compilation import inner\n@inner\ndef one(x): return {value}\n"
+    (tmp_path / "of_two.py").write_text(
+        "from of_one import one\nfrom phd_jdtc_ros.core.compilation import compiled\n"
+        "@compiled\ndef two(x: float): return 2.0 * one(x)\n"
+    )
+    names = []
+    for value in ("x", "x + 1.0"):
+        (tmp_path / "of_one.py").write_text(called.format(value=value))
+        for module in ("of_one", "of_two"):
+            sys.modules.pop(module, None)
+        import of_two
+
+        names.append(of_two.two.py_func.__qualname__)
+        assert of_two.two(3.0) == 2.0 * eval(value, {"x": 3.0})
+    assert len(set(names)) == 2
+
+
+def test_signature_gives_the_axes_of_arrays_that_may_be_read_only():
+    numba = pytest.importorskip("numba", reason="signatures are numba's")
+
+    @compilation.compiled
+    def total(table: compilation.Float2, row: compilation.Int1) -> float:
+        return table[row[0]].sum()
+
+    table = np.ones((2, 3))
+    table.flags.writeable = False
+    assert total(table, np.array([1])) == 3.0
+    with pytest.raises(TypeError):
+        total(np.ones(3), np.array([1]))
+    assert total.signatures[0][0] == numba.types.Array(numba.float64, 2, "C", readonly=True)
