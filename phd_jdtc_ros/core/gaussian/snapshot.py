@@ -52,8 +52,8 @@ def entry_from_snapshot(
     modes, size = dynamics.supported.shape
     sizes = {"O": modes, "D": size, "S": len(dynamics.cells), "K": len(dynamics.pairs[0])}
     stamp_ns, sources = sources_from_snapshot(snapshot, name, most)
-    if snapshot.array(f"{name}.row_label").size > most:
-        raise ValueError(f"{name}.row_label: more than {most} hypotheses")
+    if snapshot.array(f"{name}.origin").size > most:
+        raise ValueError(f"{name}.origin: more than {most} hypotheses")
     stored = from_snapshot(Mixture, snapshot, name, sizes)
     if stored.existence.max(initial=0.0) > MAX_MASS:
         raise ValueError(f"{name}.weight: a target of mass {stored.existence.max():.3g}")

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from phd_jdtc_ros.configuration.radar_build import watch_of
 from scenes import small
 
+from phd_jdtc_ros.configuration.models import watch_of
 from phd_jdtc_ros.core.intake.input_checks import ReportWatch
 from phd_jdtc_ros.core.sensors.gaussians import PlanePlots
 from phd_jdtc_ros.core.sensors.sensor import Sensor
@@ -56,10 +56,6 @@ class PositionSensor(Sensor):
         square = ((error / self.noise_std_of(detections)) ** 2).sum(axis=2)
         row, column = np.nonzero(square < 36.0)
         return row, column, -0.5 * square[row, column]
-
-    def gated_boxes(self, gaussians, detections):
-        row, column, _ = self.gated_pairs(gaussians.measured[:, 0], detections)
-        return row, column, np.zeros(gaussians.alive.shape, dtype=bool)
 
 
 SENSOR = PositionSensor(
