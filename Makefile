@@ -63,6 +63,8 @@ $(VENV)/.made:
 $(VENV)/.ready: $(VENV)/.made setup.py constraints.txt constraints-ros.txt
 	@echo "installing into $(VENV) ..."
 	@$(INSTALL) -e '.$(EXTRAS)' || $(NOT_INSTALLED)
+	@echo "compiling the engines, some forty seconds ..."
+	@$(RUN) -m phd_jdtc_ros compile_engines
 	@touch $@
 
 $(VENV)/.ready-test: $(VENV)/.ready

@@ -30,6 +30,10 @@ EXECUTABLES = {
         "phd_jdtc_ros.tools.register",
         "finds the systematic errors of radars in a recording",
     ),
+    "compile_engines": (
+        "phd_jdtc_ros.tools.compile_engines",
+        "compiles the engines ahead of their first start",
+    ),
     "report": ("phd_jdtc_ros.tools.report", "a bag with estimates to a page and pictures"),
     "monte_carlo": (
         "phd_jdtc_ros.tools.monte_carlo",
@@ -145,6 +149,7 @@ asterix_bridge = partial(run, "asterix_bridge")
 tune = partial(run, "tune")
 register = partial(run, "register")
 report = partial(run, "report")
+compile_engines = partial(run, "compile_engines")
 monte_carlo = partial(run, "monte_carlo")
 hand_over = partial(run, "hand_over")
 demo = partial(run, "demo")

@@ -151,6 +151,8 @@ def summary(found, seconds):
 
 def main(arguments):
     begin, found, failed = time.monotonic(), Counter(), False
+    # A live test does not wait for a tracker that compiles.
+    subprocess.run([sys.executable, "-m", "phd_jdtc_ros", "compile_engines"], cwd=ROOT, check=True)
     with ThreadPoolExecutor(AT_A_TIME) as pool:
         running = {
             pool.submit(pytest, "-m", "not live", *own): name

@@ -14,6 +14,7 @@ import hashlib
 import importlib
 import logging
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from types import FunctionType
 from typing import Annotated, Any, TypeVar, get_args, get_type_hints
@@ -33,6 +34,8 @@ def _numba() -> Any:
 
 
 numba = _numba()
+# Names of functions that no directory could store: they are compiled again at every start.
+NOT_STORED: list[str] = []
 
 # An array of so many axes, which a compiled function only reads.
 Float1 = Annotated[FloatArray, 1]
@@ -58,12 +61,25 @@ def compiled(function: FunctionT) -> FunctionT:
     hints = get_type_hints(function, include_extras=True)
     hints.pop("return", None)
     signature = tuple(_type_of(hint) for hint in hints.values())
-    done: FunctionT
+    done: Any
     try:
         done = numba.njit(signature, cache=True, **_OPTIONS)(function)
-    except RuntimeError:  # no writable cache directory: compiled again at every start
+    except RuntimeError:  # no writable cache directory
+        NOT_STORED.append(function.__qualname__)
         done = numba.njit(signature, **_OPTIONS)(function)
-    return done
+    if not done.stats.cache_hits:
+        _announce()
+    compiled_function: FunctionT = done
+    return compiled_function
+
+
+@cache
+def _announce() -> None:
+    """Log once that compilation has begun."""
+    logging.getLogger(__name__).warning(
+        "compiling the tracker, once for each installation: it takes some forty seconds; "
+        "compile_engines does it ahead"
+    )
 
 
 def inner(function: FunctionT) -> FunctionT:

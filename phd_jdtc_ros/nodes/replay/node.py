@@ -41,8 +41,9 @@ TICK_S = 0.005
 
 # Endpoints are connected a moment after the graph shows them.
 SETTLE_S = 0.5
-# Wait for subscribers of the truth as a share of the wait for subscribers of the detections.
-TRUTH_SHARE = 0.2
+# Wait for subscribers of the truth: a share of the wait for subscribers of the detections, and at
+# most MAX_TRUTH_S, because most replays have no evaluator.
+TRUTH_SHARE, MAX_TRUTH_S = 0.2, 10.0
 ACKNOWLEDGE_S = 5.0
 # Longest wait for acknowledgements at a time, because it delays signals.
 POLL_S = 0.05
@@ -162,7 +163,7 @@ class SensorReplay(RunnableNode):
             self._ready_since = self._ready_since or now
             waited_s = now - self._ready_since
             alone = [topic for topic in self._played.truth if not self._is_connected(topic)]
-            longest_s = TRUTH_SHARE * self._values["subscriber_timeout_s"]
+            longest_s = min(TRUTH_SHARE * self._values["subscriber_timeout_s"], MAX_TRUTH_S)
             if waited_s < max(SETTLE_S, longest_s if alone else 0.0):
                 return
             if alone:

@@ -1,0 +1,38 @@
+"""Compiles the engines ahead of their first start, for images and new installations."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
+from phd_jdtc_ros.core import compilation
+from phd_jdtc_ros.exit_status import FAILED, OK
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Compile the functions of both engines, and store them beside the source."""
+    parser = argparse.ArgumentParser(
+        prog="compile_engines",
+        description="Compiles the engines, so that the first start of a tracker does not. The "
+        "result is stored in the package's directory, or in NUMBA_CACHE_DIR.",
+    )
+    parser.parse_args(argv)
+    if compilation.numba is None:
+        print("compile_engines: numba is not installed: pip install numba", file=sys.stderr)
+        return FAILED
+    for name in ENGINES:
+        begin = time.perf_counter()
+        new_engine(resolve({"engine": name}))
+        print(f"{name}: ready after {time.perf_counter() - begin:.1f} s")
+    if compilation.NOT_STORED:
+        print(
+            "compile_engines: the package's directory is not writable, nothing is stored; set "
+            "NUMBA_CACHE_DIR to a directory that is, for this command and for the tracker",
+            file=sys.stderr,
+        )
+        return FAILED
+    return OK
