@@ -47,6 +47,7 @@ class Fit(NamedTuple):
 
     Parameters
     ----------
+    innovations : int
         Number of innovations, at most `MEMORY`.
     ratio_to_expected : float
         Ratio of the median squared innovation to the expected one; NaN without any.

@@ -232,16 +232,16 @@ def test_noise_set_much_too_large_is_reported(processes, peer):
     start(processes, *options(**{f"radar_{k}.{n}": v for k in (1, 2) for n, v in wide.items()}))
     group = connected(peer)
 
-    def told():
+    def reported():
         statuses = [s for message in group.health for s in message.status]
         return any(" times smaller than the noise predicts" in s.message for s in statuses)
 
     for index in range(len(SCANS)):
         group.track(index)
         # Reports once a second, of a radar that is not silent meanwhile.
-        if index > 30 and peer.spin_until(told, 0.2):
+        if index > 30 and peer.spin_until(reported, 0.2):
             break
-    assert told()
+    assert reported()
 
 
 def test_diagnostics_show_a_radars_topic_after_remapping(processes, peer):

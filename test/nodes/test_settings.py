@@ -73,7 +73,7 @@ def test_edited_checks_every_value_and_not_yet_the_whole():
         "9",
         "c.motions",
     )
-    assert values["start_1.rates"] == [0.005, 0.005]  # too few, which `resolve` says
+    assert values["start_1.rates"] == [0.005, 0.005]  # too few, which `resolve` reports
     assert not {name for name in values if name.startswith("class_")}
     assert any(fault.startswith("start_1.rates: ") for fault in faults_of(resolve, values))
 

@@ -38,8 +38,6 @@ class Row:
     ----------
     name : str
         The parameter, or a description if no parameter follows from the figure.
-    std : float
-        Standard deviation; NaN if there is none.
     source : str
         The data it was estimated from.
     now : value or str or None

@@ -17,9 +17,9 @@ from ..sensors.range_rate import Rates
 from ..sensors.sensor import Sensor
 from ..types import UNKNOWN, Detections
 
-# Gate, in standard noise_std_of, on the difference of the range rates of one object.
+# Gate, in standard deviations, on the difference of the range rates of one object.
 RATE_SIGMA = 4.0
-# Gate, in standard noise_std_of, on the distance between detections of one object.
+# Gate, in standard deviations, on the distance between detections of one object.
 NOISE_SIGMA = 2.0
 
 

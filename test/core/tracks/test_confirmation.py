@@ -67,16 +67,7 @@ class Tracks:
         stamp_ns = self.index * INTERVAL
         given = {int(name[1:]): weight for name, weight in found.items()}
         every = estimates(stamp_ns, given, self.class_id, model=self.model)
-        above = np.flatnonzero(every.weight > self.states.rule.least)
-        every = replace(
-            every,
-            **{
-                name: getattr(every, name)[above]
-                for name in ("state", "covariance", "weight", "class_probability", "class_id")
-            },
-            track_id=every.track_id[above],
-            track_state=every.track_state[above],
-        )
+        every = every.take(np.flatnonzero(every.weight > self.states.rule.least))
         touched = np.array([*given], dtype=np.int64) - 1
         held = [(self.index - back) * INTERVAL for back in range(2)]
         reported = self.states.report_filtered(
