@@ -69,6 +69,7 @@ PARTS = {
             "association/bernoulli.py",
             "association/clusters.py",
             "association/marginals.py",
+            "association/shares.py",
         ),
         ("association",),
     ),

@@ -3,14 +3,14 @@
 ::
 
     rows of targets, and their pairs with detections: claims
-      |  edges, odds                         bernoulli
+      |  edges, odds                         shares
     edges (target, detection, odds), clutter
       |  connected targets and detections     clusters
       |  the order of a cluster's edges        planning
       |  sums over all matchings               frontier
       |  clusters beyond all bounds            belief_propagation
     probability of every edge, and of no detection: marginals
-      |  factors on the rows' weights        bernoulli
+      |  factors on the rows' weights        shares, bernoulli
 
 Engines call `bernoulli.bernoulli` and nothing else here.
 """

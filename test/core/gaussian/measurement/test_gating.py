@@ -30,7 +30,7 @@ def a_mixture(rng, count=80):
 
 def by_brute_force(mixture, expected, detections):
     """Return (H, M, R) log likelihoods of the measurement, -inf outside of gates."""
-    own = RADAR.deviations(detections)
+    own = RADAR.noise_std_of(detections)
     measured, covariance = expected.measured[:, None], expected.covariance[:, None]
     if detections.time_s is not None:
         rate = RADAR.measurement_rate(mixture.mean.reshape(-1, 5)).reshape(measured[:, 0].shape)
