@@ -15,6 +15,7 @@ EXECUTABLES = (
     "report",
     "monte_carlo",
     "hand_over",
+    "compile_engines",
     "demo",
 )
 

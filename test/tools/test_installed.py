@@ -85,7 +85,9 @@ def test_an_installed_package_finds_its_files_from_any_directory(installed, tmp_
         " resources.find(monte_carlo.PUBLISHED))\n"
     )
     status, out, err = run(installed, tmp_path, "-c", text)
-    assert (status, err) == (0, "")
+    assert status == 0, err
+    # A new installation compiles as the engines are imported.
+    assert [line for line in err.splitlines() if not line.startswith("compiling the tracker")] == []
     package, bag, *others = map(Path, out.split())
     assert package.is_relative_to(installed)
     assert (bag / "metadata.yaml").is_file()

@@ -334,7 +334,9 @@ def test_ships_alone_at_sea_are_reported_at_once_and_a_quay_is_not(engine):
 def test_particles_have_no_map_of_a_radar_that_moves():
     """They would lose ships to it."""
     given = {**HARBOUR, **MAPPED, "mast.pose": "/ship/odometry"}
-    with pytest.raises(ConfigError, match=r"mast.clutter_map: true given, must be false with engi"):
+    with pytest.raises(
+        ConfigError, match=r"mast.clutter_map: true given, must be false for a movi"
+    ):
         small(given)
 
 
