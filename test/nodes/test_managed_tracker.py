@@ -502,7 +502,10 @@ def test_parameters_have_descriptions_ranges_and_whether_they_may_change(process
     told = [d.additional_constraints.endswith(when) for d in reply.descriptors]
     assert told == [False, True, True]
     assert (threshold.floating_point_range[0].to_value, lag.dynamic_typing) == (1.0, True)
-    assert every.description == "Scans between checkpoints; 0 for on request only."
+    assert (
+        every.description
+        == "Number of scans between checkpoints; 0 for checkpoints on request only."
+    )
     assert every.integer_range[0].to_value == 10**6
 
 
