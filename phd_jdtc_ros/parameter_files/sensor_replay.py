@@ -39,7 +39,7 @@ class Replay:
     """Parameters that are set at the start."""
 
     bag: str = parameter(
-        "", "Path of a rosbag2 directory or an MCAP file, or a shipped bag's name."
+        "", "Path of a rosbag2 directory or an MCAP file, or a shipped bag's name.", form=BAG
     )
     rate: float = parameter(
         1.0,

@@ -5,6 +5,7 @@ A managed node. Its lifecycle and its parameters are here; the processing of sca
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
@@ -29,6 +30,10 @@ from . import manager_bond
 from .live import LiveTracker
 from .manager_bond import ManagerBond
 from .name_claim import NameClaim
+
+# The default engine's compiled functions are loaded before the node starts, when a signal still
+# ends the process at once.
+importlib.import_module("phd_jdtc_ros.core.gaussian.engine")
 
 # The file in `config` that has the defaults.
 DEFAULT_PROFILE = "defaults"

@@ -17,6 +17,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 START_S, STOP_S = 60.0, 10.0
@@ -164,6 +165,8 @@ def run(
         Plays the bag and waits for the evaluator; returns whether both succeeded.
     """
     evaluator = reporting(bag, config, out, cutoff)
+    # A new installation compiles the engine here, and not while the nodes are waited for.
+    new_engine(config)
     with Processes(logs) as nodes:
         # A replay waits for its own subscribers, but cannot see whether the evaluator and the
         # tracker have found each other.
