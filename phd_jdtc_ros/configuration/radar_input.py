@@ -156,7 +156,7 @@ class RadarInput:
     clutter_rate: float | str = parameter(
         START_RATE,
         "Expected false detections per scan or turn, with clutter_map those outside the map. auto "
-        f"estimates it from the last 30 scans, starting from {START_RATE:g}.",
+        f"estimates it over about 30 turns, starting from {START_RATE:g}.",
         (0.0, 1e6),
         words=(AUTO,),
         mutable=True,

@@ -266,7 +266,7 @@ LISTS = {
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write all pages into the directory of the documentation."""
+    """Write the generated pages, and the defaults and policies into `config` beside them."""
     (directory,) = map(Path, argv)
     for name, page in PAGES.items():
         (directory / name).write_text(page(), encoding="utf-8")

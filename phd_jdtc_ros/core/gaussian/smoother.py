@@ -126,7 +126,7 @@ def _given_later(
 ) -> None:
     """Turn the joint weights of pairs (K, S) into those given the later modes' weights (R, S).
 
-    `cells` has the matrices of the cells of every row, [from, to]; none if no cell is left.
+    `cells` has the transition matrix of every row's cells, [from, to]; empty if cells do not change.
     """
     size = joint.shape[1]
     for mode in range(len(later_weight)):
@@ -265,8 +265,8 @@ def _before_update(smoothed: Mixture, link: Link) -> Later:
     """Return the predicted hypotheses, given their smoothed children.
 
     A predicted hypothesis has the summed weight of its smoothed children, and its Gaussians match
-    their moments. The weight of a merged child is divided by the filtered weights of its parents. A
-    hypothesis without children has no weight.
+    their moments. The weight of a child that was merged from several parents is divided among
+    them in proportion to their filtered weights. A hypothesis without children has no weight.
     """
     ancestry, moves = link.ancestry, link.moves
     columns = _of_children(
@@ -308,7 +308,7 @@ def _with_hindsight(own: Mixture, later: Later) -> Mixture:
 
 
 def _smooth_chain(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
-    """Yield the smoothed mixtures of a chain, newest first, each with its link to the next."""
+    """Yield the smoothed mixtures of a chain of filtered ones, newest first."""
     later: Mixture | None = None
     link: Link | None = None
     for filtered, before in chain:

@@ -122,6 +122,7 @@ class SensorReplay(RunnableNode):
         reply: Any = PointCloud2
         if delay_s:
             topic, reply = names.cardinality(names.tracker_of(topic)), DiagnosticArray
+        self._reply_topic = topic
         self.create_subscription(reply, topic, self._on_reply, topics.reliable(DEPTH))
         return LockStep(delay_s)
 
@@ -191,7 +192,7 @@ class SensorReplay(RunnableNode):
         )
 
     def _begin(self) -> None:
-        """Make the next group due now and drop all awaited estimates."""
+        """Start at the next group: forget awaited replies and publish earlier latched messages."""
         if self._lock_step:
             self._lock_step.begin()
         if self._playback.upcoming is not None:
@@ -224,7 +225,7 @@ class SensorReplay(RunnableNode):
             return True
         now = time.monotonic()
         if self._lock_step.hopeless(now):
-            self._fail(f"no estimate on {self._estimates} for {GIVE_UP_S:g} s")
+            self._fail(f"no reply on {self._reply_topic} for {GIVE_UP_S:g} s")
             return False
         return self._lock_step.may_follow(now)
 

@@ -226,7 +226,7 @@ class LiveTracker:
         return scans
 
     def _publish(self, event: Event, start: float) -> float:
-        """Publish an event; return the CPU time afterwards."""
+        """Publish an event; return the CPU time from which the next step is counted."""
         if isinstance(event, RunEnded):
             self._end_run(event)
             return start

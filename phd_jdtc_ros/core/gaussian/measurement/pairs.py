@@ -27,7 +27,7 @@ LEAST_SHARE = 1e-4
 class PairLikelihoods(NamedTuple):
     """Log likelihoods of the P pairs of hypotheses and detections.
 
-    The log of p_D L_z is the sum of the first three, each at its axes.
+    log(p_D L_z) is `measurement` + `amplitude` + `evidence`, broadcast over modes and cells.
 
     Parameters
     ----------
