@@ -126,7 +126,7 @@ def _given_later(
 ) -> None:
     """Turn the joint weights of pairs (K, S) into those given the later modes' weights (R, S).
 
-    `cells` has the transition matrix of every row's cells, [from, to]; empty if cells do not change.
+    `cells` has the transition matrix of a row's cells, [from, to], empty if cells do not change.
     """
     size = joint.shape[1]
     for mode in range(len(later_weight)):
