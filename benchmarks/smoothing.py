@@ -56,8 +56,8 @@ def _measure_size(targets: int, dense_runs: bool, quick: bool, engine: str) -> d
     }
     few = 1 if quick else 3 if targets <= 4 else 2
     if window.corrector.labelled:
-        by_origin = cached_smoother(window, window.stored, forms.dense_by_origin)
-        cases["dense products by origin"] = Case(by_origin, min(rounds, 5))
+        by_label = cached_smoother(window, window.stored, forms.dense_by_label)
+        cases["dense products by origin"] = Case(by_label, min(rounds, 5))
     if dense_runs:
         products = cached_smoother(window, window.stored, forms.dense_products)
         cases["dense products"] = Case(products, few)

@@ -91,8 +91,8 @@ def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch, b
 def test_other_forms_are_the_dense_one(window, death_term):
     exact = of_rows(dense(window, death_term), window.stored[0])
     # By origin only where origins are targets, and the tree within the gate only.
-    by_origin = [forms.dense_by_origin] if window.corrector.labelled else []
-    for form in (forms.dense_products, *by_origin, forms.k_d_tree):
+    by_label = [forms.dense_by_label] if window.corrector.labelled else []
+    for form in (forms.dense_products, *by_label, forms.k_d_tree):
         found = forms.smooth(window.stored, *window.assumed, death_term, form)
         rtol, atol = (1e-4, 1e-9) if form is forms.k_d_tree else (1e-6, 1e-12)
         assert_allclose(found.weight, exact, rtol=rtol, atol=atol * exact.sum())
