@@ -1,12 +1,9 @@
 """Recordings of other kinds: each is named, and the command that is given converts it."""
 
-import json
-import re
 import shlex
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import zstandard
@@ -17,14 +14,10 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_typestore
 from small_bags import RADAR, chunked, made, outcome, write
 
-from msg_adapters import detections as detections_adapter
 from msg_adapters import interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.nodes.replay import playable
-
-DOCUMENT = Path(__file__).parents[2] / "docs" / "offline_tools.md"
 
 
 @pytest.fixture(scope="module")
@@ -131,22 +124,6 @@ def test_a_topic_of_another_encoding_is_named_and_not_called_missing(
         assert f"{RADAR} is {said}" in str(error.value).replace(f"{RADAR}: is", f"{RADAR} is")
         assert "missing" not in str(error.value)
         assert "\n" not in str(error.value)
-
-
-def test_the_documented_script_converts_a_topic_of_json(tmp_path):
-    (script,) = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(), re.DOTALL)
-    scan = {"range": [1000.0, 2000.0], "azimuth": [0.5, -0.5], "amplitude": [3.0, 4.0]}
-    foreign(tmp_path / "foreign.mcap", "json", None, json.dumps(scan).encode())
-
-    root = str(DOCUMENT.parents[1])
-    code = f"import sys; sys.path.insert(0, {root!r})\n{script}"
-    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
-
-    (message,) = BagReader(tmp_path / "converted").messages()
-    cloud = interfaces.decode(message.data, names.CLOUD)
-    found = detections_adapter.from_msg(cloud, resolve({}).inputs[0]).detections
-    assert found.measurement[:, 0].tolist() == scan["range"]
-    assert found.amplitude.tolist() == scan["amplitude"]
 
 
 # ---------------------------------------------------------------------- without an end

@@ -140,7 +140,7 @@ def test_write_report_shows_the_consistency_of_covariances(tmp_path):
 
     heading = rows.index(["set", "source", "NEES", "outside age 0-4"])
     assert rows[heading + 1] == ["all classes", "filtered", "1.23", "2.5%"]
-    assert "filtered, 240 pairs, 0.88 to 1.13." in text
+    assert "filtered, 240 pairs: 0.88 to 1.13." in text
     assert "NEES" not in page(tmp_path, summary_of()).partition("<h2>Definitions")[0]
 
 

@@ -31,7 +31,7 @@ def test_domain_of_another_process_is_passed_over_until_that_ends(monkeypatch):
         [sys.executable, "-c", CLAIM], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as other:
         number = int(other.stdout.readline())
-        assert domains._locked(number) is None
+        assert domains._lock(number) is None
         other.kill()
     monkeypatch.setattr(domains, "DOMAINS", range(number, number + 1))
     mine = Domain()

@@ -31,10 +31,6 @@ from .live import LiveTracker
 from .manager_bond import ManagerBond
 from .name_claim import NameClaim
 
-# The default engine's compiled functions are loaded before the node starts, when a signal still
-# ends the process at once.
-importlib.import_module("phd_jdtc_ros.core.gaussian.engine")
-
 # The file in `config` that has the defaults.
 DEFAULT_PROFILE = "defaults"
 
@@ -278,4 +274,6 @@ def _source(given: Collection[str], files: Sequence[Path]) -> str:
 def main(argv: Sequence[str]) -> int:
     """Run the tracker node."""
     files = arguments.check("tracker", __doc__, argv)
+    # Loads the default engine's compiled functions while a signal still ends the process at once.
+    importlib.import_module("phd_jdtc_ros.core.gaussian.engine")
     return runtime.run("tracker", lambda: Tracker(files), argv)
