@@ -159,11 +159,15 @@ _RELIABLE, _LATCHED = "reliable, depth 10", "reliable, transient local, depth 1"
 def topics(page: str) -> str:
     """Return the tracker's page with the rows of all its outputs."""
     rows: dict[tuple[str, ...], list[str]] = {}
-    for row in outputs.table(1):
+    table = outputs.table(1)
+    every = {row.topic for row in table}
+    for row in table:
         how = "publishes" + ("" if row.usual else ", if enabled" if row.switch else ", if learned")
         kind, qos = row.type_name.replace("/msg/", "/"), _LATCHED if row.latched else _RELIABLE
-        topic = row.topic.replace("filtered/", "{filtered,smoothed}/", 1).replace("s_0", "s_K")
-        if row.when != "smoothed":
+        topic = row.topic.replace("s_0", "s_K")
+        if row.topic.replace("/filtered/", "/smoothed/") in every - {row.topic}:
+            topic = topic.replace("/filtered/", "/{filtered,smoothed}/")
+        if row.topic.replace("/smoothed/", "/filtered/") not in every - {row.topic}:
             rows.setdefault((how, kind, qos, row.switch), []).append(f"`{topic}`")
     for engine, figures in quantities.FIGURES.items():
         listed = ", ".join(f"`{names.plot(name, '~')}`" for name in figures)
