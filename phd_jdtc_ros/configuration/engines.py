@@ -6,6 +6,7 @@ compiled code, and compiles new code.
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -59,13 +60,13 @@ def particle_engine(config: TrackerConfig) -> ParticleEngine:
 
 def particle_filter(config: TrackerConfig) -> ParticleFilter:
     """Return a new forward filter of the particle engine."""
-    from phd_jdtc_ros.core.association import marginals  # noqa: F401, not during the first scan
     from phd_jdtc_ros.core.smc.correction import CORRECTORS
     from phd_jdtc_ros.core.smc.filter import ParticleFilter
     from phd_jdtc_ros.core.targets.sobol import sobol_points
 
     corrector = CORRECTORS[config.recursion.corrector]
-    # Loads the module of Sobol points now and not during the first scan.
+    # Compiled functions and Sobol points are loaded now and not during the first scan.
+    importlib.import_module("phd_jdtc_ros.core.association.marginals")
     sobol_points(1, 1)
     return ParticleFilter(config.model, corrector, config.budget, config.seed)
 
