@@ -102,6 +102,16 @@ def degrees_off(sent, pieces):
     return float(np.abs(covered(pieces) - sent.passed).sum()) * 360.0 / len(GRID)
 
 
+def widest_gap(reports, per_turn):
+    """Return the largest angle between successive azimuths of any turn's detections, degrees."""
+    turns = [reports[first : first + per_turn] for first in range(0, len(reports), per_turn)]
+    azimuths = [
+        np.concatenate([sent.detections.measurement[:, 1] for sent in turn]) for turn in turns
+    ]
+    around = [np.sort(np.append(turn, turn.min() + FULL_TURN)) for turn in azimuths]
+    return float(np.degrees(max(np.diff(turn).max() for turn in around)))
+
+
 def turns_of(radar, **changes):
     given = {"compass": False, "reset_threshold_s": 3.0 * radar.rotation_s, **changes}
     return Turns(radar.rotation_s, radar.sectors, **given)
