@@ -224,12 +224,15 @@ class Motion:
 
     model: str = parameter(
         "constant_velocity",
-        "Motion model: nearly constant velocity, or a coordinated turn with an estimated turn "
-        "rate.",
+        "Motion model: nearly constant velocity, a coordinated turn with an estimated turn rate, "
+        "or stationary. A class that is only stationary is tracked, but not reported.",
         choices=tuple(MOTIONS),
     )
     noise_density: float = parameter(
-        1.0, "Spectral density of the white acceleration, m^2/s^3.", POSITIVE
+        1.0,
+        "Spectral density of the white acceleration, m^2/s^3; for stationary, of the white "
+        "velocity, m^2/s.",
+        POSITIVE,
     )
     turn_noise_density: float = parameter(
         1e-4,

@@ -142,4 +142,6 @@ def rule(confirm, delete=None):
     """Return the rule of thresholds on marks, which are no probabilities; one for both if alone."""
     classes = len(MODEL.modes.classes)
     confirm, delete = (np.full(classes, value) for value in (confirm, delete or confirm))
-    return ReportingRule(confirm, delete, delete, np.full(classes, np.inf))
+    return ReportingRule(
+        confirm, delete, delete, np.ones(classes, dtype=bool), np.full(classes, np.inf)
+    )

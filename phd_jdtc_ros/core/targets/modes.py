@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from ..arrays import FloatArray, IntArray, read_only
+from ..arrays import BoolArray, FloatArray, IntArray, read_only
 from ..state_space import StateSpace
 from .motion import MotionModel
 
@@ -109,6 +109,13 @@ class ModeSpace:
     def space(self) -> StateSpace:
         """The axes of the states, the same for every motion."""
         return self.motions[0].space
+
+    @cached_property
+    def moves(self) -> BoolArray:
+        """Whether the targets of each class can move, shape (C,): some motion has a velocity."""
+        velocity = set(self.space.velocity)
+        able = [any(velocity & set(m.support) for m in model.motions) for model in self.classes]
+        return np.array(able)
 
     def __len__(self) -> int:
         return len(self.motions)

@@ -186,10 +186,44 @@ class CoordinatedTurn:
         return covariance
 
 
+@dataclass(frozen=True)
+class Stationary:
+    """At rest: a position that drifts slowly, with neither velocity nor turn rate.
+
+    Parameters
+    ----------
+    noise_density : float
+        Spectral density of the white velocity with which the position drifts, m^2/s, as that of a
+        ship at anchor.
+    """
+
+    noise_density: float
+    support: tuple[int, ...] = (X, Y)
+    space: StateSpace = PLANAR
+
+    def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
+        """Return each row's position, at rest; shape (N, D)."""
+        moved = np.zeros_like(state)
+        moved[:, self.support] = state[:, self.support]
+        return moved
+
+    def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
+        """Return the derivatives of `mean`; shape (N, D, D)."""
+        matrix = np.zeros((*state.shape, state.shape[1]))
+        for axis in self.support:
+            matrix[:, axis, axis] = 1.0
+        return matrix
+
+    def noise_covariance(self, dt: float) -> FloatArray:
+        """Return Q(dt) over (x, y), shape (2, 2)."""
+        return dt * self.noise_density * np.eye(2)
+
+
 # Motion models by the name in configurations. Configurable fields of a motion are its parameters.
-MOTIONS: dict[str, type[ConstantVelocity | CoordinatedTurn]] = {
+MOTIONS: dict[str, type[ConstantVelocity | CoordinatedTurn | Stationary]] = {
     "constant_velocity": ConstantVelocity,
     "coordinated_turn": CoordinatedTurn,
+    "stationary": Stationary,
 }
 
 

@@ -8,6 +8,8 @@ Outside all coverage nothing lowers a target's existence probability except the 
 probability. A track without coverage is no longer reported once its last detection is older than a
 limit. The filter keeps it, so that it has the same number when it leaves a blind sector.
 
+A target whose most probable class is at rest has a track as any other, but is not reported.
+
 With clutter maps, a track that is probably stationary is not confirmed: the map will soon contain
 it. Near fixed clutter, a track is taken as stationary until its velocity shows that it moves. Away
 from it, a track is taken as moving until its velocity shows that it is stationary.
@@ -167,7 +169,7 @@ class TrackStates:
             Stamps of earlier scans with tracks that no later scan has swept.
         """
         if not self.rule.labelled:
-            return estimates
+            return self._of_reported_classes(estimates)
         place = np.argsort(estimates.track_id, kind="stable")
         labelled = place[estimates.track_id[place] > 0]
         records = self._next(estimates.take(labelled), scan, model)
@@ -179,7 +181,12 @@ class TrackStates:
             estimates.weight[estimates.track_id == 0] > self.rule.delete.min(), CONFIRMED, TENTATIVE
         )
         state[labelled] = records.state
-        return replace(estimates, track_state=state).take(np.flatnonzero(state != TENTATIVE))
+        known = replace(estimates, track_state=state).take(np.flatnonzero(state != TENTATIVE))
+        return self._of_reported_classes(known)
+
+    def _of_reported_classes(self, estimates: Estimates) -> Estimates:
+        reported = self.rule.reported[estimates.class_id]
+        return estimates if reported.all() else estimates.take(np.flatnonzero(reported))
 
     def _next(self, estimates: Estimates, scan: Scan, model: TrackerModel) -> ConfirmationRecords:
         """Return the records of a scan's tracks, by ascending label."""
@@ -259,6 +266,7 @@ class TrackStates:
         scan, and the report extends back to the scan in which the track began. Its state is the
         filter's at the stamp: tentative before the confirmation.
         """
+        estimates = self._of_reported_classes(estimates)
         if not self.rule.labelled:
             return estimates
         confirmed = self._records.label[self._records.state != TENTATIVE]

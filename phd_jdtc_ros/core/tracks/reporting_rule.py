@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import BoolArray, FloatArray
 from ..models.amplitude_model import Memory
 from ..models.tracker_model import TrackerModel
 from ..sensors.sensor import Sensor
@@ -41,6 +41,8 @@ class ReportingRule:
         Existence probability below which a confirmed track is no longer reported.
     hidden : array of shape (C,)
         As `delete`, for tracks without coverage for `confirmation.PATIENCE`.
+    reported : bool array of shape (C,)
+        Whether targets of each class are reported at all: those of a class at rest are not.
     record_weight : array of shape (C,)
         Weight of the class's detection probability against the track's own record, as a number of
         expected misses. Infinite if the record is not used.
@@ -53,6 +55,7 @@ class ReportingRule:
     confirm: FloatArray
     delete: FloatArray
     hidden: FloatArray
+    reported: BoolArray
     record_weight: FloatArray
     labelled: bool = True
     coasting_s: float = np.inf
@@ -100,22 +103,23 @@ def rule_of(
     r (1 + p) < 1 - r. Outside all coverage p is 0.
     """
     classes = model.modes.classes
-    never = np.full(len(classes), np.inf)
+    reported, never = model.modes.moves, np.full(len(classes), np.inf)
     if not labelled:
         above = np.full(len(classes), confirm or UNLABELLED_THRESHOLD)
-        return ReportingRule(above, above, above, never, labelled=False)
+        return ReportingRule(above, above, above, reported, never, labelled=False)
     coasting_s = coasting_scans * slowest_s(model)
     misses = [_misses(kind, model.radars) for kind in classes]
     p = 1.0 - np.array([missed.mean() for missed in misses])
     above = np.full(len(classes), confirm) if confirm else (1.0 + p) / (2.0 + p)
     if delete:
         below = np.full(len(classes), delete)
-        return ReportingRule(np.maximum(above, delete), below, below, never, coasting_s=coasting_s)
+        above = np.maximum(above, delete)
+        return ReportingRule(above, below, below, reported, never, coasting_s=coasting_s)
     weight = never
     if not isinstance(model.amplitudes, Memory):  # `Memory` estimates each target's own SNR
         weight = np.array([_record_weight(missed) for missed in misses])
     below, hidden = (np.minimum(1.0 / (2.0 + again), above) for again in (p, 0.0))
-    return ReportingRule(above, below, hidden, weight, coasting_s=coasting_s)
+    return ReportingRule(above, below, hidden, reported, weight, coasting_s=coasting_s)
 
 
 def _misses(kind: ClassModel, sensors: tuple[Sensor, ...]) -> FloatArray:

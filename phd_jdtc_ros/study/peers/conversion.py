@@ -15,9 +15,10 @@ from phd_jdtc_ros.evaluation.comparison import PointSet
 
 from .soup import Part, Soup
 
-# Indices in our state of Stone Soup's state [x, vx, y, vy], and its own indices of x and y.
+# Indices in our state of Stone Soup's state [x, vx, y, vy], and its own indices of positions and
+# velocities.
 STATE = [X, VX, Y, VY]
-POSITION = [0, 2]
+POSITION, VELOCITY = [0, 2], [1, 3]
 # Arbitrary origin of Stone Soup's calendar times; only differences matter.
 EPOCH = datetime(2000, 1, 1)
 

@@ -39,7 +39,7 @@ def gnn(
     soup = problem.soup
     associator = soup.GNNWith2DAssignment(problem.hypothesiser(settings.gate))
     history = follow(problem, soup.MultiTargetTracker, lambda _: associator, settings)
-    return {lag: at_lag(problem, history, lag) for lag in lags}
+    return {lag: at_lag(problem, history, lag, settings) for lag in lags}
 
 
 def gnn_loud(

@@ -57,7 +57,7 @@ def jpda(
         )
 
     history = follow(problem, soup.MultiTargetMixtureTracker, associator, settings)
-    return {lag: at_lag(problem, history, lag) for lag in lags}
+    return {lag: at_lag(problem, history, lag, settings) for lag in lags}
 
 
 def jpda_loud(run: SimulatedRun, model: TrackerModel | None = None) -> Tracks:

@@ -47,6 +47,8 @@ class TrackSettings:
     birth_gate : float or None
         A detection starts a track if it is within this many standard deviations of a birth place;
         None for anywhere.
+    min_speed : float
+        Slower targets are not reported, metres per second.
     """
 
     gate: float
@@ -54,6 +56,7 @@ class TrackSettings:
     tentative_looks: int
     looks: int
     birth_gate: float | None
+    min_speed: float = 0.0
 
 
 GM_PHD = PhdSettings(gate=5.0, prune=1e-5, merge=4.0, most=100, extract=0.5)

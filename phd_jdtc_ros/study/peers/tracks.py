@@ -6,10 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 
+import numpy as np
+
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.evaluation.comparison import PointSet
 
-from .conversion import point_set
+from .conversion import VELOCITY, point_set
 from .management import LooksMissed, NoInitiator, initiator
 from .problem import Problem
 from .settings import TrackSettings
@@ -76,7 +78,7 @@ def claim(soup: Soup, track: Part) -> Part | None:
     return max(hypothesis, key=lambda single: single.probability).measurement
 
 
-def at_lag(problem: Problem, history: History, lag: int) -> list[PointSet]:
+def at_lag(problem: Problem, history: History, lag: int, settings: TrackSettings) -> list[PointSet]:
     """Return every scan's tracks given the data up to `lag` scans later.
 
     A confirmed track is reported from its first to its last detection: in a gap closed by a later
@@ -95,6 +97,9 @@ def at_lag(problem: Problem, history: History, lag: int) -> list[PointSet]:
             seen = [s.timestamp for s in states if isinstance(s, soup.Update)]
             if seen[0] <= stamp <= seen[-1]:
                 before = sum(s.timestamp <= stamp for s in states) - 1
-                found.append(smoother.smooth(soup.Track(states[before:])).states[0])
+                state = smoother.smooth(soup.Track(states[before:])).states[0]
+                velocity = np.asarray(state.state_vector, dtype=float)[VELOCITY, 0]
+                if np.hypot(*velocity) >= settings.min_speed:
+                    found.append(state)
         reports.append(point_set(found))
     return reports

@@ -6,10 +6,11 @@ from scipy.integrate import solve_ivp
 
 from phd_jdtc_ros.core.state_space import OMEGA
 from phd_jdtc_ros.core.targets import motion
-from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
+from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn, Stationary
 
 CV = ConstantVelocity(1.3)
 CT = CoordinatedTurn(1.3, 1e-5)
+REST = Stationary(0.02)
 STATES = np.array(
     [
         [100.0, 30.0, -50.0, -10.0, 0.05],
@@ -55,14 +56,20 @@ def test_constant_velocity_mean_moves_straight_without_turn_rate():
     np.testing.assert_array_equal(moved[:, OMEGA], 0.0)
 
 
-@pytest.mark.parametrize("model", [CV, CT])
+def test_stationary_mean_keeps_the_position_alone():
+    moved = REST.mean(STATES, 6.0)
+    np.testing.assert_array_equal(moved[:, [0, 2]], STATES[:, [0, 2]])
+    np.testing.assert_array_equal(moved[:, [1, 3, 4]], 0.0)
+
+
+@pytest.mark.parametrize("model", [CV, CT, REST])
 def test_mean_leaves_its_argument_alone(model):
     before = STATES.copy()
     model.mean(STATES, 6.0)
     np.testing.assert_array_equal(STATES, before)
 
 
-@pytest.mark.parametrize("model", [CV, CT])
+@pytest.mark.parametrize("model", [CV, CT, REST])
 @settings(deadline=None, max_examples=30)
 @given(first=st.floats(0.1, 10.0), second=st.floats(0.1, 10.0))
 def test_noise_covariance_over_two_intervals_is_that_of_their_sum(model, first, second):
@@ -77,7 +84,7 @@ def test_noise_covariance_over_two_intervals_is_that_of_their_sum(model, first, 
     np.testing.assert_allclose(model.noise_covariance(first + second), chained, rtol=1e-10)
 
 
-@pytest.mark.parametrize("model", [CV, CT])
+@pytest.mark.parametrize("model", [CV, CT, REST])
 @pytest.mark.parametrize("dt", [0.05, 6.0, 100.0])
 def test_whitener_makes_the_noise_white_by_an_upper_triangle(model, dt):
     covariance = model.noise_covariance(dt)
@@ -91,7 +98,7 @@ def test_whitener_makes_the_noise_white_by_an_upper_triangle(model, dt):
     assert log_determinant == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize("model", [CV, CT])
+@pytest.mark.parametrize("model", [CV, CT, REST])
 def test_sample_has_the_model_moments(model):
     count = 40_000
     support = list(model.support)
@@ -123,7 +130,7 @@ def central_differences(model, state, dt):
 
 
 @pytest.mark.parametrize("dt", [1e-3, 6.0, 20.0, np.array([0.5, 6.0, 12.0, 3.0])])
-@pytest.mark.parametrize("model", [CV, CT], ids=["cv", "ct"])
+@pytest.mark.parametrize("model", [CV, CT, REST], ids=["cv", "ct", "rest"])
 def test_jacobian_is_the_derivative_of_the_mean(model, dt):
     np.testing.assert_allclose(
         model.jacobian(STATES, dt), central_differences(model, STATES, dt), rtol=1e-6, atol=1e-4

@@ -56,9 +56,12 @@ def sample(
     -------
     state : array of shape (N, D)
     factor : array of shape (N,)
-        At most 1 / `BLIND_SHARE`, with mean 1.
+        At most 1 / `BLIND_SHARE`, with mean 1. It is 1 for a motion without velocity, whose noise
+        is too small to need detections.
     """
     moved = motion.sample(model, state, dt, rng)
+    if not set(model.space.velocity) <= set(model.support):
+        return moved, np.ones(len(state))
     noise = model.noise_covariance(dt)
     place = [model.support.index(axis) for axis in model.space.position]
     sharp = seen.sharper_than(SHARP * float(np.sqrt(noise[place[0], place[0]])))

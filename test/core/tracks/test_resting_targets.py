@@ -1,0 +1,107 @@
+"""Targets that rest have tracks, but only those that move are reported."""
+
+import numpy as np
+import pytest
+from inner import resolve
+
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
+from phd_jdtc_ros.core.types import Detections, Scan
+
+TURN_NS = 1_680_000_000
+SCANS = 45
+SETS_OFF = 22
+# Where the reflector, the boat that moves and the boat that sets off are at first, metres.
+REFLECTOR, BOAT, MOORED = (100.0, 300.0), (-200.0, 150.0), (150.0, -200.0)
+HARBOUR = {
+    "sensors": ["radar"],
+    "classes": ["vessel", "fixed"],
+    "motions": ["cv", "rest"],
+    "interval_s": 1.68,
+    "lag": 3,
+    "births": [],
+    "spawn.rate": 0.0,
+    "amplitude": "none",
+    "vessel.motions": ["cv"],
+    "vessel.mode_transition": [1.0],
+    "vessel.survival_probability": 0.98,
+    "cv.noise_density": 0.1,
+    "fixed.motions": ["rest"],
+    "fixed.mode_transition": [1.0],
+    "fixed.survival_probability": 0.98,
+    "rest.model": "stationary",
+    "rest.noise_density": 0.01,
+    "detection_births.rates": [0.05, 0.05],
+    "detection_births.velocity_std": 5.0,
+    "radar.range_std": 5.0,
+    "radar.azimuth_std_deg": 1.0,
+    "radar.max_range": 500.0,
+    "radar.clutter_max_range": 500.0,
+    "radar.clutter_rate": 1.0,
+    "radar.detection_probability": 0.9,
+}
+
+
+def scans_of(seed):
+    """Return scans of a reflector, a boat that moves at 4 m/s, and one that sets off later."""
+    rng = np.random.default_rng(seed)
+    scans = []
+    for index in range(SCANS):
+        moored = MOORED[0] - 4.0 * 1.68 * max(index - SETS_OFF, 0), MOORED[1]
+        boat = BOAT[0] + 4.0 * 1.68 * index, BOAT[1]
+        places = [place for place in (REFLECTOR, boat, moored) if rng.random() < 0.9]
+        measured = [(np.hypot(x, y), np.arctan2(y, x)) for x, y in places]
+        noise = rng.standard_normal((len(measured), 2)) * [5.0, np.radians(1.0)]
+        false = rng.uniform([0.0, -np.pi], [500.0, np.pi], (rng.poisson(1.0), 2))
+        found = np.concatenate([np.reshape(measured, (-1, 2)) + noise, false])
+        scans.append(Scan(TURN_NS * (index + 1), (Detections(found, None),)))
+    return scans
+
+
+def near(estimates, place, within=40.0):
+    return bool((np.hypot(*(estimates.position - place).T) < within).any())
+
+
+def reported(engine, seed):
+    """Return the shares of scans with estimates of each target, once their tracks are old enough.
+
+    The targets are the reflector (filtered, smoothed), the boat, and the moored boat before and
+    after it sets off.
+    """
+    tracker = new_engine(resolve({**HARBOUR, "engine": engine}))
+    steps = [tracker.step(scan) for scan in scans_of(seed)]
+    filtered = [found for step in steps for found in step.filtered]
+    smoothed = [found for step in steps for found in step.smoothed]
+    indices = np.arange(SCANS)
+    boat = BOAT[0] + 4.0 * 1.68 * indices
+    left = MOORED[0] - 4.0 * 1.68 * np.maximum(indices - SETS_OFF, 0)
+    away = SETS_OFF + 12
+    return (
+        np.mean([near(found, REFLECTOR) for found in filtered[8:]]),
+        np.mean([near(found, REFLECTOR) for found in smoothed[8:]]),
+        np.mean([near(filtered[i], (boat[i], BOAT[1])) for i in indices[8:]]),
+        np.mean([near(found, MOORED) for found in filtered[8:SETS_OFF]]),
+        np.mean([near(filtered[i], (left[i], MOORED[1])) for i in indices[away:]]),
+    )
+
+
+@pytest.mark.parametrize(("engine", "seeds"), [("gaussian", range(4)), ("particles", range(1))])
+def test_only_what_moves_is_reported(engine, seeds):
+    shares = np.mean([reported(engine, seed) for seed in seeds], axis=0)
+    reflector, reflector_smoothed, boat, moored, left = shares
+    assert max(reflector, reflector_smoothed, moored) < 0.02
+    assert min(boat, left) > 0.9
+
+
+def test_a_class_at_rest_is_not_reported_without_labels_either():
+    config = resolve({**HARBOUR, "engine": "phd"})
+    tracker = new_engine(config)
+    steps = [tracker.step(scan) for scan in scans_of(5)]
+    found = [found for step in steps for found in (*step.filtered, *step.smoothed)]
+    assert sum(map(len, found)) > SCANS
+    assert all((each.class_id == 0).all() for each in found)
+
+
+def test_a_class_that_can_move_is_reported():
+    still = {"vessel.motions": ["cv", "rest"], "vessel.mode_transition": [0.9, 0.1, 0.1, 0.9]}
+    assert rule_of(resolve({**HARBOUR, **still}).model, True).reported.tolist() == [True, False]
