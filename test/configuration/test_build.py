@@ -260,8 +260,6 @@ def test_resolve_builds_three_classes_of_different_motions():
     np.testing.assert_array_equal(model.modes.class_of, [0, 0, 1, 2, 2, 2])
     assert model.modes.motions[5] == ConstantVelocity(50.0)
     np.testing.assert_allclose(model.births[0].rate, [0.002, 0.002, 0.003, 0.0, 0.0, 0.0])
-    expected = np.repeat(np.array([1 / 6, 1 / 3, 1 / 9]), [2, 1, 3])
-    np.testing.assert_allclose(model.spawn.transition, np.tile(expected, (6, 1)))
 
 
 def test_resolve_builds_a_plain_filter():
@@ -339,6 +337,36 @@ def test_a_spawned_target_has_its_parents_motion_as_a_rule():
     model = build.resolve({}).model
     same = [[0.45, 0.05], [0.05, 0.45]]
     np.testing.assert_allclose(model.spawn.transition, np.tile(same, (2, 2)))
+
+
+def test_a_spawned_target_has_its_parents_motion_wherever_its_class_lists_it():
+    given = {
+        "classes": ["a", "b", "c"],
+        "a.motions": ["cv", "ct"],
+        "b.motions": ["ct", "cv"],
+        "c.motions": ["ct"],
+        "c.mode_transition": [1.0],
+        **{f"start_{n}.rates": [0.004, 0.003, 0.0] for n in range(1, 5)},
+    }
+    cv, ct = [0.9, 0.1, 0.1, 0.9, 1.0], [0.1, 0.9, 0.9, 0.1, 1.0]
+    model = build.resolve(given).model
+    np.testing.assert_allclose(model.spawn.transition, np.array([cv, ct, ct, cv, ct]) / 3)
+
+
+def test_a_spawned_target_of_a_class_without_its_parents_motion_has_any_of_it():
+    given = {
+        "classes": ["a", "b"],
+        "motions": ["cv", "ct", "wild", "calm"],
+        "a.motions": ["cv", "ct"],
+        "b.motions": ["wild", "calm"],
+        "wild.noise_density": 50.0,
+        "calm.noise_density": 0.5,
+    }
+    from_a, from_b = [[0.45, 0.05], [0.05, 0.45]], np.full((2, 2), 0.25)
+    model = build.resolve(given).model
+    np.testing.assert_allclose(
+        model.spawn.transition, np.block([[np.array(from_a), from_b], [from_b, np.array(from_a)]])
+    )
 
 
 def test_reset_threshold_is_three_nominal_intervals():
