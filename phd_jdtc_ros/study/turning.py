@@ -141,7 +141,7 @@ def _events(
         while posed_ns < report.stamp_ns and (known := next(poses, None)) is not None:
             posed_ns = known[0]
             for topic in config.carried:
-                yield from feed.pose(topic, lambda: known)
+                yield from feed.pose(topic, lambda: known) or ()
         bias = config.inputs[report.radar].bias
         stamp_ns, detections = bias.remove_from(report.stamp_ns, report.detections)
         yield from feed.report(report.radar, Received(stamp_ns, detections, Counter())) or ()

@@ -7,7 +7,6 @@ ones. Two runs write the same bytes.
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -30,6 +29,7 @@ from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
 from phd_jdtc_ros.feed.feed import Feed
+from phd_jdtc_ros.feed.step_clock import StepClock
 from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.report import track_files
@@ -55,7 +55,7 @@ class OfflineTracker:
     Attributes
     ----------
     step_ms : list of float
-        CPU time per closed scan, milliseconds: decoding, step and writing.
+        CPU time of each scan, milliseconds; see `StepClock`.
     damage : BagError or None
         Damage of the bag; its intact messages were tracked.
     """
@@ -70,7 +70,7 @@ class OfflineTracker:
         self.scans = 0
         self._last_ns = 0
         self.step_ms: list[float] = []
-        self._cpu_s = 0.0
+        self._step_clock = StepClock()
         self.damage: BagError | None = None
         self._estimates: dict[str, list[Estimates]] = {source: [] for source in SOURCES}
         self._truth: list[bytes] = []
@@ -80,25 +80,25 @@ class OfflineTracker:
         if entry.topic == names.TRUTH:
             self._truth.append(entry.data)
             return
-        begin_s, scans = time.thread_time(), self.scans
+        with self._step_clock:
+            self._write(self._events(entry))
+
+    def _events(self, entry: BagMessage) -> Iterable[Event]:
+        """Decode a radar's report or a platform's pose; return the events that follow from it."""
         if entry.topic in self._radar_of:
             index = self._radar_of[entry.topic]
             radar = self._config.inputs[index]
             reader = reader_of(radar)
-            self._write(self._feed.message(index, lambda: reader.from_cdr(entry.data, radar)) or ())
-        else:
-            kind = self._config.inputs[self._config.carried[entry.topic][0]].pose.message
-            frame = self._config.world_frame
-            pose = partial(platform_poses.from_cdr, entry.data, kind, frame)
-            self._write(self._feed.pose(entry.topic, pose))
-        self._cpu_s += time.thread_time() - begin_s
-        if self.scans > scans:
-            self.step_ms.append(1e3 * self._cpu_s)
-            self._cpu_s = 0.0
+            return self._feed.message(index, lambda: reader.from_cdr(entry.data, radar)) or ()
+        kind = self._config.inputs[self._config.carried[entry.topic][0]].pose.message
+        frame = self._config.world_frame
+        pose = partial(platform_poses.from_cdr, entry.data, kind, frame)
+        return self._feed.pose(entry.topic, pose) or ()
 
     def finish(self) -> None:
         """Close all scans, and write the learned clutter and the pending estimates."""
-        self._write(self._feed.close_scans())
+        with self._step_clock:
+            self._write(self._feed.close_scans())
         shown = self._feed.pipeline.engine.clutter_raster()
         if shown is not None:
             message = clutter_maps.to_msg(shown, self._last_ns, self._config.world_frame)
@@ -139,6 +139,7 @@ class OfflineTracker:
             self.tally.stepped(event)
             self._write_estimates(FILTERED, event.step.filtered)
             self._write_estimates(SMOOTHED, event.step.smoothed)
+            self.step_ms.append(self._step_clock.take_ms())
 
     def _write_estimates(self, source: str, by_stamp: Iterable[Estimates]) -> None:
         for values in by_stamp:

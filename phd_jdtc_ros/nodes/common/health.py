@@ -62,7 +62,7 @@ class Rhythm:
             self._intervals.append(now_s - self._last_s)
         self._last_s = now_s
 
-    def pause(self) -> None:
+    def begin_series(self) -> None:
         """Let the next event begin a new series, so that the interval before it does not count."""
         self._last_s = None
 
