@@ -9,7 +9,7 @@ from pathlib import Path
 
 from phd_jdtc_ros.configuration.schema import ConfigError
 
-# Readable by others, where a temporary file is its owner's alone.
+# Files are readable by others; a temporary file is readable by its owner only.
 MODE = 0o644
 
 

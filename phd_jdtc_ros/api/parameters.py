@@ -97,7 +97,7 @@ class Parameters:
         faults = [] if self.whole or blank else self._needed(values, columns)
         of_radars = {parameter.name for parameter in GROUPS["sensors"]}
         faults += [
-            f"{name}: unknown parameter, is {self.radars[0]}.{name} meant?"
+            f"{name}: unknown parameter, did you mean {self.radars[0]}.{name}?"
             for name in self.given
             if name in of_radars and self.radars
         ]

@@ -95,7 +95,7 @@ class _Loader(yaml.SafeLoader):
         first: dict[str, int] = {}
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
-                continue  # refused when it is constructed
+                continue  # such a key is refused when it is constructed
             if key.tag in _NOT_IN_KEYS:
                 key.tag = _PREFIX + "str"
             if key.value in first:
@@ -129,7 +129,7 @@ class _Loader(yaml.SafeLoader):
         return float(node.value.replace(".", "") if named in ("inf", "nan") else node.value)
 
 
-# Replaced by the types of ROS below.
+# The types of ROS below replace those of YAML.
 _Loader.yaml_implicit_resolvers = {}
 
 

@@ -38,7 +38,7 @@ from phd_jdtc_ros.report.record import Record
 from phd_jdtc_ros.report.table import score_tables
 
 from . import command
-from .asterix.parameters import guessed
+from .asterix.parameters import is_assumed_place
 
 # Formats of track files, by option.
 WRITERS = {"geojson": track_files.to_geojson, "csv": track_files.to_csv}
@@ -231,17 +231,22 @@ def main(argv: Sequence[str]) -> int:
         config = command.tracker_config(arguments, source)
         files = {name: getattr(arguments, name) for name in WRITERS if getattr(arguments, name)}
         if "geojson" in files and config.plane is None:
-            raise ConfigError(["--geojson: given without world_origin, where is the map's zero?"])
+            raise ConfigError(
+                [
+                    "--geojson: given without world_origin, which it needs: the latitude and "
+                    "longitude of the world frame's origin"
+                ]
+            )
         command.require_new("a bag", arguments.out)
         output_files.require_new({f"--{n}": path for n, path in files.items()}, arguments.out)
         tracker = track_bag(BagReader(source), config, arguments.out)
         status = _outcome(tracker, source, arguments.out)
         run = tracker.record()
         if files:
-            if config.plane and guessed(config.values["world_origin"]):
+            if config.plane and is_assumed_place(config.values["world_origin"]):
                 print(
-                    "track_bag: latitudes and longitudes are not true: where the radar stands was "
-                    "guessed; set its geodetic, and world_origin",
+                    "track_bag: latitudes and longitudes are wrong, because the position of the "
+                    "radar is unknown; set its geodetic, and world_origin",
                     file=sys.stderr,
                 )
             rows = list(track_files.fixes(run.smoothed, config.plane, run.sets.class_names))

@@ -110,8 +110,11 @@ def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed()
 @pytest.mark.parametrize(
     ("given", "fault"),
     [
-        ("intervall_s", "intervall_s: unknown parameter, is interval_s meant?"),
-        ("radar_2.rang_std", "radar_2.rang_std: unknown parameter, is radar_2.range_std meant?"),
+        ("intervall_s", "intervall_s: unknown parameter, did you mean interval_s?"),
+        (
+            "radar_2.rang_std",
+            "radar_2.rang_std: unknown parameter, did you mean radar_2.range_std?",
+        ),
         ("radar_3.range_std", "radar_3.range_std: unknown parameter"),
         ("survival", "survival: unknown parameter"),
     ],
@@ -141,7 +144,7 @@ def test_resolve_error_reads_as_its_faults():
         ({"sensors": ["lag"]}, "sensors", "is already a parameter"),
         ({"sensors": ["cv"]}, "motions", "is already one of sensors"),
         ({"class_0.snr_band_db": [30.0, 30.0]}, "class_0.snr_band_db", "larger"),
-        ({"class_0.motions": ["cv", "jump"]}, "class_0.motions", "some of motions"),
+        ({"class_0.motions": ["cv", "jump"]}, "class_0.motions", "must be among motions"),
         ({"class_0.mode_transition": [1.0]}, "class_0.mode_transition", "2x2"),
         ({"class_0.mode_transition": [0.8, 0.2]}, "class_0.mode_transition", "2x2"),
         ({"class_0.mode_transition": [0.8, 0.3, 0.2, 0.8]}, "class_0.mode_transition", "sum to 1"),

@@ -224,7 +224,7 @@ def test_evaluator_reports_a_report_that_cannot_be_written(processes, peer, tmp_
 
     assert evaluator.wait(10.0) == 1
     text = evaluator.log.read_text()
-    assert f"no report: {report}: Is a directory" in text
+    assert f"report not written: {report}: Is a directory" in text
     assert "Traceback" not in text
 
 
@@ -389,7 +389,7 @@ def test_evaluator_never_writes_nothing_over_the_figures_of_an_earlier_run(proce
     status, text = ended(evaluator)
 
     assert status == 1
-    assert f"no report: {report} stays that of an earlier run" in text
+    assert f"{report} is still the report of an earlier run" in text
     assert report.read_text() == "good"
 
 
@@ -419,7 +419,9 @@ def test_evaluator_names_the_unknown_class(processes, peer):
     evaluator = processes.start("evaluator")
     source = Source(peer)
     source.send_truth(SECOND, ([(0.0, 0.0)], [2]))
-    assert peer.spin_until(lambda: "must be below classes, 2" in evaluator.log.read_text())
+    assert peer.spin_until(
+        lambda: "must be less than 2, the number of" in evaluator.log.read_text()
+    )
 
 
 def test_evaluator_scores_a_repeated_stamp_once(processes, peer, tmp_path):

@@ -1,5 +1,6 @@
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -340,7 +341,8 @@ def test_replay_warns_without_subscribers(processes):
     )
 
     assert status == 0
-    assert "nothing is connected to /radar_1/detections, /radar_2/detections; playing" in text
+    warning = "nothing is connected to /radar_1/detections, /radar_2/detections after 0 s: playing"
+    assert warning in text
 
 
 def test_replay_waits_for_the_configured_number_of_subscribers(processes, peer):
@@ -364,7 +366,7 @@ def test_replay_without_an_evaluator_hardly_waits_for_one(processes, peer):
     )
 
     assert status == 0
-    assert f"nothing is connected to {names.TRUTH}; playing without waiting for it" in text
+    assert re.search(f"nothing is connected to {names.TRUTH} after [0-9]+ s: playing", text)
 
 
 def test_replay_waits_for_the_truths_subscribers_for_the_configured_time(processes, peer):
@@ -395,7 +397,7 @@ def test_replay_fails_where_the_flush_service_is_missing(processes):
     )
 
     assert status == 1
-    assert "/nobody/flush does not exist" in text
+    assert "/nobody/flush is not available" in text
 
 
 def test_replay_plays_what_is_whole_of_a_damaged_bag_and_reports_it(processes, peer, tmp_path):

@@ -99,10 +99,11 @@ class Evaluator(RunnableNode):
         self._engine: str | None = None
         self._has_parameters = False
         self._unconnected = self._subscribe()
-        # After all subscriptions: DDS announces endpoints in the order of their creation, so a
-        # tracker that replies has discovered the subscriptions.
+        # This follows all subscriptions, because DDS announces endpoints in the order of their
+        # creation: a tracker that replies has discovered the subscriptions.
         TrackerParameters(self, tracker, self._on_parameters)
-        # By the wall clock, because simulated time stops with the replay, before the last scores.
+        # The timer runs by the wall clock, because simulated time stops with the replay, before the
+        # last scores.
         steady_timer(self, CHECK_PERIOD_S, self._check)
         self.get_logger().info("waiting for estimates and truth")
 
@@ -170,12 +171,15 @@ class Evaluator(RunnableNode):
     def _write_report(self, path: Path, summary: Mapping[str, Any]) -> None:
         """Write the report; without scores, do not replace the report of an earlier run."""
         if not any(self._evaluation.scored.values()) and path.is_file():
-            self.get_logger().error(f"no report: {path} stays that of an earlier run")
+            self.get_logger().error(
+                f"report not written, because nothing was scored: {path} is still the report of an "
+                "earlier run"
+            )
             return
         try:
             output_files.write(path, json.dumps(summary, indent=2) + "\n")
         except OSError as error:  # the disk may have become full since the start
-            self.get_logger().error(f"no report: {path}: {error.strerror}")
+            self.get_logger().error(f"report not written: {path}: {error.strerror}")
             self.exit_status = FAILED
 
     def _on_truth(self, cloud: PointCloud2, info: Mapping[str, int]) -> None:
@@ -224,7 +228,9 @@ class Evaluator(RunnableNode):
         classes = self._classes
         if len(found.class_id) and found.class_id.max() >= classes:
             raise RejectedMessageError(
-                "schema", f"class_id is {found.class_id.max()}, must be below classes, {classes}"
+                "schema",
+                f"class_id is {found.class_id.max()}, must be less than {classes}, the number of "
+                "names in classes",
             )
 
     def _on_parameters(self, values: Mapping[str, Any]) -> None:

@@ -16,8 +16,9 @@ from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual
 from ..common.health import WARNING_MEMORY_S, Rhythm, Rises, first
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
-# With less idle time than BUSY_SHARE leaves, and no more scans than in real time, the tracker is at
-# its limit. A replay that waits for the tracker keeps it as busy, but with many scans a second.
+# The tracker is at its limit if it has less idle time than BUSY_SHARE leaves, and steps no more
+# scans than in real time. A replay that waits for the tracker keeps it as busy, but with many scans
+# a second.
 BUSY_SHARE, REAL_TIME = 0.95, 0.9
 # Parameters that reduce the step time, by engine.
 ADVICE = {

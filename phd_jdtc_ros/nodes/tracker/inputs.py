@@ -28,7 +28,7 @@ from . import endpoints
 from .endpoints import Listener
 from .input_health import InputHealth
 
-# Why poses are not used.
+# Reasons for which poses are not used.
 POSE_FAULTS = {
     PoseFault.DUPLICATE: "duplicate stamp",
     PoseFault.LATE: "older than the one before",
@@ -74,7 +74,7 @@ class Inputs:
         self._now_s = self._checked_s = time.monotonic()
         self._warnings = ThrottledWarnings(node.get_logger())
         self._warned: set[str] = set()
-        # First the radars', in their order, then the platforms'.
+        # The radars' listeners, in their order, and then the platforms'.
         self._listeners: list[Listener] = []
 
     def subscribe(
