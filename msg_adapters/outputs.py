@@ -38,13 +38,13 @@ from . import (
 )
 from .trails import Trails
 
-# Triggers besides the estimates of a source: a `Scan`, and a `Done` step.
+# Triggers besides the estimates of a source: a `Scan`, and a `StepResult`.
 SCAN, STEP = "scan", "step"
 # Shortest time between two clutter maps, seconds, by the stamps of scans.
 CLUTTER_PERIOD_S = 10.0
 
 
-class Done(NamedTuple):
+class StepResult(NamedTuple):
     """A step whose estimates have been published.
 
     Parameters
@@ -240,12 +240,12 @@ def _no_markers(view: View) -> MarkerArray:
     return MarkerArray(markers=[clear])
 
 
-def _clutter_map(done: Done, view: View) -> list[Any]:
+def _clutter_map(done: StepResult, view: View) -> list[Any]:
     raster = done.engine.clutter_raster()
     return [] if raster is None else [clutter_maps.to_msg(raster, done.stamp_ns, view.frame)]
 
 
-def _number_of(quantity: str) -> Callable[[Done, View], list[Any]]:
+def _number_of(quantity: str) -> Callable[[StepResult, View], list[Any]]:
     return lambda done, _: [plots.step_to_msgs(done.step, done.step_ms)[quantity]]
 
 

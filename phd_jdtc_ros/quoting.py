@@ -1,4 +1,4 @@
-"""How errors quote what they were given, which may be of any length."""
+"""Shortens the quotations in errors: input may be of any length."""
 
 from __future__ import annotations
 

@@ -199,8 +199,8 @@ def on_earth(radar: RadarInput, plane: Plane | None) -> RadarInput:
     """Return a radar with its place on the earth, if the world has a map projection."""
     if plane is None:
         return radar
-    place, turned = radar.geodetic, math.radians(radar.yaw_deg)
-    site = Site((place[0], place[1], place[2]), plane, turned) if place else None
+    place, yaw = radar.geodetic, math.radians(radar.yaw_deg)
+    site = Site((place[0], place[1], place[2]), plane, yaw) if place else None
     return replace(radar, site=site, datum=plane.origin[2])
 
 

@@ -7,7 +7,7 @@ ones. Two runs write the same bytes.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -117,7 +117,10 @@ class OfflineTracker:
             raise BagError(f"{names.TRUTH}: {error}") from error
         class_names = tuple(kind.name for kind in config.model.modes.classes)
         return Record(
-            *(by_stamp(known), (), by_stamp(found[FILTERED]), by_stamp(found[SMOOTHED])),
+            truth=by_stamp(known),
+            plots=(),
+            filtered=by_stamp(found[FILTERED]),
+            smoothed=by_stamp(found[SMOOTHED]),
             classes=len(class_names),
             step_ms=np.array(self.step_ms),
             class_names=class_names,
@@ -141,8 +144,8 @@ class OfflineTracker:
             self._write_estimates(SMOOTHED, event.step.smoothed)
             self.step_ms.append(self._step_clock.take_ms())
 
-    def _write_estimates(self, source: str, by_stamp: Iterable[Estimates]) -> None:
-        for values in by_stamp:
+    def _write_estimates(self, source: str, published: Iterable[Estimates]) -> None:
+        for values in published:
             message = estimates.to_msg(values, self._config.world_frame)
             self._estimates[source].append(estimates.from_msg(message))
             self._bag.write(names.estimates(source), interfaces.encode(message), values.stamp_ns)
@@ -208,6 +211,19 @@ def _outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
     return CORRUPT
 
 
+def _write_track_files(run: Record, config: TrackerConfig, files: Mapping[str, Path]) -> None:
+    """Write the smoothed tracks in each format, a key of `WRITERS`, to its file."""
+    if config.plane and is_assumed_place(config.values["world_origin"]):
+        print(
+            "track_bag: latitudes and longitudes are wrong, because the position of the radar is "
+            "unknown; set its geodetic, and world_origin",
+            file=sys.stderr,
+        )
+    rows = list(track_files.fixes(run.smoothed, config.plane, run.sets.class_names))
+    for name, path in files.items():
+        output_files.write(path, WRITERS[name](rows))
+
+
 def main(argv: Sequence[str]) -> int:
     """Run the offline tracker."""
     parser = ArgumentParser("track_bag", description=__doc__)
@@ -243,15 +259,7 @@ def main(argv: Sequence[str]) -> int:
         status = _outcome(tracker, source, arguments.out)
         run = tracker.record()
         if files:
-            if config.plane and is_assumed_place(config.values["world_origin"]):
-                print(
-                    "track_bag: latitudes and longitudes are wrong, because the position of the "
-                    "radar is unknown; set its geodetic, and world_origin",
-                    file=sys.stderr,
-                )
-            rows = list(track_files.fixes(run.smoothed, config.plane, run.sets.class_names))
-            for name, path in files.items():
-                output_files.write(path, WRITERS[name](rows))
+            _write_track_files(run, config, files)
         if run.class_fault:
             print(f"track_bag: {run.class_fault}", file=sys.stderr)
         if run.truth:

@@ -13,7 +13,7 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.timer import Timer
 
 from msg_adapters import anomalies, platform_poses
-from msg_adapters.outputs import SCAN, STEP, Done
+from msg_adapters.outputs import SCAN, STEP, StepResult
 from msg_adapters.readers import Reader
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
@@ -248,7 +248,9 @@ class LiveTracker:
             self._node.get_logger().warning(anomalies.no_targets(event.scans_without_targets))
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
-        self._outputs.publish(STEP, stamp_ns, Done(stamp_ns, step, step_ms, self._pipeline.engine))
+        self._outputs.publish(
+            STEP, stamp_ns, StepResult(stamp_ns, step, step_ms, self._pipeline.engine)
+        )
 
     def _end_run(self, event: RunEnded) -> None:
         """Publish the pending smoothed estimates, and begin a new run."""
