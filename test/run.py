@@ -28,7 +28,7 @@ LONGEST = (
     "test/robustness/test_full_tracker.py",
     "test/nodes/test_sensor_replay.py",
     "test/nodes/test_demo.py",
-    "test/nodes/test_managed_tracker.py",
+    "test/nodes/test_tracker_diagnostics.py",
     "test/nodes/test_warm_restart.py",
     "test/study/test_benchmarks.py",
     "test/nodes/test_asterix_bridge_node.py",
