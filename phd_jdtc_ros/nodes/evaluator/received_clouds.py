@@ -19,7 +19,7 @@ LINGER_S = 0.5
 
 
 @dataclass
-class Coverage:
+class ReceivedClouds:
     """Counts the clouds of the truth and of the estimates.
 
     Parameters
