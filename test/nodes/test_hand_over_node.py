@@ -175,7 +175,7 @@ def test_live_picture_keeps_the_numbers_at_the_seam_and_is_that_of_the_offline_t
     assert all(len(numbers[FILTERED, code]) == 1 for code in CODES)
     assert len(set.union(*(numbers[FILTERED, code] for code in CODES))) == len(CODES)
     assert all(numbers[SMOOTHED, code] == numbers[FILTERED, code] for code in CODES)
-    # Those that cross were tracked by both, each with a number of its own.
+    # Both trackers have tracked the aircraft that cross, each with a number of its own.
     for tracker in REGIONS:
         own = [estimates.from_msg(cloud) for cloud in stack.said[tracker, FILTERED]]
         codes = {int(code) for found in own for code in found.attributes.code}
@@ -270,7 +270,7 @@ class Replayed:
 
 @pytest.mark.live
 def test_picture_goes_on_without_a_silent_tracker_with_a_warning(processes, peer):
-    # With all defaults, and turns of 6 s.
+    # All parameters have their defaults, and turns take 6 s.
     rig = Replayed(processes, peer)
     for count, stamp in enumerate((100, 106), start=1):
         rig.outputs["west"].publish(said(stamp, [(5, -2e3)]))
@@ -308,7 +308,7 @@ def test_estimates_that_cannot_be_joined_are_left_out_and_counted(processes, pee
         said(100, [(5, 30e3)], classes=2),
         said(100, [(5, 30e3)], frame="odom"),
         said(100, [(0, 30e3)]),
-        # With a metre of slack it is singular.
+        # A metre of slack leaves this covariance singular.
         said(100, [(5, 30e3)], covariance=-0.5 * np.eye(5)),
     )
     for cloud in unjoinable:

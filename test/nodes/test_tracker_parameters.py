@@ -46,7 +46,7 @@ def test_own_parameters_given_again_are_no_change(processes, peer):
     request = SetParameters.Request(parameters=own)
     results = peer.call(SetParameters, "/tracker/set_parameters", request).results
     refused = [p.name for p, result in zip(own, results, strict=True) if not result.successful]
-    # What rclpy declares for itself is read-only.
+    # The parameters that rclpy declares for itself are read-only.
     assert all(name.startswith(("qos_overrides.", "start_type")) for name in refused), refused
     assert len(own) > 50
     assert peer.spin_until(lambda: "changed: " in tracker.log.read_text())

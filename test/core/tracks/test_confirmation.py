@@ -366,7 +366,7 @@ def test_engines_report_a_missed_target_as_coasting(engine):
         states.append(dict(zip(found.track_id.tolist(), found.track_state.tolist(), strict=True)))
     assert len(states[8]) == 3
     assert set(states[8].values()) == {CONFIRMED}
-    # Those of high signal-to-noise ratio are never missed, so these are gone.
+    # Targets of high signal-to-noise ratio are never missed, so these are gone.
     assert list(states[9].values()) == [COASTING]
     assert states[9].keys() < states[8].keys()
     (track,) = states[9]
