@@ -143,8 +143,10 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
     return (
         *(
             Output(
-                *(names.estimates(source, "~"), names.CLOUD, source),
-                lambda found, view: [estimates.to_msg(found, view.frame)],
+                names.estimates(source, "~"),
+                names.CLOUD,
+                when=source,
+                encode=lambda found, view: [estimates.to_msg(found, view.frame)],
             )
             for source in SOURCES
         ),
@@ -154,26 +156,38 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
             for k in range(classes)
         ),
         Output(
-            *(names.detections_in_map("~"), names.CLOUD, SCAN),
-            lambda scan, view: [detections_in_map.to_msg(scan, view.radars, view.frame)],
-            "detections",
+            names.detections_in_map("~"),
+            names.CLOUD,
+            when=SCAN,
+            encode=lambda scan, view: [detections_in_map.to_msg(scan, view.radars, view.frame)],
+            switch="detections",
         ),
         Output(
-            *("~/markers", names.MARKERS, FILTERED),
-            lambda found, view: [markers.to_cdr(found, view.frame, view.class_names, view.datum)],
-            "markers",
+            "~/markers",
+            names.MARKERS,
+            when=FILTERED,
+            encode=lambda found, view: [
+                markers.to_cdr(found, view.frame, view.class_names, view.datum)
+            ],
+            switch="markers",
             latched=True,
             clear=_no_markers,
         ),
         Output(
-            *(names.clutter_map("~"), names.GRID, STEP, _clutter_map, "", False),
+            names.clutter_map("~"),
+            names.GRID,
+            when=STEP,
+            encode=_clutter_map,
+            usual=False,
             latched=True,
             needs=lambda view: any(radar.clutter_map is not None for radar in view.radars),
             period_s=CLUTTER_PERIOD_S,
         ),
         Output(
-            *(names.cardinality("~"), names.FIGURES, STEP),
-            lambda done, view: [
+            names.cardinality("~"),
+            names.FIGURES,
+            when=STEP,
+            encode=lambda done, view: [
                 diagnostics.step_to_msg(done.stamp_ns, done.step, done.step_ms, view.class_names)
             ],
         ),

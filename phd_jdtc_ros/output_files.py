@@ -62,7 +62,7 @@ def require_new(paths: Mapping[str, Path], made: Path | None = None) -> None:
     for option, path in paths.items():
         whole = path.resolve()
         if whole in options:
-            faults.append(f"{option}: {path} given, is that of {options[whole]} too")
+            faults.append(f"{option}: {path} given, {options[whole]} has it too")
         elif path.is_file() or (path.is_symlink() and not path.exists()):
             faults.append(f"{option}: {path} already exists, a file is not overwritten")
         elif path.is_dir():

@@ -108,7 +108,7 @@ class Parameters:
         ]
         faults += [
             f"{name}.time_reference: must be epoch where fields.time is {TIME}, the column that "
-            "scans are told apart by"
+            "separates scans"
             for name in self.radars
             if values.get(f"{name}.fields.time") == TIME
             and values.get(f"{name}.time_reference") != "epoch"

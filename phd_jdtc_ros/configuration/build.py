@@ -163,7 +163,10 @@ class TrackerConfig(Tracking):
         """Return new slicers of the radars' turns, in the configured order."""
         return tuple(
             Turns(
-                *(radar.rotation_s, radar.sectors, radar.compass, self.reset_threshold_s),
+                configured_period_s=radar.rotation_s,
+                sectors=radar.sectors,
+                compass=radar.compass,
+                reset_threshold_s=self.reset_threshold_s,
                 azimuth_bias=radar.bias.azimuth,
                 # Without labels all targets are one row, and no part of them is updated alone.
                 min_period_s=MIN_PERIOD_S if self.rule.labelled and model.polar else math.inf,

@@ -182,7 +182,7 @@ def _spawn(rate: float, modes: ModeSpace) -> SpawnModel:
         SPAWN_SAME_MOTION / np.maximum(like, 1.0),
         SPAWN_OTHER_MOTION / np.maximum(unlike, 1.0),
     )
-    transition = to_mode / (to_mode @ classes)[:, modes.class_of]
+    transition = to_mode / (to_mode @ classes)[:, modes.class_of] * (1.0 / len(modes.classes))
     transition /= transition.sum(axis=1, keepdims=True)
     return SpawnModel(
         rate=rate,

@@ -139,10 +139,12 @@ class Tracking:
     )
     seed: int = parameter(0, "Seed of the random generator.", (0, 2**31 - 1))
     particles_per_target: int = parameter(
-        0, "Particles per target after resampling; 0 for those of accuracy.", (0, 10**6)
+        0, "Particles per target after resampling; 0 for the number that accuracy sets.", (0, 10**6)
     )
     particles_per_birth: int = parameter(
-        0, "Particles per birth term, a power of two; 0 for those of accuracy.", (0, 2**20)
+        0,
+        "Particles per birth term, a power of two; 0 for the number that accuracy sets.",
+        (0, 2**20),
     )
     birth_rates: list[float] = parameter(
         [],
@@ -165,7 +167,8 @@ class Tracking:
     )
     birth_particles: int = parameter(
         0,
-        "Particles per target born at a detection, a power of two; 0 for those of accuracy.",
+        "Particles per target born at a detection, a power of two; 0 for the number that accuracy "
+        "sets.",
         (0, 2**16),
         name="detection_births.particles",
     )

@@ -210,5 +210,5 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
         node = _node(values, name)
         other = nodes.setdefault(node, name)
         if other != name:
-            faults.append(f"{name}.node: {node} given, is that of {other} too")
+            faults.append(f"{name}.node: {node} given, {other} has it too")
     return faults

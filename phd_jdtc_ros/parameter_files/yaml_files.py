@@ -77,7 +77,7 @@ class _Loader(yaml.SafeLoader):
         event = peek()
         before, alias = self._values, isinstance(event, yaml.AliasEvent)
         if alias and event.anchor in self.anchors and event.anchor not in self._sizes:
-            raise _RefusedError(event.start_mark, f"*{event.anchor} is within what it stands for")
+            raise _RefusedError(event.start_mark, f"*{event.anchor} is a part of what it refers to")
         self._values += self._sizes.get(event.anchor, 1) if alias else 1
         self._depth += 1
         if self._values > MOST_VALUES:

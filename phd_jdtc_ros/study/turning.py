@@ -170,7 +170,10 @@ def at_stamps(
         position = newest.position + (stamp_ns - known_ns[last]) * 1e-9 * newest.velocity
         points.append(
             PointSet(
-                *(position, newest.class_id, newest.track_id, newest.velocity),
+                position,
+                newest.class_id,
+                track_id=newest.track_id,
+                velocity=newest.velocity,
                 height=_heights_after(newest, (stamp_ns - known_ns[last]) * 1e-9),
                 coasting=newest.track_state == COASTING,
             )

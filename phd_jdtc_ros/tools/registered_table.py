@@ -96,7 +96,7 @@ def rows(
 def table(every: Sequence[Row]) -> Table:
     """Return the errors as a table."""
     shown = Table(title="systematic errors", title_justify="left")
-    for name in ("radar", "bias", "found", "+-", "known from", "now"):
+    for name in ("radar", "bias", "found", "+-", "source", "now"):
         shown.add_column(name, no_wrap=name == "bias")
     before = ""
     for row in every:

@@ -104,7 +104,7 @@ class AsterixBridge(ManagedNode):
             for state in self._stream.radars.values()
         ]
         self.get_logger().info(
-            f"stopped; {', '.join(radars) or 'no radar heard'}; {self._sent['tracks']} tracks sent"
+            f"stopped; {', '.join(radars) or 'no radars'}; {self._sent['tracks']} tracks sent"
         )
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:

@@ -130,7 +130,10 @@ class Tracker:
         mean, _ = self._predict(rows, np.full(len(rows), time))
         class_id = np.zeros(len(rows), dtype=np.int64)
         return PointSet(
-            *(mean[:, POSITION], class_id, self.number[rows], mean[:, VELOCITY]),
+            mean[:, POSITION],
+            class_id,
+            track_id=self.number[rows],
+            velocity=mean[:, VELOCITY],
             coasting=time - self.time[rows] > SEEN_TURNS * self.rotations.min(),
         )
 

@@ -108,14 +108,15 @@ def _parser() -> ArgumentParser:
         "--date",
         type=_midnight,
         metavar="YYYY-MM-DD",
-        help="day of the recording, which ASTERIX does not say; that of a capture, or 1970-01-01",
+        help="day of the recording, which ASTERIX does not contain; default: the capture's day, or "
+        "1970-01-01",
     )
     parser.add_argument(
         "--port",
         type=int,
         action="append",
         default=[],
-        help="of captures: only what was sent to this UDP port; may be repeated",
+        help="of captures: only datagrams to this UDP port; may be repeated",
     )
     command.add_params_file_argument(parser)
     command.add_assignments_argument(parser)
