@@ -94,7 +94,6 @@ class TrackerConfig(Tracking):
         Value of every parameter, given or default, by dotted name in the order of the table.
     inputs : tuple of RadarInput
         In the configured order.
-    model : TrackerModel
     recursion : Recursion
         Filter of the particle engine.
     bounds : Bounds

@@ -31,12 +31,10 @@ class Row(NamedTuple):
 
     Parameters
     ----------
-    radar, name : str
     digits : int
         Decimals of the value.
     value : float or None
         The correction; None if the bias is unobservable.
-    std : float
     source : str
         Number of tracks and plots used, or why it is unobservable.
     now : float

@@ -68,13 +68,7 @@ SETTINGS = Settings()
 
 
 class Plots:
-    """All plots of a run, ordered by time, as positions with covariances.
-
-    Parameters
-    ----------
-    reports : sequence of SimulatedReport
-    radars : sequence of RadarModel
-    """
+    """All plots of a run, ordered by time, as positions with covariances."""
 
     def __init__(self, reports: Sequence[SimulatedReport], radars: Sequence[RadarModel]) -> None:
         columns = [_convert(report, radars[report.radar]) for report in reports]
