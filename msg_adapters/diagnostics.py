@@ -14,7 +14,8 @@ from . import stamps
 if TYPE_CHECKING:
     from phd_jdtc_ros.core.engine import Step
 
-    # Imported for types only: the module imports scipy's optimiser, which a tracker does not need.
+    # This is imported for types only: the module imports scipy's optimiser, which a tracker does
+    # not need.
     from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
 

@@ -38,13 +38,13 @@ from . import (
 )
 from .trails import Trails
 
-# Triggers besides the estimates of a source: a `Scan`, and a `Done` step.
+# Triggers besides the estimates of a source: a `Scan`, and a `StepResult`.
 SCAN, STEP = "scan", "step"
 # Shortest time between two clutter maps, seconds, by the stamps of scans.
 CLUTTER_PERIOD_S = 10.0
 
 
-class Done(NamedTuple):
+class StepResult(NamedTuple):
     """A step whose estimates have been published.
 
     Parameters
@@ -143,8 +143,10 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
     return (
         *(
             Output(
-                *(names.estimates(source, "~"), names.CLOUD, source),
-                lambda found, view: [estimates.to_msg(found, view.frame)],
+                names.estimates(source, "~"),
+                names.CLOUD,
+                when=source,
+                encode=lambda found, view: [estimates.to_msg(found, view.frame)],
             )
             for source in SOURCES
         ),
@@ -154,26 +156,38 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
             for k in range(classes)
         ),
         Output(
-            *(names.detections_in_map("~"), names.CLOUD, SCAN),
-            lambda scan, view: [detections_in_map.to_msg(scan, view.radars, view.frame)],
-            "detections",
+            names.detections_in_map("~"),
+            names.CLOUD,
+            when=SCAN,
+            encode=lambda scan, view: [detections_in_map.to_msg(scan, view.radars, view.frame)],
+            switch="detections",
         ),
         Output(
-            *("~/markers", names.MARKERS, FILTERED),
-            lambda found, view: [markers.to_cdr(found, view.frame, view.class_names, view.datum)],
-            "markers",
+            "~/markers",
+            names.MARKERS,
+            when=FILTERED,
+            encode=lambda found, view: [
+                markers.to_cdr(found, view.frame, view.class_names, view.datum)
+            ],
+            switch="markers",
             latched=True,
             clear=_no_markers,
         ),
         Output(
-            *(names.clutter_map("~"), names.GRID, STEP, _clutter_map, "", False),
+            names.clutter_map("~"),
+            names.GRID,
+            when=STEP,
+            encode=_clutter_map,
+            usual=False,
             latched=True,
             needs=lambda view: any(radar.clutter_map is not None for radar in view.radars),
             period_s=CLUTTER_PERIOD_S,
         ),
         Output(
-            *(names.cardinality("~"), names.FIGURES, STEP),
-            lambda done, view: [
+            names.cardinality("~"),
+            names.FIGURES,
+            when=STEP,
+            encode=lambda done, view: [
                 diagnostics.step_to_msg(done.stamp_ns, done.step, done.step_ms, view.class_names)
             ],
         ),
@@ -240,12 +254,12 @@ def _no_markers(view: View) -> MarkerArray:
     return MarkerArray(markers=[clear])
 
 
-def _clutter_map(done: Done, view: View) -> list[Any]:
+def _clutter_map(done: StepResult, view: View) -> list[Any]:
     raster = done.engine.clutter_raster()
     return [] if raster is None else [clutter_maps.to_msg(raster, done.stamp_ns, view.frame)]
 
 
-def _number_of(quantity: str) -> Callable[[Done, View], list[Any]]:
+def _number_of(quantity: str) -> Callable[[StepResult, View], list[Any]]:
     return lambda done, _: [plots.step_to_msgs(done.step, done.step_ms)[quantity]]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray
 
-# Defined here because `stamps` imports ROS.
+# This is defined here, because `stamps` imports ROS.
 NS_PER_S = 1_000_000_000
 
 

@@ -64,7 +64,7 @@ def encode(
         is_bigendian=False,
         point_step=step,
         row_step=step * width,
-        # Bytes, because a list is copied element by element, which is 500 times slower.
+        # The data is bytes, because a list is copied element by element, which is 500 times slower.
         data=points.tobytes(),
         is_dense=True,
     )

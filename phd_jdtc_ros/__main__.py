@@ -46,7 +46,7 @@ EXECUTABLES = {
     "demo": ("phd_jdtc_ros.tools.demo.demo", "the three nodes on the shipped bag, and the report"),
 }
 
-# Executables of before, which are studies of the repository.
+# Former executables, which are studies of the repository now.
 MOVED = {
     "madap": "madap",
     "registration": "registration",
@@ -61,7 +61,7 @@ NODES = {
     "hand_over": "phd_jdtc_ros.nodes.hand_over.node",
 }
 
-# What a ROS installation has, and the extra `ros` installs.
+# Modules that a ROS installation has, and that the extra `ros` installs.
 ROS_PACKAGES = frozenset(
     {
         "ament_index_python",

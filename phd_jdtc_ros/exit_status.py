@@ -1,4 +1,4 @@
-"""Exit statuses of the executables, and how they say why they end."""
+"""Exit statuses of the executables, and the messages with which they end."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.quoting import short
 
-# CORRUPT is also that of input of which less than half could be used.
+# CORRUPT also means that less than half of the input could be used.
 OK, FAILED, USAGE, CORRUPT, INTERRUPTED = 0, 1, 2, 3, 130
 
 
@@ -18,12 +18,12 @@ class ArgumentParser(argparse.ArgumentParser):
     """A parser of command lines that quotes at most a part of a long argument."""
 
     def error(self, message: str) -> NoReturn:
-        """Print what is wrong and end with status 2."""
+        """Print a fault and end with status 2."""
         super().error(short(message))
 
 
 def faults_of(error: Exception) -> tuple[str, ...]:
-    """Return what an error says, a line for each fault, without the middle of long quotations."""
+    """Return an error's text, a line for each fault, without the middle of long quotations."""
     if isinstance(error, ConfigError):
         return error.faults
     return (short(" ".join(str(error).split())),)

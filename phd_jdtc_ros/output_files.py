@@ -9,7 +9,7 @@ from pathlib import Path
 
 from phd_jdtc_ros.configuration.schema import ConfigError
 
-# Readable by others, where a temporary file is its owner's alone.
+# Files are readable by others; a temporary file is readable by its owner only.
 MODE = 0o644
 
 
@@ -62,7 +62,7 @@ def require_new(paths: Mapping[str, Path], made: Path | None = None) -> None:
     for option, path in paths.items():
         whole = path.resolve()
         if whole in options:
-            faults.append(f"{option}: {path} given, is that of {options[whole]} too")
+            faults.append(f"{option}: {path} given, {options[whole]} has it too")
         elif path.is_file() or (path.is_symlink() and not path.exists()):
             faults.append(f"{option}: {path} already exists, a file is not overwritten")
         elif path.is_dir():

@@ -1,13 +1,14 @@
-"""How errors quote what they were given, which may be of any length."""
+"""Shortens the quotations in errors: input may be of any length."""
 
 from __future__ import annotations
 
 import re
 
-# Longer than any path that people write; and enough for every name of a large configuration.
+# Largest numbers of characters, of a word and in total: any path that people write is shorter, and
+# so are all names of a large configuration.
 LONGEST_WORD = 240
 LONGEST = 4000
-# How much is left of a word at each end.
+# Number of characters that are left at each end of a word.
 _END = 60
 
 _LONG_WORD = re.compile(rf"\S{{{LONGEST_WORD + 1},}}")

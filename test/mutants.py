@@ -27,10 +27,10 @@ ROOT = Path(__file__).parents[1]
 OUT = ROOT / "out" / "mutants"
 EQUIVALENT = Path(__file__).with_name("equivalent_mutants.yaml")
 CORE = "phd_jdtc_ros/core"
-# What the tests import and read.
+# Paths that the tests import and read.
 COPIED = ("phd_jdtc_ros", "msg_adapters", "robustness", "config", "test", "pyproject.toml")
 GOAL = 0.9
-# Of each part; what is not done by then is not killed.
+# Time limit of each part; mutants that are left by then count as not killed.
 LIMIT_S = 900.0
 CHILDREN = 2
 # How modules turn to compiled loops, which do not run here.

@@ -28,7 +28,7 @@ LONGEST = (
     "test/robustness/test_full_tracker.py",
     "test/nodes/test_sensor_replay.py",
     "test/nodes/test_demo.py",
-    "test/nodes/test_managed_tracker.py",
+    "test/nodes/test_tracker_diagnostics.py",
     "test/nodes/test_warm_restart.py",
     "test/study/test_benchmarks.py",
     "test/nodes/test_asterix_bridge_node.py",
@@ -39,7 +39,7 @@ OWN_NODES = (
     "test/nodes/test_poses_before_clouds.py",
     "test/nodes/test_runtime.py",
 )
-# So many of the other live files share a pytest: each pytest spends 3 s on imports.
+# Number of the other live files that share a pytest: each pytest spends 3 s on imports.
 TOGETHER = 5
 # Two halves that take about as long as each other.
 HALF = (
@@ -89,7 +89,7 @@ def live(files, *arguments):
         names = " ".join(files)
         print(f"{names}: ended by signal {-status}, and run again\n{text}", flush=True)
         status, text = pytest("-m", "live", *files, *arguments)
-        # In the words of pytest's plugin; the last line is what is counted.
+        # This text has the form of pytest's plugin; the last line is counted.
         *lines, last = text.rstrip().split("\n")
         text = "\n".join([*lines, f"1 rerun, {last}"])
     return status, text

@@ -97,7 +97,7 @@ class Parameters:
         faults = [] if self.whole or blank else self._needed(values, columns)
         of_radars = {parameter.name for parameter in GROUPS["sensors"]}
         faults += [
-            f"{name}: unknown parameter, is {self.radars[0]}.{name} meant?"
+            f"{name}: unknown parameter, did you mean {self.radars[0]}.{name}?"
             for name in self.given
             if name in of_radars and self.radars
         ]
@@ -108,7 +108,7 @@ class Parameters:
         ]
         faults += [
             f"{name}.time_reference: must be epoch where fields.time is {TIME}, the column that "
-            "scans are told apart by"
+            "separates scans"
             for name in self.radars
             if values.get(f"{name}.fields.time") == TIME
             and values.get(f"{name}.time_reference") != "epoch"

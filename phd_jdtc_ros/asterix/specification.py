@@ -145,7 +145,7 @@ def layouts(category: int) -> dict[str, Layout]:
     KeyError
         If libasterix does not know the category.
     """
-    # Imported here because the import takes 1.5 s and 70 MB.
+    # This is imported here because the import takes 1.5 s and 70 MB.
     from asterix import generated
 
     uap: Any = generated.manifest["CATS"][category][-1].cv_uap

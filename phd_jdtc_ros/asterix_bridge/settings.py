@@ -252,7 +252,7 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
         other = numbers.setdefault(_number(values, name), name)
         if other != name:
             sac, sic = map(int, values[f"{name}.source"])
-            faults.append(f"{name}.source: {sac}/{sic} given, is that of {other} too")
+            faults.append(f"{name}.source: {sac}/{sic} given, {other} has it too")
         faults += _place_faults(f"{name}.geodetic", values[f"{name}.geodetic"])
     return faults + _place_faults("world_origin", values["world_origin"])
 

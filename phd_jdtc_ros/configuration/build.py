@@ -94,7 +94,6 @@ class TrackerConfig(Tracking):
         Value of every parameter, given or default, by dotted name in the order of the table.
     inputs : tuple of RadarInput
         In the configured order.
-    model : TrackerModel
     recursion : Recursion
         Filter of the particle engine.
     bounds : Bounds
@@ -163,7 +162,10 @@ class TrackerConfig(Tracking):
         """Return new slicers of the radars' turns, in the configured order."""
         return tuple(
             Turns(
-                *(radar.rotation_s, radar.sectors, radar.compass, self.reset_threshold_s),
+                configured_period_s=radar.rotation_s,
+                sectors=radar.sectors,
+                compass=radar.compass,
+                reset_threshold_s=self.reset_threshold_s,
                 azimuth_bias=radar.bias.azimuth,
                 # Without labels all targets are one row, and no part of them is updated alone.
                 min_period_s=MIN_PERIOD_S if self.rule.labelled and model.polar else math.inf,

@@ -49,12 +49,13 @@ def _names(parts: Parts) -> Faults:
 def _classes(parts: Parts) -> Faults:
     for name, own in parts.classes.items():
         low, high = own.snr_band_db
-        # Compared as the likelihood does: far below 0 dB, 1 + d rounds to 1 for both.
+        # The bounds are compared as the likelihood does it: far below 0 dB, 1 + d rounds to 1 for
+        # both.
         if not 1.0 + amplitude_density.snr_from_db(low) < 1.0 + amplitude_density.snr_from_db(high):
             yield f"{name}.snr_band_db: [{low}, {high}] given, the second must be larger"
         known = parts.tracking.motions
         if not own.motions or not set(own.motions) <= set(known):
-            yield f"{name}.motions: {own.motions} given, must be some of motions {known}"
+            yield f"{name}.motions: {own.motions} given, must be among motions {known}"
         matrix, size = square(own.mode_transition), len(own.motions)
         key, flat = f"{name}.mode_transition", own.mode_transition
         if matrix is None or len(matrix) != size:

@@ -64,7 +64,8 @@ HEIGHT_NOISE_DENSITY, HEIGHT_CLIMB_STD = 1.0, 10.0
 # Standard deviations of a spawned target about its parent: m, m/s and rad/s.
 SPAWN_STD = (10.0, 1.0, 1e-4)
 SPAWN_PARTICLES = 100
-# Probability that a spawned target has its parent's motion, and that it has another one.
+# Probability that a spawned target has its parent's motion, and that it has another one, if its
+# class has both.
 SPAWN_SAME_MOTION, SPAWN_OTHER_MOTION = 0.9, 0.1
 
 
@@ -172,14 +173,16 @@ def _birth(name: str, own: Birth, modes: ModeSpace) -> BirthTerm:
 
 
 def _spawn(rate: float, modes: ModeSpace) -> SpawnModel:
-    motions_of_class = np.bincount(modes.class_of)
-    to_mode = np.tile((1.0 / motions_of_class)[modes.class_of], (len(modes), 1))
-    count = int(motions_of_class[0])
-    if count > 1 and (motions_of_class == count).all():
-        same_motion = np.full((count, count), SPAWN_OTHER_MOTION / (count - 1))
-        np.fill_diagonal(same_motion, SPAWN_SAME_MOTION)
-        to_mode = np.tile(same_motion, (len(modes.classes), len(modes.classes)))
-    transition = to_mode * (1.0 / len(modes.classes))
+    same = np.array([[of_child == own for of_child in modes.motions] for own in modes.motions])
+    classes = np.eye(len(modes.classes))[modes.class_of]
+    # Numbers of the motions of each mode's class that are the parent's, and that are not.
+    like, unlike = ((found @ classes)[:, modes.class_of] for found in (same, ~same))
+    to_mode = np.where(
+        same,
+        SPAWN_SAME_MOTION / np.maximum(like, 1.0),
+        SPAWN_OTHER_MOTION / np.maximum(unlike, 1.0),
+    )
+    transition = to_mode / (to_mode @ classes)[:, modes.class_of] * (1.0 / len(modes.classes))
     transition /= transition.sum(axis=1, keepdims=True)
     return SpawnModel(
         rate=rate,
@@ -196,8 +199,8 @@ def on_earth(radar: RadarInput, plane: Plane | None) -> RadarInput:
     """Return a radar with its place on the earth, if the world has a map projection."""
     if plane is None:
         return radar
-    place, turned = radar.geodetic, math.radians(radar.yaw_deg)
-    site = Site((place[0], place[1], place[2]), plane, turned) if place else None
+    place, yaw = radar.geodetic, math.radians(radar.yaw_deg)
+    site = Site((place[0], place[1], place[2]), plane, yaw) if place else None
     return replace(radar, site=site, datum=plane.origin[2])
 
 

@@ -36,8 +36,8 @@ class Tracking:
     world_origin: list[float] = parameter(
         [],
         "Latitude and longitude of the world frame's origin (WGS84, degrees) and height of its "
-        "zero (m): x and y are then in the stereographic plane about it. Empty for a world without "
-        "a place on the earth.",
+        "zero (m): x and y are then in the stereographic plane about it. Empty for a world frame "
+        "without a position on the earth.",
         form=forms.PLACE,
     )
     sensors: list[str] = parameter(
@@ -139,10 +139,12 @@ class Tracking:
     )
     seed: int = parameter(0, "Seed of the random generator.", (0, 2**31 - 1))
     particles_per_target: int = parameter(
-        0, "Particles per target after resampling; 0 for those of accuracy.", (0, 10**6)
+        0, "Particles per target after resampling; 0 for the number that accuracy sets.", (0, 10**6)
     )
     particles_per_birth: int = parameter(
-        0, "Particles per birth term, a power of two; 0 for those of accuracy.", (0, 2**20)
+        0,
+        "Particles per birth term, a power of two; 0 for the number that accuracy sets.",
+        (0, 2**20),
     )
     birth_rates: list[float] = parameter(
         [],
@@ -165,14 +167,15 @@ class Tracking:
     )
     birth_particles: int = parameter(
         0,
-        "Particles per target born at a detection, a power of two; 0 for those of accuracy.",
+        "Particles per target born at a detection, a power of two; 0 for the number that accuracy "
+        "sets.",
         (0, 2**16),
         name="detection_births.particles",
     )
     birth_least_probability: float = parameter(
         1e-4,
-        "Least probability that a detection is of a new target for a birth there. A larger value "
-        "starts fewer targets near established ones.",
+        "Smallest probability that a detection comes from a new target for which a target is born "
+        "at it. A larger value starts fewer targets near established ones.",
         (1e-12, 0.5),
         name="detection_births.least_probability",
     )
@@ -209,8 +212,8 @@ class TargetClass:
     motions: list[str] = parameter(["cv", "ct"], "Motion models of the class.", element=str)
     mode_transition: list[float] = parameter(
         [0.95, 0.05, 0.1, 0.9],
-        "Transition probabilities between the motion models per interval, row by row. A matrix "
-        "without a rate matrix applies to whole intervals.",
+        "Transition probabilities between the motion models per interval, row by row. If a matrix "
+        "has no generator (matrix logarithm), intervals are rounded to whole nominal ones.",
         (0.0, 1.0),
     )
     survival_probability: float = parameter(
@@ -290,8 +293,9 @@ REFERENCE: dict[str, Any] = {
     "radar_1.position": [1000.0, 0.0],
     "class_0.snr_band_db": [30.0, 50.0],
     "class_1.snr_band_db": [10.0, 30.0],
-    # Tuned, with the mode matrices and the noise of turns, on seeds from 9000 on of the reference
-    # scenario and of turning targets; config/paper_scenario.yaml has the paper's values.
+    # These two values were tuned, with the mode matrices and the noise of turns, on seeds from 9000
+    # on of the reference scenario and of turning targets; config/paper_scenario.yaml has the
+    # paper's values.
     "cv.noise_density": 0.2,
     "ct.model": "coordinated_turn",
     "start_1.position": [-10e3, 10e3],

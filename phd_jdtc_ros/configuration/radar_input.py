@@ -155,8 +155,8 @@ class RadarInput:
     )
     clutter_rate: float | str = parameter(
         START_RATE,
-        "Expected false detections per scan or turn, with clutter_map those outside the map. auto "
-        f"estimates it over about 30 turns, starting from {START_RATE:g}.",
+        "Expected false detections per scan or turn, not counting those that clutter_map has "
+        f"learned. auto estimates it over about the last 30 turns, starting from {START_RATE:g}.",
         (0.0, 1e6),
         words=(AUTO,),
         mutable=True,

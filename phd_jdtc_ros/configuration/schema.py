@@ -23,9 +23,11 @@ INFINITY = math.inf
 # Lower bound of parameters that must be positive.
 SMALL = 1e-9
 POSITIVE, NOT_NEGATIVE, UNBOUNDED = (SMALL, INFINITY), (0.0, INFINITY), (-INFINITY, INFINITY)
-# Similarity above which a name is taken for a misspelt one, and the number of unknown names up to
-# which similar names are looked for: each takes time, and more belong to another program.
-LIKENESS, MISSPELT = 0.8, 20
+# Smallest similarity of a suggested name.
+MIN_SIMILARITY = 0.8
+# Largest number of unknown names for which suggestions are searched: more mean that the file is for
+# another program, and each search takes time.
+MAX_SUGGESTIONS = 20
 _NO_NAMES: Mapping[str, str] = MappingProxyType({})
 # Key of a parameter in the metadata of its field.
 _DECLARED = "parameter"
@@ -36,7 +38,7 @@ def number(value: Any, low: float = -INFINITY, high: float = INFINITY) -> float 
     """Return a finite number from `low` to `high` as a float; None for anything else."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
         return None
-    # Bounds first: a whole number may be too large for a float.
+    # The bounds are checked first, because a whole number may be too large for a float.
     return float(value) if max(low, -1e300) <= value <= min(high, 1e300) else None
 
 
@@ -96,7 +98,7 @@ class Parameter:
     form : Form or None
         Notation of a value that is not a plain number, word or list.
     keys : tuple of str
-        Keys of a mapping: the given ones are parameters ``NAME.KEY``, with a name as their value.
+        Keys of a mapping of strings; each key that is given is a parameter ``NAME.KEY``.
     """
 
     name: str
@@ -122,7 +124,7 @@ class Parameter:
             return "names by " + ", ".join(self.keys)
         of_list = isinstance(self.default, list)
         if self.choices:
-            return ("a list of some of " if of_list else "one of ") + ", ".join(self.choices)
+            return ("a list of any of " if of_list else "one of ") + ", ".join(self.choices)
         if isinstance(self.default, bool):
             return "true or false"
         if isinstance(self.default, str):
@@ -182,7 +184,7 @@ def parameter(
 ) -> Any:
     """Return a field of a dataclass that is a parameter; see `Parameter`.
 
-    The parameter has the name of the field, unless it is given: a dotted one.
+    `name` is the parameter's dotted name if it differs from the field's.
     """
     declared = Parameter(name, default, description, *bounds, **more)
     usual = default if declared.form is None else declared.form.value(default)
@@ -210,7 +212,7 @@ def build(declared: type[T], values: Mapping[str, Any], prefix: str = "", /, **o
     values : mapping of dotted name to value
         Checked.
     prefix : str
-        Of the parameters' names, with a dot at its end.
+        Prefix of the parameters' names, including the final dot.
     **others
         Fields that are not parameters, and fields whose value is not the parameter's.
     """
@@ -236,11 +238,11 @@ def expand(
     Parameters
     ----------
     top : iterable of Parameter
-        The parameters without a prefix, the lists of names among them.
+        Parameters without a prefix; these include the lists in `groups`.
     groups : mapping of str to iterable of Parameter
         By the list's name, the parameters ``NAME.PARAMETER`` of each name in it.
     given : mapping of dotted name to value
-        Instead of a faulty list its default is used.
+        Given values; a faulty list is replaced by its default.
     usual : callable of (full name, Parameter)
         Returns the default of a member's parameter.
     """
@@ -324,7 +326,7 @@ def name_faults(
     instead = {name: old.get(name) or old_members.get(name.partition(".")[2]) for name in others}
     faults = [f"{name}: no longer a parameter, {text}" for name, text in instead.items() if text]
     unknown = [name for name in others if not instead[name]]
-    candidates = {*known, *similar} if len(unknown) <= MISSPELT else ()
+    candidates = {*known, *similar} if len(unknown) <= MAX_SUGGESTIONS else ()
     return faults + [f"{name}: unknown parameter{_question(name, candidates)}" for name in unknown]
 
 
@@ -332,8 +334,8 @@ def _question(name: str, known: Iterable[str]) -> str:
     """Return a question for the most similar name of the same group, empty without one."""
     group = name.rpartition(".")[0]
     near = [each for each in known if each.rpartition(".")[0] == group]
-    found = get_close_matches(name, sorted(near), 1, LIKENESS)
-    return f", is {found[0]} meant?" if found else ""
+    found = get_close_matches(name, sorted(near), 1, MIN_SIMILARITY)
+    return f", did you mean {found[0]}?" if found else ""
 
 
 def check(

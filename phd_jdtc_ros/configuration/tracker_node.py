@@ -69,7 +69,6 @@ class Settings:
     ----------
     table : dict of name to Parameter
         All parameters.
-    config : TrackerConfig
     node : dict of name to value
         Values of the parameters in `TABLE`.
     """

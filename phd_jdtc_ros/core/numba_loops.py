@@ -1,9 +1,9 @@
-"""Compilation of loops by numba, an optional dependency.
+"""Compilation of the loops of `pair_search`, in modules that need numba.
 
-Only this module, and modules named `compiled` or `compiled_kernel`, import numba. No compiled
-function calls one of another file, because numba caches compiled code by source file and does not
-notice a change in another file. Signatures are explicit, so that compilation happens at import and
-not during a scan.
+These modules, named `compiled` or `compiled_kernel`, are imported only where numba is installed.
+No compiled function of them calls one of another file, because numba caches compiled code by
+source file and does not notice a change in another file. Signatures are explicit, so that
+compilation happens at import and not during a scan.
 """
 
 from __future__ import annotations

@@ -83,9 +83,13 @@ class PointSet:
             if targets.attributes is not None:
                 heights = targets.attributes.height
         return PointSet(
-            *(targets.position, targets.class_id, targets.track_id, targets.velocity, covariance),
-            None if heights is None else heights[:, 0],
-            coasting,
+            targets.position,
+            targets.class_id,
+            track_id=targets.track_id,
+            velocity=targets.velocity,
+            covariance=covariance,
+            height=None if heights is None else heights[:, 0],
+            coasting=coasting,
         )
 
     def __len__(self) -> int:

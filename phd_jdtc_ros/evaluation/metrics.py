@@ -24,8 +24,8 @@ class Ospa:
 
 def distances(truth: FloatArray, estimate: FloatArray) -> FloatArray:
     """Return the distance of each of T positions from each of E, shape (T, E)."""
-    # Imported here and in `_assignment`: a tracker needs only the metric names, and starts faster
-    # without scipy.
+    # This is imported here and in `_assignment`: a tracker needs only the metric names, and starts
+    # faster without scipy.
     from scipy.spatial.distance import cdist
 
     found: FloatArray = cdist(truth, estimate)

@@ -71,7 +71,6 @@ def interpolate(
 
     Parameters
     ----------
-    first, second : PointSet
     part : float
         Elapsed share of the interval, between 0 and 1.
     interval_s : float

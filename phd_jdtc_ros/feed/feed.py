@@ -20,36 +20,36 @@ from phd_jdtc_ros.core.types import Estimates, Pose, Scan
 class Notices(Protocol):
     """Receives notices of input that is not used or contradicts its configuration."""
 
-    def unreadable(self, radar: int, error: RejectedMessageError) -> None:
-        """Take a message that is not a valid report."""
+    def on_unreadable(self, radar: int, error: RejectedMessageError) -> None:
+        """Receive the fault of a message that is not a valid report."""
 
-    def read(self, radar: int, report: Report) -> None:
-        """Take a report before it is used."""
+    def on_report(self, radar: int, report: Report) -> None:
+        """Receive a report before it is used."""
 
-    def rejected(self, radar: int, reason: str, report: Report) -> None:
-        """Take a report of which no part belongs to a scan."""
+    def on_rejection(self, radar: int, reason: str, report: Report) -> None:
+        """Receive a report of which no part belongs to a scan."""
 
-    def lost_later(self, radar: int, reasons: Counter[str]) -> None:
-        """Take the numbers of reports that waited for poses in vain, by reason."""
+    def on_drops(self, radar: int, reasons: Counter[str]) -> None:
+        """Receive the numbers of reports dropped while they waited for poses, by reason."""
 
-    def warn(self, radar: int, counts: Counter[str]) -> None:
-        """Take the numbers of contradictions of the configuration; see `anomalies`."""
+    def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
+        """Receive the numbers of anomalies, by kind; see `anomalies`."""
 
-    def turning(self, radar: int, turn_s: float) -> None:
-        """Take the estimated time of a turn, seconds; 0 if it is configured or unknown."""
+    def on_turn_period(self, radar: int, turn_s: float) -> None:
+        """Receive the estimated time of a turn, seconds; 0 if it is configured or unknown."""
 
-    def pose_unreadable(self, topic: str, error: RejectedMessageError) -> None:
-        """Take a message that is not a valid pose."""
+    def on_unreadable_pose(self, topic: str, error: RejectedMessageError) -> None:
+        """Receive the fault of a message that is not a valid pose."""
 
-    def posed(self, topic: str, faults: Sequence[PoseFault]) -> None:
-        """Take a pose, with the reasons for which some of its radars do not use it."""
+    def on_pose(self, topic: str, faults: Sequence[PoseFault]) -> None:
+        """Receive the reasons for which some radars do not use a pose; empty if all use it."""
 
 
 class Monitor(Protocol):
     """Watches the scans that are stepped."""
 
     def add_scan(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
-        """Take a scan and its filtered estimates."""
+        """Receive a scan and its filtered estimates."""
 
     def forget_tracks(self) -> None:
         """Begin a new run."""
@@ -83,28 +83,35 @@ class Feed:
         try:
             report = read()
         except RejectedMessageError as error:
-            self._notices.unreadable(radar, error)
+            self._notices.on_unreadable(radar, error)
             return None
         return self.report(radar, report)
 
     def report(self, radar: int, report: Report) -> Iterator[Event] | None:
         """Take in a report; see `message`."""
-        self._notices.read(radar, report)
+        self._notices.on_report(radar, report)
         events = self.pipeline.add(radar, report.stamp_ns, report.detections, report.sector)
-        self._notices.warn(radar, report.anomalies + self.pipeline.take_anomalies(radar))
-        self._notices.turning(radar, self.pipeline.first_period_s(radar))
+        self._notices.on_anomalies(radar, report.anomalies + self.pipeline.take_anomalies(radar))
+        self._notices.on_turn_period(radar, self.pipeline.first_period_s(radar))
         if isinstance(events, Rejection):
-            self._notices.rejected(radar, events.value, report)
+            self._notices.on_rejection(radar, events.value, report)
             return None
         return self._monitor(events)
 
-    def pose(self, topic: str, read: Callable[[], tuple[int, Pose]]) -> Iterator[Event]:
-        """Take in a platform's pose, which `read` decodes, and the reports that waited for it."""
+    def pose(self, topic: str, read: Callable[[], tuple[int, Pose]]) -> Iterator[Event] | None:
+        """Take in a platform's pose, which `read` decodes; return None if it is unreadable.
+
+        The events are those of the reports that waited for it.
+        """
         try:
             stamp_ns, pose = read()
         except RejectedMessageError as error:
-            self._notices.pose_unreadable(topic, error)
-            return
+            self._notices.on_unreadable_pose(topic, error)
+            return None
+        return self._add_pose(topic, stamp_ns, pose)
+
+    def _add_pose(self, topic: str, stamp_ns: int, pose: Pose) -> Iterator[Event]:
+        """Give each radar of a platform its pose, after the events of the radar before."""
         faults = []
         for radar in self._carried[topic]:
             events = self.pipeline.add_pose(radar, stamp_ns, pose)
@@ -112,7 +119,7 @@ class Feed:
                 faults.append(events)
             else:
                 yield from self._monitor(events)
-        self._notices.posed(topic, faults)
+        self._notices.on_pose(topic, faults)
 
     def close_scans(self) -> Iterator[Event]:
         """Close all scans, complete or not."""
@@ -138,5 +145,5 @@ class Feed:
                     monitor.add_scan(event.scan, event.step.filtered)
             yield event
         for radar in range(self._radars):
-            self._notices.lost_later(radar, self.pipeline.take_drops(radar))
-            self._notices.warn(radar, self.pipeline.take_anomalies(radar))
+            self._notices.on_drops(radar, self.pipeline.take_drops(radar))
+            self._notices.on_anomalies(radar, self.pipeline.take_anomalies(radar))

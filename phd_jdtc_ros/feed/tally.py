@@ -34,41 +34,41 @@ class Tally:
         self._without_amplitude: set[int] = set()
         self._targets_seen, self._overdue = False, 0
 
-    def unreadable(self, radar: int, error: RejectedMessageError) -> None:
+    def on_unreadable(self, radar: int, error: RejectedMessageError) -> None:
         """Count a message that is not a valid report."""
         self.dropped[error.reason] += 1
         self.used.unreadable(error.reason)
 
-    def read(self, radar: int, report: Report) -> None:
+    def on_report(self, radar: int, report: Report) -> None:
         """Count a report's detections, used and dropped."""
         self.dropped.update(report.dropped)
         self.used.read(len(report.detections), report.dropped)
         if report.detections.amplitude is None:
             self._without_amplitude.add(radar)
 
-    def rejected(self, radar: int, reason: str, report: Report) -> None:
+    def on_rejection(self, radar: int, reason: str, report: Report) -> None:
         """Count the detections of a report of which no part belongs to a scan."""
         self.dropped[reason] += 1
         self.used.refuse(reason, len(report.detections))
 
-    def lost_later(self, radar: int, reasons: Counter[str]) -> None:
-        """Count the reports that waited for poses in vain."""
+    def on_drops(self, radar: int, reasons: Counter[str]) -> None:
+        """Count the reports that were dropped while they waited for poses."""
         self.dropped.update(reasons)
         self.used.lose_reports(reasons)
 
-    def warn(self, radar: int, counts: Counter[str]) -> None:
+    def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
         """Count contradictions of the configuration."""
         self._warned[radar].update(counts)
 
-    def turning(self, radar: int, turn_s: float) -> None:
+    def on_turn_period(self, radar: int, turn_s: float) -> None:
         """Keep the estimated time of a turn, seconds."""
         self._turns_s[radar] = turn_s
 
-    def pose_unreadable(self, topic: str, error: RejectedMessageError) -> None:
+    def on_unreadable_pose(self, topic: str, error: RejectedMessageError) -> None:
         """Count a message that is not a valid pose."""
         self.dropped[f"pose_{error.reason}"] += 1
 
-    def posed(self, topic: str, faults: Sequence[PoseFault]) -> None:
+    def on_pose(self, topic: str, faults: Sequence[PoseFault]) -> None:
         """Count a pose that is not used, once for each cause."""
         self.dropped.update({f"pose_{fault.value}" for fault in faults})
 

@@ -78,12 +78,10 @@ class Settings:
     ----------
     values : dict of name to value
         All parameters.
-    table : dict of name to Parameter
     names : tuple of str
         Names of the trackers.
     nodes : tuple of str
         Full names of their nodes.
-    regions : tuple of Region
     hysteresis : float
         Metres.
     """
@@ -107,11 +105,7 @@ class Settings:
 
 
 def resolve(given: Mapping[str, Any]) -> Settings:
-    """Check the parameters of the node.
-
-    Parameters
-    ----------
-    given : mapping of dotted name to value
+    """Check the parameters of the node, given by dotted name.
 
     Raises
     ------
@@ -144,7 +138,6 @@ def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hyst
 
     Parameters
     ----------
-    regions : sequence of Region
     given : float or None
         None for `HYSTERESIS` of the smallest margin.
     name : str
@@ -169,7 +162,6 @@ def region_faults(owners: Sequence[str], regions: Sequence[Region]) -> list[str]
     ----------
     owners : sequence of str
         Prefix of each region's parameter names.
-    regions : sequence of Region
     """
     faults = [
         f"{owner}region: margin {region.margin:g} given, must be above 0: a target is handed over "
@@ -210,5 +202,5 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
         node = _node(values, name)
         other = nodes.setdefault(node, name)
         if other != name:
-            faults.append(f"{name}.node: {node} given, is that of {other} too")
+            faults.append(f"{name}.node: {node} given, {other} has it too")
     return faults

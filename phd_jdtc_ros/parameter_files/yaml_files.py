@@ -77,7 +77,7 @@ class _Loader(yaml.SafeLoader):
         event = peek()
         before, alias = self._values, isinstance(event, yaml.AliasEvent)
         if alias and event.anchor in self.anchors and event.anchor not in self._sizes:
-            raise _RefusedError(event.start_mark, f"*{event.anchor} is within what it stands for")
+            raise _RefusedError(event.start_mark, f"*{event.anchor} is a part of what it refers to")
         self._values += self._sizes.get(event.anchor, 1) if alias else 1
         self._depth += 1
         if self._values > MOST_VALUES:
@@ -95,7 +95,7 @@ class _Loader(yaml.SafeLoader):
         first: dict[str, int] = {}
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
-                continue  # refused when it is constructed
+                continue  # such a key is refused when it is constructed
             if key.tag in _NOT_IN_KEYS:
                 key.tag = _PREFIX + "str"
             if key.value in first:
@@ -129,7 +129,7 @@ class _Loader(yaml.SafeLoader):
         return float(node.value.replace(".", "") if named in ("inf", "nan") else node.value)
 
 
-# Replaced by the types of ROS below.
+# The types of ROS below replace those of YAML.
 _Loader.yaml_implicit_resolvers = {}
 
 

@@ -23,13 +23,10 @@ class MapScale:
     ----------
     metres : float
         Length of the unit.
-    decimals : int
-        Decimals of coordinates: four in kilometres, two in metres.
     """
 
     unit: str
     metres: float
-    decimals: int
 
     @staticmethod
     def of(record: Record) -> MapScale:
@@ -40,7 +37,7 @@ class MapScale:
     @staticmethod
     def of_extent(extent: float) -> MapScale:
         """Return the scale that suits an extent, metres."""
-        return MapScale("m", 1.0, 2) if extent < SHORT_M else MapScale("km", 1e3, 4)
+        return MapScale("m", 1.0) if extent < SHORT_M else MapScale("km", 1e3)
 
     def of_metres(self, metres: FloatArray) -> FloatArray:
         """Return lengths or positions in the unit."""

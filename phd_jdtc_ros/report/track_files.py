@@ -83,9 +83,12 @@ def fixes(
             x, y = map(float, found.position[row])
             vx, vy = map(float, found.velocity[row])
             yield Fix(
-                found.stamp_ns,
-                number,
-                *(x, y, vx, vy),
+                stamp_ns=found.stamp_ns,
+                number=number,
+                x=x,
+                y=y,
+                vx=vx,
+                vy=vy,
                 latitude=float(places.latitude[row]),
                 longitude=float(places.longitude[row]),
                 height=float(places.height[row]),

@@ -45,11 +45,13 @@ class SimulatedPlots(NamedTuple):
 
     def take(self, rows: IntArray) -> SimulatedPlots:
         """Return the plots of some rows."""
-        rate = None if self.range_rate is None else self.range_rate[rows]
-        turns, measurement, amplitude, source, answering, _ = self
         return SimulatedPlots(
-            *(turns[rows], measurement[rows], amplitude[rows]),
-            *(source[rows], answering[rows], rate),
+            turns=self.turns[rows],
+            measurement=self.measurement[rows],
+            amplitude=self.amplitude[rows],
+            source=self.source[rows],
+            answering=self.answering[rows],
+            range_rate=None if self.range_rate is None else self.range_rate[rows],
         )
 
 

@@ -160,7 +160,7 @@ class Transponders:
             height[own] = card.height(time_s[own])[:, 0]
         replies = code != UNKNOWN
         code = np.where(garbled[0] & replies, wrong, code)
-        # Drawn last, so that the other draws do not depend on it.
+        # These are drawn last, so that the other draws do not depend on them.
         other = rng.random(count) < self.address_garbled
         address = np.where(other & (address != UNKNOWN), rng.integers(1, 1 << 24, count), address)
         height = np.where(garbled[1], wrong_height, height)

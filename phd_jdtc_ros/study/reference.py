@@ -51,12 +51,12 @@ class Gaussian:
 
 @dataclass(frozen=True)
 class Backward:
-    """What leads from a later distribution back to the earlier one.
+    """The backward step from a later distribution to the earlier one.
 
     Parameters
     ----------
     before, predicted : Gaussian
-        The filtered distribution, and what it predicted.
+        The filtered distribution, and its prediction.
     gain : array of shape (D, D)
     """
 

@@ -141,7 +141,7 @@ def _events(
         while posed_ns < report.stamp_ns and (known := next(poses, None)) is not None:
             posed_ns = known[0]
             for topic in config.carried:
-                yield from feed.pose(topic, lambda: known)
+                yield from feed.pose(topic, lambda: known) or ()
         bias = config.inputs[report.radar].bias
         stamp_ns, detections = bias.remove_from(report.stamp_ns, report.detections)
         yield from feed.report(report.radar, Received(stamp_ns, detections, Counter())) or ()
@@ -170,7 +170,10 @@ def at_stamps(
         position = newest.position + (stamp_ns - known_ns[last]) * 1e-9 * newest.velocity
         points.append(
             PointSet(
-                *(position, newest.class_id, newest.track_id, newest.velocity),
+                position,
+                newest.class_id,
+                track_id=newest.track_id,
+                velocity=newest.velocity,
                 height=_heights_after(newest, (stamp_ns - known_ns[last]) * 1e-9),
                 coasting=newest.track_state == COASTING,
             )

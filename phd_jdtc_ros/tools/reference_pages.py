@@ -56,10 +56,15 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
     ("evaluator", "", evaluator.TABLE),
     (
         "asterix_bridge",
-        "The offline tool has those of what it does.",
+        "The offline tool has only the parameters of the conversion that it runs.",
         bridge.TABLE,
     ),
-    ("asterix_bridge, for every name in `radars`", "Without a value: that of all.", bridge.RADAR),
+    (
+        "asterix_bridge, for every name in `radars`",
+        "A parameter that is not set for a radar has the value of the parameter of the same name "
+        "above.",
+        bridge.RADAR,
+    ),
     ("hand_over", "The offline tool has options for those that it needs.", hand_over.TABLE),
     ("hand_over, for every name in `trackers`", "", hand_over.TRACKER),
 )
@@ -78,7 +83,10 @@ def parameters() -> str:
 
 
 def declared() -> int:
-    """Return how many parameters are declared; one of a part and of all parts is one."""
+    """Return the number of declared parameters.
+
+    A bridge parameter that can also be set for each radar counts once.
+    """
     bridge_only = {p.name for p in bridge.RADAR} - {p.name for p in bridge.TABLE}
     tables = [table for _, _, table in _SECTIONS if table is not bridge.RADAR]
     return sum(map(len, tables)) + len(bridge_only)
@@ -118,8 +126,9 @@ estimates.
 `consistency` has for each source, over all targets, the judged `pairs`, `nees` with `nees_band_95`,
 and `outside_3_sigma`; and under `by_age` the same for tracks of an age. The age of a track is the
 number of scans since its number was first reported by that source; an unlabelled estimate has none.
-The band is that of so many independent pairs. Those of one track are not independent from scan to
-scan, and a mean over the runs of a study has the interval that its runs give it.
+The band assumes that the pairs are independent. Those of one track are correlated from scan to
+scan, so that the mean is outside the band in more than 5 % of runs; a study has the interval over
+its runs instead.
 """
 
 _WHOLE = "In `metrics.json` for all targets only."
@@ -221,7 +230,7 @@ _REPLACED = (
 
 
 def upgrade(page: str) -> str:
-    """Return the page of what has other names now, with the tables of parameters in their place."""
+    """Return the upgrade page with its tables of renamed parameters written anew."""
     head, _, rest = page.partition(_BEGIN)
     _, _, tail = rest.partition(_END)
     tables = [
@@ -236,7 +245,7 @@ def upgrade(page: str) -> str:
 _DEFAULTS = """\
 # All defaults: those of the reference scenario, two radars, two classes and births at four known
 # places. For your own radars start with a copy of this file, or of a profile beside it. Written by
-# `make parameters`; a comment stands where a parameter is for the first time.
+# `make parameters`; each parameter is explained where it first occurs.
 /**/tracker:
   ros__parameters:
 """

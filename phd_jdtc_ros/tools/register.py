@@ -68,7 +68,7 @@ def main(argv: Sequence[str]) -> int:
         "--reference",
         metavar="RADAR",
         help="the radar that is taken to be right where only differences are observable, such as "
-        "that of two clocks; by default the first one",
+        "the difference of two clocks; by default the first one",
     )
     arguments = parser.parse_args(argv)
     return command.guarded("register", lambda: _work(arguments))
@@ -93,7 +93,7 @@ def _work(arguments: argparse.Namespace) -> int:
         FigureCanvasAgg(picture.residuals(outcome.found)).print_png(drawn)
         print(f"{drawn}: residuals before and after")
     status = OK if outcome.damage is None else fail("register", outcome.damage)
-    head = f"Registered from {source}\nand {where}.\nA comment says what a correction rests on."
+    head = f"Registered from {source}\nand {where}.\nA comment gives the basis of each correction."
     values = {**given, **outcome.parameters}
     command.write_proposal(out, head, values, registered_table.comments(rows))
     return status
@@ -106,8 +106,8 @@ def _given(source: Path, path: Path | None) -> tuple[dict[str, Any], Path]:
     beside = bag_parameters.read(source)
     if beside is None:
         raise BagError(
-            f"{source}: has no {bag_parameters.NAME} beside it that says where its radars are: "
-            "give a parameter file as --params"
+            f"{source}: has no {bag_parameters.NAME} beside it with the positions of its "
+            "radars: give a parameter file as --params"
         )
     return beside, bag_parameters.path_of(source)
 

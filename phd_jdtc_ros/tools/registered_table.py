@@ -31,12 +31,10 @@ class Row(NamedTuple):
 
     Parameters
     ----------
-    radar, name : str
     digits : int
         Decimals of the value.
     value : float or None
         The correction; None if the bias is unobservable.
-    std : float
     source : str
         Number of tracks and plots used, or why it is unobservable.
     now : float
@@ -96,7 +94,7 @@ def rows(
 def table(every: Sequence[Row]) -> Table:
     """Return the errors as a table."""
     shown = Table(title="systematic errors", title_justify="left")
-    for name in ("radar", "bias", "found", "+-", "known from", "now"):
+    for name in ("radar", "bias", "found", "+-", "source", "now"):
         shown.add_column(name, no_wrap=name == "bias")
     before = ""
     for row in every:

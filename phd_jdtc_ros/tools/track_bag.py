@@ -7,8 +7,7 @@ ones. Two runs write the same bytes.
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -30,6 +29,7 @@ from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
 from phd_jdtc_ros.feed.feed import Feed
+from phd_jdtc_ros.feed.step_clock import StepClock
 from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.report import track_files
@@ -38,7 +38,7 @@ from phd_jdtc_ros.report.record import Record
 from phd_jdtc_ros.report.table import score_tables
 
 from . import command
-from .asterix.parameters import guessed
+from .asterix.parameters import is_assumed_place
 
 # Formats of track files, by option.
 WRITERS = {"geojson": track_files.to_geojson, "csv": track_files.to_csv}
@@ -55,7 +55,7 @@ class OfflineTracker:
     Attributes
     ----------
     step_ms : list of float
-        CPU time per closed scan, milliseconds: decoding, step and writing.
+        CPU time of each scan, milliseconds; see `StepClock`.
     damage : BagError or None
         Damage of the bag; its intact messages were tracked.
     """
@@ -70,7 +70,7 @@ class OfflineTracker:
         self.scans = 0
         self._last_ns = 0
         self.step_ms: list[float] = []
-        self._cpu_s = 0.0
+        self._step_clock = StepClock()
         self.damage: BagError | None = None
         self._estimates: dict[str, list[Estimates]] = {source: [] for source in SOURCES}
         self._truth: list[bytes] = []
@@ -80,25 +80,25 @@ class OfflineTracker:
         if entry.topic == names.TRUTH:
             self._truth.append(entry.data)
             return
-        begin_s, scans = time.thread_time(), self.scans
+        with self._step_clock:
+            self._write(self._events(entry))
+
+    def _events(self, entry: BagMessage) -> Iterable[Event]:
+        """Decode a radar's report or a platform's pose; return the events that follow from it."""
         if entry.topic in self._radar_of:
             index = self._radar_of[entry.topic]
             radar = self._config.inputs[index]
             reader = reader_of(radar)
-            self._write(self._feed.message(index, lambda: reader.from_cdr(entry.data, radar)) or ())
-        else:
-            kind = self._config.inputs[self._config.carried[entry.topic][0]].pose.message
-            frame = self._config.world_frame
-            pose = partial(platform_poses.from_cdr, entry.data, kind, frame)
-            self._write(self._feed.pose(entry.topic, pose))
-        self._cpu_s += time.thread_time() - begin_s
-        if self.scans > scans:
-            self.step_ms.append(1e3 * self._cpu_s)
-            self._cpu_s = 0.0
+            return self._feed.message(index, lambda: reader.from_cdr(entry.data, radar)) or ()
+        kind = self._config.inputs[self._config.carried[entry.topic][0]].pose.message
+        frame = self._config.world_frame
+        pose = partial(platform_poses.from_cdr, entry.data, kind, frame)
+        return self._feed.pose(entry.topic, pose) or ()
 
     def finish(self) -> None:
         """Close all scans, and write the learned clutter and the pending estimates."""
-        self._write(self._feed.close_scans())
+        with self._step_clock:
+            self._write(self._feed.close_scans())
         shown = self._feed.pipeline.engine.clutter_raster()
         if shown is not None:
             message = clutter_maps.to_msg(shown, self._last_ns, self._config.world_frame)
@@ -117,7 +117,10 @@ class OfflineTracker:
             raise BagError(f"{names.TRUTH}: {error}") from error
         class_names = tuple(kind.name for kind in config.model.modes.classes)
         return Record(
-            *(by_stamp(known), (), by_stamp(found[FILTERED]), by_stamp(found[SMOOTHED])),
+            truth=by_stamp(known),
+            plots=(),
+            filtered=by_stamp(found[FILTERED]),
+            smoothed=by_stamp(found[SMOOTHED]),
             classes=len(class_names),
             step_ms=np.array(self.step_ms),
             class_names=class_names,
@@ -139,9 +142,10 @@ class OfflineTracker:
             self.tally.stepped(event)
             self._write_estimates(FILTERED, event.step.filtered)
             self._write_estimates(SMOOTHED, event.step.smoothed)
+            self.step_ms.append(self._step_clock.take_ms())
 
-    def _write_estimates(self, source: str, by_stamp: Iterable[Estimates]) -> None:
-        for values in by_stamp:
+    def _write_estimates(self, source: str, published: Iterable[Estimates]) -> None:
+        for values in published:
             message = estimates.to_msg(values, self._config.world_frame)
             self._estimates[source].append(estimates.from_msg(message))
             self._bag.write(names.estimates(source), interfaces.encode(message), values.stamp_ns)
@@ -207,6 +211,19 @@ def _outcome(tracker: OfflineTracker, source: Path, out: Path) -> int:
     return CORRUPT
 
 
+def _write_track_files(run: Record, config: TrackerConfig, files: Mapping[str, Path]) -> None:
+    """Write the smoothed tracks in each format, a key of `WRITERS`, to its file."""
+    if config.plane and is_assumed_place(config.values["world_origin"]):
+        print(
+            "track_bag: latitudes and longitudes are wrong, because the position of the radar is "
+            "unknown; set its geodetic, and world_origin",
+            file=sys.stderr,
+        )
+    rows = list(track_files.fixes(run.smoothed, config.plane, run.sets.class_names))
+    for name, path in files.items():
+        output_files.write(path, WRITERS[name](rows))
+
+
 def main(argv: Sequence[str]) -> int:
     """Run the offline tracker."""
     parser = ArgumentParser("track_bag", description=__doc__)
@@ -230,22 +247,19 @@ def main(argv: Sequence[str]) -> int:
         config = command.tracker_config(arguments, source)
         files = {name: getattr(arguments, name) for name in WRITERS if getattr(arguments, name)}
         if "geojson" in files and config.plane is None:
-            raise ConfigError(["--geojson: given without world_origin, where is the map's zero?"])
+            raise ConfigError(
+                [
+                    "--geojson: given without world_origin, which it needs: the latitude and "
+                    "longitude of the world frame's origin"
+                ]
+            )
         command.require_new("a bag", arguments.out)
         output_files.require_new({f"--{n}": path for n, path in files.items()}, arguments.out)
         tracker = track_bag(BagReader(source), config, arguments.out)
         status = _outcome(tracker, source, arguments.out)
         run = tracker.record()
         if files:
-            if config.plane and guessed(config.values["world_origin"]):
-                print(
-                    "track_bag: latitudes and longitudes are not true: where the radar stands was "
-                    "guessed; set its geodetic, and world_origin",
-                    file=sys.stderr,
-                )
-            rows = list(track_files.fixes(run.smoothed, config.plane, run.sets.class_names))
-            for name, path in files.items():
-                output_files.write(path, WRITERS[name](rows))
+            _write_track_files(run, config, files)
         if run.class_fault:
             print(f"track_bag: {run.class_fault}", file=sys.stderr)
         if run.truth:

@@ -92,10 +92,10 @@ def _table(
         title=f"{radar}, {topic}: {found.plots} detections, {found.looks:.0f} {turns} in "
         f"{found.duration_s:.0f} s, a cloud every {when.cloud_interval_s:.4g} s",
         title_justify="left",
-        caption="in brackets: seen, and nothing is set to it",
+        caption="in brackets: observed, but not proposed",
         caption_justify="left",
     )
-    for name in ("parameter", "proposed", "+-", "known from", "now"):
+    for name in ("parameter", "proposed", "+-", "source", "now"):
         table.add_column(name, no_wrap=name == "parameter")
     for row in rows:
         table.add_row(
@@ -143,7 +143,7 @@ def _head(source: Path, where: Path | None) -> str:
     said = f"and {where}" if where else "alone: topics and fields are recognised by their names"
     return (
         f"Proposed by tune from {source}\n{said}.\n"
-        "A comment says what a value is known from, and what it was."
+        "A comment gives the source of each value, and its earlier value."
     )
 
 
@@ -152,7 +152,7 @@ def _comments(rows: Mapping[str, Sequence[Row]], unknown_place: bool) -> dict[st
     comments = {"interval_s": "the shortest time between two looks"}
     for radar, own in rows.items():
         if unknown_place:
-            comments[radar] = "add its position and yaw_deg, which no recording tells"
+            comments[radar] = "add its position and yaw_deg, which no recording contains"
             comments[f"{radar}.azimuth_convention"] = "check it; compass_cw if north is 0"
         for row in own:
             if not row.proposed:

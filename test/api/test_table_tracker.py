@@ -308,8 +308,8 @@ def test_what_must_be_known_is_named_together():
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [
-        ({"radar": {"range_sdt": 5.0}}, "radar.range_sdt: unknown parameter, is radar.range_std"),
-        ({"range_std": 5.0}, "range_std: unknown parameter, is radar.range_std meant"),
+        ({"radar": {"range_sdt": 5.0}}, "radar.range_sdt: unknown parameter, did you mean"),
+        ({"range_std": 5.0}, "range_std: unknown parameter, did you mean radar.range_std"),
         ({"interval_s": "often"}, "interval_s: 'often' given"),
         ({"sensors": 3}, "sensors: 3 given"),
         ({"radar": {"pose": "/odometry"}}, "radar.pose: '/odometry' given, must be fixed"),

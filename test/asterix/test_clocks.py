@@ -57,7 +57,7 @@ def test_times_of_a_wrong_clock_are_shifted_and_counted(off):
         for k in range(50_000, 50_010)
     ]
     assert counts == {"clock_off": 1}
-    # What the third message shows is used from then on.
+    # The error that the third message shows is used from then on.
     assert found[2:] == [k + 0.25 for k in range(50_002, 50_010)]
     assert clock.offset_s[RADAR] == pytest.approx(0.25 - off)
 

@@ -52,7 +52,7 @@ def test_reader_finds_the_next_chunk_behind_a_length_that_makes_no_sense(whole, 
     data[parts[2].chunk_start_offset + byte] ^= 0x55
     found, _ = read(data, tmp_path / "damaged.mcap")
     rest = without(messages, parts[-1])
-    # Where the length became a little longer, the damaged chunk too can be read.
+    # If the length became a little longer, the damaged chunk can be read too.
     assert [message for message in found if message in without(rest, parts[2])] == without(
         rest, parts[2]
     )

@@ -112,7 +112,7 @@ def test_reader_refuses_more_disorder_than_its_memory_holds(tmp_path, monkeypatc
         "backwards": entries[::-1],
     }.items():
         assert outcome(recorded(tmp_path / f"{name}.mcap", order)) == (in_order, None), name
-    # Of every run one message is among the first of all and one among the last.
+    # Every run has one message among the first of all and one among the last.
     turned = [entry for pair in zip(entries, entries[::-1], strict=True) for entry in pair][:12]
     found, error = outcome(recorded(tmp_path / "turned.mcap", turned))
     assert not error.corrupt

@@ -12,17 +12,12 @@ from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.convert.converter import convert
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_typestore
-from small_bags import RADAR, chunked, made, outcome, write
+from small_bags import RADAR, chunked, made, outcome
 
 from msg_adapters import interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.nodes.replay import playable
-
-
-@pytest.fixture(scope="module")
-def bag(tmp_path_factory):
-    return write(tmp_path_factory.mktemp("bags") / "recording", made())
 
 
 def refused(path):

@@ -92,7 +92,7 @@ def test_engines_agree_on_targets_with_ambiguous_range_rates():
         apart.append((other.state[place, :4] - ours.state[order, :4]) / std)
         spread.append(np.sqrt(np.diagonal(other.covariance, axis1=1, axis2=2))[place, :4] / std)
         np.testing.assert_allclose(other.weight[place], ours.weight[order], atol=0.02)
-    # What few newborn particles are near the first detections differs from run to run.
+    # The few newborn particles near the first detections differ from run to run.
     assert np.abs(np.mean(apart, axis=0)).max() < 0.5
     np.testing.assert_allclose(np.mean(spread, axis=0), 1.0, atol=0.25)
 

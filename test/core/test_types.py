@@ -80,7 +80,7 @@ def test_particle_phd_effective_sample_size_is_never_above_the_particles(
     [
         ([0.1, 0.1, 0.1, 0.1], [0, 0, 0, 0], 1.0),
         ([1.0, 0.0, 0.0, 0.0], [0, 0, 0, 0], 0.25),
-        # Of two targets, one of which is left with a single particle.
+        # Two targets, one of which is left with a single particle.
         ([0.5, 0.5, 1.0, 0.0], [0, 0, 1, 1], 0.75),
         # Particles without mass, such as those of births where nothing is detected, do not count.
         ([0.5, 0.5, 0.0, 0.0], [0, 0, 1, 1], 1.0),

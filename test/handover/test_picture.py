@@ -82,7 +82,7 @@ def test_stamps_that_go_back_begin_a_new_run_with_new_numbers(picture):
     assert add(picture, FILTERED, 100, {7: -30e3}, {}) == [(FILTERED, 100, [1])]
     picture.add(WEST, FILTERED, estimates(104, {7: -30e3}))
     assert picture.jumps_back(WEST, FILTERED, 4 * NS)
-    # What waited for the other one is published first.
+    # The estimates that waited for the other tracker are published first.
     assert add(picture, FILTERED, 4, {7: -30e3}, {}) == [(FILTERED, 104, [1]), (FILTERED, 4, [2])]
 
 
@@ -133,7 +133,7 @@ def test_smoothed_estimates_of_the_run_before_have_its_numbers(picture):
         add(picture, FILTERED, stamp, {7: -30e3}, {5: 30e3})
     add(picture, SMOOTHED, 96, {7: -30e3}, {5: 30e3}, lag=1)
     assert add(picture, FILTERED, 0, {8: -30e3}, {5: 30e3})[-1] == (FILTERED, 0, [3, 4])
-    # What the trackers still held back when they were reset.
+    # These are estimates that the trackers held back when they were reset.
     found = add(picture, SMOOTHED, 100, {7: -30e3}, {5: 30e3}, lag=1)
     assert found == [(SMOOTHED, 100, [1, 2])]
     assert numbered(picture.add(WEST, SMOOTHED, estimates(104, {7: -30e3}, lag=1))) == []

@@ -8,7 +8,7 @@ from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.types import UNKNOWN
 
 PERIOD_S, AIRCRAFT, CLUTTER, RANGE = 4.0, 5, 5, 1.1e5
-# What the noise is, beside 5 m and 0.01 degrees that are configured.
+# True noise, where 5 m and 0.01 degrees are configured.
 NOISE = np.array([25.0, np.radians(0.05)])
 DETECTED, REPLIED = 0.95, 0.97
 GIVEN = {

@@ -2,7 +2,7 @@
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.srv import ChangeState, GetState
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections
@@ -69,3 +69,44 @@ def change(peer, transition):
     """Ask the tracker for a transition of its lifecycle; return whether it was made."""
     request = ChangeState.Request(transition=Transition(id=transition))
     return peer.call(ChangeState, "/tracker/change_state", request).success
+
+
+def start_tracker(processes, *arguments, qos=RELIABLE):
+    """Start a tracker with few particles; return its process."""
+    return processes.start("tracker", "--ros-args", *FAST, *qos, *arguments)
+
+
+def options(**values):
+    """Return the ROS arguments that set parameters."""
+    return [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
+
+
+def status_of(group, name):
+    """Return the tracker's status of that name in the next health report but one."""
+    before = len(group.health)
+    assert group.peer.spin_until(lambda: len(group.health) > before + 1)
+    return next(s for s in group.health[-1].status if s.name == f"/tracker: {name}")
+
+
+def wait_for_level(group, name, level):
+    """Wait until a status of the tracker has a level; return whether it has."""
+
+    def reached():
+        return any(s.name == f"/tracker: {name}" and s.level == level for s in statuses())
+
+    def statuses():
+        return group.health[-1].status if group.health else ()
+
+    return group.peer.spin_until(reached)
+
+
+def state_of(peer):
+    """Return the tracker's lifecycle state."""
+    return peer.call(GetState, "/tracker/get_state").current_state.label
+
+
+def connected(peer):
+    """Return two radars that a tracker has found."""
+    group = Radars(peer)
+    group.connect()
+    return group

@@ -12,7 +12,7 @@ INTERVAL_S, SCANS = 2.0, 20
 # East, north and velocities at the start: boats that go straight on.
 BOATS = np.array([[700.0, 300.0, -6.0, 2.0], [-500.0, 600.0, 4.0, -5.0]])
 CLUTTER = 3
-# Where the antenna is on the ship.
+# Position and yaw of the antenna on the ship.
 MOUNT = (10.0, -3.0), 0.5
 SPEED, TURN_RATE = 10.0, 0.05
 ODOMETRY = "/own_ship/odometry"

@@ -10,7 +10,7 @@ from phd_jdtc_ros.report.record import RadarPlots, RadarSite, Record
 
 START_NS = 1_700_000_000_000_000_000
 SCANS = 12
-# Of a run at short ranges, to the usual one.
+# Ratio of the lengths of a run at short ranges to the usual ones.
 SHORT = 0.01
 RADARS = (RadarSite("radar_1", (0.0, 0.0)),)
 

@@ -1,5 +1,9 @@
 """Small recordings, and what reading them gives."""
 
+import subprocess
+import sys
+import textwrap
+
 import bag_content
 from marker_messages import marker_array, pose_array
 from mcap.writer import CompressionType
@@ -57,3 +61,21 @@ def outcome(path):
     except BagError as error:
         return found, error
     return found, None
+
+
+def types():
+    """Return name and type of each topic of the recording."""
+    return [(topic.name, topic.type_name) for topic in TOPICS]
+
+
+def read_all(path):
+    """Return all messages of a bag."""
+    return list(BagReader(path).messages())
+
+
+def printed(script, path):
+    """Return what a script prints, which is run with a path by a process of its own."""
+    command = [sys.executable, "-c", textwrap.dedent(script), str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    return done.stdout

@@ -25,7 +25,7 @@ def write(directory):
         (directory / package / "__init__.py").touch()
         lines = [f"from {ORIGINAL} as {name}\n" for name in types]
         (module / "__init__.py").write_text("".join(lines))
-        # What a recording stores of a type.
+        # A recording stores this description of each type.
         for name in types:
             described = {
                 "type_description_msg": {"referenced_type_descriptions": []},

@@ -35,7 +35,7 @@ BAD = """
 def ended(arguments, monkeypatch, status=0):
     """Run the demo, which ends with `status`; return that of each process by its name."""
     for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
-        # What launch sets in this very process shall not outlive the test.
+        # The variables that launch sets in this process must not outlive the test.
         monkeypatch.setenv(name, "")
         monkeypatch.delenv(name)
     found = {}

@@ -44,7 +44,7 @@ def test_times_relative_to_the_stamp_are_read_in_their_unit(unit, scale, datatyp
 def test_times_since_the_epoch_are_exact_to_a_microsecond(unit, scale):
     expected = np.array([-3.999871, 0.0, 1e-6, 0.7311113])
     seconds, nanoseconds = divmod(STAMP_NS, 10**9)
-    # In whole numbers first, so that only the last step rounds.
+    # The sums are of whole numbers, so that only the last step rounds.
     sent = [
         float((seconds * 10**9 + nanoseconds + round(t * 1e9)) * scale / 10**9) for t in expected
     ]

@@ -102,7 +102,7 @@ def test_tracks_that_the_bridge_sent_are_those_of_the_files(live, offline):
     ends = [record for record in of_tracker if value(record, "I000", "Typ") == 2]
     assert len(tracks) > 2 * AIRCRAFT
     assert len(ends) == len(clouds(offline / "tracked", names.estimates("filtered")))
-    # Of the scenario's surroundings.
+    # The latitudes are those of the scenario.
     assert all(48.0 < value(track, "I105", "Lat") < 52.0 for track in tracks)
 
 

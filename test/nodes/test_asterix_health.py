@@ -33,7 +33,7 @@ def test_input_without_any_datagram_is_a_warning_that_names_the_address(active_s
     found = input_status(PlotStream({}), Rises(), active_s, inputs)
     assert found.level == level
     if level == DiagnosticStatus.WARN:
-        assert found.message.startswith(f"no datagram for 16 s on {ADDRESS}; are these")
+        assert found.message.startswith(f"no datagram for 16 s on {ADDRESS}; check")
 
 
 @pytest.mark.parametrize(

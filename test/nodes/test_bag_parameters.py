@@ -10,7 +10,7 @@ from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted(path.parent.name for path in ROOT.glob("bags/*/metadata.yaml"))
-# Of real data, with the profile for it.
+# Bags of real data, with their profiles.
 RECORDED = {"autoferry_2": "autoferry"}
 
 

@@ -65,7 +65,7 @@ def test_picture_of_trackers_that_are_all_there_is_well():
 
 def test_picture_warns_where_trackers_are_missing():
     for given, words in (
-        ({"alive": ()}, "no tracker is heard any more"),
+        ({"alive": ()}, "all trackers are silent"),
         ({"alive": ("east",)}, "of one tracker alone: east"),
         ({"published": 0}, "nothing published"),
         ({"parted": 9}, "stamps are not common: 9 of the last 10 are of some trackers only; set "),

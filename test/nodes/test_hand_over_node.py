@@ -175,7 +175,7 @@ def test_live_picture_keeps_the_numbers_at_the_seam_and_is_that_of_the_offline_t
     assert all(len(numbers[FILTERED, code]) == 1 for code in CODES)
     assert len(set.union(*(numbers[FILTERED, code] for code in CODES))) == len(CODES)
     assert all(numbers[SMOOTHED, code] == numbers[FILTERED, code] for code in CODES)
-    # Those that cross were tracked by both, each with a number of its own.
+    # Both trackers have tracked the aircraft that cross, each with a number of its own.
     for tracker in REGIONS:
         own = [estimates.from_msg(cloud) for cloud in stack.said[tracker, FILTERED]]
         codes = {int(code) for found in own for code in found.attributes.code}
@@ -270,7 +270,7 @@ class Replayed:
 
 @pytest.mark.live
 def test_picture_goes_on_without_a_silent_tracker_with_a_warning(processes, peer):
-    # With all defaults, and turns of 6 s.
+    # All parameters have their defaults, and turns take 6 s.
     rig = Replayed(processes, peer)
     for count, stamp in enumerate((100, 106), start=1):
         rig.outputs["west"].publish(said(stamp, [(5, -2e3)]))
@@ -308,7 +308,7 @@ def test_estimates_that_cannot_be_joined_are_left_out_and_counted(processes, pee
         said(100, [(5, 30e3)], classes=2),
         said(100, [(5, 30e3)], frame="odom"),
         said(100, [(0, 30e3)]),
-        # With a metre of slack it is singular.
+        # A metre of slack leaves this covariance singular.
         said(100, [(5, 30e3)], covariance=-0.5 * np.eye(5)),
     )
     for cloud in unjoinable:
@@ -347,7 +347,7 @@ def test_one_wrong_stamp_of_a_tracker_that_dies_does_not_end_the_picture(process
     assert rig.stamps()[3] >= 102
     assert "west: silent, and its stamps were far ahead" in rig.node.log.read_text()
     # Then east is quiet too.
-    assert rig.until("picture", DiagnosticStatus.WARN, "no tracker is heard any more")
+    assert rig.until("picture", DiagnosticStatus.WARN, "all trackers are silent")
     assert rig.until("east", DiagnosticStatus.WARN, "silent for")
 
 
@@ -361,7 +361,7 @@ def test_one_wrong_stamp_of_a_tracker_that_dies_does_not_end_the_picture(process
         ),
         ({"east.region": [1.0, 0.0, 0.0, 1.0]}, "east.region: [1.0, 0.0, 0.0, 1.0] given"),
         ({"hysteresis": 5e3}, "hysteresis: 5000.0 given, must be from 0 to the margin, 4000"),
-        ({"west.node": "/east/tracker"}, "east.node: /east/tracker given, is that of west too"),
+        ({"west.node": "/east/tracker"}, "east.node: /east/tracker given, west has it too"),
         ({"west.speed": 1.0}, "west.speed: unknown parameter"),
         ({"west.region": REGIONS["west"]}, "west.region: margin 0 given, must be above 0"),
         (

@@ -68,7 +68,7 @@ def test_rhythm_takes_no_rate_from_two_that_arrive_together():
 def test_rhythm_measures_no_interval_across_a_pause():
     rhythm = Rhythm(6.0)
     rhythm.beat(0.0)
-    rhythm.pause()
+    rhythm.begin_series()
     rhythm.beat(1000.0)
     assert rhythm.interval_s == 6.0
 
@@ -161,7 +161,7 @@ def test_silence_does_not_hide_that_there_are_several_publishers():
 
 def test_what_came_during_a_pause_is_neither_lost_nor_an_interval():
     health = radar(1.0)
-    health.pause()
+    health.begin_series()
     assert status(health, 200.0).message == "nothing received yet"
     health.arrived(200.0, 70, 0.0)
     health.rhythm.beat(200.0)

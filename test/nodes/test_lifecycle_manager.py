@@ -17,7 +17,7 @@ from std_msgs.msg import String
 STAND_IN = Path(__file__).parents[1] / "helpers" / "bond_stand_in"
 SITE = ("-r", "__ns:=/site")
 MANAGED = ("--ros-args", *FAST, *SITE, "-p", "autostart:=false")
-# What the manager asks for, and the state that it expects then.
+# Transitions that the manager requests, and the states that it expects then.
 CONFIGURE = Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE
 ACTIVATE = Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE
 DEACTIVATE = Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE

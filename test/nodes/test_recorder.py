@@ -57,7 +57,7 @@ def test_recorder_receives_drivers_that_offer_best_effort_alone(peer, tmp_path):
 
 def test_recorder_takes_static_frames_published_before_it_began(peer, tmp_path):
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    # Of a type that is everywhere; what matters is the name and the durability.
+    # Its type is installed everywhere; only the name and the durability matter.
     peer.publisher(String, names.STATIC_FRAMES, latched).publish(String(data="map to radar_1"))
     recorder = Recorder(peer.node, tmp_path / "bag", {names.STATIC_FRAMES: STRING})
     assert peer.spin_until(lambda: recorder.written[names.STATIC_FRAMES])
@@ -73,7 +73,7 @@ def record(executables, peer, directory, restrict):
     evaluator = executables.start(
         *("evaluator", "--ros-args", "-p", f"record:={directory}"),
         *("-p", f"report:={directory.parent.parent / 'report.json'}"),
-        # Where coverage is measured: what it writes itself would not fit either.
+        # Files of coverage measurements would not fit either.
         COVERAGE_PROCESS_CONFIG="",
     )
     assert peer.spin_until(lambda: peer.node.count_subscribers(names.TRUTH) == 2)

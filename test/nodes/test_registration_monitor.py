@@ -26,7 +26,7 @@ from phd_jdtc_ros.nodes.tracker.health import registration_status
 
 NODE = "/tracker"
 FEW = {"engine": "gaussian", "lag": 0}
-# Of the second radar; its noise is 300 m and 1 degree.
+# Error of the second radar, whose noise is 300 m and 1 degree.
 ERROR = SensorBias(range_bias=1000.0)
 USED = 45
 WORLD = dict.fromkeys("xy", point_cloud.FLOATS)

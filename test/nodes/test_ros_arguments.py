@@ -158,9 +158,9 @@ def test_tracker_without_a_file_logs_that_it_uses_the_defaults(processes, peer, 
     (line,) = [row for row in tracker.log.read_text().splitlines() if "tracking " in row]
     assert line.endswith(
         "tracking 2 classes (class_0, class_1) with 2 radars (radar_1 on /radar_1/detections, "
-        "radar_2 on /radar_2/detections), by the defaults (profile defaults)"
+        "radar_2 on /radar_2/detections), default parameters (profile defaults)"
         + (" except lag" if given else "")
-        + ": no parameter file is given"
+        + ": no parameter file was given"
     )
 
 
@@ -173,4 +173,4 @@ def test_tracker_by_the_defaults_does_not_take_a_file_of_launch_for_the_users(pr
 
         assert peer.spin_until(lambda: "tracking " in tracker.log.read_text(), 20.0)
     text = tracker.log.read_text()
-    assert "by the defaults (profile defaults) except autostart: no parameter file" in text
+    assert "default parameters (profile defaults) except autostart: no parameter file" in text

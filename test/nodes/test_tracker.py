@@ -56,6 +56,18 @@ def test_tracker_flush_emits_the_last_scans_and_resets(radars):
     assert bytes(radars.filtered[-1].data) == first
 
 
+def test_tracker_flush_counts_the_smoothed_estimates_of_the_open_scan_too(radars):
+    for index in range(3):
+        radars.track(index)
+    radars.send(3, radars=(0,))
+    radars.peer.meet()
+    before = len(radars.smoothed)
+    reply = radars.peer.call(Trigger, "/tracker/flush")
+    assert radars.peer.spin_until(lambda: len(radars.smoothed) == 4)
+
+    assert reply.message == f"{4 - before} smoothed estimates published"
+
+
 def test_tracker_reset_forgets_without_publishing(radars):
     for index in range(3):
         radars.track(index)

@@ -133,7 +133,7 @@ def documented(kind):
     }
 
 
-# What every node, or every managed node, has besides.
+# Topics and services that every node, or every managed node, has besides.
 OF_EVERY_NODE = re.compile(
     r"/(rosout|parameter_events|clock)|.*(parameter|type_desc|state|transition).*"
 )

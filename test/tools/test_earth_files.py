@@ -97,10 +97,10 @@ def test_csv_without_an_origin_has_x_and_y(tmp_path):
 
 
 WRONG_FILES = {
-    "one path": (["--csv", "t", "--geojson", "x/../t"], "--csv: t given, is that of --geojson too"),
+    "one path": (["--csv", "t", "--geojson", "x/../t"], "--csv: t given, --geojson has it too"),
     "no folder": (["--csv", "nowhere/t.csv"], "nowhere is no directory"),
     "existing": (["--csv", "there"], "there already exists, a file is not overwritten"),
-    "the bag": (["--csv", "out"], "out given, is that of --out too"),
+    "the bag": (["--csv", "out"], "out given, --out has it too"),
     "folder": (["--csv", "x"], "x given, must be a file, is a directory"),
 }
 

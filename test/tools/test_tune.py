@@ -54,7 +54,7 @@ def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
     out = tmp_path / "proposed.yaml"
     assert tune(unknown, "--out", out) == 0
     text = out.read_text()
-    assert "no recording tells" in text
+    assert "no recording contains" in text
     # The default too, or a mirrored world would not show where it is from.
     (convention,) = [line for line in text.splitlines() if "azimuth_convention:" in line]
     assert convention.split(maxsplit=2)[1:] == ["enu_ccw", "# check it; compass_cw if north is 0"]

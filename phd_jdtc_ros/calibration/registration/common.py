@@ -23,7 +23,8 @@ STEP_LOOKS, MOST_TIMES, LEAST_TIMES = 1.5, 1000, 4
 # Largest expected biases before any is estimated: of ranges in standard deviations and as a share
 # of the range, of azimuths in radians, and of times in seconds.
 RANGE_STDS, RANGE_SHARE, AZIMUTH, TIME_S = 10.0, 0.01, np.radians(1.5), 1.5
-# Afterwards: largest mean distance of two tracks of one target, in standard deviations of a plot.
+# Largest mean distance of two tracks of one target once biases are estimated, in standard
+# deviations of a plot.
 NEAR_STDS = 2.0
 # Tolerated variation of the distance along the tracks: a share of the distance, and in addition
 # standard deviations of a plot.

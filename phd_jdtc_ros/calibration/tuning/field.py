@@ -14,7 +14,7 @@ from .plots import Plots
 
 # A field of view is proposed only if a gap in azimuth without plots is wider than this, radians,
 LEAST_GAP = np.radians(20.0)
-# and wider than this many times the mean azimuth spacing of the plots.
+# The gap must also be wider than this many times the mean azimuth spacing of the plots.
 LEAST_SPACES = 12.0
 # Land clutter: a cell with plots in more than the share `AGAIN` of all looks, and in at least
 # `LEAST_AGAIN` of them. A cell is `CELL_SIGMA` standard deviations wide in range and in azimuth.

@@ -217,7 +217,7 @@ class _Linker:
             return plot
         tracks, plots, model = self._tracks, self._plots, self._model
         dt = plots.time_s[plot] - tracks.time_s[row]
-        # Both modes in the leading axis: shapes (2, P, ...).
+        # Both modes are in the leading axis: shapes (2, P, ...).
         density = np.array(model.densities)[:, None] * np.ones(len(row))
         mean, covariance = kinematics.predict(tracks.mean[row], tracks.covariance[row], dt, density)
         found = kinematics.innovation(

@@ -137,8 +137,12 @@ class Evidence:
         missed = np.maximum(1.0 - total, 0.0)
         beliefs, restarted = self.belief_update.after(self.target, probability, missed)
         seen_ns = updates.update(
-            *(self.before.seen_ns, self.target, self.column, probability),
-            *(self.detections, stamp_ns),
+            before=self.before.seen_ns,
+            target=self.target,
+            column=self.column,
+            probability=probability,
+            detections=self.detections,
+            stamp_ns=stamp_ns,
         )
         records = AttributeRecords.of(self.before.label, stamp_ns, beliefs, seen_ns)
         updated = np.flatnonzero(total > MIN_TOTAL_PROBABILITY)

@@ -175,9 +175,12 @@ class AttributesAt(NamedTuple):
         before = self.memory.predicted(label[distinct], self.stamp_ns)
         address = addresses_of(detections)
         conflicts = uniqueness.identity_conflicts(
-            *(before.beliefs.address, place, column),
-            np.full(size, UNKNOWN) if address is None else address,
-            *(undetected[distinct], model.address),
+            belief=before.beliefs.address,
+            target=place,
+            column=column,
+            shown=np.full(size, UNKNOWN) if address is None else address,
+            undetected=undetected[distinct],
+            model=model.address,
         )
         edges = place, column, detections, model, conflicts.by_another
         update = compare(before.beliefs, *edges)

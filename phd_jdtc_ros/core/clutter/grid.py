@@ -133,7 +133,8 @@ class GroundGrid:
 
 def corners(grid: Grid, places: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the four cells around each place and their interpolation weights, shapes (4, M)."""
-    # Integers, as the numbers of squares of the world exceed the exact range of floats.
+    # These are integers, because the numbers of squares of the world exceed the exact range of
+    # floats.
     row, column = np.floor(places).astype(np.int64)
     below, after = places - np.stack([row, column])
     cells, shares = [], []

@@ -47,15 +47,15 @@ MAX_UNCLEAR = 8
 MAX_PERIOD_RATIO = 2.0
 # Smallest number of detections in a report whose times are checked for outliers.
 MIN_FOR_OUTLIERS = 3
-# A time is an outlier if its distance from the median exceeds this number of median deviations
-MAX_MEDIAN_DEVIATIONS = 4.0
+# A time is an outlier if its distance from the median exceeds both this number of median deviations
 # and this number of seconds.
+MAX_MEDIAN_DEVIATIONS = 4.0
 MIN_OUTLIER_S = 1.0
 # Largest number of detections that are used, regularly selected.
 MAX_SIGHTINGS = 250
-# Smallest number of detections that show the motion without older ones,
+# Smallest number of detections that show the motion without older ones, and smallest share of a
+# turn over which they extend.
 MIN_SUFFICIENT = 20
-# and smallest share of a turn over which they extend.
 MIN_SUFFICIENT_TURN = 0.8
 # Bounds of the search for an unknown rotation period, seconds.
 MIN_PERIOD_S = 0.5

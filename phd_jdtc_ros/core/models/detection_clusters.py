@@ -59,7 +59,7 @@ def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
         amplitude=_largest(group, detections.amplitude, count),
         time_s=None if time_s is None else _mean(group, time_s, count),
         noise_std=None if std is None else np.stack([_mean(group, s, count) for s in std.T], 1),
-        range_rate=_mean_rate(group, detections, rates, count),
+        range_rate=_mean_rate(group, rates, count),
         range_rate_std=None if rate_std is None else _mean(group, rate_std, count),
         height=None if height is None else _mean(group, height, count),
         code=_first(group, detections.code, count),
@@ -146,9 +146,7 @@ def _richest(group: IntArray, kind: IntArray | None, count: int) -> IntArray | N
     return found
 
 
-def _mean_rate(
-    group: IntArray, detections: Detections, rates: Rates | None, count: int
-) -> FloatArray | None:
+def _mean_rate(group: IntArray, rates: Rates | None, count: int) -> FloatArray | None:
     """Return the mean range rates of groups, over the folds nearest to one of their own rates."""
     if rates is None:
         return None

@@ -64,8 +64,12 @@ def sample(
     if measured_rates is not None:
         repeated = measured_rates.take(np.arange(len(newborn)).repeat(count))
         known = _known_velocity(
-            *(state[:, list(space.position)], state[:, list(space.velocity)], repeated),
-            *(uniform[..., -1].ravel(), report.sensor, model),
+            position=state[:, list(space.position)],
+            drawn=state[:, list(space.velocity)],
+            measured=repeated,
+            uniform=uniform[..., -1].ravel(),
+            sensor=report.sensor,
+            model=model,
         )
         state[:, list(space.velocity)] = known
     if report.detections.time_s is not None:  # predict back to the scan's stamp

@@ -21,7 +21,7 @@ MIN_RANGE = 1.0
 def measure(position: FloatArray, origin: Sequence[float], yaw: float) -> FloatArray:
     """Return the measurements of positions, shape (N, 2)."""
     east, north = position[:, 0] - origin[0], position[:, 1] - origin[1]
-    # Rotated into the sensor's frame first, so that the azimuth needs no wrapping.
+    # Differences are rotated into the sensor's frame first, so that the azimuth needs no wrapping.
     cos, sin = np.cos(yaw), np.sin(yaw)
     ahead, left = cos * east + sin * north, cos * north - sin * east
     return np.stack([np.sqrt(ahead**2 + left**2), np.arctan2(left, ahead)], axis=1)

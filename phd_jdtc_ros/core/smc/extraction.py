@@ -181,7 +181,7 @@ def clusters(
     -----
     Sec. IV-C, Steps 5 and 6: resample within each class, then cluster within each class.
     """
-    # Imported here to shorten a node's start: the default extraction does not need it.
+    # This is imported here to shorten a node's start: the default extraction does not need it.
     from scipy.cluster.vq import kmeans2
 
     target_class = modes.class_of[particles.mode]

@@ -108,7 +108,8 @@ def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator)
     cumulative[:, -1] = 1.0
     uniform = rng.random(len(mode))
     drawn = np.zeros(len(mode), dtype=np.int64)
-    # One mode at a time: temporary arrays of shape (N, O) would take several times as long.
+    # Modes are taken one at a time, because temporary arrays of shape (N, O) would take several
+    # times as long.
     for bound in cumulative.T[:-1]:
         drawn += uniform >= bound.take(mode)
     return drawn

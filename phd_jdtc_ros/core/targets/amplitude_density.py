@@ -45,7 +45,7 @@ def log_target_density(amplitude: FloatArray, snr_band: tuple[float, float]) -> 
     low, high = 1.0 + snr_band[0], 1.0 + snr_band[1]
     a = np.maximum(amplitude, SMALLEST_AMPLITUDE)
     half_square = 0.5 * a**2
-    # exp(-h/high) - exp(-h/low) as a product that neither cancels nor underflows.
+    # This is exp(-h/high) - exp(-h/low), as a product that neither cancels nor underflows.
     difference = -half_square / high + np.log(-np.expm1(-half_square * (1.0 / low - 1.0 / high)))
     density: FloatArray = np.log(2.0) + difference - np.log(a) - np.log(np.log(high / low))
     return density

@@ -91,7 +91,7 @@ def intensity(
     for index, motion in enumerate(modes.motions):
         supported[index, list(motion.support)] = True
     total = np.zeros(len(state))
-    # Sorted along one axis, so that a term is evaluated only at rows near it.
+    # Rows are sorted along one axis, so that a term is evaluated only at rows near it.
     axis = modes.space.position[0]
     east = np.argsort(state[:, axis])
     sorted_east = state[east, axis]

@@ -61,7 +61,8 @@ def markov_generator(transition: FloatArray) -> FloatArray | None:
     return None if found is None else found.copy()
 
 
-# Cached, as classes mostly have the same matrix, which the checks and the model both need.
+# Results are cached, because classes mostly have the same matrix, which the checks and the model
+# both need.
 @lru_cache(maxsize=256)
 def _generator_of(rows: tuple[tuple[float, ...], ...]) -> FloatArray | None:
     transition = np.array(rows).reshape(len(rows), len(rows))

@@ -249,7 +249,8 @@ def whitener(covariance: FloatArray) -> tuple[FloatArray, float]:
     return _whitener(len(covariance), np.asarray(covariance, dtype=np.float64).tobytes())
 
 
-# Cached, as intervals and noise seldom change: with few targets this is a tenth of a kernel's time.
+# Results are cached, because intervals and noise seldom change: with few targets this is a tenth of
+# a kernel's time.
 @lru_cache(maxsize=64)
 def _whitener(size: int, entries: bytes) -> tuple[FloatArray, float]:
     covariance = np.frombuffer(entries).reshape(size, size)

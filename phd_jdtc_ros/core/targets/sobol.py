@@ -30,7 +30,7 @@ def sobol_points(dimension: int, count: int) -> FloatArray:
     """
     if count < 1 or count & (count - 1) or count > 2**BITS:
         raise ValueError(f"count: {count} given, must be a power of two, at most 2^{BITS}")
-    # Imported here because only the particle engine needs it: it takes half a second.
+    # This is imported here because only the particle engine needs it: it takes half a second.
     from scipy.stats import qmc
 
     points = qmc.Sobol(dimension, scramble=False, bits=BITS).random(count)

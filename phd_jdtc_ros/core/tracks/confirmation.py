@@ -43,7 +43,7 @@ PATIENCE = 1.5
 # Largest probability of being stationary, with clutter maps, with which a track is confirmed. The
 # probability is one half if nothing is known.
 MAX_STATIONARY_TO_CONFIRM = 0.85
-# Largest probability with which it stays confirmed.
+# Largest probability of being stationary with which a confirmed track stays confirmed.
 MAX_STATIONARY_CONFIRMED = 0.9
 # Scans less than this share of a turn apart may belong to the same pass of the antenna.
 SAME_TURN = 0.5

@@ -28,7 +28,7 @@ NEIGHBOURS = 32
 # Range of the artificial third coordinate in the neighbour search, metres: without it, targets at
 # one place would share one leaf of the tree and be compared one by one.
 _SPREAD = 1e-3
-# Added to correlation matrices, which single precision may have rounded to singular ones.
+# Slack of correlation matrices, which single precision may have rounded to singular ones.
 _MIN_EIGENVALUE = 2e-6
 
 
@@ -48,7 +48,8 @@ def match(one: Estimates, other: Estimates, moving: bool = False) -> tuple[IntAr
         `MOVING_GATE`, and only the `NEIGHBOURS` nearest targets are candidates. Time and memory
         grow with the number of targets.
     """
-    # Imported here because only out-of-sequence reports need it, and a live node starts sooner.
+    # This is imported here because only out-of-sequence reports need it, and a live node starts
+    # sooner.
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 

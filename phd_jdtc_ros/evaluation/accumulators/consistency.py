@@ -65,7 +65,7 @@ def band(pairs: int) -> tuple[float, float] | None:
     The sum of n independent values has a gamma distribution of shape n. Successive values of one
     track are correlated, so that the true band over a run is wider.
     """
-    # Imported here because the table of metrics alone does not need it.
+    # This is imported here because the table of metrics alone does not need it.
     from scipy.special import gammaincinv
 
     if not pairs:

@@ -48,7 +48,6 @@ class IdentitySwitches:
 
         Parameters
         ----------
-        truth, estimate : LabelledPoints
         coasting : bool array of shape (T,) or None
             Whether each track had no detection. Coasting tracks keep their partners and get no new
             ones, since being near another target is no evidence of an association: for example,

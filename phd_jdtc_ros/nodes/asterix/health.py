@@ -43,8 +43,8 @@ def of_input(
     faults = {reason: count for reason, count in counts.items() if reason not in EXPECTED}
     quiet_s = min(rises.unchanged_s("datagrams", stream.datagrams, now_s), active_s)
     quiet = (
-        f"no datagram for {quiet_s:.0f} s on {', '.join(inputs)}; are these the address and port "
-        "that is sent to, and interface that of a group's?"
+        f"no datagram for {quiet_s:.0f} s on {', '.join(inputs)}; check the address and port that "
+        "the sender uses, and interface for a group"
     )
     losing = rises.recent("lost", lost, now_s)
     malformed = rises.recent("faults", sum(faults.values()), now_s)
@@ -83,7 +83,7 @@ def of_radar(
     }
     messages, late = state.plots + state.services, state.counts["late_plots"]
     quiet_s = min(rises.unchanged_s(f"{name} messages", messages, now_s), active_s)
-    quiet = f"silent for {quiet_s:.0f} s" if messages else "never heard"
+    quiet = f"silent for {quiet_s:.0f} s" if messages else "no messages yet"
     sources = " and ".join(dict.fromkeys(state.sources.values()))
     second = rises.recent(f"{name} second", state.counts["second_source"], now_s)
     arriving_late = rises.recent(f"{name} late", late, now_s)

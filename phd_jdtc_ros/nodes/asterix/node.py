@@ -85,7 +85,8 @@ class AsterixBridge(ManagedNode):
                 self, PointCloud2, ESTIMATES, self._on_estimates, INPUT_DEPTH, ESTIMATES
             )
         HealthReports(self, self._statuses, lambda: self.is_active)
-        # By the wall clock, because radars and displays do not follow simulated time.
+        # The timer runs by the wall clock, because radars and displays do not follow simulated
+        # time.
         steady_timer(self, QUIET_S / 5.0, self._finish_if_quiet)
         period_s = self._values["output_period_s"]
         if self._values["output"] and period_s:
@@ -103,7 +104,7 @@ class AsterixBridge(ManagedNode):
             for state in self._stream.radars.values()
         ]
         self.get_logger().info(
-            f"stopped; {', '.join(radars) or 'no radar heard'}; {self._sent['tracks']} tracks sent"
+            f"stopped; {', '.join(radars) or 'no radars'}; {self._sent['tracks']} tracks sent"
         )
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -232,7 +233,7 @@ class AsterixBridge(ManagedNode):
                 self._sender.send(block)
                 self._sent["datagrams"] += 1
             except OSError as error:
-                # For example without a receiver, which is not a fault of the sender.
+                # A missing receiver causes this, for example, which is not a fault of the sender.
                 self._dropped["not_sent"] += 1
                 self._warnings.warn("output", f"{self._values['output']}: {error.strerror}")
         self._sent["tracks"] = self._output.tracks

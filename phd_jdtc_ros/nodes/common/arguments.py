@@ -57,7 +57,7 @@ def split(name: str, argv: Sequence[str]) -> tuple[list[str], tuple[ParameterFil
         With status 2 after a line for each fault of the ROS arguments.
     """
     try:
-        # First, because rcl does not name the fault of a file.
+        # Files are checked first, because rcl does not name the fault of a file.
         files = sections.given_in(argv)
         return remove_ros_args([name, *argv])[1:], files
     except ConfigError as error:

@@ -22,14 +22,14 @@ from .callbacks import steady_timer
 from .status_log import StatusLog
 from .topics import reliable
 
-# How long a warning stays after its cause, seconds.
+# Time for which a warning stays after its cause, seconds.
 WARNING_MEMORY_S = 10.0
 # A warning whose cause persists is logged at most once in this time, seconds.
 WARNING_PERIOD_S = 5.0
 # Number of latest intervals whose median is the usual one.
 INTERVALS = 9
 PERIOD_S = 1.0
-# How often a node's state is checked for a change that is published at once, seconds.
+# Interval between checks of a node's state, whose change is published at once, seconds.
 CHECK_PERIOD_S = 0.1
 DEPTH = 10
 
@@ -62,7 +62,7 @@ class Rhythm:
             self._intervals.append(now_s - self._last_s)
         self._last_s = now_s
 
-    def pause(self) -> None:
+    def begin_series(self) -> None:
         """Let the next event begin a new series, so that the interval before it does not count."""
         self._last_s = None
 

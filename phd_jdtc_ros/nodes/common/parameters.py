@@ -98,7 +98,8 @@ def redeclare(
 ) -> None:
     """Replace a node's parameters, which may all change, by a table; `changed` have new values."""
     own = {name for name in node.get_parameters_by_prefix("") if is_ours(name)}
-    # Declared again and not set, because an empty list has another type than one of numbers.
+    # The parameter is declared again and not set, because an empty list has another type than one
+    # of numbers.
     for name in own.difference(table).union(own.intersection(changed)):
         node.undeclare_parameter(name)
     new = {name: entry for name, entry in table.items() if not node.has_parameter(name)}

@@ -81,7 +81,7 @@ class SequenceNumbers:
         self._sequences.append(new)
         return new
 
-    def pause(self) -> None:
+    def begin_series(self) -> None:
         """Let the next message begin a new series, so that no gap before it counts as lost."""
         self._latest = None
         self._decreases.clear()

@@ -56,7 +56,7 @@ class StatusLog:
         text = f"{name}: {status.message}"
         if not well:
             self._warned.add(name)
-            # Two calls, because rclpy allows one severity per place of a call.
+            # There are two calls, because rclpy allows one severity per place of a call.
             if status.level == DiagnosticStatus.ERROR:
                 self._logger.error(text)
             else:

@@ -14,7 +14,7 @@ from rclpy.task import Future
 
 from .callbacks import steady_timer
 
-# How often the tracker's services are looked for.
+# Interval between searches for the tracker's services, seconds.
 PERIOD_S = 0.1
 
 

@@ -49,8 +49,8 @@ from ..common.callbacks import steady_timer
 from ..common.health import ThrottledWarnings
 from ..common.runtime import RunnableNode
 from ..common.tracker_parameters import TrackerParameters
-from .coverage import Completion, Coverage
 from .missing_radars import MissingRadars
+from .received_clouds import Completion, ReceivedClouds
 from .recorder import Recorder
 
 INPUT_DEPTH, OUTPUT_DEPTH = 100, 10
@@ -81,7 +81,7 @@ class Evaluator(RunnableNode):
         )
         self._truth_topic = self.resolve_topic_name(names.TRUTH)
         tracker = self._values["tracker"]
-        self._coverage = Coverage(
+        self._received = ReceivedClouds(
             self._truth_topic, {s: names.estimates(s, tracker) for s in SOURCES}
         )
         self._frame: str | None = None
@@ -99,10 +99,11 @@ class Evaluator(RunnableNode):
         self._engine: str | None = None
         self._has_parameters = False
         self._unconnected = self._subscribe()
-        # After all subscriptions: DDS announces endpoints in the order of their creation, so a
-        # tracker that replies has discovered the subscriptions.
+        # This follows all subscriptions, because DDS announces endpoints in the order of their
+        # creation: a tracker that replies has discovered the subscriptions.
         TrackerParameters(self, tracker, self._on_parameters)
-        # By the wall clock, because simulated time stops with the replay, before the last scores.
+        # The timer runs by the wall clock, because simulated time stops with the replay, before the
+        # last scores.
         steady_timer(self, CHECK_PERIOD_S, self._check)
         self.get_logger().info("waiting for estimates and truth")
 
@@ -112,7 +113,7 @@ class Evaluator(RunnableNode):
         inputs: list[tuple[type, str, Callable[..., None]]] = [
             *(
                 (PointCloud2, topic, partial(self._on_estimates, source))
-                for source, topic in self._coverage.estimates.items()
+                for source, topic in self._received.estimates.items()
             ),
             (DiagnosticArray, names.cardinality(self._values["tracker"]), self._on_figures),
         ]
@@ -147,7 +148,7 @@ class Evaluator(RunnableNode):
         if self._recorder is not None:
             self._recorder.close()
         if any(self._evaluation.scored.values()):
-            for line in self._coverage.gaps(self._evaluation):
+            for line in self._received.gaps(self._evaluation):
                 self.get_logger().warning(line)
         else:
             self._warn_of_no_score()
@@ -160,7 +161,7 @@ class Evaluator(RunnableNode):
     def _warn_of_no_score(self) -> None:
         """Log the reasons, and fail if scores were requested."""
         wanted = self._report is not None or self._values["exit_after_scans"]
-        reasons = [self._coverage.no_score_reason(), *self._coverage.gaps(self._evaluation)]
+        reasons = [self._received.no_score_reason(), *self._received.gaps(self._evaluation)]
         if wanted:
             self.get_logger().error("; ".join(reasons))
             self.exit_status = FAILED
@@ -170,22 +171,25 @@ class Evaluator(RunnableNode):
     def _write_report(self, path: Path, summary: Mapping[str, Any]) -> None:
         """Write the report; without scores, do not replace the report of an earlier run."""
         if not any(self._evaluation.scored.values()) and path.is_file():
-            self.get_logger().error(f"no report: {path} stays that of an earlier run")
+            self.get_logger().error(
+                f"report not written, because nothing was scored: {path} is still the report of an "
+                "earlier run"
+            )
             return
         try:
             output_files.write(path, json.dumps(summary, indent=2) + "\n")
         except OSError as error:  # the disk may have become full since the start
-            self.get_logger().error(f"no report: {path}: {error.strerror}")
+            self.get_logger().error(f"report not written: {path}: {error.strerror}")
             self.exit_status = FAILED
 
     def _on_truth(self, cloud: PointCloud2, info: Mapping[str, int]) -> None:
-        topic = self._coverage.truth
+        topic = self._received.truth
         points = self._points(topic, cloud, info, truth.from_msg)
         if points is not None:
             self._publish(self._evaluation.add_truth(stamps.to_ns(cloud.header.stamp), points))
 
     def _on_estimates(self, source: str, cloud: PointCloud2, info: Mapping[str, int]) -> None:
-        topic = self._coverage.estimates[source]
+        topic = self._received.estimates[source]
         points = self._points(topic, cloud, info, estimates.from_msg)
         if points is not None:
             stamp_ns = stamps.to_ns(cloud.header.stamp)
@@ -199,17 +203,17 @@ class Evaluator(RunnableNode):
         read: Callable[[PointCloud2], Truth | Estimates],
     ) -> PointSet | None:
         """Return a cloud's points; None if it is not valid, which is counted and logged."""
-        self._coverage.count_losses(topic, info.get("publication_sequence_number"))
+        self._received.count_losses(topic, info.get("publication_sequence_number"))
         try:
             found = read(cloud)
             self._check_frame(cloud.header.frame_id)
             self._check_classes(found)
             _check_size(found)
         except RejectedMessageError as error:
-            self._coverage.refused[topic] += 1
+            self._received.refused[topic] += 1
             self._warnings.warn(topic, f"{topic}: {error}")
             return None
-        self._coverage.take(topic, found.stamp_ns)
+        self._received.take(topic, found.stamp_ns)
         return PointSet.of(found)
 
     def _check_frame(self, frame: str) -> None:
@@ -224,7 +228,9 @@ class Evaluator(RunnableNode):
         classes = self._classes
         if len(found.class_id) and found.class_id.max() >= classes:
             raise RejectedMessageError(
-                "schema", f"class_id is {found.class_id.max()}, must be below classes, {classes}"
+                "schema",
+                f"class_id is {found.class_id.max()}, must be less than {classes}, the number of "
+                "names in classes",
             )
 
     def _on_parameters(self, values: Mapping[str, Any]) -> None:
@@ -266,7 +272,7 @@ class Evaluator(RunnableNode):
             self._unconnected = [sub for sub in self._unconnected if not sub.get_publisher_count()]
             if not self._unconnected:
                 self.get_logger().info(f"connected to {self._values['tracker']}")
-        if not self._warned_unmatched and (text := self._coverage.mismatch(self._evaluation)):
+        if not self._warned_unmatched and (text := self._received.mismatch(self._evaluation)):
             self._warned_unmatched = True
             self.get_logger().warning(text)
         if self._completion.is_reached(time.monotonic()):

@@ -20,7 +20,7 @@ from phd_jdtc_ros.parameter_files import bag_parameters
 
 from ..common import topics as endpoints
 
-# Deep enough that a burst waits in the queue instead of being lost.
+# Depth at which a burst waits in the queue instead of being lost.
 DEPTH = 1000
 
 

@@ -101,7 +101,7 @@ class TrackerHealth:
         refused = self._rises.recent("refused", self.refused.total(), now_s)
         left_out = refused or (silent and self.left_out)
         condition = first(
-            (WARN, self.last_s is None, "; ".join(filter(None, ("never heard", hint)))),
+            (WARN, self.last_s is None, "; ".join(filter(None, ("no estimates yet", hint)))),
             (WARN, self.is_quiet(now_s), f"silent for {quiet_s:.1f} s{without}"),
             (WARN, left_out, f"left out: {self.reasons}{without}"),
             (WARN, silent, f"silent: its estimates are {behind_s:.1f} s behind{without}"),
@@ -140,7 +140,7 @@ def of_picture(
     )
     condition = first(
         (WARN, not published, "nothing published"),
-        (WARN, not alive, "no tracker is heard any more"),
+        (WARN, not alive, "all trackers are silent"),
         (WARN, len(alive) == 1, f"of one tracker alone: {', '.join(alive)}"),
         (WARN, parted > LATEST_STAMPS // 2, uncommon),
         (OK, True, f"{tracks} tracks, {picture.handed_over} changes from one tracker to another"),

@@ -169,7 +169,7 @@ class HandOver(RunnableNode):
             if own.left_out:
                 why = f"its estimates are left out ({own.reasons})"
             elif own.last_s is None:
-                why = "never heard"
+                why = "no estimates yet"
             self.get_logger().warning(
                 f"{self._settings.names[tracker]}: {why}; the picture goes on without it"
             )

@@ -187,8 +187,9 @@ class SensorReplay(RunnableNode):
     def _play_without(self, topics: Sequence[str]) -> None:
         wanted = self._values["subscribers"]
         connected = "nothing is" if wanted == 1 else f"fewer than {wanted} subscribers are"
+        waited_s = time.monotonic() - self._since
         self.get_logger().warning(
-            f"{connected} connected to {', '.join(topics)}; playing without waiting for it"
+            f"{connected} connected to {', '.join(topics)} after {waited_s:.0f} s: playing anyway"
         )
 
     def _begin(self) -> None:
@@ -264,7 +265,7 @@ class SensorReplay(RunnableNode):
             self._flushed = self._flush.call_async(Trigger.Request())
             self._enter(State.FLUSHING)
         elif waited_s > ACKNOWLEDGE_S:
-            self._fail(f"service {self._values['flush_service']} does not exist")
+            self._fail(f"service {self._values['flush_service']} is not available")
 
     def _finish_flush(self) -> None:
         if self._flushed is not None and self._flushed.done():

@@ -21,7 +21,7 @@ from phd_jdtc_ros.quoting import short
 
 # Transient local topics, whose messages from before the selected part are published too.
 LATCHED = (names.STATIC_FRAMES,)
-# Published by the replay itself, by every node, or by the nodes that the bag is played to.
+# Topics that the replay itself, every node, or the nodes that the bag is played to publish.
 LEFT_OUT = ("/clock", "/rosout", "/parameter_events", names.DIAGNOSTICS)
 LEFT_OUT_UNDER = (f"{names.TRACKER}/", f"{names.OSPA.rpartition('/')[0]}/")
 

@@ -76,7 +76,8 @@ class Playback:
         self._bag = bag
         self._topics = topics
         self._scan_topics = frozenset(scan_topics)
-        # Clipped to the bag's length, because very large values would overflow in nanoseconds.
+        # The time is clipped to the bag's length, because very large values would overflow in
+        # nanoseconds.
         longest_s = (bag.end_ns - bag.start_ns) / 1e9 + 1.0
         self.first_ns = bag.start_ns + round(min(start_s, longest_s) * 1e9)
         self.last_ns = bag.end_ns

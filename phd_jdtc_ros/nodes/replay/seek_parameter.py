@@ -35,7 +35,7 @@ def declare(node: Node, fault: Callable[[Any], str], go_to: Callable[[float], No
         ParameterDescriptor(
             description=SEEK.description,
             additional_constraints=f"must be {SEEK.allowed}",
-            dynamic_typing=True,  # so that a whole number is accepted too
+            dynamic_typing=True,  # this accepts a whole number too
         ),
         ignore_override=True,
     )

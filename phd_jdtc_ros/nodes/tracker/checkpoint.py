@@ -106,7 +106,7 @@ def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
         stamp_ns, facts, stored = (header[key] for key in (STAMP, FACTS, CONFIGURATION))
         if not isinstance(facts, dict) or not isinstance(stored, dict):
             raise ValueError("its facts are no mappings")
-    except Exception as error:  # of any kind: a forged header makes numpy raise many
+    except Exception as error:  # a forged header makes numpy raise many kinds
         reason = f"{type(error).__name__}: {error}"
         raise CheckpointError(f"{path}: not a checkpoint, {reason[:200]}") from error
     expected = json.loads(json.dumps(dict(configuration)))

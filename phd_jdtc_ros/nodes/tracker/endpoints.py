@@ -77,7 +77,8 @@ class Listener:
 
     def _subscribe(self) -> Subscription:
         usual = QoSOverridingOptions.with_default_policies().policy_kinds
-        # New each time, because rclpy writes an override into the profile that it is given.
+        # The profile is new each time, because rclpy writes an override into the one that it is
+        # given.
         qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_AVAILABLE)
         with topics.qos_of(self._health.topic):
             return self._node.create_subscription(

@@ -16,8 +16,9 @@ from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual
 from ..common.health import WARNING_MEMORY_S, Rhythm, Rises, first
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
-# With less idle time than BUSY_SHARE leaves, and no more scans than in real time, the tracker is at
-# its limit. A replay that waits for the tracker keeps it as busy, but with many scans a second.
+# The tracker is at its limit if it has less idle time than BUSY_SHARE leaves, and steps no more
+# scans than in real time. A replay that waits for the tracker keeps it as busy, but with many scans
+# a second.
 BUSY_SHARE, REAL_TIME = 0.95, 0.9
 # Parameters that reduce the step time, by engine.
 ADVICE = {
@@ -75,7 +76,7 @@ class StepHealth:
     scans: int = 0
     epoch: int = 0
     closed_by_wait: int = 0
-    overdue: int = 0
+    scans_without_targets: int = 0
     sums: Counter[str] = field(default_factory=Counter)
     _targets_seen: bool = False
 
@@ -101,15 +102,15 @@ class StepHealth:
         self.scans += 1
         self.sums.update({name: int(figures[name]) for name in SUMMED if name in figures})
         if targets:
-            self._targets_seen, self.overdue = True, 0
+            self._targets_seen, self.scans_without_targets = True, 0
         self.rhythm.beat(stamp_ns * 1e-9)
         self.pace.beat(now_s)
         self.step_ms = step_ms
 
-    def pause(self) -> None:
+    def begin_series(self) -> None:
         """Let the next step begin a new series."""
-        self.rhythm.pause()
-        self.pace.pause()
+        self.rhythm.begin_series()
+        self.pace.begin_series()
 
     def status(self, node: str, limit: float, lost: int, busy: float) -> DiagnosticStatus:
         """Return the status of the step time.
@@ -132,13 +133,13 @@ class StepHealth:
         at_limit = busy > BUSY_SHARE and self.pace.interval_s > REAL_TIME * interval_s
         busy_text = f"at its limit, busy for {busy:.0%} of the time: {advice}"
         # Once there were targets, their absence is not suspicious.
-        missing = self.overdue and not self._targets_seen
+        missing = self.scans_without_targets and not self._targets_seen
         condition = first(
             (DiagnosticStatus.STALE, self.step_ms is None, "no scan yet"),
             (WARN, lost, lost_text),
             (WARN, slow, f"too slow for the scan interval: {advice}"),
             (WARN, at_limit, busy_text),
-            (WARN, missing, anomalies.no_targets(self.overdue)),
+            (WARN, missing, anomalies.no_targets(self.scans_without_targets)),
             (OK, True, "in time"),
         )
         values = {
@@ -149,8 +150,9 @@ class StepHealth:
             "epoch": self.epoch,
             "closed_by_wait": self.closed_by_wait,
             **self.sums,
-            **({"scans_without_targets": self.overdue} if self.overdue else {}),
         }
+        if self.scans_without_targets:
+            values["scans_without_targets"] = self.scans_without_targets
         return diagnostics.status(names.health("step time", node), values, *condition, node)
 
 

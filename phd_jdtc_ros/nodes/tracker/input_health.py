@@ -102,10 +102,10 @@ class InputHealth:
                 self._lost_by_overload += (self.gaps - before) * (share > WORKING_SHARE)
         self._last_s, self._worked_s = now_s, worked_s
 
-    def pause(self) -> None:
+    def begin_series(self) -> None:
         """Let the next message begin a new series: messages until then were not expected."""
-        self._numbering.pause()
-        self.rhythm.pause()
+        self._numbering.begin_series()
+        self.rhythm.begin_series()
         self._last_s = None
 
     @property

@@ -28,7 +28,7 @@ from . import endpoints
 from .endpoints import Listener
 from .input_health import InputHealth
 
-# Why poses are not used.
+# Reasons for which poses are not used.
 POSE_FAULTS = {
     PoseFault.DUPLICATE: "duplicate stamp",
     PoseFault.LATE: "older than the one before",
@@ -74,7 +74,7 @@ class Inputs:
         self._now_s = self._checked_s = time.monotonic()
         self._warnings = ThrottledWarnings(node.get_logger())
         self._warned: set[str] = set()
-        # First the radars', in their order, then the platforms'.
+        # The radars' listeners, in their order, and then the platforms'.
         self._listeners: list[Listener] = []
 
     def subscribe(
@@ -138,16 +138,16 @@ class Inputs:
         """Use changed settings of the same inputs."""
         self._settings = settings
 
-    def pause(self) -> None:
+    def begin_series(self) -> None:
         """Let every input begin a new series with its next message."""
         for health in self._all():
-            health.pause()
+            health.begin_series()
 
-    def unreadable(self, radar: int, error: RejectedMessageError) -> None:
+    def on_unreadable(self, radar: int, error: RejectedMessageError) -> None:
         """Count a message that is not a valid report."""
         self._drop(self.radars[radar], error.reason, f"scan rejected: {error}")
 
-    def read(self, radar: int, report: Report) -> None:
+    def on_report(self, radar: int, report: Report) -> None:
         """Count the dropped points; warn once if amplitudes that would classify are missing."""
         for reason, count in report.dropped.items():
             self._drop(self.radars[radar], reason, f"{count} points dropped: {reason}", count)
@@ -157,12 +157,12 @@ class Inputs:
             self._warned.add(source.name)
             self._node.get_logger().warning(anomalies.no_amplitude(source))
 
-    def rejected(self, radar: int, reason: str, report: Report) -> None:
+    def on_rejection(self, radar: int, reason: str, report: Report) -> None:
         """Count a report of which no part belongs to a scan."""
         self._drop(self.radars[radar], reason, f"scan rejected: {reason} stamp")
 
-    def lost_later(self, radar: int, reasons: Counter[str]) -> None:
-        """Count the reports that waited for poses in vain."""
+    def on_drops(self, radar: int, reasons: Counter[str]) -> None:
+        """Count the reports that were dropped while they waited for poses."""
         source = self._settings.config.inputs[radar]
         for reason, count in reasons.items():
             text = f"{count} scans rejected: {reason} stamp"
@@ -173,7 +173,7 @@ class Inputs:
                 )
             self._drop(self.radars[radar], reason, text, count)
 
-    def warn(self, radar: int, counts: Counter[str]) -> None:
+    def on_anomalies(self, radar: int, counts: Counter[str]) -> None:
         """Count input that contradicts its configuration, and warn of it."""
         if not counts:
             return
@@ -183,7 +183,7 @@ class Inputs:
         for what, text in zip(counts, texts, strict=True):
             self._warnings.warn((source.name, what), f"{source.topic}: {text}")
 
-    def turning(self, radar: int, turn_s: float) -> None:
+    def on_turn_period(self, radar: int, turn_s: float) -> None:
         """Record a radar's estimated time of a turn, seconds, or 0; warn of a new estimate."""
         health, source = self.radars[radar], self._settings.config.inputs[radar]
         if turn_s and turn_s != health.turn_found_s:
@@ -192,11 +192,11 @@ class Inputs:
             self._warnings.warn((source.name, "turn_found"), text)
         health.turn_found_s = turn_s
 
-    def pose_unreadable(self, topic: str, error: RejectedMessageError) -> None:
+    def on_unreadable_pose(self, topic: str, error: RejectedMessageError) -> None:
         """Count a message that is not a valid pose."""
         self._drop(self.platforms[topic], error.reason, f"pose rejected: {error}")
 
-    def posed(self, topic: str, faults: Sequence[PoseFault]) -> None:
+    def on_pose(self, topic: str, faults: Sequence[PoseFault]) -> None:
         """Count a pose that some of its radars do not use, once for each cause."""
         health = self.platforms[topic]
         for fault in dict.fromkeys(faults):

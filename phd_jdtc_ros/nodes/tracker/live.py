@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.timer import Timer
 
 from msg_adapters import anomalies, platform_poses
-from msg_adapters.outputs import SCAN, STEP, Done
+from msg_adapters.outputs import SCAN, STEP, StepResult
 from msg_adapters.readers import Reader
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import RegistrationMonitor
@@ -24,6 +24,7 @@ from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from phd_jdtc_ros.feed.feed import Feed, Monitor
+from phd_jdtc_ros.feed.step_clock import StepClock
 
 from ..common.callbacks import steady_timer
 from ..common.health import WARNING_MEMORY_S, Rhythm
@@ -50,35 +51,35 @@ class LiveTracker:
         config = settings.config
         nominal_s = config.model.modes.interval_s
         self.inputs = Inputs(node, settings)
-        self._pace = StepHealth(Rhythm(nominal_s), Rhythm(nominal_s), config.engine)
+        self._step_health = StepHealth(Rhythm(nominal_s), Rhythm(nominal_s), config.engine)
         self._load = Load(WARNING_MEMORY_S)
         self._output_health = OutputHealth()
         self._innovations = InnovationMonitor(config.model)
-        self._monitor: RegistrationMonitor | None = None
+        self._registration: RegistrationMonitor | None = None
         if "registration" in settings.node["outputs"] and len(config.inputs) > 1:
-            self._monitor = RegistrationMonitor(polar_radars(config.model.radars), nominal_s)
+            self._registration = RegistrationMonitor(polar_radars(config.model.radars), nominal_s)
         self._active = False
-        self._cpu_s = 0.0
+        self._step_clock = StepClock()
         self._outputs = Outputs(node, settings, self._output_health)
-        self._patience = self._make_patience(settings.node["max_wait_s"])
+        self._max_wait_timer = self._make_max_wait_timer(settings.node["max_wait_s"])
         try:
             self._checkpoints = self._make_checkpoints()
             # Publishers discover these while the engine loads its compiled loops.
             self.inputs.subscribe(self._on_message, self._on_pose)
             monitors: list[Monitor] = [self._innovations]
-            if self._monitor is not None:
-                monitors.append(self._monitor)
+            if self._registration is not None:
+                monitors.append(self._registration)
             self._feed = Feed(config, self.inputs, monitors, self._begin)
             self._pipeline = self._feed.pipeline
         except Exception:
             self.destroy()
             raise
 
-    def _make_patience(self, seconds: float) -> Timer | None:
+    def _make_max_wait_timer(self, seconds: float) -> Timer | None:
         """Return a stopped timer for `max_wait_s`, or None if that is zero."""
         if not seconds:
             return None
-        return steady_timer(self._node, seconds, self._on_overdue, autostart=False)
+        return steady_timer(self._node, seconds, self._on_max_wait, autostart=False)
 
     def _make_checkpoints(self) -> Checkpoints | None:
         values = self._settings.node
@@ -107,14 +108,14 @@ class LiveTracker:
     def destroy(self) -> None:
         """Destroy all subscriptions, timers and publishers."""
         self.inputs.destroy()
-        if self._patience is not None:
-            self._node.destroy_timer(self._patience)
-            self._patience = None
+        if self._max_wait_timer is not None:
+            self._node.destroy_timer(self._max_wait_timer)
+            self._max_wait_timer = None
         self._outputs.destroy()
 
     def start(self) -> None:
         """Process the radars' messages from now on; earlier ones are not counted in any way."""
-        self.inputs.pause()
+        self.inputs.begin_series()
         self._active = True
 
     def stop(self) -> int:
@@ -129,16 +130,22 @@ class LiveTracker:
         self.inputs.retune(settings)
         self._pipeline.retune(settings.config.model, settings.config.rule)
         self._innovations.retune(settings.config.model)
-        if self._monitor is not None:
-            self._monitor.retune(polar_radars(settings.config.model.radars))
+        if self._registration is not None:
+            self._registration.retune(polar_radars(settings.config.model.radars))
         self._outputs.retune(settings)
 
     def flush(self) -> int:
-        """Publish all pending estimates and begin a new run; return the number of smoothed ones."""
-        start, published = time.thread_time(), 0
-        for event in self._feed.flush():
-            start = self._publish(event, start)
-            published = len(event.smoothed) if isinstance(event, RunEnded) else 0
+        """Publish all pending estimates and begin a new run.
+
+        Returns the number of messages of smoothed estimates, one for each stamp.
+        """
+        published = 0
+        with self._step_clock:
+            for event in self._feed.flush():
+                self._publish(event)
+                source = event if isinstance(event, RunEnded) else event.step
+                published += len(source.smoothed)
+            self._step_clock.discard()
         return published
 
     def save(self) -> str | None:
@@ -162,9 +169,9 @@ class LiveTracker:
         if self._checkpoints is not None:
             self._checkpoints.discard()
         self._outputs.begin_run()
-        self._pace.pause()
-        if self._patience is not None:
-            self._patience.cancel()
+        self._step_health.begin_series()
+        if self._max_wait_timer is not None:
+            self._max_wait_timer.cancel()
 
     def _on_message(
         self, index: int, reader: Reader, message: Any, info: Mapping[str, int]
@@ -173,15 +180,16 @@ class LiveTracker:
         if not self._active:
             return
         self.inputs.take_poses(lambda: self._pipeline.awaited_pose)
-        begin_s, start = time.monotonic(), time.thread_time()
+        begin_s = time.monotonic()
         health = self.inputs.radars[index]
         health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
         radar, waiting = self._settings.config.inputs[index], self._pipeline.waiting
-        events = self._feed.message(index, lambda: reader.from_msg(message, radar))
-        if events is not None:
-            health.rhythm.beat(time.monotonic())
-            closed = self._handle(events, start)
-            self._wait(new_scan=bool(closed) or not waiting)
+        with self._step_clock:
+            events = self._feed.message(index, lambda: reader.from_msg(message, radar))
+            if events is not None:
+                health.rhythm.beat(time.monotonic())
+                closed = self._handle(events)
+                self._update_max_wait_timer(new_scan=bool(closed) or not waiting)
         self._load.add(begin_s, time.monotonic())
 
     def _on_pose(self, topic: str, message: Any, info: Mapping[str, int]) -> None:
@@ -191,45 +199,41 @@ class LiveTracker:
         begin_s, frame = time.monotonic(), self._settings.config.world_frame
         health = self.inputs.platforms[topic]
         health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
-        events = self._feed.pose(topic, lambda: platform_poses.from_msg(message, frame))
-        self._wait(new_scan=bool(self._handle(events, time.thread_time())))
+        with self._step_clock:
+            events = self._feed.pose(topic, lambda: platform_poses.from_msg(message, frame))
+            self._update_max_wait_timer(new_scan=bool(self._handle(events or ())))
         self._load.add(begin_s, time.monotonic())
 
-    def _wait(self, new_scan: bool) -> None:
+    def _update_max_wait_timer(self, new_scan: bool) -> None:
         """Start the timer if a new scan waits for reports; cancel it if no scan waits."""
-        if self._patience is None:
+        if self._max_wait_timer is None:
             return
         if not self._pipeline.waiting:
-            self._patience.cancel()
+            self._max_wait_timer.cancel()
         elif new_scan:
-            self._patience.reset()
+            self._max_wait_timer.reset()
 
-    def _on_overdue(self) -> None:
+    def _on_max_wait(self) -> None:
         begin_s = time.monotonic()
-        if self._patience is not None:
-            self._patience.cancel()
-        closed = self._handle(self._feed.close_scans(), time.thread_time())
-        self._pace.closed_by_wait += closed
+        if self._max_wait_timer is not None:
+            self._max_wait_timer.cancel()
+        with self._step_clock:
+            closed = self._handle(self._feed.close_scans())
+        self._step_health.closed_by_wait += closed
         self._load.add(begin_s, time.monotonic())
 
-    def _handle(self, events: Iterator[Event], start: float) -> int:
-        """Publish the pipeline's events; return the number of scans that were stepped.
-
-        `start` is the CPU time at the receipt of the last report.
-        """
+    def _handle(self, events: Iterable[Event]) -> int:
+        """Publish the pipeline's events; return the number of scans that were stepped."""
         scans = 0
         for event in events:
-            start = self._publish(event, start)
+            self._publish(event)
             scans += isinstance(event, Stepped)
-        if not scans:
-            self._cpu_s += time.thread_time() - start
         return scans
 
-    def _publish(self, event: Event, start: float) -> float:
-        """Publish an event; return the CPU time from which the next step is counted."""
+    def _publish(self, event: Event) -> None:
         if isinstance(event, RunEnded):
             self._end_run(event)
-            return start
+            return
         step = event.step
         for filtered in step.filtered:
             self._outputs.publish(FILTERED, filtered.stamp_ns, filtered)
@@ -237,25 +241,23 @@ class LiveTracker:
             self._outputs.publish(SMOOTHED, smoothed.stamp_ns, smoothed)
         stamp_ns = event.scan.stamp_ns
         self._outputs.publish(SCAN, stamp_ns, event.scan)
-        now = time.thread_time()
-        step_ms = 1e3 * (self._cpu_s + now - start)
-        self._cpu_s = 0.0
-        now_s = time.monotonic()
-        self._pace.stepped(stamp_ns, now_s, step_ms, step.targets, step.figures)
+        step_ms = self._step_clock.take_ms()
+        self._step_health.stepped(stamp_ns, time.monotonic(), step_ms, step.targets, step.figures)
         if event.scans_without_targets:
-            self._pace.overdue = event.scans_without_targets
+            self._step_health.scans_without_targets = event.scans_without_targets
             self._node.get_logger().warning(anomalies.no_targets(event.scans_without_targets))
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
-        self._outputs.publish(STEP, stamp_ns, Done(stamp_ns, step, step_ms, self._pipeline.engine))
-        return now
+        self._outputs.publish(
+            STEP, stamp_ns, StepResult(stamp_ns, step, step_ms, self._pipeline.engine)
+        )
 
     def _end_run(self, event: RunEnded) -> None:
         """Publish the pending smoothed estimates, and begin a new run."""
         if event.reset is not None:
             limit = ", more than max_gap_scans" if event.reset.ahead else ""
             self._node.get_logger().warning(f"{event.reset}{limit}: starting again")
-            self._pace.epoch += 1
+            self._step_health.epoch += 1
         for smoothed in event.smoothed:
             self._outputs.publish(SMOOTHED, smoothed.stamp_ns, smoothed)
         self._forget_run()
@@ -266,10 +268,10 @@ class LiveTracker:
         for health, fit in zip(self.inputs.radars, self._innovations.fits(), strict=True):
             health.fit = fit
         lost, busy = self.inputs.lost_by_overload(now_s), self._load.share(now_s)
-        residuals = [] if self._monitor is None else self._monitor.mean_residuals()
+        residuals = [] if self._registration is None else self._registration.mean_residuals()
         return [
             *self.inputs.statuses(now_s),
-            self._pace.status(name, STEP_TIME_LIMIT, lost, busy),
+            self._step_health.status(name, STEP_TIME_LIMIT, lost, busy),
             self._output_health.status(name, now_s),
             *(registration_status(found, name) for found in residuals),
         ]

@@ -19,7 +19,7 @@ from std_msgs.msg import String
 from ..common.callbacks import steady_timer
 from ..common.topics import latched
 
-# Hidden from `ros2 topic list`.
+# This name is hidden from `ros2 topic list`.
 TOPIC = "~/_instance"
 # Time for which a newcomer gives way: on a busy machine discovery takes some seconds.
 NEWCOMER_S = 5.0

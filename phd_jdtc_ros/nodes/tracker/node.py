@@ -46,7 +46,7 @@ class Tracker(ManagedNode):
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("tracker")
-        # First, so that other nodes are discovered in the background meanwhile.
+        # The claim comes first, so that other nodes are discovered in the background meanwhile.
         self._claim = NameClaim(self, self._give_way)
         given = parameters.given(self, files)
         self._source = _source(given, parameters.sources(self, files))
@@ -190,7 +190,8 @@ class Tracker(ManagedNode):
             changed = tracker_node.change(self._settings, changes)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.faults))
-        # The checked values: whole numbers given for real parameters have become real numbers.
+        # These are the checked values: whole numbers given for real parameters have become real
+        # numbers.
         checked = [Parameter(name, value=changed.values[name]) for name in changes]
         result = super().set_parameters_atomically([*others, *checked])
         if result.successful:
@@ -268,12 +269,13 @@ def _source(given: Collection[str], files: Sequence[Path]) -> str:
     if files:
         return f"parameters from {', '.join(map(str, files))}"
     others = f" except {', '.join(given)}" if given else ""
-    return f"by the defaults (profile {DEFAULT_PROFILE}){others}: no parameter file is given"
+    return f"default parameters (profile {DEFAULT_PROFILE}){others}: no parameter file was given"
 
 
 def main(argv: Sequence[str]) -> int:
     """Run the tracker node."""
     files = arguments.check("tracker", __doc__, argv)
-    # Loads the default engine's compiled functions while a signal still ends the process at once.
+    # This loads the default engine's compiled functions while a signal still ends the process at
+    # once.
     importlib.import_module("phd_jdtc_ros.core.gaussian.engine")
     return runtime.run("tracker", lambda: Tracker(files), argv)

@@ -56,7 +56,7 @@ def _styles(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
     for index, variant in enumerate(contenders):
         styles[variant.name] = {
             "color": COLOURS[index % len(COLOURS)],
-            # Shifted each time the colours start again.
+            # The markers are shifted each time the colours start again.
             "marker": MARKERS[(index + index // len(COLOURS)) % len(MARKERS)],
             "linestyle": LINES[index // len(COLOURS) % len(LINES)],
             "linewidth": 2.2 if index == 0 else 1.4,

@@ -175,5 +175,5 @@ def run_on_dask(tasks: Sequence[Task], address: str, report: Report, work: Work 
             except Exception as error:
                 outcome = Outcome(futures[future], error=f"{type(error).__name__}: {error}")
             report(outcome)
-            # Frees the result's memory on the cluster.
+            # This frees the result's memory on the cluster.
             future.release()

@@ -40,7 +40,8 @@ class NumberedTracks:
 
     def initiate(self, detections: set[Part], timestamp: datetime) -> set[Part]:
         """Return new tracks."""
-        # One detection at a time, because a set of unnumbered tracks has no reproducible order.
+        # Detections are taken one at a time, because a set of unnumbered tracks has no reproducible
+        # order.
         started = (
             track
             for detection in detections

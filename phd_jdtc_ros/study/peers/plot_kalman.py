@@ -68,13 +68,7 @@ SETTINGS = Settings()
 
 
 class Plots:
-    """All plots of a run, ordered by time, as positions with covariances.
-
-    Parameters
-    ----------
-    reports : sequence of SimulatedReport
-    radars : sequence of RadarModel
-    """
+    """All plots of a run, ordered by time, as positions with covariances."""
 
     def __init__(self, reports: Sequence[SimulatedReport], radars: Sequence[RadarModel]) -> None:
         columns = [_convert(report, radars[report.radar]) for report in reports]
@@ -130,7 +124,10 @@ class Tracker:
         mean, _ = self._predict(rows, np.full(len(rows), time))
         class_id = np.zeros(len(rows), dtype=np.int64)
         return PointSet(
-            *(mean[:, POSITION], class_id, self.number[rows], mean[:, VELOCITY]),
+            mean[:, POSITION],
+            class_id,
+            track_id=self.number[rows],
+            velocity=mean[:, VELOCITY],
             coasting=time - self.time[rows] > SEEN_TURNS * self.rotations.min(),
         )
 

@@ -59,18 +59,20 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
     else:
         # The map's place on the earth is taken from the tracker's parameters.
         origin = {name: recorded[name] for name in ("world_origin",) if name in recorded}
-        if parameters.guessed(origin.get("world_origin", [])):
+        if parameters.is_assumed_place(origin.get("world_origin", [])):
             origin = {}
-            print("where the radar stands is not known: tracks have no latitudes and longitudes")
+            print("the position of the radar is unknown: tracks have no latitudes and longitudes")
         bridge = settings.resolve({**origin, **given})
         topic = names.estimates(arguments.estimates)
         radars = [radar.topic for radar in config.inputs]
         done = writing.write_tracks(bag, arguments.out, bridge, topic, radars)
-    dropped = ", ".join(f"{reason} {count}" for reason, count in sorted((+done.dropped).items()))
+    dropped = ", ".join(f"{reason} {count}" for reason, count in sorted(done.dropped.items()))
     print(
         f"{arguments.out}: {done.records} {done.what} in {done.blocks} data blocks, of "
         f"{done.clouds} clouds; dropped: {dropped or 'none'}"
     )
+    if done.out_of_range:
+        print(f"plots beyond the largest range of CAT048: {done.out_of_range}")
     if done.used >= reading.LEAST_USED:
         return OK
     print(
@@ -106,14 +108,15 @@ def _parser() -> ArgumentParser:
         "--date",
         type=_midnight,
         metavar="YYYY-MM-DD",
-        help="day of the recording, which ASTERIX does not say; that of a capture, or 1970-01-01",
+        help="day of the recording, which ASTERIX does not contain; default: the capture's day, or "
+        "1970-01-01",
     )
     parser.add_argument(
         "--port",
         type=int,
         action="append",
         default=[],
-        help="of captures: only what was sent to this UDP port; may be repeated",
+        help="of captures: only datagrams to this UDP port; may be repeated",
     )
     command.add_params_file_argument(parser)
     command.add_assignments_argument(parser)

@@ -76,7 +76,7 @@ class Converted:
                 own = " and ".join(dict.fromkeys(state.sources.values()))
                 yield (
                     f"{state.settings.name}: messages of two sources, {own} and "
-                    f"{state.other_source}: those of the second are left out"
+                    f"{state.other_source}: messages of the second are left out"
                 )
             shift_s = self.stream.clock.shift_ns.get(_number(self.stream, state), 0) * 1e-9
             if shift_s:
@@ -162,8 +162,8 @@ def convert(
         parameters.measure(found, out)
         head = (
             f"For a tracker of {path.name}, by asterix_bridge: the profile "
-            f"{parameters.PROFILE}, with what the recording says.\n"
-            "A comment says what a value is from."
+            f"{parameters.PROFILE}, adapted to the recording.\n"
+            "A comment gives the source of each changed value."
         )
         parameters.write(out / bag_parameters.NAME, head, found)
         done.hints += found.hints

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.asterix_bridge import clouds, settings
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
+from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.arrays import FloatArray
@@ -34,7 +35,7 @@ OWN_SAC = 1
 
 
 @dataclass
-class Written:
+class ConversionCounts:
     """The counts of a conversion to ASTERIX.
 
     Parameters
@@ -46,7 +47,9 @@ class Written:
     clouds, offered : int
         Number of clouds that were used, and of all clouds.
     dropped : Counter
-        Unused clouds, by reason, and ``range``: plots beyond the largest range of CAT048.
+        Number of unused clouds, by reason.
+    out_of_range : int
+        Number of plots beyond the largest range of CAT048, which are left out.
     """
 
     what: str
@@ -55,6 +58,7 @@ class Written:
     clouds: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
     offered: int = 0
+    out_of_range: int = 0
 
     @property
     def used(self) -> float:
@@ -83,7 +87,7 @@ def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
 
 def write_tracks(
     bag: BagReader, out: Path, bridge: Bridge, topic: str, radars: Sequence[str]
-) -> Written:
+) -> ConversionCounts:
     """Write the estimates of a bag as CAT062 and CAT065, predicted to the end of each period.
 
     In a gap, which may be long, outputs continue until all tracks have ended.
@@ -105,31 +109,16 @@ def write_tracks(
     output = settings.output_of(bridge, len(radars) == 1, call_signs)
     recorded = [radar for radar in radars if bag.types.get(radar) == names.CLOUD]
     period_ns = round(bridge.values["output_period_s"] * 1e9)
-    last_ns = round(settings.MAX_PREDICTION_S * 1e9) + period_ns
-    done = Written("tracks")
-    due_ns: int | None = None
+    done = ConversionCounts("tracks")
     with out.open("wb") as stream:
-
-        def put(time_ns: int) -> None:
-            found = output.datagrams(time_ns)
-            done.blocks += len(found)
-            stream.writelines(found)
-
+        periodic = _PeriodicOutput(output, stream, period_ns, done)
         for entry in bag.messages([topic, *recorded]):
             if entry.topic != topic:
                 # An unreadable cloud has no call signs; its fault is reported where it is tracked.
                 with contextlib.suppress(RejectedMessageError):
                     clouds.learn_call_signs(interfaces.decode(entry.data, names.CLOUD), call_signs)
                 continue
-            if due_ns is not None and entry.stamp_ns < output.stamp_ns:  # of a new run
-                put(due_ns)
-                due_ns = None
-            # Outputs due before this cloud are predicted from the estimates before it.
-            while due_ns is not None and due_ns < entry.stamp_ns:
-                put(due_ns)
-                due_ns += period_ns
-                if due_ns - output.stamp_ns > last_ns:
-                    due_ns = -(-entry.stamp_ns // period_ns) * period_ns
+            periodic.write_before(entry.stamp_ns)
             done.offered += 1
             try:
                 output.take(interfaces.decode(entry.data, names.CLOUD))
@@ -137,17 +126,61 @@ def write_tracks(
                 done.dropped[error.reason] += 1
                 continue
             done.clouds += 1
-            if not period_ns:
-                put(entry.stamp_ns)
-            elif due_ns is None:
-                due_ns = -(-entry.stamp_ns // period_ns) * period_ns
-        if due_ns is not None:
-            put(due_ns)
+            periodic.schedule(entry.stamp_ns)
+        periodic.finish()
     done.records = output.tracks
     return done
 
 
-def write_plots(bag: BagReader, out: Path, config: TrackerConfig, bridge: Bridge) -> Written:
+class _PeriodicOutput:
+    """Writes tracks at multiples of a period, or with each cloud of estimates if it is zero."""
+
+    def __init__(
+        self, output: TrackOutput, stream: BinaryIO, period_ns: int, done: ConversionCounts
+    ) -> None:
+        self._output, self._stream, self._done = output, stream, done
+        self._period_ns = period_ns
+        self._max_gap_ns = round(settings.MAX_PREDICTION_S * 1e9) + period_ns
+        self._due_ns: int | None = None
+
+    def write_before(self, stamp_ns: int) -> None:
+        """Write what is due before a cloud, predicted from the estimates before it.
+
+        A cloud that is older than these begins a new run.
+        """
+        if stamp_ns < self._output.stamp_ns:
+            self.finish()
+        while self._due_ns is not None and self._due_ns < stamp_ns:
+            self._write(self._due_ns)
+            self._due_ns += self._period_ns
+            if self._due_ns - self._output.stamp_ns > self._max_gap_ns:
+                self._due_ns = self._multiple_from(stamp_ns)
+
+    def schedule(self, stamp_ns: int) -> None:
+        """Write tracks with a cloud, or schedule the first output of a run."""
+        if not self._period_ns:
+            self._write(stamp_ns)
+        elif self._due_ns is None:
+            self._due_ns = self._multiple_from(stamp_ns)
+
+    def finish(self) -> None:
+        """Write the scheduled output, the last one of a run."""
+        if self._due_ns is not None:
+            self._write(self._due_ns)
+            self._due_ns = None
+
+    def _multiple_from(self, stamp_ns: int) -> int:
+        return -(-stamp_ns // self._period_ns) * self._period_ns
+
+    def _write(self, stamp_ns: int) -> None:
+        blocks = self._output.datagrams(stamp_ns)
+        self._done.blocks += len(blocks)
+        self._stream.writelines(blocks)
+
+
+def write_plots(
+    bag: BagReader, out: Path, config: TrackerConfig, bridge: Bridge
+) -> ConversionCounts:
     """Write the detections of a bag as CAT048, and the antennas' rotation as CAT034.
 
     Raises
@@ -156,7 +189,7 @@ def write_plots(bag: BagReader, out: Path, config: TrackerConfig, bridge: Bridge
         If the bag lacks a radar's topic.
     """
     bag.require({radar.topic: reader_of(radar).type_name for radar in config.inputs})
-    done = Written("plots")
+    done = ConversionCounts("plots")
     numbers = {settings.name: number for number, settings in bridge.radars.items()}
     radars = [
         _Radar(
@@ -196,7 +229,7 @@ class _Radar:
         self._number = number
         self._noise_dbm = noise_dbm
 
-    def blocks(self, bag: BagReader, done: Written) -> Iterator[tuple[int, bytes]]:
+    def blocks(self, bag: BagReader, done: ConversionCounts) -> Iterator[tuple[int, bytes]]:
         """Yield time and bytes of data blocks, in the order in which the radar would send them."""
         for entry in bag.messages([self._input.topic]):
             done.offered += 1
@@ -205,19 +238,19 @@ class _Radar:
             except RejectedMessageError as error:
                 done.dropped[error.reason] += 1
                 continue
-            pieces = self._turns.split(report.stamp_ns, report.detections, report.sector)
-            if isinstance(pieces, Rejection):
-                done.dropped[pieces.value] += 1
+            slices = self._turns.split(report.stamp_ns, report.detections, report.sector)
+            if isinstance(slices, Rejection):
+                done.dropped[slices.value] += 1
                 continue
             done.clouds += 1
-            for stamp_ns, piece in pieces:
-                plots = self._plots(stamp_ns, piece)
+            for stamp_ns, cut in slices:
+                plots = self._plots(stamp_ns, cut)
                 near = [entry for entry in plots if entry[1].distance <= plots_out.FARTHEST]
-                done.dropped["range"] += len(plots) - len(near)
+                done.out_of_range += len(plots) - len(near)
                 done.records += len(near)
-                yield from self._of_piece(stamp_ns, near, piece.coverage)
+                yield from self._blocks_of_slice(stamp_ns, near, cut.coverage)
 
-    def _of_piece(
+    def _blocks_of_slice(
         self, stamp_ns: int, plots: list[tuple[int, Plot]], coverage: Coverage | None
     ) -> Iterator[tuple[int, bytes]]:
         end_ns, azimuth = stamp_ns, 0.0
@@ -233,11 +266,11 @@ class _Radar:
             yield end_ns, plots_out.service_block(self._number, end_ns, azimuth, turn_s)
 
     def _plots(self, stamp_ns: int, found: Detections) -> list[tuple[int, Plot]]:
-        height = column(found.height, len(found), math.nan) + self._input.datum
+        height = filled_column(found.height, len(found), math.nan) + self._input.datum
         slant, azimuth = self._slant_ranges(found.measurement, height)
         azimuth = 0.5 * math.pi - azimuth - self._yaw
         plots = plots_of(found, self._number, slant, azimuth, height, self._noise_dbm)
-        own_s = column(found.time_s, len(found), 0.0).tolist()
+        own_s = filled_column(found.time_s, len(found), 0.0).tolist()
         return [
             (stamp_ns + round(time_s * 1e9), plot)
             for time_s, plot in zip(own_s, plots, strict=True)
@@ -255,7 +288,7 @@ class _Radar:
         return self._site.to_slant(distance, azimuth, np.where(np.isnan(height), supposed, height))
 
 
-def column(values: Any, count: int, unknown: float) -> Any:
+def filled_column(values: Any, count: int, unknown: float) -> Any:
     """Return an optional column of detections, filled with `unknown` if it is None."""
     return np.full(count, unknown) if values is None else values
 
@@ -280,19 +313,33 @@ def plots_of(
         Noise level; NaN leaves amplitudes out.
     """
     plots = []
-    for distance, turned, above, level, code, address, kind in zip(
+    for distance, clockwise, above, level, code, address, kind in zip(
         slant.tolist(),
         azimuth.tolist(),
         height.tolist(),
-        column(found.amplitude, len(found), math.nan).tolist(),
-        *(column(c, len(found), UNKNOWN) for c in (found.code, found.address, found.kind)),
+        filled_column(found.amplitude, len(found), math.nan).tolist(),
+        *(filled_column(c, len(found), UNKNOWN) for c in (found.code, found.address, found.kind)),
         strict=True,
     ):
         replied = code != UNKNOWN or address != UNKNOWN
-        supposed = COMBINED if replied else PRIMARY
         dbm = 20.0 * math.log10(level / math.sqrt(2.0)) + noise_dbm if level > 0.0 else math.nan
-        sensor = supposed if kind == UNKNOWN else int(kind)
+        sensor = int(kind)
+        if kind == UNKNOWN:
+            sensor = COMBINED if replied else PRIMARY
         mode_a, mode_s = (NONE if value == UNKNOWN else int(value) for value in (code, address))
-        where = number, NONE, DAY, distance, turned, above
-        plots.append(Plot(*where, mode_a, mode_s, sensor, dbm, math.nan))
+        plots.append(
+            Plot(
+                radar=number,
+                time_of_day=NONE,
+                period=DAY,
+                distance=distance,
+                azimuth=clockwise,
+                height=above,
+                code=mode_a,
+                address=mode_s,
+                kind=sensor,
+                primary_dbm=dbm,
+                secondary_dbm=math.nan,
+            )
+        )
     return plots

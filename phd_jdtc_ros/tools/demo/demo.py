@@ -174,7 +174,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument(
         "--out",
         type=Path,
-        help="directory; out/demo, with the names of what is given: out/demo_PROFILE_BAG_ENGINE",
+        help="directory; default: out/demo, or out/demo_PROFILE_BAG_ENGINE with the given names",
     )
     command.add_cutoff_argument(parser)
     command.add_parameter_arguments(parser)

@@ -52,7 +52,8 @@ class Processes:
         stopped = [self._running[name] for name in names]
         for process in stopped:
             if process.poll() is None:
-                # Not SIGINT, which background jobs of a script ignore, with their children.
+                # The signal is not SIGINT, which background jobs of a script ignore, with their
+                # children.
                 process.terminate()
         for process in stopped:
             try:
@@ -101,7 +102,7 @@ class Processes:
                 print(f"demo: {ended[0]} ended early\n{self._tail(ended[0])}", file=sys.stderr)
                 return False
             if deadline and time.monotonic() > deadline:
-                # Stopped first, so that its log ends with the reason.
+                # The process is stopped first, so that its log ends with the reason.
                 self._stop(name)
                 print(f"demo: {name} did not finish\n{self._tail(name)}", file=sys.stderr)
                 return False

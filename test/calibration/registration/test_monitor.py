@@ -38,7 +38,7 @@ def test_radars_without_bias_have_no_significant_residuals():
     for found in monitored(SCANS):
         assert found.residuals > LEAST
         assert found.significant == (False, False)
-        # What is seen is noise, and sigma says of what size.
+        # The residuals are noise, whose size is sigma.
         assert (np.abs(found.mean) < 4.0 * found.sigma).all()
         assert (found.sigma < RADARS[0].noise_std).all()
 

@@ -13,7 +13,8 @@ from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationErr
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 
 TRUE = SensorBias(80.0, 0.0, -np.radians(0.3), 0.5)
-# Of four minutes of fifteen aircraft: those of twenty minutes of fifty are a quarter of these.
+# Bounds for four minutes of fifteen aircraft; those for twenty minutes of fifty are a quarter of
+# these.
 BOUNDS = np.array([32.0, 5e-4, np.radians(0.04), 0.15])
 
 

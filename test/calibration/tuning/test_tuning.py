@@ -193,7 +193,7 @@ def test_one_target_is_one_track_through_misses():
     probability = detection_probability(plots, SECONDS, tracks)
     assert probability.value == pytest.approx(57 / 60, abs=0.03)
     assert clutter_rate(plots, SECONDS, tracks).value == pytest.approx(3.0, abs=0.15)
-    # Of what is not on land, where a map of clutter is proposed.
+    # Only the plots that are not on land count, where a map of clutter is proposed.
     sea = np.arange(0, len(plots), 3)
     assert clutter_rate(plots, SECONDS, tracks, sea).value == pytest.approx(1.0, abs=0.05)
 

@@ -326,7 +326,7 @@ def test_slow_ships_do_not_hide_behind_their_own_detections(engine):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_ships_alone_at_sea_are_reported_at_once_and_a_quay_is_not(engine):
     quay, ships = followed(engine, 16, course=(SLOW_START, SLOW_VELOCITY), **MAPPED)
-    # From the second detection on.
+    # The ships are tracked from the second detection on.
     assert ships[1:6].min() == 3
     assert quay.sum() < 60
 

@@ -145,7 +145,7 @@ def test_detections_with_range_rates_get_the_velocity_of_the_radar():
     mount = Mount((0.0, 3.0), 0.3)
     poses = track(*((0.05 * k, 0.5 * k, 0.0, 0.01 * k) for k in range(9)))
     found, _ = Platform(poses, mount).with_pose(round(0.2 * S), rated([1.0]))
-    # Of the turn, the velocity to the right of what is to the left is backwards.
+    # By the turn, the velocity to the right of a place to the left is backwards.
     assert found.pose.velocity == pytest.approx((10.0 - 0.2 * 3.0, -0.2 * 3.0 * 0.03), abs=0.02)
     assert found.range_rate.tolist() == [1.0]
 

@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 GRID_S = 0.02
-# So many turns after the antenna or its clock did something, coverages must be right again.
+# Turns after a change of the antenna or its clock by which coverages must be right again.
 SETTLED_TURNS = 4.0
 
 

@@ -159,7 +159,7 @@ def test_diffusion_over_the_cells_has_the_variance_of_the_jitter(intervals):
     cells = Memory(jitter).cells(MODES)
     matrix = cells.transition(intervals * MODES.interval_s)
     for class_id in (0, 1):
-        # From the middle cell, so that the edges of the band are far.
+        # The row is that of the middle cell, so that the edges of the band are far.
         row = matrix[class_id * CELLS + CELLS // 2]
         away = cells.log_snr - cells.log_snr[class_id * CELLS + CELLS // 2]
         assert row @ away == pytest.approx(0.0, abs=1e-9)

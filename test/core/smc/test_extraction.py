@@ -113,7 +113,7 @@ def test_components_covariance_counts_the_effective_particles_and_two_as_drawn()
 
 def test_target_with_one_particle_left_is_as_uncertain_as_before():
     rng = np.random.default_rng(1)
-    # What later scans exclude keeps its row, with next to no weight.
+    # Rows that later scans exclude are kept, with next to no weight.
     state, weight = rng.normal(0.0, 10.0, (400, 5)), np.full(400, 1e-200)
     weight[7] = 1.0
     found = extract(intensity(state, np.zeros(400), components=weight[:, None]))

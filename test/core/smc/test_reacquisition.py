@@ -51,7 +51,7 @@ def test_strays_have_the_evidence_of_the_manoeuvre_that_leads_to_the_detection()
     expected = MEAN[[0, 2]] + TIME_S * MEAN[[1, 3]]
     spread = seen.covariance[0] + manoeuvre(np.array([SINCE_S]), model).position[0] * np.eye(2)
     evidence = multivariate_normal(expected, spread).pdf(seen.position[0])
-    # Of 4096 draws: the deviation of their mean is some per cent.
+    # The deviation of the mean of 4096 draws is some per cent.
     assert found == pytest.approx(PROBABILITY * EXISTENCE * evidence, rel=0.1)
 
 

@@ -24,7 +24,7 @@ TWO_CLASSES = space(
     [[0.8, 0.2], [0.2, 0.8]], [[0.9, 0.08, 0.02], [0.1, 0.8, 0.1], [0.05, 0.05, 0.9]]
 )
 
-# In tenths of a second: an interval a millionth off the nominal one counts as it.
+# Intervals are tenths of a second, because one a millionth off the nominal one counts as it.
 intervals = st.integers(1, 600).map(lambda tenths: tenths / 10.0)
 
 

@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-import estimate_sets
 import numpy as np
 import pytest
 from inner import resolve
 from scenes import seen_with
+from track_inputs import MODEL, estimates_of, scan_of
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -26,32 +26,10 @@ from phd_jdtc_ros.core.types import (
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-REFERENCE = resolve({})
-MODEL = REFERENCE.model
 SECOND = 1_000_000_000
 INTERVAL = 6 * SECOND
-# What a target of the second class, with detection probability 0.88, keeps that both radars miss.
+# Survival probability of a target of the second class, with detection probability 0.88.
 SURVIVAL = 0.99
-
-
-def scan_of(stamp_ns, model=MODEL):
-    empty = Detections(np.zeros((0, 2)), np.zeros(0))
-    return Scan(stamp_ns, tuple(empty for _ in model.radars))
-
-
-def estimates(stamp_ns, found, class_id=1, lag=0, model=MODEL):
-    """Return estimates at 5 km of {track: existence probability}."""
-    count, space = len(found), model.modes.space
-    return estimate_sets.estimates(
-        np.tile(space.state((5e3, 0.0), (0.0, 0.0), 0.0), (count, 1)),
-        np.zeros((len(space), len(space))),
-        np.array([*found.values()], dtype=float),
-        stamp_ns=stamp_ns,
-        lag=lag,
-        class_probability=np.eye(len(model.modes.classes))[np.full(count, class_id)],
-        class_id=np.full(count, class_id),
-        track_id=np.array([*found], dtype=np.int64),
-    )
 
 
 class Tracks:
@@ -66,7 +44,7 @@ class Tracks:
         self.index += 1
         stamp_ns = self.index * INTERVAL
         given = {int(name[1:]): weight for name, weight in found.items()}
-        every = estimates(stamp_ns, given, self.class_id, model=self.model)
+        every = estimates_of(stamp_ns, given, self.class_id, model=self.model)
         every = every.take(np.flatnonzero(every.weight > self.states.rule.least))
         touched = np.array([*given], dtype=np.int64) - 1
         held = [(self.index - back) * INTERVAL for back in range(2)]
@@ -88,8 +66,8 @@ def beyond(model):
     return replace(model, radars=tuple(radars))
 
 
-# Of a target of the second class, which both radars miss.
-MISSED = float(missed_by_all(estimates(0, {1: 1.0}), scan_of(0), MODEL)[0])
+# Probability that both radars miss a target of the second class.
+MISSED = float(missed_by_all(estimates_of(0, {1: 1.0}), scan_of(0), MODEL)[0])
 KEPT = after_a_miss(0.9999, MISSED)
 
 
@@ -150,7 +128,7 @@ def test_a_track_that_no_radar_can_see_is_reported_for_as_long_as_the_limit():
 def test_a_limit_of_coasting_is_no_limit_where_radars_can_see_the_track():
     tracks = Tracks(model=seen_with(MODEL, 0.3), coasting_scans=1.0)
     tracks.add(t1=0.9999)
-    missed = float(missed_by_all(estimates(0, {1: 1.0}), scan_of(0), tracks.model)[0])
+    missed = float(missed_by_all(estimates_of(0, {1: 1.0}), scan_of(0), tracks.model)[0])
     weights = [0.9999]
     for _ in range(4):
         weights.append(after_a_miss(weights[-1], missed))
@@ -248,7 +226,7 @@ def test_unlabelled_estimates_are_reported_above_one_threshold():
     assert given.rule.least == given.rule.least_smoothed == 0.7
     assert (given.rule.delete == 0.7).all()
     states = TrackStates(config.rule)
-    found = estimates(SECOND, {0: 0.6})
+    found = estimates_of(SECOND, {0: 0.6})
     assert states.report_filtered(found, np.zeros(0), (), scan_of(SECOND), MODEL) is found
     assert states.report_smoothed(found) is found
     assert found.track_state.tolist() == [CONFIRMED]
@@ -261,7 +239,7 @@ def test_smoothed_targets_are_reported_back_to_where_they_begin_to_exist():
     states = []
     for index, weight in enumerate((0.25, 0.99, 0.99, 0.99, 0.99), start=1):
         found = tracks.states.report_smoothed(
-            estimates(index * INTERVAL, {1: weight, 2: 0.99}, lag=4)
+            estimates_of(index * INTERVAL, {1: weight, 2: 0.99}, lag=4)
         )
         states.append(dict(zip(found.track_id.tolist(), found.track_state.tolist(), strict=True)))
     # The second track was never confirmed; the first was deleted with the last scan.
@@ -314,7 +292,7 @@ def test_restored_states_go_on():
     assert first.add(t1=0.4, t2=0.45) == second.add(t1=0.4, t2=0.45)
     stamp_ns = 2 * INTERVAL
     ours, theirs = (
-        t.states.report_smoothed(estimates(stamp_ns, {1: 0.9, 2: 0.9})) for t in (first, second)
+        t.states.report_smoothed(estimates_of(stamp_ns, {1: 0.9, 2: 0.9})) for t in (first, second)
     )
     np.testing.assert_array_equal(ours.track_state, theirs.track_state)
 
@@ -349,19 +327,19 @@ def test_records_are_of_the_tracks_in_the_order_of_their_labels():
 
 
 def test_missed_by_all_counts_the_radars_that_reported_and_the_azimuths_they_passed():
-    one = float(missed_by_all(estimates(0, {1: 1.0}), replace_report(1, None), MODEL)[0])
+    one = float(missed_by_all(estimates_of(0, {1: 1.0}), replace_report(1, None), MODEL)[0])
     assert one == pytest.approx(np.sqrt(MISSED))
     behind = Detections(np.zeros((0, 2)), None, coverage=Coverage(0.5 * np.pi, np.pi))
-    assert missed_by_all(estimates(0, {1: 1.0}), replace_report(1, behind), MODEL)[0] == one
+    assert missed_by_all(estimates_of(0, {1: 1.0}), replace_report(1, behind), MODEL)[0] == one
 
 
 def test_missed_by_all_is_of_where_a_radar_that_moves_is_then():
     far = Pose((5e3 + 2.0 * MODEL.radars[1].max_range, 0.0), 0.0)
     away = Detections(np.zeros((0, 2)), None, pose=far)
-    one = float(missed_by_all(estimates(0, {1: 1.0}), replace_report(1, None), MODEL)[0])
-    assert missed_by_all(estimates(0, {1: 1.0}), replace_report(1, away), MODEL)[0] == one
+    one = float(missed_by_all(estimates_of(0, {1: 1.0}), replace_report(1, None), MODEL)[0])
+    assert missed_by_all(estimates_of(0, {1: 1.0}), replace_report(1, away), MODEL)[0] == one
     near = replace(away, pose=Pose((5e3, 100.0), 0.0))
-    assert missed_by_all(estimates(0, {1: 1.0}), replace_report(1, near), MODEL)[0] < one
+    assert missed_by_all(estimates_of(0, {1: 1.0}), replace_report(1, near), MODEL)[0] < one
 
 
 def replace_report(index, report):
@@ -388,89 +366,8 @@ def test_engines_report_a_missed_target_as_coasting(engine):
         states.append(dict(zip(found.track_id.tolist(), found.track_state.tolist(), strict=True)))
     assert len(states[8]) == 3
     assert set(states[8].values()) == {CONFIRMED}
-    # Those of high signal-to-noise ratio are never missed, so these are gone.
+    # Targets of high signal-to-noise ratio are never missed, so these are gone.
     assert list(states[9].values()) == [COASTING]
     assert states[9].keys() < states[8].keys()
     (track,) = states[9]
     assert states[10][track] == CONFIRMED
-
-
-# One radar with a map of clutter; targets are born at detections, at up to 10 m/s.
-COAST = {
-    "sensors": ["mast"],
-    "births": [],
-    "interval_s": 2.5,
-    "detection_births.rates": [0.02, 0.02],
-    "detection_births.velocity_std": 5.0,
-    "mast.clutter_map": True,
-    "mast.clutter_rate": 1.0,
-    "mast.clutter_map_speed": 2.5,
-}
-
-
-def moving(states, model, stamp_ns, speed, std):
-    """Return the state of a certain track with such a velocity, if it is reported."""
-    found = estimates(stamp_ns, {1: 0.999}, model=model)
-    state, covariance = found.state.copy(), found.covariance.copy()
-    axes = list(model.modes.space.velocity)
-    state[:, axes] = [speed, 0.0]
-    covariance[:, axes, axes] = std**2
-    found = replace(found, state=state, covariance=covariance)
-    reported = states.report_filtered(found, np.array([0]), [], scan_of(stamp_ns, model), model)
-    return reported.track_state.tolist()
-
-
-# Unknown, moving, unknown again, at rest, moving again.
-VELOCITIES = [(0.0, 5.0), (6.0, 2.0), (2.5, 4.0), (0.3, 0.5), (4.0, 0.5)]
-
-
-def states_by_scan(model):
-    """Return whether a track with these velocities is reported, scan by scan."""
-    states = TrackStates(rule_of(model, True))
-    return [
-        bool(moving(states, model, (index + 1) * SECOND, *velocity))
-        for index, velocity in enumerate(VELOCITIES)
-    ]
-
-
-def with_answers(model, answers):
-    """Return the model with a map of a quay at 5 km, of reflectors that answer every turn."""
-    (radar,) = model.radars
-    places = radar.clutter_map
-    azimuth = 2.0 * np.pi / places.grid.columns * (4 + np.arange(answers))
-    seen = np.stack([np.full(answers, 5e3), azimuth], axis=1)
-    for _ in range(4):
-        places = places.after(seen, radar.to_world(seen), np.ones(answers), 1.0)
-    return replace(model, radars=(replace(radar, clutter_map=places),))
-
-
-@pytest.mark.parametrize(
-    ("given", "expected"),
-    [
-        ({}, [True, True, True, False, True]),
-        ({"mast.clutter_map": False}, [True] * 5),
-        ({"mast.clutter_map_speed": 0.0}, [True] * 5),
-    ],
-)
-def test_where_there_is_a_map_of_clutter_tracks_at_rest_are_not_reported(given, expected):
-    assert states_by_scan(resolve({**COAST, **given}).model) == expected
-
-
-@pytest.mark.parametrize(
-    ("given", "expected"),
-    [({}, [False, True, False, False, True]), ({"mast.clutter_map_speed": 0.0}, [True] * 5)],
-)
-def test_among_reflectors_only_tracks_in_evident_motion_are_reported(given, expected):
-    model = resolve({**COAST, **given}).model
-    assert states_by_scan(with_answers(model, 5)) == expected
-    # One reply beside it makes no quay.
-    alone = states_by_scan(model)
-    assert states_by_scan(with_answers(model, 1)) == alone
-
-
-def test_a_radar_that_does_not_see_a_place_leaves_its_neighbourhood():
-    near = with_answers(resolve(COAST).model, 5)
-    far = {"far.clutter_map": True, "far.position": [6e4, 0.0], "far.max_range": 2e4}
-    both = resolve({**COAST, **far, "sensors": ["mast", "far"]}).model
-    both = replace(both, radars=(near.radars[0], both.radars[1]))
-    assert states_by_scan(both) == states_by_scan(near)

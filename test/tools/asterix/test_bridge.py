@@ -47,8 +47,8 @@ def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
         f"{out}: 96 clouds, 12 plots",
         "radar_1_2: 12 plots, 97 service messages, 96 clouds, a turn of 4.0000 s",
         "left out: none",
-        "where radar_1_2 stands is not known: shapes and distances are right on the round earth, "
-        "latitudes and longitudes are not; set radar_1_2.geodetic and world_origin",
+        "the position of radar_1_2 is unknown: shapes and distances are right on the round earth, "
+        "but latitudes and longitudes are wrong; set radar_1_2.geodetic and world_origin",
         "radar_1_2: its noise cannot be estimated from 300 s of plots; that of the profile "
         "air_traffic is used",
     ]
@@ -155,7 +155,7 @@ def test_wrong_clock_and_second_source_are_reported(bridge):
     assert "radar_1_2: its clock is -1000.0 s off, and was shifted" in said.out
     assert (
         "radar_1_2: messages of two sources, 10.0.0.1 to 239.1.1.1:8600 and 10.0.0.2 to "
-        "239.1.1.1:8600: those of the second are left out"
+        "239.1.1.1:8600: messages of the second are left out"
     ) in said.out
 
 
@@ -220,7 +220,7 @@ def test_what_is_no_recording_is_refused(bridge):
     [
         (["--date", "22.11.2026"], "22.11.2026 given, must be a date such as 2026-11-22"),
         (["-p", "sectors:=30"], "sectors: 30 given, must be a multiple of 4"),
-        (["-p", "radars:=[a, b]"], "b.source: 0/0 given, is that of a too"),
+        (["-p", "radars:=[a, b]"], "b.source: 0/0 given, a has it too"),
         (["-p", "sektors:=30"], "sektors: unknown parameter"),
     ],
 )

@@ -193,14 +193,14 @@ def test_bag_of_the_bridge_is_tracked_with_nothing_set(bridged, tmp_path):
 def test_unknown_position_is_guessed_and_reported(bare):
     _, printed, given = bare
     assert given["world_origin"] == given["radar_1_2.geodetic"] == [0.0, 0.0, 0.0]
-    assert "where radar_1_2 stands is not known" in printed
+    assert "the position of radar_1_2 is unknown" in printed
 
 
 def test_files_of_tracks_flag_a_guessed_position(bare, tmp_path, capsys):
     bag, _, _ = bare
     tracked, csv = tmp_path / "tracked", tmp_path / "tracks.csv"
     assert run("track_bag", [str(bag), "--out", str(tracked), "--csv", str(csv)]) == 0
-    assert "latitudes and longitudes are not true" in capsys.readouterr().err
+    assert "latitudes and longitudes are wrong" in capsys.readouterr().err
 
 
 def test_given_or_reported_position_is_used(bridged):
@@ -209,10 +209,10 @@ def test_given_or_reported_position_is_used(bridged):
     _, _, said, given = bridged(data, *names_, "-p", "a.geodetic:=[50.0, 8.0, 90.0]", out="given")
     assert given["a.geodetic"] == [50.0, 8.0, 90.0]
     assert given["world_origin"] == [50.0, 8.0, 0.0]
-    assert "is not known" not in said.out
+    assert "is unknown" not in said.out
     _, _, said, given = bridged(made.site(48.5, 11.25, 450.0) + data, out="said")
     assert given["radar_1_2.geodetic"] == pytest.approx([48.5, 11.25, 450.0], abs=1e-4)
-    assert "is not known" not in said.out
+    assert "is unknown" not in said.out
 
 
 def test_radars_of_unknown_places_are_not_tracked_together(bridged, tmp_path):
@@ -220,7 +220,7 @@ def test_radars_of_unknown_places_are_not_tracked_together(bridged, tmp_path):
     _, other = sweep(60.0, 5.0, targets(4, 100e3), radar=0x0103)
     _, bag, said, given = bridged(one + other)
     assert given["sensors"] == ["radar_1_2"]
-    assert "radar_1_3: cannot be placed relative to radar_1_2" in said.out
+    assert "radar_1_3: not tracked, because its position is unknown or too far" in said.out
     assert "    # radar_1_3:" in (bag / bag_parameters.NAME).read_text()
 
 

@@ -54,7 +54,7 @@ def split_into_strata(
         of[begin[large, None] + (np.arange(PROBES) * number[large, None]) // PROBES]
         for of, begin, number in zip(order, first, size, strict=True)
     ]
-    pairs = _near_share(kernel, modes, earlier, later, probe[0], probe[1], radius) * size[1][large]
+    pairs = _near_share(kernel, modes, later, probe[0], probe[1], radius) * size[1][large]
     strata = np.ones(count, dtype=np.int64)
     strata[large] = np.where(pairs > DENSE, pairs / LEFT, 1.0).astype(np.int64)
     base = np.cumsum(strata) - strata
@@ -86,7 +86,6 @@ def _dealt(group: IntArray, weight: FloatArray, strata: IntArray) -> IntArray:
 def _near_share(
     kernel: TransitionDensity,
     modes: ModeSpace,
-    earlier: ParticleSet,
     later: ParticleSet,
     row: IntArray,
     source: IntArray,

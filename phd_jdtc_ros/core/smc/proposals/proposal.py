@@ -101,7 +101,8 @@ def _densities(
 ) -> FloatArray:
     """Return N(z_j; x_i, C_j) of every detection and state, zero outside the gate; (M, N)."""
     inverse = np.linalg.inv(covariance)
-    # Written out by axes: products of many 2 x 2 matrices cost several times as much.
+    # The products are written out by axes, because many 2 x 2 matrix products cost several times as
+    # much.
     east, north = (
         seen.position[:, axis, None] - state[:, place] - np.outer(seen.time_s, state[:, speed])
         for axis, (place, speed) in enumerate(

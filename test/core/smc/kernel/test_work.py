@@ -24,7 +24,8 @@ def tracked(targets, per_target, corrector="poisson", spacing=SPACING):
     model = small().model
     rng = np.random.default_rng(targets)
     mode = np.repeat(np.arange(targets) % 4, per_target)
-    # In a square, so that a search over one coordinate only would find rows of other targets.
+    # The targets are in a square, so that a search over one coordinate would find rows of other
+    # targets.
     side = int(np.ceil(np.sqrt(targets)))
     place = np.repeat(np.arange(targets), per_target)
     centre = np.zeros((len(place), 5))

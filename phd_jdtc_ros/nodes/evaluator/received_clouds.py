@@ -19,7 +19,7 @@ LINGER_S = 0.5
 
 
 @dataclass
-class Coverage:
+class ReceivedClouds:
     """Counts the clouds of the truth and of the estimates.
 
     Parameters
@@ -56,11 +56,12 @@ class Coverage:
         """Return the reason for which no scan has been scored."""
         found = sum(map(self._count, SOURCES))
         if not self.received[self.truth] and not found:
-            return f"nothing is scored: neither truth on {self.truth} nor estimates came"
+            return f"nothing is scored: neither truth on {self.truth} nor estimates were received"
         if not self.received[self.truth]:
-            return f"nothing is scored: no truth came on {self.truth}"
+            return f"nothing is scored: no truth was received on {self.truth}"
         if not found:
-            return f"nothing is scored: no estimates came on {' or '.join(self.estimates.values())}"
+            topics = " or ".join(self.estimates.values())
+            return f"nothing is scored: no estimates were received on {topics}"
         return self._no_common_time()
 
     def gaps(self, evaluation: Evaluation) -> Iterator[str]:
@@ -71,11 +72,11 @@ class Coverage:
                 yield f"{missing} of {evaluation.truth_scans} scans have no {source} estimates"
         for topic, numbers in sorted(self._numbers.items()):
             if numbers.lost:
-                yield f"{numbers.lost} messages on {topic} were lost on the way here"
+                yield f"{numbers.lost} messages on {topic} were lost on the way"
         for topic, count in sorted(self.refused.items()):
-            yield f"{count} clouds on {topic} did not fit"
+            yield f"{count} clouds on {topic} were rejected"
         if evaluation.repeated:
-            yield f"{evaluation.repeated} clouds had a stamp that was there already"
+            yield f"{evaluation.repeated} clouds repeated a stamp"
 
     def _count(self, source: str) -> int:
         return self.received[self.estimates[source]]

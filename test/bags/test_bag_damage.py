@@ -1,0 +1,179 @@
+import random
+
+import lz4.frame
+import pytest
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.reader import make_reader
+from mcap.records import Chunk, ChunkIndex
+from mcap.writer import Writer
+from small_bags import (
+    RADAR,
+    outcome,
+    printed,
+)
+
+from msg_adapters import interfaces, names
+from phd_jdtc_ros.bags.reader import BagReader
+
+TRIALS = 150
+
+
+def summary(path):
+    """Return a bag's metadata."""
+    reader = BagReader(path)
+    return reader.types, reader.counts, reader.start_ns, reader.end_ns
+
+
+def hidden(source, data, original, file):
+    """Return how a damaged copy of a bag misleads its reader, or None."""
+    file.write_bytes(data)
+    found, error = outcome(file)
+    if error is not None and not error.corrupt:
+        return f"not called corrupt: {error}"
+    if error is not None and "\n" in str(error):
+        return f"more than a line: {error}"
+    rest = iter(original)
+    if not all(entry in rest for entry in found):  # an ordered part of what was recorded
+        return "other messages than recorded"
+    if error is None and len(found) < len(original):
+        return f"only {len(found)} of {len(original)} messages and no error"
+    if error is None and summary(file) != summary(source):
+        return "another summary than recorded"
+    return None
+
+
+def hidden_flips(source, original, offsets, rng, file):
+    """Return where a flipped byte misleads the reader, and how."""
+    whole = source.read_bytes()
+    wrong = {}
+    for offset in offsets:
+        data = bytearray(whole)
+        data[offset] ^= rng.randrange(1, 256)
+        wrong[offset] = hidden(source, data, original, file)
+    return {offset: how for offset, how in wrong.items() if how}
+
+
+def index_offsets(file):
+    """Return the offsets of the bytes of a summary's records that are no schemas."""
+    data = file.read_bytes()
+    end = len(data) - 8
+    position = int.from_bytes(data[end - 20 : end - 12], "little")  # the footer's summary_start
+    offsets = []
+    while position < end:
+        size = 9 + int.from_bytes(data[position + 1 : position + 9], "little")
+        if data[position] != Opcode.SCHEMA:
+            offsets += range(position, position + size)
+        position += size
+    return offsets
+
+
+@pytest.fixture(params=["one_chunk", "small_chunks"])
+def source(request, bag, small_chunks):
+    return small_chunks if request.param == "small_chunks" else bag / "recording_0.mcap"
+
+
+def test_reader_never_hides_a_truncation(source, original, tmp_path):
+    whole = source.read_bytes()
+    rng = random.Random(11)
+    tail = range(len(whole) - 40, len(whole))
+    wrong = {}
+    for length in {*range(48), *tail, *(rng.randrange(len(whole)) for _ in range(TRIALS))}:
+        file = tmp_path / "cut.mcap"
+        wrong[length] = hidden(source, whole[:length], original, file)
+        if not wrong[length] and outcome(file)[1] is None:
+            wrong[length] = "no error"
+    assert not {length: how for length, how in wrong.items() if how}
+
+
+def test_reader_never_hides_a_flipped_byte(source, original, tmp_path):
+    rng = random.Random(12)
+    size = source.stat().st_size
+    offsets = [rng.randrange(size) for _ in range(TRIALS)]
+    assert not hidden_flips(source, original, offsets, rng, tmp_path / "flipped.mcap")
+
+
+def test_reader_never_hides_a_flipped_byte_of_the_index(source, original, tmp_path):
+    rng = random.Random(13)
+    offsets = rng.sample(index_offsets(source), 2 * TRIALS)
+    assert not hidden_flips(source, original, offsets, rng, tmp_path / "flipped.mcap")
+
+
+@pytest.mark.parametrize("damage", ["a flipped byte", "its end"])
+def test_reader_yields_the_whole_chunks_before_damage(small_chunks, original, tmp_path, damage):
+    with small_chunks.open("rb") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+    data, middle = bytearray(small_chunks.read_bytes()), chunks[len(chunks) // 2]
+    place = middle.chunk_start_offset + middle.chunk_length // 2
+    if damage == "its end":
+        del data[place:]
+    else:
+        data[place] ^= 0x10
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    found, error = outcome(tmp_path / "damaged.mcap")
+    assert error is not None
+    assert error.corrupt
+    whole = [entry for entry in original if entry.log_time_ns < middle.message_start_time]
+    assert len(whole) > 3
+    assert found[: len(whole)] == whole
+
+
+BOMB_SIZE = 2**29
+
+
+def packed(compression):
+    """Return `BOMB_SIZE` bytes, one record of an unknown kind, compressed."""
+    head = b"\x80" + (BOMB_SIZE - 9).to_bytes(8, "little")
+    if compression == "zstd":
+        packer = zstandard.ZstdCompressor(level=1).compressobj(size=BOMB_SIZE)
+        begin, pack, end = b"", packer.compress, packer.flush
+    else:
+        packer = lz4.frame.LZ4FrameCompressor()
+        begin, pack, end = packer.begin(), packer.compress, packer.flush
+    parts = [begin, pack(head + bytes(2**20 - 9))]
+    parts += [pack(bytes(2**20)) for _ in range(BOMB_SIZE // 2**20 - 1)]
+    return b"".join([*parts, end()])
+
+
+def bomb(file, compression, declared):
+    """Write a bag whose only chunk is small and unpacks to `BOMB_SIZE` bytes."""
+    data = packed(compression)
+    with file.open("wb") as stream:
+        writer = Writer(stream, use_chunking=False)
+        writer.start("ros2")
+        definition = interfaces.definition(names.CLOUD).encode()
+        schema = writer.register_schema(names.CLOUD, "ros2msg", definition)
+        writer.register_channel(RADAR, "cdr", schema)
+        offset = stream.tell()
+        record = RecordBuilder()
+        Chunk(compression, data, 2, 1, 0, declared).write(record)
+        chunk = record.end()
+        stream.write(chunk)
+        writer._Writer__chunk_indices.append(
+            ChunkIndex(len(chunk), offset, compression, len(data), 2, 0, {}, 1, declared)
+        )
+        writer.finish()
+
+
+@pytest.mark.parametrize("declared", [BOMB_SIZE, 1000], ids=["honest", "lying"])
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_reader_of_a_bomb_stays_within_its_memory(tmp_path, compression, declared):
+    file = tmp_path / "bomb.mcap"
+    bomb(file, compression, declared)
+    assert file.stat().st_size < BOMB_SIZE // 100
+    script = r"""
+        import re, sys
+        from pathlib import Path
+        from phd_jdtc_ros.bags.errors import BagError
+        from phd_jdtc_ros.bags.reader import BagReader
+        try:
+            print(len(list(BagReader(Path(sys.argv[1])).messages())))
+        except BagError as error:
+            print(error.corrupt)
+        # Unlike ru_maxrss, which a child inherits, this is the process's own peak.
+        print(re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())[1])
+    """
+    found, kilobytes = printed(script, file).split()
+    assert int(kilobytes) <= 256 * 1024
+    assert found == "True"

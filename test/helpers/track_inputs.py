@@ -1,0 +1,30 @@
+"""Scans and estimates for the states of tracks: by default two radars without detections."""
+
+import estimate_sets
+import numpy as np
+from inner import resolve
+
+from phd_jdtc_ros.core.types import Detections, Scan
+
+MODEL = resolve({}).model
+
+
+def scan_of(stamp_ns, model=MODEL):
+    """Return a scan in which no radar detects anything."""
+    empty = Detections(np.zeros((0, 2)), np.zeros(0))
+    return Scan(stamp_ns, tuple(empty for _ in model.radars))
+
+
+def estimates_of(stamp_ns, found, class_id=1, lag=0, model=MODEL):
+    """Return estimates at 5 km of {track: existence probability}."""
+    count, space = len(found), model.modes.space
+    return estimate_sets.estimates(
+        np.tile(space.state((5e3, 0.0), (0.0, 0.0), 0.0), (count, 1)),
+        np.zeros((len(space), len(space))),
+        np.array([*found.values()], dtype=float),
+        stamp_ns=stamp_ns,
+        lag=lag,
+        class_probability=np.eye(len(model.modes.classes))[np.full(count, class_id)],
+        class_id=np.full(count, class_id),
+        track_id=np.array([*found], dtype=np.int64),
+    )
