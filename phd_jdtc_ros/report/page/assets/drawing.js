@@ -13,6 +13,7 @@ class Drawing {
     this.ink = colour("--ink");
     this.soft = colour("--soft");
     this.rule = colour("--rule");
+    this.written = []; // boxes of the texts of rings and radars
     if (this.clutter && this.option("clutter")) this.drawClutter();
     if (this.option("lines")) this.drawLines();
     const trails = this.since(this.option("trails"));
@@ -73,9 +74,22 @@ class Drawing {
       brush.globalAlpha = 0.5;
       brush.stroke();
       brush.globalAlpha = 1;
-      brush.fillText(text, this.px(x) + 3, this.py(y + radius) - 3);
+      this.writeApart(text, [[this.px(x) + 3, this.py(y + radius) - 3]]);
     }
     brush.setLineDash([]);
+  }
+
+  // Writes a text at the first place where no other one is; nowhere if there is none.
+  writeApart(text, places) {
+    const width = this.brush.measureText(text).width;
+    for (const [px, py] of places) {
+      const box = [px, py - 10, px + width, py + 3];
+      if (this.written.some((other) => box[0] < other[2] && box[2] > other[0]
+        && box[1] < other[3] && box[3] > other[1])) continue;
+      this.written.push(box);
+      this.brush.fillText(text, px, py);
+      return;
+    }
   }
 
   drawGrid() {
@@ -179,9 +193,11 @@ class Drawing {
       [this.head.radars[number], carriers.x[row], carriers.y[row]]);
     this.brush.fillStyle = this.ink;
     for (const [name, x, y] of [...this.head.sites, ...moving]) {
-      this.outline(1, this.px(x), this.py(y), 6);
+      const [px, py] = [this.px(x), this.py(y)];
+      this.outline(1, px, py, 6);
       this.brush.fill();
-      this.brush.fillText(name, this.px(x) + 9, this.py(y) + 14);
+      const left = px - 9 - this.brush.measureText(name).width;
+      this.writeApart(name, [[px + 9, py + 14], [left, py + 14], [px + 9, py - 6], [left, py - 6]]);
     }
   }
 
