@@ -7,9 +7,8 @@ from functools import reduce
 from operator import getitem
 from typing import Any, NamedTuple, TypeAlias
 
-from . import backends, late
+from . import late
 from .asterix_rates import CLOUDS
-from .backends import NUMBA, NUMPY
 from .recursion import GAUSSIAN, PARTICLES
 from .step_growth import MEMORY_TARGETS
 from .steps import PAPER
@@ -79,8 +78,6 @@ def _judge(goal: Goal, summary: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _reason(goal: Goal, summary: Mapping[str, Any]) -> str:
-    if f"({NUMBA})" in goal.name and NUMBA not in backends.available():
-        return backends.reason_missing(NUMBA)
     if goal.source not in summary:
         return "left out of this run"
     return next(_reasons(summary[goal.source]), "left out of the quick run")
@@ -102,40 +99,38 @@ def _median(part: str, size: str, form: str) -> Value:
     return at(part, size, "times", form, "median_ms")
 
 
-def _step(scene: str, backend: str, engine: str = PARTICLES) -> Value:
-    return at("steps", scene, "engines", engine, "backends", backend, "step", "median_ms")
+def _step(scene: str, engine: str = PARTICLES) -> Value:
+    return at("steps", scene, "engines", engine, "times", "step", "median_ms")
 
 
 def _turn(form: str, engine: str = PARTICLES) -> Value:
-    return at("turning", "cost", engine, NUMPY, form, "median_ms")
+    return at("turning", "cost", engine, form, "median_ms")
 
 
-def _against_paper(form: str, size: str, backend: str) -> Value:
+def _against_paper(form: str, size: str) -> Value:
     """Return the ratio of the cost of the paper's kernel in this form to the smoother's cost."""
-    ours = _median("smoother", size, f"smoother [{backend}]")
+    ours = _median("smoother", size, "smoother")
     return ratio(_median("paper_smoother", size, form), ours)
 
 
 def _against_own(form: str, part: str) -> Value:
-    """Return the ratio of the costs of one kernel in this form and in ours, both in NumPy."""
-    return ratio(_median(part, "1e4", form), _median(part, "1e4", f"smoother [{NUMPY}]"))
+    """Return the ratio of the costs of one kernel in this form and in ours."""
+    return ratio(_median(part, "1e4", form), _median(part, "1e4", "smoother"))
 
 
-def _least_against_tree(backend: str) -> Value:
-    return lambda summary: min(
-        _against_paper("k-d tree", size, backend)(summary) for size in summary["paper_smoother"]
-    )
+def _least_against_tree(summary: Mapping[str, Any]) -> float:
+    return min(_against_paper("k-d tree", size)(summary) for size in summary["paper_smoother"])
 
 
 def _exponent(ladder: str) -> Value:
-    return at("growth", ladder, "forms", f"smoother [{NUMPY}]", "exponent")
+    return at("growth", ladder, "forms", "smoother", "exponent")
 
 
 def _error(kind: str) -> Value:
     def worst(summary: Mapping[str, Any]) -> float:
         sizes = [*summary["smoother"].values(), *summary["paper_smoother"].values()]
         measured = [size["error"] for size in sizes if "error" in size]
-        return max(errors[kind] for by_backend in measured for errors in by_backend.values())
+        return max(errors[kind] for errors in measured)
 
     return worst
 
@@ -144,7 +139,7 @@ def _lag_share(summary: Mapping[str, Any]) -> float:
     return max(
         _median("smoother", size, "backward")(summary)
         / found["lag"]
-        / _median("smoother", size, f"build [{NUMPY}]")(summary)
+        / _median("smoother", size, "build")(summary)
         for size, found in summary["smoother"].items()
     )
 
@@ -161,7 +156,7 @@ def _late(engine: str) -> Value:
 def _step_exponent(summary: Mapping[str, Any]) -> float:
     if summary["quick"]:
         raise LookupError("few targets, which are not equally dense")
-    return at("step_growth", "forms", f"{GAUSSIAN} [{NUMPY}]", "exponent")(summary)
+    return at("step_growth", "forms", GAUSSIAN, "exponent")(summary)
 
 
 def _memory(summary: Mapping[str, Any]) -> float:
@@ -195,7 +190,7 @@ def _least(source: str, name: str, bound: float, value: Value) -> Goal:
 PAPERS = "paper_smoother"
 GOALS: tuple[Goal, ...] = (
     *(
-        _least(part, f"the same kernel: {name}, N = 1e4 ({NUMPY}), times", bound, value)
+        _least(part, f"the same kernel: {name}, N = 1e4, times", bound, value)
         for name, bound, part, value in (
             (
                 "dense products, as in the paper",
@@ -215,25 +210,17 @@ GOALS: tuple[Goal, ...] = (
     *(
         _least(
             PAPERS,
-            f"against the paper's kernel, dense and naive, N = {size} ({backend}), times",
+            f"against the paper's kernel, dense and naive, N = {size}, times",
             bound,
-            _against_paper("dense, naive", size, backend),
+            _against_paper("dense, naive", size),
         )
-        for backend, size, bound in (
-            (NUMPY, "2e3", 250.0),
-            (NUMPY, "1e4", 2500.0),
-            (NUMBA, "2e3", 1000.0),
-            (NUMBA, "1e4", 8000.0),
-        )
+        for size, bound in (("2e3", 250.0), ("1e4", 2500.0))
     ),
-    *(
-        _least(
-            PAPERS,
-            f"against a k-d tree for the paper's kernel, least of all N ({backend}), times",
-            bound,
-            _least_against_tree(backend),
-        )
-        for backend, bound in ((NUMPY, 2.5), (NUMBA, 8.0))
+    _least(
+        PAPERS,
+        "against a k-d tree for the paper's kernel, least of all N, times",
+        2.5,
+        _least_against_tree,
     ),
     _most("smoother", "largest error of a weight", 1e-3, _error("largest_relative")),
     _most("smoother", "error of all weights, L1", 1e-5, _error("l1")),
@@ -243,17 +230,14 @@ GOALS: tuple[Goal, ...] = (
     ),
     _most("smoother", "one lag, share of a kernel", 0.06, _lag_share),
     _most("smoother", "cached kernel, bytes a particle and lag", 200.0, _cached),
-    _most("steps", "step, reference scenario, ms", 15.0, _step(PAPER, NUMPY)),
+    _most("steps", "step, reference scenario, ms", 12.0, _step(PAPER)),
     _least(
         "peers",
         "step against Stone Soup's GM-PHD, times",
         1.0,
-        ratio(at("peers", "GM-PHD", "median_ms"), at("peers", f"particles [{NUMPY}]", "median_ms")),
+        ratio(at("peers", "GM-PHD", "median_ms"), at("peers", PARTICLES, "median_ms")),
     ),
-    *(
-        _most("steps", f"step, 200 targets ({backend}), ms", bound, _step("200 targets", backend))
-        for backend, bound in ((NUMPY, 150.0), (NUMBA, 75.0))
-    ),
+    _most("steps", "step, 200 targets, ms", 100.0, _step("200 targets")),
     _least(
         "asterix", "ASTERIX plots to clouds, per second", 2e4, at("asterix", "plots_per_s", CLOUDS)
     ),
@@ -264,7 +248,7 @@ GOALS: tuple[Goal, ...] = (
         _beyond_sector,
     ),
     _most(
-        "messages", "node, 1000 detections and 200 estimates, ms", 2.0, at("messages", "total_ms")
+        "messages", "node, 1000 detections and 200 estimates, ms", 1.5, at("messages", "total_ms")
     ),
     *(
         _most(
@@ -289,7 +273,7 @@ GOALS: tuple[Goal, ...] = (
         at("turning", "latency", PARTICLES, "latency_s", "p99"),
         _step_s,
     ),
-    _most("turning", f"turn of 50 aircraft ({NUMPY}), ms", 150.0, _turn(ONE_CLOUD)),
+    _most("turning", "turn of 50 aircraft, ms", 150.0, _turn(ONE_CLOUD)),
     _most(
         "turning",
         "a turn by 16 sectors against one cloud, times",
@@ -299,22 +283,16 @@ GOALS: tuple[Goal, ...] = (
     *(
         _most(
             "steps",
-            f"gaussian: step, {scene} ({backend}), ms",
+            f"gaussian: step, {scene}, ms",
             bound,
-            _step(scene, backend, GAUSSIAN),
+            _step(scene, GAUSSIAN),
         )
-        for scene, backend, bound in (
-            (PAPER, NUMPY, 4.0),
-            ("200 targets", NUMPY, 40.0),
-            ("200 targets", NUMBA, 15.0),
-            ("1000 targets", NUMPY, 200.0),
-            ("1000 targets", NUMBA, 60.0),
-        )
+        for scene, bound in ((PAPER, 1.0), ("200 targets", 8.0), ("1000 targets", 35.0))
     ),
     _most(
         "turning",
-        f"gaussian: turn of 50 aircraft by 16 sectors ({NUMPY}), ms",
-        20.0,
+        "gaussian: turn of 50 aircraft by 16 sectors, ms",
+        10.0,
         _turn(BY_SECTORS, GAUSSIAN),
     ),
     _most(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from . import backends, forms, recursion
+from . import forms, recursion
 from .recursion import Window
 from .smoothing import DEATH_TERM, LAG, PER_TARGET, cached_smoother, product_smoother
 from .timing import Case, exponent, interleaved, spread
@@ -56,10 +56,7 @@ def _ladder(windows: dict[int, Window], quick: bool) -> dict[str, Any]:
 
 def _cases(window: Window, quick: bool) -> dict[str, Case]:
     rounds = 3 if quick else 9
-    cases = {
-        f"smoother [{backend}]": Case(product_smoother(window, backend), rounds)
-        for backend in backends.available()
-    }
+    cases = {"smoother": Case(product_smoother(window), rounds)}
     copies = [forms.copies(phd) for phd in window.stored]
     cases["k-d tree"] = Case(cached_smoother(window, copies, forms.k_d_tree), 3)
     last = (*window.stored[-2:], window.model, window.dt)

@@ -8,8 +8,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from phd_jdtc_ros.core import backend
-
 PACKAGES = ("numpy", "scipy", "numba", "stonesoup", "rclpy")
 
 
@@ -21,7 +19,6 @@ def description() -> dict[str, Any]:
         "load_average": os.getloadavg()[0],
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
-        "default_kernels": backend.current(),
         **{package: _version(package) for package in PACKAGES},
     }
 

@@ -19,8 +19,7 @@ from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study import peers
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
 
-from . import backends
-from .recursion import PARTS
+from .recursion import PARTICLES, PARTS
 
 # Few scans for the SMC-PHD filter, which is slow.
 SMC_SCANS, SMC_TARGETS = 5, 3
@@ -28,14 +27,12 @@ SMC_SCANS, SMC_TARGETS = 5, 3
 
 def measure(quick: bool) -> dict[str, Any]:
     """Return the mean CPU milliseconds per scan of each tracker, by run."""
-    config = resolve({})
+    config = resolve({"engine": PARTICLES})
     scene = paper_scenario(config.model.radars)
     if quick:
         scene = replace(scene, scans=15)
     trackers: dict[str, Callable[[SimulatedRun], object]] = {
-        f"{engine} [{backend}]": _tracker(resolve({"engine": engine}), backend)
-        for engine in PARTS
-        for backend in backends.available()
+        engine: _tracker(resolve({"engine": engine})) for engine in PARTS
     }
     trackers["GM-PHD"] = peers.gm_phd
     cost: dict[str, list[float]] = {name: [] for name in trackers}
@@ -60,12 +57,11 @@ def measure(quick: bool) -> dict[str, Any]:
     return found
 
 
-def _tracker(config: TrackerConfig, backend: str) -> Callable[[SimulatedRun], object]:
+def _tracker(config: TrackerConfig) -> Callable[[SimulatedRun], object]:
     def track(run: SimulatedRun) -> None:
         engine = new_engine(config)
-        with backends.using(backend):
-            for scan in run.scans:
-                engine.step(scan)
+        for scan in run.scans:
+            engine.step(scan)
 
     return track
 

@@ -15,7 +15,6 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from phd_jdtc_ros.report.style import COLOURS, DPI, GREY, INK, MARKERS, WIDTH_IN, plain_axes
 
-from .backends import NUMBA, NUMPY
 from .recursion import GAUSSIAN, PARTICLES
 
 HEIGHT_IN = 5.2
@@ -32,15 +31,12 @@ class Look(NamedTuple):
 LOOKS = {
     "dense": Look("dense, as the paper writes it", COLOURS[1], MARKERS[3]),
     "k-d tree": Look("k-d tree", COLOURS[4], MARKERS[2]),
-    f"smoother [{NUMPY}]": Look("this package, NumPy", COLOURS[0], MARKERS[0]),
-    f"smoother [{NUMBA}]": Look("this package, numba", COLOURS[2], MARKERS[1]),
+    "smoother": Look("this package", COLOURS[0], MARKERS[0]),
     "limit": Look("limit: whiten, sort, gather", GREY, ""),
 }
 STEP_LOOKS = {
-    f"{PARTICLES} [{NUMPY}]": Look("particles, NumPy", COLOURS[0], MARKERS[0]),
-    f"{PARTICLES} [{NUMBA}]": Look("particles, numba", COLOURS[2], MARKERS[1]),
-    f"{GAUSSIAN} [{NUMPY}]": Look("Gaussian, NumPy", COLOURS[1], MARKERS[3]),
-    f"{GAUSSIAN} [{NUMBA}]": Look("Gaussian, numba", COLOURS[4], MARKERS[2]),
+    PARTICLES: Look("particles", COLOURS[0], MARKERS[0]),
+    GAUSSIAN: Look("Gaussian", COLOURS[1], MARKERS[3]),
 }
 AXES = {
     "particles_per_target": ("particles per target", "{targets} targets"),
@@ -66,7 +62,7 @@ def write_all(summary: Mapping[str, Any], directory: Path) -> list[Path]:
 def cost(ladder: Mapping[str, Any], label: str, fixed: str) -> Figure:
     """Draw the smoother's median cost in every form over one series of sizes; see `_growth`."""
     forms = ladder["forms"]
-    figure, axes = _growth(forms, LOOKS, forms[f"smoother [{NUMPY}]"], forms["limit"]["size"])
+    figure, axes = _growth(forms, LOOKS, forms["smoother"], forms["limit"]["size"])
     axes.set_xlabel(f"{label} ({fixed})")
     axes.set_ylabel("CPU time of the smoother per scan (ms)")
     return figure
@@ -75,7 +71,7 @@ def cost(ladder: Mapping[str, Any], label: str, fixed: str) -> Figure:
 def step_cost(growth: Mapping[str, Any]) -> Figure:
     """Draw the median cost of a step of each engine over the targets; see `_growth`."""
     forms = growth["forms"]
-    longest = forms[f"{GAUSSIAN} [{NUMPY}]"]
+    longest = forms[GAUSSIAN]
     figure, axes = _growth(forms, STEP_LOOKS, longest, longest["size"])
     axes.set_xlabel(f"targets ({growth['particles_per_target']} particles per target)")
     axes.set_ylabel("CPU time of a step, with smoothing (ms)")

@@ -123,21 +123,20 @@ def _steps(scenes: Mapping[str, Any]) -> Iterator[Table]:
     """Yield a table of the parts of a step for each engine."""
     for engine, parts in PARTS.items():
         columns = {
-            f"{scene}, {backend}": (found["detections_a_radar"], found["engines"][engine], times)
+            scene: (found["detections_a_radar"], found["engines"][engine])
             for scene, found in scenes.items()
             if engine in found["engines"]
-            for backend, times in found["engines"][engine]["backends"].items()
         }
         title = f"the whole step, engine {engine}, CPU medians in ms"
         table = simple_table(title, ["part", *columns], caption=STEPS_CAPTIONS[engine])
         for part in ("step", *parts):
-            cells = [f"{times[part]['median_ms']:.1f}" for *_, times in columns.values()]
+            cells = [f"{of['times'][part]['median_ms']:.1f}" for _, of in columns.values()]
             table.add_row(part, *cells, end_section=part == "step")
         table.add_section()
         for count, label in COUNTS[engine].items():
-            cells = [f"{found['counts'][count]:.0f}" for _, found, _ in columns.values()]
+            cells = [f"{of['counts'][count]:.0f}" for _, of in columns.values()]
             table.add_row(label, *cells)
-        table.add_row("detections", *(f"{number:.0f}" for number, *_ in columns.values()))
+        table.add_row("detections", *(f"{number:.0f}" for number, _ in columns.values()))
         yield table
 
 
@@ -174,7 +173,7 @@ def _searches(found: Mapping[str, Any]) -> Table:
 
 
 def _peers(peers: Mapping[str, Any]) -> Table:
-    own = next(found["median_ms"] for name, found in peers.items() if name.startswith("particles"))
+    own = peers[PARTICLES]["median_ms"]
 
     def row(name: str, found: Mapping[str, Any]) -> list[str]:
         median = found.get("median_ms")
@@ -220,11 +219,7 @@ def _turning(found: Mapping[str, Any]) -> Iterator[Table]:
     for engine, latency in found["latency"].items():
         if "latency_s" in latency:
             yield _sector_latency(engine, latency)
-    cost = {
-        f"{engine} [{backend}]": forms
-        for engine, of_backends in found["cost"].items()
-        for backend, forms in of_backends.items()
-    }
+    cost = found["cost"]
 
     def row(form: str) -> Iterator[str]:
         yield form

@@ -1,4 +1,4 @@
-"""The cost of a backward kernel with each search, which justifies two searches and compilation."""
+"""The cost of a backward kernel with each search, which justifies two searches."""
 
 from __future__ import annotations
 
@@ -11,23 +11,22 @@ from unittest import mock
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.pair_search import grid, kernels, sweep
+from phd_jdtc_ros.core.pair_search import grid, sweep
 from phd_jdtc_ros.core.pair_search.candidates import Candidates, Pairs, near_chunks
 from phd_jdtc_ros.core.smc.kernel import backward_kernel, transition_density
 
-from . import backends, recursion
-from .backends import NUMBA, NUMPY
+from . import recursion
 from .smoothing import PER_TARGET
 from .timing import Case, interleaved, spread
 
 TARGETS = (4, 200)
 # Corrector by where pairs are searched.
 PLACES = {"within origins": "particles", "anywhere": "phd"}
-GRID, SWEEP, TESTS_ONLY = "grid", "sweep", "grid, only the tests compiled"
+GRID, SWEEP = "grid", "sweep"
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Return the cost of a kernel by place, number of targets, and search with backend."""
+    """Return the cost of a kernel by place, number of targets, and search."""
     sizes = TARGETS[:1] if quick else TARGETS
     return {place: {str(n): _measure(n, place) for n in sizes} for place in PLACES}
 
@@ -36,29 +35,21 @@ def _measure(targets: int, place: str) -> dict[str, Any]:
     window = recursion.window(targets, PER_TARGET, 2, seed=0, engine=PLACES[place])
     pair = window.stored[-2:]
 
-    def build(search: str, backend: str) -> Callable[[], None]:
+    def build(search: str) -> Callable[[], None]:
         def call() -> None:
-            with backends.using(backend), searching(search, place):
+            with searching(search, place):
                 backward_kernel.build(*pair, *window.assumed)
 
         return call
 
-    ways = [(search, NUMPY) for search in (GRID, SWEEP)]
-    if NUMBA in backends.available():
-        compiled = (GRID, TESTS_ONLY) if place == "within origins" else (GRID, SWEEP)
-        ways += [(search, NUMBA) for search in compiled]
-    cases = {f"{search} [{backend}]": Case(build(search, backend), 5) for search, backend in ways}
+    cases = {search: Case(build(search), 5) for search in (GRID, SWEEP)}
     return {name: spread(times) for name, times in interleaved(cases).items()}
 
 
 @contextmanager
 def searching(search: str, place: str) -> Iterator[None]:
     """Build kernels by another search within the context."""
-    if search == TESTS_ONLY:
-        loops = replace(kernels.current(), kernel_within_groups=None)
-        with mock.patch.object(kernels, "chosen", return_value=loops):
-            yield
-    elif search == SWEEP and place == "within origins":
+    if search == SWEEP and place == "within origins":
         with mock.patch.object(transition_density, "within_groups", _sweep_within_groups):
             yield
     elif search == GRID and place == "anywhere":

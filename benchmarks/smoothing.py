@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from phd_jdtc_ros.core.smc.kernel.backward_kernel import Transition
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_pass, bernoulli_death_term
 
-from . import backends, forms, recursion
+from . import forms, recursion
 from .recursion import Window, chain
 from .timing import Case, interleaved, peak_bytes, spread
 
@@ -73,9 +74,7 @@ def _measure_size(targets: int, dense_runs: bool, quick: bool, engine: str) -> d
         "memory": _memory(window, copies, dense_runs),
     }
     if dense_runs:
-        result["error"] = {
-            backend: gate_error(window, found[0], backend) for backend in backends.available()
-        }
+        result["error"] = gate_error(window, found[0])
     else:
         # Only pairs of one class are in K, half of all pairs with two classes.
         gigabytes = 8 * 0.5 * window.particles**2 / 1e9
@@ -85,22 +84,21 @@ def _measure_size(targets: int, dense_runs: bool, quick: bool, engine: str) -> d
 
 
 def _product_cases(window: Window, rounds: int) -> dict[str, Case]:
-    """Return the cases of the smoother, whole and in two parts, with every backend."""
-    cases = {}
-    for backend in backends.available():
-        cases[f"smoother [{backend}]"] = Case(product_smoother(window, backend), rounds)
-        cases[f"build [{backend}]"] = Case(_build(window, backend), rounds)
+    """Return the cases of the smoother, whole and in two parts."""
     links = window.links()
-    cases["backward"] = Case(lambda: _backward(window.stored, links), rounds)
-    return cases
+    return {
+        "smoother": Case(product_smoother(window), rounds),
+        "build": Case(partial(_build, window), rounds),
+        "backward": Case(partial(_backward, window.stored, links), rounds),
+    }
 
 
-def product_smoother(window: Window, backend: str) -> Callable[[], None]:
+def product_smoother(window: Window) -> Callable[[], None]:
     """Return a function that smooths one scan as the tracker does: one kernel, then all lags."""
-    links, build = window.links(), _build(window, backend)
+    links = window.links()
 
     def smooth() -> None:
-        build()
+        _build(window)
         _backward(window.stored, links)
 
     return smooth
@@ -120,12 +118,8 @@ def cached_smoother(
     return smooth
 
 
-def _build(window: Window, backend: str) -> Callable[[], Transition]:
-    def build() -> Transition:
-        with backends.using(backend):
-            return backward_kernel.build(*window.stored[-2:], *window.assumed)
-
-    return build
+def _build(window: Window) -> Transition:
+    return backward_kernel.build(*window.stored[-2:], *window.assumed)
 
 
 def _backward(stored: Sequence[ParticleSet], links: Sequence[Transition]) -> None:
@@ -133,7 +127,7 @@ def _backward(stored: Sequence[ParticleSet], links: Sequence[Transition]) -> Non
     deque(backward_pass(chain(stored, links), DEATH_TERM), maxlen=0)
 
 
-def gate_error(window: Window, dense: ParticleSet, backend: str) -> dict[str, float]:
+def gate_error(window: Window, dense: ParticleSet) -> dict[str, float]:
     """Compare smoothed weights with the dense form's.
 
     Parameters
@@ -148,9 +142,7 @@ def gate_error(window: Window, dense: ParticleSet, backend: str) -> dict[str, fl
         ``l1``: error of all weights as a share of the total; ``mass``: relative error of the
         total, which is a weak measure.
     """
-    with backends.using(backend):
-        links = window.links()
-    *_, smoothed = backward_pass(chain(window.stored, links), DEATH_TERM)
+    *_, smoothed = backward_pass(chain(window.stored, window.links()), DEATH_TERM)
     row = np.repeat(np.arange(len(smoothed)), smoothed.multiplicity)
     exact: FloatArray = np.bincount(row, dense.weight, minlength=len(smoothed))
     counted = exact > LEAST_SHARE * exact.sum()
@@ -171,7 +163,7 @@ def _memory(
         array.nbytes for array in (link.ratio.data, link.ratio.indices, link.ratio.indptr)
     )
     last = window.assumed
-    peak = {f"build [{name}]": peak_bytes(_build(window, name)) for name in backends.available()}
+    peak = {"build": peak_bytes(partial(_build, window))}
     peak["k-d tree"] = peak_bytes(lambda: forms.k_d_tree(*copies[-2:], *last))
     megabytes: dict[str, float | None] = {f"{k}, MB": v / 1e6 for k, v in peak.items()}
     megabytes["dense, MB"] = (

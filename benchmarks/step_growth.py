@@ -14,8 +14,7 @@ from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-from . import backends, scenes
-from .backends import NUMPY
+from . import scenes
 from .recursion import GAUSSIAN, PARTICLES, SETTLING, tracking
 from .smoothing import PER_TARGET
 from .timing import exponent, peak_bytes, spread
@@ -30,11 +29,7 @@ MEMORY_TARGETS, QUICK_MEMORY_TARGETS = 1000, 20
 def measure(quick: bool) -> dict[str, Any]:
     """Return the cost of a step by form and size, and the memory of each engine."""
     ladder = QUICK_LADDER if quick else LADDER
-    forms = {
-        f"{engine} [{backend}]": _form(engine, backend, sizes)
-        for engine, sizes in ladder.items()
-        for backend in backends.available()
-    }
+    forms = {engine: _form(engine, sizes) for engine, sizes in ladder.items()}
     targets = QUICK_MEMORY_TARGETS if quick else MEMORY_TARGETS
     memory = {engine: memory_of(engine, targets) / 1e6 for engine in ladder}
     return {
@@ -44,8 +39,8 @@ def measure(quick: bool) -> dict[str, Any]:
     }
 
 
-def _form(engine: str, backend: str, sizes: Sequence[int]) -> dict[str, Any]:
-    times = [spread(step_times_ms(engine, backend, size)) for size in sizes]
+def _form(engine: str, sizes: Sequence[int]) -> dict[str, Any]:
+    times = [spread(step_times_ms(engine, size)) for size in sizes]
     medians = [each["median_ms"] for each in times]
     return {
         "size": list(sizes),
@@ -60,16 +55,15 @@ def _scene(engine: str, targets: int) -> tuple[TrackerConfig, Scenario, list[Sca
     return config, scene, [scan for _, scan in simulate(scene, seed=3)]
 
 
-def step_times_ms(engine: str, backend: str, targets: int) -> list[float]:
+def step_times_ms(engine: str, targets: int) -> list[float]:
     """Return the CPU milliseconds of each measured step."""
     config, scene, scans = _scene(engine, targets)
     run = tracking(config, scene, seed=3)
     times = []
-    with backends.using(backend):
-        for scan in scans:
-            begin = time.process_time()
-            run.step(scan)
-            times.append(1e3 * (time.process_time() - begin))
+    for scan in scans:
+        begin = time.process_time()
+        run.step(scan)
+        times.append(1e3 * (time.process_time() - begin))
     return times[-STEPS:]
 
 
@@ -82,5 +76,4 @@ def memory_of(engine: str, targets: int) -> int:
         for scan in scans:
             tracker.step(scan)
 
-    with backends.using(NUMPY):
-        return peak_bytes(run)
+    return peak_bytes(run)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-from . import backends, scenes
+from . import scenes
 from .recursion import GAUSSIAN, PARTICLES, PARTS, SETTLING, TimedEngine, tracking
 from .smoothing import PER_TARGET
 from .timing import peak_bytes, spread
@@ -48,15 +49,8 @@ CROWDS = {
 STEPS = 12
 
 
-class Case(NamedTuple):
-    """An engine with one kind of inner loops."""
-
-    engine: str
-    backend: str
-
-
 def measure(quick: bool) -> dict[str, Any]:
-    """Return the cost of the step and its parts, by scene, engine and backend."""
+    """Return the cost of the step and its parts, by scene and engine."""
     found = {PAPER: _reference(20 if quick else None)}
     for name, crowd in CROWDS.items():
         if not quick or crowd.targets <= 20:
@@ -70,7 +64,7 @@ def _reference(count: int | None) -> dict[str, Any]:
     config = configs[PARTICLES]
     scene = paper_scenario(config.model.radars)
     scans = [scan for _, scan in simulate(replace(scene, scans=count or scene.scans), seed=0)]
-    runs = {case: TimedEngine(configs[case.engine]) for case in _cases(BOTH)}
+    runs = {engine: TimedEngine(configs[engine]) for engine in BOTH}
     return _measure(runs, scans, config.lag.scans)
 
 
@@ -85,52 +79,41 @@ def _crowd(crowd: Crowd) -> dict[str, Any]:
     settling = SETTLING + config.lag.scans
     scene = scenes.crowd(crowd.targets, settling + STEPS, config, seed=2)
     scans = [scan for _, scan in simulate(scene, seed=0)]
-    runs = {case: tracking(configs[case.engine], scene, seed=2) for case in _cases(crowd.engines)}
+    runs = {engine: tracking(configs[engine], scene, seed=2) for engine in crowd.engines}
     return _measure(runs, scans, settling)
 
 
-def _cases(engines: Sequence[str]) -> list[Case]:
-    return [Case(engine, backend) for engine in engines for backend in backends.available()]
-
-
 def _measure(
-    runs: Mapping[Case, TimedEngine], scans: Sequence[Scan], settling: int
+    runs: Mapping[str, TimedEngine], scans: Sequence[Scan], settling: int
 ) -> dict[str, Any]:
     """Return the figures of a scene, without its first `settling` steps."""
-    costs: dict[Case, list[dict[str, float]]] = {case: [] for case in runs}
+    costs: dict[str, list[dict[str, float]]] = {engine: [] for engine in runs}
     for scan in scans[:-1]:
-        # The engines and backends alternate scan by scan.
-        for case, run in runs.items():
-            costs[case].append(_timed_step(run, scan, case.backend))
+        # The engines alternate scan by scan.
+        for engine, run in runs.items():
+            costs[engine].append(_timed_step(run, scan))
     found: dict[str, Any] = {"detections_a_radar": _mean_detections(scans), "engines": {}}
-    for case, run in runs.items():
-        measured = costs[case][settling:]
-        of_engine = found["engines"].setdefault(
-            case.engine, {"counts": _counts(measured), "backends": {}, "peak_MB": {}}
-        )
-        of_engine["backends"][case.backend] = {
-            part: spread([cost[part] for cost in measured])
-            for part in ("step", *PARTS[case.engine])
+    for engine, run in runs.items():
+        measured = costs[engine][settling:]
+        found["engines"][engine] = {
+            "counts": _counts(measured),
+            "times": {
+                part: spread([cost[part] for cost in measured]) for part in ("step", *PARTS[engine])
+            },
+            "peak_MB": peak_bytes(partial(run.step, scans[-1])) / 1e6,
         }
-        of_engine["peak_MB"][case.backend] = _peak(run, scans[-1], case.backend) / 1e6
     return found
 
 
-def _timed_step(run: TimedEngine, scan: Scan, backend: str) -> dict[str, float]:
-    with backends.using(backend):
-        begin = time.process_time()
-        step = run.step(scan)
-        whole = 1e3 * (time.process_time() - begin)
+def _timed_step(run: TimedEngine, scan: Scan) -> dict[str, float]:
+    begin = time.process_time()
+    step = run.step(scan)
+    whole = 1e3 * (time.process_time() - begin)
     counts = {"expected targets": float(step.class_mass.sum()), "rows": float(len(run.stored))}
     if hasattr(run.stored, "multiplicity"):
         counts["particles"] = float(run.stored.multiplicity.sum())
     counts["approximate clusters"] = float(step.figures.get("approximate_clusters", 0))
     return {"step": whole, **run.parts_ms, **counts}
-
-
-def _peak(run: TimedEngine, scan: Scan, backend: str) -> int:
-    with backends.using(backend):
-        return peak_bytes(lambda: run.step(scan))
 
 
 def _counts(steps: Sequence[dict[str, float]]) -> dict[str, float]:

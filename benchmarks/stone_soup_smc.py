@@ -49,7 +49,7 @@ def step_times_ms(scans: Sequence[Scan], config: TrackerConfig, targets: int) ->
         Number of targets whose particle budget is kept by resampling after every radar.
     """
     np.random.seed(0)  # noqa: NPY002 - Stone Soup's resampler draws from the global generator
-    size = targets * config.values["particles_per_target"]
+    size = targets * config.budget.per_target
     predictor = _predictor(config, size)
     updaters = [_updater(radar, config, size) for radar in config.model.radars]
     stamps = [EPOCH + timedelta(microseconds=scan.stamp_ns / 1000) for scan in scans]

@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Pipeline, RunEnded
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
 
-from . import backends, sector_latency, traffic
+from . import sector_latency, traffic
 from .recursion import GAUSSIAN, PARTICLES
 from .timing import spread
 
@@ -37,33 +37,31 @@ def measure(quick: bool) -> dict[str, Any]:
 
 
 def cost(turns: int, settling: int = traffic.SETTLING) -> dict[str, Any]:
-    """Return the CPU time of a turn, by engine, backend and form, after the first `settling`.
+    """Return the CPU time of a turn, by engine and form, after the first `settling`.
 
     All of them get the same plots and take turns, turn by turn.
     """
-    cases = list(itertools.product(ENGINES, backends.available(), FORMS))
     configs = {
         (engine, form): traffic.configuration({**changes, "engine": engine})
         for engine in ENGINES
         for form, changes in FORMS.items()
     }
-    pipelines = {case: new_pipeline(configs[case[0], case[2]]) for case in cases}
+    pipelines = {case: new_pipeline(config) for case, config in configs.items()}
     sent = {form: list(_by_turn(configs[PARTICLES, form], settling + turns)) for form in FORMS}
-    spent: dict[tuple[str, str, str], list[float]] = {case: [] for case in cases}
-    targets = dict.fromkeys(cases, 0.0)
+    spent: dict[tuple[str, str], list[float]] = {case: [] for case in pipelines}
+    targets = dict.fromkeys(pipelines, 0.0)
     for turn in range(settling + turns):
-        for case in cases:
-            _, backend, form = case
-            with backends.using(backend):
-                begin = time.process_time()
-                targets[case] = _take(pipelines[case], sent[form][turn])
-                spent[case].append(1e3 * (time.process_time() - begin))
-    found: dict[str, Any] = {}
-    for case in cases:
-        engine, backend, form = case
-        of_backend = found.setdefault(engine, {}).setdefault(backend, {})
-        of_backend[form] = {**spread(spent[case][settling:]), "targets": targets[case]}
-    return found
+        for case, pipeline in pipelines.items():
+            begin = time.process_time()
+            targets[case] = _take(pipeline, sent[case[1]][turn])
+            spent[case].append(1e3 * (time.process_time() - begin))
+    return {
+        engine: {
+            form: {**spread(spent[engine, form][settling:]), "targets": targets[engine, form]}
+            for form in FORMS
+        }
+        for engine in ENGINES
+    }
 
 
 def _by_turn(config: TrackerConfig, turns: int) -> Iterator[Sequence[SimulatedReport]]:

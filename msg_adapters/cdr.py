@@ -31,8 +31,12 @@ class Writer:
 
     def put(self, code: str, *values: float) -> None:
         """Append numbers of one `struct` code."""
-        self.data += bytes(-len(self.data) % struct.calcsize(code))
+        self.align(struct.calcsize(code))
         self.data += struct.pack(f"<{len(values)}{code}", *values)
+
+    def align(self, size: int) -> None:
+        """Append zeros up to a multiple of `size` bytes."""
+        self.data += bytes(-len(self.data) % size)
 
     def doubles(self, values: FloatArray) -> None:
         """Append all numbers of an array, row by row."""

@@ -6,7 +6,8 @@ label. The message is written as bytes, because the lists have thousands of poin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import struct
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from visualization_msgs.msg import Marker
@@ -89,14 +90,8 @@ def to_cdr(
                 colour=colour,
                 points=lines[mine].reshape(-1, 3),
             )
-        for row in np.flatnonzero(mine).tolist():
-            _put(
-                *(writer, at, f"{name}/label", Marker.TEXT_VIEW_FACING, row),
-                position=places[row],
-                scale=(0.0, 0.0, LABEL_HEIGHT),
-                colour=LABEL_COLOUR,
-                text=labels[row],
-            )
+        rows = np.flatnonzero(mine).tolist()
+        _put_labels(writer, at, f"{name}/label", [(row, places[row], labels[row]) for row in rows])
     return cdr.ENCAPSULATION + bytes(writer.data)
 
 
@@ -138,29 +133,76 @@ def _arrows(position: FloatArray, velocity: FloatArray) -> FloatArray:
     return np.stack([position, tip, tip, sides[:, 0], tip, sides[:, 1]], axis=1)
 
 
+def _put_labels(
+    writer: cdr.Writer,
+    at: tuple[int, str],
+    namespace: str,
+    labels: Iterable[tuple[int, Sequence[float], str]],
+) -> None:
+    """Append the labels of a class, each with its number, its position and its text.
+
+    They differ in these three only, so that the bytes before the text are written once for each
+    of the two alignments that a label can begin at.
+    """
+    beginnings = []
+    for offset in (0, 4):
+        begun = cdr.Writer(bytearray(offset))
+        begun.header(*at)
+        begun.string(namespace)
+        begun.align(4)
+        number = len(begun.data)
+        begun.put("i", 0, Marker.TEXT_VIEW_FACING, Marker.ADD)
+        begun.align(8)
+        position = len(begun.data)
+        _put_shape(begun, (0.0, 0.0, 0.0), (0.0, 0.0, LABEL_HEIGHT), LABEL_COLOUR, _NO_POINTS)
+        beginnings.append((bytes(begun.data[offset:]), number - offset, position - offset))
+    data = writer.data
+    for number_, place, text in labels:
+        writer.align(4)
+        begin = len(data)
+        beginning, number, position = beginnings[begin % 8 // 4]
+        data += beginning
+        struct.pack_into("<i", data, begin + number, number_)
+        struct.pack_into("<3d", data, begin + position, *place)
+        _put_text(writer, text)
+
+
 def _put(
     writer: cdr.Writer,
     at: tuple[int, str],
     namespace: str,
     kind: int,
-    number: int = 0,
     action: int = Marker.ADD,
     *,
-    position: Sequence[float] = (0.0, 0.0, 0.0),
     scale: tuple[float, float, float] = (0.0, 0.0, 0.0),
     colour: tuple[float, ...] | None = None,
     points: FloatArray = _NO_POINTS,
-    text: str = "",
 ) -> None:
-    """Append a ``visualization_msgs/Marker`` member by member; `at` is its stamp and frame."""
+    """Append a ``visualization_msgs/Marker`` without text; `at` is its stamp and frame."""
     writer.header(*at)
     writer.string(namespace)
-    writer.put("i", number, kind, action)
+    writer.put("i", 0, kind, action)
+    _put_shape(writer, (0.0, 0.0, 0.0), scale, colour, points)
+    _put_text(writer, "")
+
+
+def _put_shape(
+    writer: cdr.Writer,
+    position: Sequence[float],
+    scale: tuple[float, float, float],
+    colour: tuple[float, ...] | None,
+    points: FloatArray,
+) -> None:
+    """Append a marker's members from its pose to what is before its text."""
     writer.put("d", *position, *(0.0, 0.0, 0.0, 1.0), *scale)  # the orientation is the identity
     writer.put("f", *((*colour, 1.0) if colour else (0.0, 0.0, 0.0, 0.0)))
     writer.put("I", 0, 0, 0, len(points))  # lifetime, padded frame_locked, number of points
     writer.doubles(points)
     writer.data += _NO_TEXTURE
+
+
+def _put_text(writer: cdr.Writer, text: str) -> None:
+    """Append a marker's text and the members after it."""
     writer.string(text)
-    writer.put("I")
+    writer.align(4)
     writer.data += _NO_MESH

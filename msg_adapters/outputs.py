@@ -121,6 +121,8 @@ class Output:
         Returns whether the output applies to this tracker.
     period_s : float
         Shortest time between two messages, by the stamps of scans.
+    remembers : bool
+        Whether its encoder keeps what it is given, and needs it even while nobody listens.
     clear : callable of View or None
         Returns the message that clears the display, for an output that may be switched off at run
         time.
@@ -135,6 +137,7 @@ class Output:
     latched: bool = False
     needs: Callable[[View], bool] = _always
     period_s: float = 0.0
+    remembers: bool = False
     clear: Callable[[View], Any] | None = None
 
 
@@ -196,7 +199,11 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
             for quantity in quantities.of_tracker(classes, engine)
         ),
         *(
-            Output(topic, kind, FILTERED, encode, switch, usual=False)
+            Output(
+                *(topic, kind, FILTERED, encode, switch),
+                usual=False,
+                remembers=encode in (_paths, _geojson),
+            )
             for topic, kind, encode, switch in (
                 ("~/tracks/path", names.PATH, _paths, "paths"),
                 ("~/odometry", names.ODOMETRY, _odometry, "odometry"),
@@ -260,7 +267,7 @@ def _clutter_map(done: StepResult, view: View) -> list[Any]:
 
 
 def _number_of(quantity: str) -> Callable[[StepResult, View], list[Any]]:
-    return lambda done, _: [plots.step_to_msgs(done.step, done.step_ms)[quantity]]
+    return lambda done, _: [plots.step_to_msg(done.step, done.step_ms, quantity)]
 
 
 def _paths(found: Estimates, view: View) -> list[Any]:

@@ -18,13 +18,11 @@ if TYPE_CHECKING:
     from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
 
-def step_to_msgs(step: Step, step_ms: float) -> dict[str, Float64]:
-    """Return the numbers of a tracker step, by name; `step_ms` is its CPU time, ms."""
+def step_to_msg(step: Step, step_ms: float, quantity: str) -> Float64:
+    """Return a number of a tracker step, see `quantities.of_tracker`; `step_ms` is its CPU time."""
     mass = {f"cardinality/class_{k}": each for k, each in enumerate(step.class_mass)}
-    plotted = {name for names in quantities.FIGURES.values() for name in names}
-    figures = {name: value for name, value in step.figures.items() if name in plotted}
-    numbers = {"cardinality/total": step.class_mass.sum(), **mass, "step_ms": step_ms, **figures}
-    return {name: _to_msg(value) for name, value in numbers.items()}
+    numbers = {"cardinality/total": step.class_mass.sum(), **mass, "step_ms": step_ms}
+    return _to_msg({**step.figures, **numbers}[quantity])
 
 
 def score_to_msgs(score: ScanScore) -> dict[str, Float64]:

@@ -26,9 +26,8 @@ CORRECTIONS = {
     "reference": "association known",
 }
 STEPS = {
-    "particles [NumPy]": "particles, NumPy",
-    "gaussian [NumPy]": "Gaussians, NumPy",
-    "gaussian [numba]": "Gaussians, numba",
+    "particles": "particles",
+    "gaussian": "Gaussians",
 }
 # Between the labels of lines that end near each other, points.
 APART = 13.0

@@ -10,7 +10,6 @@ import importlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.intake.input_checks import ResultWatch
 from phd_jdtc_ros.core.intake.out_of_sequence import POLICIES
@@ -19,7 +18,6 @@ from phd_jdtc_ros.core.pipeline import EVERYWHERE, Pipeline, start_cold
 from phd_jdtc_ros.core.tracks.common_stamp import Schedule
 
 from .build import TrackerConfig
-from .schema import ConfigError
 
 if TYPE_CHECKING:
     from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
@@ -28,17 +26,7 @@ if TYPE_CHECKING:
 
 
 def new_engine(config: TrackerConfig) -> Engine:
-    """Return a new engine of the configured kind.
-
-    Raises
-    ------
-    ConfigError
-        If the environment variable names a backend that is not available, see `backend`.
-    """
-    try:
-        backend.load(COMPILED[config.engine])
-    except (ImportError, ValueError) as error:
-        raise ConfigError([str(error)]) from error
+    """Return a new engine of the configured kind."""
     return ENGINES[config.engine](config)
 
 
@@ -84,11 +72,6 @@ def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
     )
 
 
-# The modules with an engine's compiled loops.
-COMPILED = {
-    "particles": ("pair_search.compiled", "pair_search.compiled_kernel"),
-    "gaussian": (),
-}
 ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {
     "particles": particle_engine,
     "gaussian": gaussian_engine,

@@ -26,7 +26,6 @@ The path of the data, with the package of each step::
 `window` depends on neither particles nor Gaussians, only on rows with the label of their target.
 `engine` is the interface of both engines. `snapshot` stores values as named arrays and checks them
 against bounds that are declared with their fields. `compilation` compiles functions over arrays.
-Where there are two kinds of inner loops, `backend` selects them and `numba_loops` compiles one.
 
 The packages import downwards only, see the contracts in ``pyproject.toml``::
 
@@ -42,8 +41,8 @@ The packages import downwards only, see the contracts in ``pyproject.toml``::
     sensors
     clutter
     association, pair_search, targets
-    backend, types
-    compilation, numba_loops, snapshot, state_space
+    types
+    compilation, snapshot, state_space
     arrays
 
 Around the core, `configuration` turns parameters into models, `simulation` makes scans with known

@@ -142,13 +142,7 @@ class Peer:
 
 
 @pytest.fixture
-def numpy_kernels(monkeypatch):
-    """Nodes as an installation without extras has them; they start in half the time."""
-    monkeypatch.setenv("PHD_JDTC_KERNELS", "numpy")
-
-
-@pytest.fixture
-def processes(tmp_path, numpy_kernels):
+def processes(tmp_path):
     """Nodes that start at once (see `forked`)."""
     group = Processes(Forked, tmp_path)
     yield group
@@ -156,7 +150,7 @@ def processes(tmp_path, numpy_kernels):
 
 
 @pytest.fixture
-def executables(tmp_path, numpy_kernels):
+def executables(tmp_path):
     """Nodes and tools as users start them."""
     group = Processes(Executable, tmp_path)
     yield group

@@ -11,7 +11,6 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import clutter_maps, names
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.tools import simulate, track_bag
@@ -63,8 +62,7 @@ def bag(tmp_path_factory):
 def offline(bag):
     path, config = bag
     out = path.parent / "offline"
-    with backend.using("numpy"):  # as the live ones are, to the last digit
-        track_bag.track_bag(BagReader(path), config, out)
+    track_bag.track_bag(BagReader(path), config, out)
     return out
 
 

@@ -86,6 +86,18 @@ def test_tracks_are_published_as_odometry_and_paths_if_asked_for(processes, peer
         assert path.poses[-1].pose == message.pose.pose
 
 
+def test_paths_begin_before_the_first_who_asks_for_them(processes, peer):
+    start(processes, *options(outputs="[paths]"))
+    group = connected(peer)
+    for index in range(3):
+        group.track(index)
+    paths = peer.collect(Path, "/tracker/tracks/path", 50)
+    peer.meet()
+    group.track(3)
+    assert peer.spin_until(lambda: paths)
+    assert max(len(path.poses) for path in paths) >= 2
+
+
 def test_tracks_are_not_published_unless_asked_for(processes, peer):
     start_tracker(processes)
     connected(peer)

@@ -19,12 +19,6 @@ pytestmark = pytest.mark.live
 CASES = bad_scans.cases()
 
 
-@pytest.fixture(autouse=True)
-def _numpy_kernels(monkeypatch):
-    # Nodes start in half the time, and few particles take none to speak of.
-    monkeypatch.setenv("PHD_JDTC_KERNELS", "numpy")
-
-
 def test_there_are_as_many_cases_as_there_have_to_be():
     assert len(CASES) >= 30
     assert len({case.name for case in CASES}) == len(CASES)

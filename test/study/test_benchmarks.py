@@ -12,7 +12,6 @@ from scenes import no_detections
 
 from benchmarks import (
     asterix_rates,
-    backends,
     command,
     forms,
     goals,
@@ -41,7 +40,6 @@ from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport
 
 LAG = 3
 WITHOUT_ROS = ("peers", "steps", "step_growth", "growth", "smoother", "paper_smoother")
-every_backend = pytest.mark.parametrize("backend", backends.available())
 every_engine = pytest.mark.parametrize("engine", recursion.PARTS)
 every_death_term = pytest.mark.parametrize("death_term", DEATH_TERMS.values(), ids=DEATH_TERMS)
 
@@ -63,23 +61,20 @@ def dense(window, death_term=smoothing.DEATH_TERM):
     return forms.smooth(copies, *window.assumed, death_term, forms.dense)
 
 
-@every_backend
 @every_death_term
-def test_weights_are_those_of_the_dense_form_within_the_gate(window, death_term, backend):
+def test_weights_are_those_of_the_dense_form_within_the_gate(window, death_term):
     exact = of_rows(dense(window, death_term), window.stored[0])
-    with backends.using(backend):
-        *_, smoothed = backward_pass(recursion.chain(window.stored, window.links()), death_term)
+    *_, smoothed = backward_pass(recursion.chain(window.stored, window.links()), death_term)
 
     assert_allclose(smoothed.weight, exact, rtol=1e-3, atol=1e-9 * exact.sum())
     assert np.abs(smoothed.weight - exact).sum() < 1e-5 * exact.sum()
 
 
-@every_backend
-def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch, backend):
+def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch):
     exact = dense(window)
-    good = smoothing.gate_error(window, exact, backend)
+    good = smoothing.gate_error(window, exact)
     monkeypatch.setattr(backward_kernel, "KERNEL_GATE_SIGMA", 3.0)
-    bad = smoothing.gate_error(window, exact, backend)
+    bad = smoothing.gate_error(window, exact)
 
     assert good["largest_relative"] < 1e-3
     assert good["l1"] < 1e-5
@@ -103,7 +98,7 @@ def test_other_forms_are_the_dense_one(window, death_term):
 def test_both_searches_build_the_same_kernel(place, search):
     window = recursion.window(4, 100, 1, seed=0, engine=searches.PLACES[place])
     expected = backward_kernel.build(*window.stored, *window.assumed).ratio.toarray()
-    with backends.using(backends.NUMPY), searches.searching(search, place):
+    with searches.searching(search, place):
         found = backward_kernel.build(*window.stored, *window.assumed).ratio.toarray()
 
     assert np.count_nonzero(expected) > 300
@@ -154,13 +149,11 @@ def test_exponent_is_that_of_a_power_law():
 
 def test_a_turn_is_of_a_tracker_that_has_all_aircraft_in_every_form(cost):
     assert set(cost) == set(recursion.PARTS)
-    for of_backends in cost.values():
-        assert set(of_backends) == set(backends.available())
-        for forms_of in of_backends.values():
-            assert set(forms_of) == set(turning.FORMS)
-            for found in forms_of.values():
-                assert found["rounds"] == 1
-                assert found["targets"] == pytest.approx(50.0, abs=2.0)
+    for forms_of in cost.values():
+        assert set(forms_of) == set(turning.FORMS)
+        for found in forms_of.values():
+            assert found["rounds"] == 1
+            assert found["targets"] == pytest.approx(50.0, abs=2.0)
 
 
 @pytest.fixture(scope="module")
@@ -212,10 +205,10 @@ def test_latency_by_sectors_may_be_longer_by_a_step(cost):
     figures = {figure["name"]: figure for figure in goals.judge(of_turning)}
     of_sectors = figures["latency of a detection by sectors over DDS, p99, s"]
     assert of_sectors["reached"] is False
-    assert figures["turn of 50 aircraft (NumPy), ms"]["value"] > 0.0
+    assert figures["turn of 50 aircraft, ms"]["value"] > 0.0
     assert figures["a turn by 16 sectors against one cloud, times"]["value"] > 0.0
-    of_gaussian = figures["gaussian: turn of 50 aircraft by 16 sectors (NumPy), ms"]
-    by_sectors = cost[recursion.GAUSSIAN][backends.NUMPY][turning.BY_SECTORS]
+    of_gaussian = figures["gaussian: turn of 50 aircraft by 16 sectors, ms"]
+    by_sectors = cost[recursion.GAUSSIAN][turning.BY_SECTORS]
     assert of_gaussian["value"] == by_sectors["median_ms"]
 
 
@@ -263,7 +256,7 @@ def summary():
 def test_summary_holds_every_figure(summary):
     names = [figure["name"] for figure in summary["figures"]]
 
-    assert len(names) == len(set(names)) == 36
+    assert len(names) == len(set(names)) == 30
     for figure in summary["figures"]:
         keys = {"name", "value", "goal", "at_most", "reached"}
         if figure["value"] is None:
@@ -280,7 +273,7 @@ def test_summary_explains_why_a_figure_is_missing(summary):
     reasons = {figure["name"]: figure.get("reason") for figure in summary["figures"]}
 
     assert reasons["latency over DDS beyond the step, p99, ms"] == "left out of this run"
-    assert reasons["step, 200 targets (NumPy), ms"] == "left out of the quick run"
+    assert reasons["step, 200 targets, ms"] == "left out of the quick run"
     assert reasons["largest error of a weight"] is None
     without_ros = {"live": {"value": None, "reason": "rclpy is missing"}}
     reasons = {figure["name"]: figure.get("reason") for figure in goals.judge(without_ros)}
@@ -289,21 +282,19 @@ def test_summary_explains_why_a_figure_is_missing(summary):
 
 def test_summary_measures_the_error_of_weights_not_of_mass(summary):
     for part in ("smoother", "paper_smoother"):
-        errors = summary[part]["2e3"]["error"]
+        error = summary[part]["2e3"]["error"]
 
-        assert set(errors) == set(backends.available())
-        for error in errors.values():
-            assert error["largest_relative"] < 1e-3
-            assert error["l1"] < 1e-5
+        assert error["largest_relative"] < 1e-3
+        assert error["l1"] < 1e-5
 
 
 def test_parts_of_a_step_add_up_to_it(summary):
     for scene in summary["steps"].values():
         assert set(scene["engines"]) == set(recursion.PARTS)
         for engine, found in scene["engines"].items():
-            for times in found["backends"].values():
-                parts = (times[part]["median_ms"] for part in recursion.PARTS[engine])
-                assert sum(parts) < 1.2 * times["step"]["median_ms"]
+            times = found["times"]
+            parts = (times[part]["median_ms"] for part in recursion.PARTS[engine])
+            assert sum(parts) < 1.2 * times["step"]["median_ms"]
 
 
 def test_write_leaves_the_summary_and_the_pictures(summary, tmp_path):

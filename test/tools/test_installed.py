@@ -112,7 +112,7 @@ def test_an_installed_node_starts_from_an_empty_directory(installed, tmp_path, n
 def test_installed_offline_scripts_work_from_an_empty_directory(installed, tmp_path, scenario_file):
     def script(name, *arguments):
         command = (installed / "bin" / name, *arguments)
-        status, _, err = start(installed, tmp_path, *command, PHD_JDTC_KERNELS="numpy")
+        status, _, err = start(installed, tmp_path, *command)
         assert status == 0, err
 
     script("simulate", "--scenario", scenario_file, "--out", "short")
@@ -130,7 +130,6 @@ def test_installed_demo_runs_from_an_empty_directory(installed, tmp_path, short_
     """The nodes are those of the installation too, whatever else there is."""
     status, _, err = start(
         *(installed, tmp_path, installed / "bin" / "demo", "--bag", short_bag, *FEW_PARTICLES),
-        PHD_JDTC_KERNELS="numpy",
     )
     assert status == 0, err
     out = tmp_path / "out" / "demo_short"

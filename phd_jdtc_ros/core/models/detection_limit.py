@@ -15,8 +15,9 @@ from ..sensors.report import Report
 
 # Largest number of candidate pairs of one update, about half of them within the gate: 0.3 GB.
 MAX_CANDIDATES = 1 << 22
-# Largest number of detections of one update: each one can become a newborn target.
-MAX_DETECTIONS = 1 << 12
+# Largest number of detections of one update: each one can become a newborn target. 5000 targets and
+# their clutter have 7500.
+MAX_DETECTIONS = 1 << 16
 
 
 def limit_detections(report: Report, predicted: FloatArray, targets: float) -> Report:

@@ -5,7 +5,7 @@
     particles and detections of a radar    gating: lists by cells of range and azimuth
     particles of two scans, any origin     sweep: sort and sweep over two coordinates
     particles of two scans, one origin     grid: a grid of cells for each group
-      |  candidate pairs                   candidates, expanded chunk by chunk by intervals
-      |  exact test                        plain (NumPy), compiled (numba): kernels chooses
+      |  candidate pairs                   expanded chunk by chunk by intervals
+      |  exact test                        candidates
     pairs within the radius
 """

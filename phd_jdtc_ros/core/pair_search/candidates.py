@@ -9,9 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from ..arrays import FloatArray, IntArray
-from . import kernels
-from .intervals import CHUNK_PAIRS, chunks
+from .intervals import CHUNK_PAIRS, chunks, expand
 
 # Bound on the rounding error of a position, in cells or strips. It may add candidates, but never
 # removes one.
@@ -65,7 +66,33 @@ def near_chunks(found: Candidates) -> Iterator[Pairs]:
     """Test candidates chunk by chunk; yield the near pairs in order."""
     for part in chunks(found.count, CHUNK_PAIRS):
         owner, start, count = found.owner[part], found.start[part], found.count[part]
-        query, place, square = kernels.current().near_pairs(
+        query, place, square = _near_pairs(
             found.query, found.point, found.limit, owner, start, count
         )
         yield Pairs(query, found.rank.take(place), square)
+
+
+def _near_pairs(
+    query: FloatArray,
+    point: FloatArray,
+    limit: FloatArray,
+    owner: IntArray,
+    start: IntArray,
+    count: IntArray,
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the query, the point's index and the square distance of all near pairs.
+
+    For the parameters see `Candidates`; the intervals may be a part of all.
+    """
+    row, place = expand(owner, start, count)
+    square = np.zeros(len(row))
+    # The searched axes leave few false candidates, so that the first test uses three axes at once.
+    for axes in (range(min(3, len(query))), range(3, len(query))):
+        for axis in axes:
+            apart = point[axis].take(place)
+            apart -= query[axis].take(row)
+            apart *= apart
+            square += apart
+        near = np.flatnonzero(square <= limit.take(row))
+        row, place, square = row.take(near), place.take(near), square.take(near)
+    return row, place, square

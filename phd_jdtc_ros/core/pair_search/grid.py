@@ -13,7 +13,6 @@ import numpy as np
 from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, run_starts
-from . import kernels
 from .candidates import ROUNDING, Candidates, Pairs, near_chunks
 
 # Ratio of a cell's height, which is the radius, to its width. Narrow cells leave few points of a
@@ -78,8 +77,8 @@ def grid_candidates(
     start, count = _rows_of_cells(place, grid, begin, (radius / width[1]).take(query_group))
     kept = np.flatnonzero(count)
     return Candidates(
-        query=np.asarray(query.T, order=kernels.current().layout),
-        point=np.asarray(by_axis.take(rank, axis=1), order=kernels.current().layout),
+        query=np.ascontiguousarray(query.T),
+        point=by_axis.take(rank, axis=1),
         limit=np.full(len(query), radius**2),
         rank=rank,
         owner=kept // start.shape[1],

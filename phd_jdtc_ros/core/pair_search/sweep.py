@@ -16,7 +16,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from . import kernels
 from .candidates import ROUNDING, Candidates
 
 # Size of the sample of queries and of points from which axes are selected: `SAMPLE`, and one more
@@ -151,7 +150,7 @@ def _columns(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) 
     """
     flat = np.ascontiguousarray(value).ravel()
     begin = row * value.shape[1]
-    columns = np.empty((axes.shape[1], len(row)), order=kernels.current().layout)
+    columns = np.empty((axes.shape[1], len(row)))
     for index, axis in enumerate(axes.T):
         columns[index] = flat.take(begin + axis.take(block))
     return columns

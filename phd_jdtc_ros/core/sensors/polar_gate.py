@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, wrap_angle
-from ..pair_search import kernels
-from ..pair_search.gating import CellLists, cell_lists
+from ..pair_search.gating import CellLists, cell_lists, near_detections
 from ..types import Detections
 
 # Radius of the gates in standard deviations; there the likelihood is 1e-8 of its peak.
@@ -52,7 +51,7 @@ def gated_pairs(
     if std is None and shift is None:
         lists, gate = _lists(detections, noise_std)
         log_norm = -np.log(2.0 * np.pi * noise_std[0] * noise_std[1])
-        particle, detection, square = kernels.current().near_detections(
+        particle, detection, square = near_detections(
             lists, predicted, noise_std, DETECTION_GATE_SIGMA, gate
         )
         return particle, detection, log_norm - 0.5 * square
@@ -64,9 +63,7 @@ def gated_pairs(
         # An ellipse larger by this margin contains every shifted gate.
         widest = widest + 1.5 * fastest / DETECTION_GATE_SIGMA
     lists, gate = _lists(detections, widest)
-    particle, detection, _ = kernels.current().near_detections(
-        lists, predicted, widest, DETECTION_GATE_SIGMA, gate
-    )
+    particle, detection, _ = near_detections(lists, predicted, widest, DETECTION_GATE_SIGMA, gate)
     error = detections.measurement[detection] - predicted[particle]
     if shift is not None and rate is not None:
         error -= rate[particle] * shift[detection, None]

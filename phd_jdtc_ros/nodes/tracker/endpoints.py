@@ -28,9 +28,17 @@ INPUT_DEPTH = 50
 
 
 def publisher(
-    node: LifecycleNode, message_type: type, topic: str, qos: QoSProfile, health: OutputHealth
+    node: LifecycleNode,
+    message_type: type,
+    topic: str,
+    qos: QoSProfile,
+    health: OutputHealth,
+    joined: Callable[[], None] | None = None,
 ) -> Any:
-    """Return a publisher that is silent while the node is not active."""
+    """Return a publisher that is silent while the node is not active.
+
+    `joined` is called when a subscription is matched.
+    """
     full = node.resolve_topic_name(topic)
 
     def on_incompatible(event: Any) -> None:
@@ -40,12 +48,19 @@ def publisher(
             f"{full}: a subscription asks for incompatible QoS ({policy}), it receives nothing"
         )
 
+    def on_matched(event: Any) -> None:
+        if joined is not None and event.current_count_change > 0:
+            joined()
+
     with topics.qos_of(full):
         return node.create_lifecycle_publisher(
             message_type,
             topic,
             qos,
-            event_callbacks=PublisherEventCallbacks(incompatible_qos=on_incompatible),
+            event_callbacks=PublisherEventCallbacks(
+                incompatible_qos=on_incompatible,
+                matched=None if joined is None else on_matched,
+            ),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
 

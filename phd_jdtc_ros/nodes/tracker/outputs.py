@@ -1,8 +1,13 @@
-"""The publishers of the tracker, by the table in `msg_adapters.outputs`."""
+"""The publishers of the tracker, by the table in `msg_adapters.outputs`.
+
+Messages are encoded when somebody listens. The last one of a latched topic is encoded when the
+first listener joins.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode
@@ -42,6 +47,8 @@ class Outputs:
         self._frames: Any = None
         # Stamps of the last messages of periodic outputs.
         self._last_ns: dict[Output, int] = {}
+        # Stamp and data of what a latched topic shows, as long as nobody has received it.
+        self._unsent: dict[Output, tuple[int, Any]] = {}
         try:
             for row in table(len(classes), config.engine):
                 # An output that may be switched on later has its publisher from the start.
@@ -59,7 +66,8 @@ class Outputs:
             text = f"outputs: {row.switch} given, but its message package is not installed"
             raise ConfigError([text])
         qos = topics.latched(LATCHED_DEPTH) if row.latched else topics.reliable(DEPTH)
-        return endpoints.publisher(self._node, kind, row.topic, qos, self._health)
+        joined = partial(self._send, row) if row.latched else None
+        return endpoints.publisher(self._node, kind, row.topic, qos, self._health, joined)
 
     def _publish_frames(self, settings: Settings) -> Any:
         """Publish the poses of the fixed radars once; return the publisher, None without tf2_msgs.
@@ -95,7 +103,9 @@ class Outputs:
             self._frames = None
 
     def begin_run(self) -> None:
-        """Begin a new run."""
+        """Begin a new run; latched topics keep the end of the last one, also if nobody listens."""
+        for row in list(self._unsent):
+            self._send(row)
         self._view.begin_run()
         self._last_ns.clear()
 
@@ -111,6 +121,7 @@ class Outputs:
     def _clear(self, rows: list[Output]) -> None:
         for row in rows:
             if row.clear and _is_wanted(row, self._values):
+                self._unsent.pop(row, None)
                 self._publishers[row].publish(row.clear(self._view))
 
     def publish(self, when: str, stamp_ns: int, data: Any) -> None:
@@ -121,7 +132,23 @@ class Outputs:
             last_ns = self._last_ns.get(row)
             if last_ns is not None and stamp_ns - last_ns < row.period_s * 1e9:
                 continue
-            for message in row.encode(data, self._view):
-                publisher.publish(message)
-                if row.period_s:
-                    self._last_ns[row] = stamp_ns
+            if row.latched:
+                self._unsent[row] = stamp_ns, data
+            if not publisher.get_subscription_count():
+                if row.remembers:
+                    row.encode(data, self._view)
+            elif row.latched:
+                self._send(row)
+            else:
+                self._encode(row, stamp_ns, data)
+
+    def _send(self, row: Output) -> None:
+        """Publish what a latched topic shows, unless it has been published."""
+        if row in self._unsent:
+            self._encode(row, *self._unsent.pop(row))
+
+    def _encode(self, row: Output, stamp_ns: int, data: Any) -> None:
+        for message in row.encode(data, self._view):
+            self._publishers[row].publish(message)
+            if row.period_s:
+                self._last_ns[row] = stamp_ns

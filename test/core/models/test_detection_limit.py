@@ -92,7 +92,8 @@ def test_a_crowd_with_unknown_amplitudes_has_a_threshold():
 
 
 def test_a_crowd_without_particles_is_bounded_too():
-    many = crowd(20_000, AMPLITUDES["equal"])
+    count = detection_limit.MAX_DETECTIONS + 1000
+    many = crowd(count, np.full(count, 30.0))
     kept, crowded, _ = limited(PREDICTED[:0], 0.0, many, RADAR)
     assert len(kept) == crowded.clutter_rate == detection_limit.MAX_DETECTIONS
 

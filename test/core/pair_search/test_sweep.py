@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.pair_search import candidates, sweep
 
 
@@ -91,32 +90,3 @@ def test_pairs_within_include_those_exactly_as_far_as_the_radius(radius, origin)
     lattice = np.stack(np.meshgrid(side, side, [0.0, 3.0]), axis=-1).reshape(-1, 3) + origin
     none = np.zeros(len(lattice), int)
     check(lattice[::-1], none, lattice, none, radius)
-
-
-# --- The compiled inner loop ---------------------------------------------------------------------
-
-
-@settings(deadline=None, max_examples=100)
-@given(
-    seed=st.integers(0, 10**6),
-    kind=st.sampled_from(["wide", "clustered", "flat", "duplicate"]),
-    sizes=st.tuples(st.integers(0, 60), st.integers(0, 60)),
-    dimension=st.integers(2, 6),
-    chunk=st.sampled_from([1, 50, 1 << 14]),
-)
-def test_backends_return_the_same_bits(seed, kind, sizes, dimension, chunk):
-    pytest.importorskip("numba", reason="numba is missing: pip install numba")
-    rng = np.random.default_rng(seed)
-    both = draw_points(rng, kind, sum(sizes), dimension)
-    blocks = rng.integers(0, 3, sum(sizes))
-    parts = (both[: sizes[0]], blocks[: sizes[0]], both[sizes[0] :], blocks[sizes[0] :])
-    results = []
-    for name in ("numpy", "numba"):
-        with (
-            backend.using(name),
-            mock.patch.object(candidates, "CHUNK_PAIRS", chunk),
-        ):
-            results.append(pairs_within(*parts, 7.0))
-    for plain, compiled in zip(*results, strict=True):
-        assert plain.dtype == compiled.dtype
-        np.testing.assert_array_equal(plain, compiled)

@@ -6,7 +6,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scenes import intensity, small
 
-from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import DETECTION_GATE_SIGMA, RadarModel
 from phd_jdtc_ros.core.sensors.report import Report
@@ -98,23 +97,6 @@ def test_gated_pairs_equal_brute_force(seed, particles, reports, azimuth_std, ce
     np.testing.assert_allclose(
         log_likelihood, [expected[pair] for pair in found], rtol=0, atol=1e-9
     )
-
-
-def test_gated_pairs_are_the_same_bits_with_either_backend(monkeypatch):
-    pytest.importorskip("numba", reason="numba is missing: pip install numba")
-    rng = np.random.default_rng(8)
-    area = np.array([15e3, 2.0 * np.pi])
-    predicted = rng.uniform(0.0, 1.0, (5000, 2)) * area - [0.0, np.pi]
-    detections = Detections(rng.uniform(0.0, 1.0, (200, 2)) * area - [0.0, np.pi], None)
-    found = []
-    for name in ("numpy", "numba"):
-        with backend.using(name):
-            found.append(RADAR.gated_pairs(predicted, detections))
-
-    assert len(found[0][0]) > 5000
-    for plain, compiled in zip(*found, strict=True):
-        assert plain.dtype == compiled.dtype
-        np.testing.assert_array_equal(plain, compiled)
 
 
 @pytest.mark.parametrize("turns", [-2, -1, 1, 3])

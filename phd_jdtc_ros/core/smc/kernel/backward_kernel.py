@@ -20,8 +20,6 @@ from ...arrays import FloatArray, IntArray, SparseArray, add_by_row, factorize
 from ...models import newborn_sampling
 from ...models.detection_birth import Newborn
 from ...models.tracker_model import TrackerModel
-from ...pair_search import kernels
-from ...pair_search.rows import Points, Queries
 from ...snapshot import floats, integers, sparse_columns
 from ...targets import birth
 from ...targets.modes import ModeSpace
@@ -30,7 +28,7 @@ from ..correction import Corrector
 from ..particle_set import Aged, ParticleSet
 from . import kernel_thinning, strata
 from .spawn_intensity import spawn_intensity
-from .transition_density import TransitionDensity, gated_density, transition_density, whiten
+from .transition_density import TransitionDensity, gated_density, transition_density
 
 KERNEL_GATE_SIGMA = 7.5
 
@@ -217,33 +215,10 @@ def _within_origins(
     ]
     group = factorize(np.concatenate(key))[1]
     groups = group[: len(later)], group[len(later) :]
-    later_group, earlier_group = strata.split_into_strata(
-        kernel, modes, earlier, later, groups, KERNEL_GATE_SIGMA
-    )
+    groups = strata.split_into_strata(kernel, modes, earlier, later, groups, KERNEL_GATE_SIGMA)
     every = np.arange(len(later))
-    compiled = kernels.current().kernel_within_groups
-    if compiled is None or len(group) == 0:
-        groups = later_group, earlier_group
-        pairs = gated_density(kernel, modes, earlier, later, every, KERNEL_GATE_SIGMA, groups)
-        return _sum_pairs(pairs, earlier, later)
-    motions = list(kernel.successor)
-    survival = np.zeros(len(modes))
-    survival[earlier.mode] = kernel.scale  # the scale is P_s, which depends on the mode alone
-    value, near, start, mu = compiled(
-        Queries(whiten(later.state, later.mode, modes, kernel), later_group, later.mode),
-        Points(
-            np.stack([kernel.successor[motion] @ kernel.whitening[motion] for motion in motions]),
-            earlier_group,
-            earlier.mode,
-            earlier.weight,
-        ),
-        np.array([motions.index(motion) for motion in modes.motions]),
-        kernel.peak * kernel.transition * survival[:, None],
-        KERNEL_GATE_SIGMA,
-        kernel_thinning.offsets(every),
-        kernel_thinning.MAX_PAIRS_PER_ROW,
-    )
-    return _Sums(value, near, start, mu)
+    pairs = gated_density(kernel, modes, earlier, later, every, KERNEL_GATE_SIGMA, groups)
+    return _sum_pairs(pairs, earlier, later)
 
 
 def _sum_pairs(

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scenes import gaussian_cloud, intensity, small
 
-from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
 from phd_jdtc_ros.core.smc.kernel import backward_kernel, kernel_thinning, strata
 from phd_jdtc_ros.core.smc.kernel.transition_density import transition_density
@@ -98,7 +97,6 @@ def dense_scene(interval):
     return model, earlier, later
 
 
-@pytest.mark.usefixtures("backend")
 @pytest.mark.parametrize("interval", [24.0, 60.0])
 def test_a_thinned_dense_kernel_gives_the_same_weights(interval, monkeypatch):
     model, earlier, later = dense_scene(interval)
@@ -121,19 +119,6 @@ def test_a_thinned_dense_kernel_gives_the_same_weights(interval, monkeypatch):
     assert np.abs(shift).max() < 0.02
     spread = drawn @ (earlier.state - mean) ** 2 / drawn.sum()
     np.testing.assert_allclose(spread[tracked], std[tracked] ** 2, rtol=0.03)
-
-
-@pytest.mark.parametrize("interval", [24.0, 60.0])
-def test_thinning_does_not_depend_on_the_backend(interval, monkeypatch):
-    pytest.importorskip("numba", reason="numba is missing: pip install numba")
-    model, earlier, later = dense_scene(interval)
-    ratios = []
-    for name in ("numpy", "numba"):
-        with backend.using(name):
-            ratios.append(
-                backward_kernel.build(earlier, later, model, BERNOULLI, interval).ratio.toarray()
-            )
-    np.testing.assert_allclose(ratios[1], ratios[0], rtol=1e-9, atol=0.0)
 
 
 def groups_of(interval, origins, rows=COUNT):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scenes import gaussian_cloud, intensity, small
 
-from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.pair_search import candidates, grid, sweep
 from phd_jdtc_ros.core.pair_search.gating import cell_lists
 from phd_jdtc_ros.core.smc.correction import CORRECTORS
@@ -58,7 +57,6 @@ def candidates_of_a_build(monkeypatch, *scene):
     with monkeypatch.context() as patch:
         patch.setattr(transition_density, "candidates", counted(sweep.candidates))
         patch.setattr(grid, "grid_candidates", counted(grid.grid_candidates))
-        patch.setenv(backend.VARIABLE, "numpy")
         link = backward_kernel.build(*case)
     rows = len(case[1])
     return np.array(tested) / rows, link.ratio.nnz / rows
