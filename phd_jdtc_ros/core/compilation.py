@@ -86,7 +86,7 @@ def inner(function: FunctionT) -> FunctionT:
     """Let compiled functions call a function; it is compiled with them."""
     if numba is None:
         return function
-    done: FunctionT = numba.njit(**_OPTIONS)(function)
+    done: FunctionT = numba.njit(forceinline=True, **_OPTIONS)(function)
     return done
 
 

@@ -14,9 +14,8 @@ from . import snapshot
 from .extraction import extract, extract_all
 from .filter import GaussianFilter
 from .mixture import Mixture
-from .smoother import backward_pass
+from .smoother import Link, backward_pass
 from .snapshot import GaussianEntry
-from .window_graph import Link
 
 
 @dataclass

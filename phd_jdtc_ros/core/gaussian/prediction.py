@@ -73,26 +73,11 @@ class Moves:
     base: Annotated[FloatArray, floats("ADD", -(MAX_STATE**2), MAX_STATE**2)]
     place: Annotated[IntArray, integers("PK", -1, below="A")]
 
-    def take(self, rows: IntArray) -> Moves:
-        """Return the predictions of these rows."""
-        place = self.place[rows]
-        kept = place[place >= 0]
-        place[place >= 0] = np.arange(len(kept))
-        return Moves(
-            self.pairs,
-            self.change[rows],
-            self.survival[rows],
-            None if self.cells is None else self.cells[rows],
-            self.mean[kept],
-            self.factor[kept],
-            self.gain[kept],
-            self.base[kept],
-            place,
-        )
-
     @staticmethod
     def concatenate(parts: Sequence[Moves]) -> Moves:
         """Return the predictions of several scans concatenated."""
+        if len(parts) == 1:
+            return parts[0]
         cells = [part.cells for part in parts if part.cells is not None]
         before = np.cumsum([0, *(len(part.mean) for part in parts)])
         place = [
