@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ..arrays import IntArray
@@ -36,7 +36,7 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
     def _extract_all(self, parts: Sequence[Part[Mixture]], lag: int) -> tuple[Estimates, IntArray]:
         return extract_all(parts, self.forward.dynamics, lag)
 
-    def _backward(self, window: Sequence[GaussianEntry]) -> Iterable[Mixture]:
+    def _backward(self, window: Sequence[GaussianEntry]) -> Sequence[Mixture]:
         return backward_pass(window)
 
     def _figures(self, step: Filtered[Mixture, Link]) -> Mapping[str, float]:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any
+from itertools import accumulate, pairwise
+from typing import Any, overload
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class Link:
     ancestry: Ancestry
 
 
-def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
+def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> Sequence[Mixture]:
     """Return the smoothed mixtures of a window, newest first: lag 0, lag 1 and so on.
 
     Parameters
@@ -87,34 +87,61 @@ def _smoothed_chain(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
             found.append(own)
             continue
         smoothed = Gaussians(*(np.empty_like(column) for column in own.gaussians))
-        links, source = _concatenated([entry.link], [0]), np.arange(len(own))
+        links, source = _concatenated([(entry.link, 0)]), np.arange(len(own))
         rows = (*links, source, own.target, *own.gaussians, *found[-1].gaussians)
         go_back(smoothed, *rows)
         found.append(own.with_gaussians(*smoothed))
     return found
 
 
-def _smoothed_whole(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
+@dataclass(frozen=True)
+class _Parts(Sequence[Mixture]):
+    """Mixtures whose rows are parts of the same arrays; each is made when it is asked for.
+
+    Parameters
+    ----------
+    rows : sequence of slices
+        The rows of each mixture.
+    """
+
+    stored: Sequence[Mixture]
+    rows: Sequence[slice]
+    smoothed: Gaussians
+
+    def __len__(self) -> int:
+        return len(self.stored)
+
+    @overload
+    def __getitem__(self, index: int) -> Mixture: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Mixture]: ...
+    def __getitem__(self, index: int | slice) -> Mixture | Sequence[Mixture]:
+        if isinstance(index, slice):
+            return _Parts(self.stored[index], self.rows[index], self.smoothed)
+        own = self.rows[index]
+        return self.stored[index].with_gaussians(*(column[own] for column in self.smoothed))
+
+
+def _smoothed_whole(entries: Sequence[Entry[Mixture, Link]]) -> Sequence[Mixture]:
     """Return the results of `backward_pass`, with all rows of the window in the same arrays."""
     stored = [entry.stored for entry in entries]
-    ends = np.cumsum([len(mixture) for mixture in stored])
-    first = dict(zip((entry.stamp_ns for entry in entries), [0, *ends.tolist()], strict=False))
-    targets = np.cumsum([0, *(len(mixture.label) for mixture in stored)])
-    linked = [entry for entry in reversed(entries) if entry.link is not None]
-    if linked:
-        links = [entry.link for entry in linked if entry.link is not None]
-        columns = _concatenated(links, [first[entry.stamp_ns] for entry in linked])
-        source = np.concatenate([_rows(part, first) for one in linked for part in one.sources])
-        target = np.concatenate([mixture.target for mixture in stored])
-        target += targets[:-1].repeat(np.diff(ends, prepend=0))
-        every = zip(*(mixture.gaussians for mixture in stored), strict=True)
-        own = [np.concatenate(column) for column in every]
-        smoothed = Gaussians(*(column.copy() for column in own))
-        rows = (*columns, source, target, *own, *smoothed)
-        go_back(smoothed, *rows)
-        parts = zip(*(np.split(column, ends[:-1]) for column in smoothed), strict=True)
-        stored = [one.with_gaussians(*part) for one, part in zip(stored, parts, strict=True)]
-    return stored[::-1]
+    ends = list(accumulate([0, *map(len, stored)]))
+    first = dict(zip((entry.stamp_ns for entry in entries), ends, strict=False))
+    targets = accumulate([0, *(len(mixture.label) for mixture in stored)])
+    links = [(entry.link, first[entry.stamp_ns]) for entry in reversed(entries) if entry.link]
+    if not links:
+        return stored[::-1]
+    source = np.concatenate(
+        [_rows(part, first) for entry in reversed(entries) if entry.link for part in entry.sources]
+    )
+    target = np.concatenate(
+        [begin + mixture.target for begin, mixture in zip(targets, stored, strict=False)]
+    )
+    own = [np.concatenate(column) for column in zip(*(m.gaussians for m in stored), strict=True)]
+    smoothed = Gaussians(*(column.copy() for column in own))
+    rows = (*_concatenated(links), source, target, *own, *smoothed)
+    go_back(smoothed, *rows)
+    return _Parts(stored[::-1], list(map(slice, ends[-2::-1], ends[:0:-1])), smoothed)
 
 
 def _rows(source: Source, first: Mapping[int, int]) -> IntArray:
@@ -125,15 +152,15 @@ def _rows(source: Source, first: Mapping[int, int]) -> IntArray:
     return first[source.stamp_ns] + rows
 
 
-def _concatenated(links: Sequence[Link], first: Sequence[int]) -> tuple[Any, ...]:
+def _concatenated(links: Sequence[tuple[Link, int]]) -> tuple[Any, ...]:
     """Return the columns of links as `hindsight.go_back` takes them.
 
-    `first` has the place of the first later hypothesis of each link.
+    Each comes with the place of its first later hypothesis.
     """
-    ancestries = [link.ancestry for link in links]
-    moves = Moves.concatenate([link.moves for link in links])
-    sizes = [len(one.child) for one in ancestries], [len(link.moves.change) for link in links]
-    child = [begin + one.child for one, begin in zip(ancestries, first, strict=True)]
+    ancestries = [link.ancestry for link, _ in links]
+    moves = Moves.concatenate([link.moves for link, _ in links])
+    sizes = [len(one.child) for one in ancestries], [len(link.moves.change) for link, _ in links]
+    child = [begin + link.ancestry.child for link, begin in links]
     cells = np.zeros((0, 0, 0)) if moves.cells is None else moves.cells
     return contiguous(
         *(np.cumsum([0, *size]) for size in sizes),
