@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray, IntArray, contiguous
-from ...compilation import Float1, Float2, Float3, Int1, compiled
+from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
 from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.sensor import Sensor
 from .blocks import SIZE, wrapped
@@ -261,31 +261,41 @@ def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
         Symmetric and finite; axes whose variance is zero are left out.
     """
     size = covariance.shape[-1]
-    if _are_positive(np.ascontiguousarray(covariance).reshape(-1, size, size)):
+    flat = np.ascontiguousarray(covariance).reshape(-1, size, size)
+    failing = _indefinite(flat)
+    if not len(failing):
         return covariance, 0
-    return _floor_eigenvalues(covariance)
+    sound = flat.copy()
+    sound[failing], floored = _floor_eigenvalues(flat[failing])
+    return sound.reshape(covariance.shape), floored
+
+
+@inner
+def _is_positive(covariance: FloatArray, factor: FloatArray) -> bool:
+    """Return whether a Cholesky factor exists, and write it; axes of zero variance are left out."""
+    for i in range(SIZE):
+        for k in range(i + 1):
+            total = covariance[i, k]
+            for n in range(k):
+                total -= factor[i, n] * factor[k, n]
+            if k < i:
+                factor[i, k] = total / factor[k, k]
+            elif covariance[i, i] == 0.0:
+                factor[i, i] = 1.0
+            elif total > 0.0:
+                factor[i, i] = math.sqrt(total)
+            else:
+                return False
+    return True
 
 
 @compiled
-def _are_positive(covariance: Float3) -> bool:
-    """Return whether the Cholesky factors of matrices exist; axes of zero variance are left out."""
-    factor = np.empty((SIZE, SIZE))
+def _indefinite(covariance: Float3) -> IntArray:
+    """Return the rows of the matrices that are not positive definite on their axes."""
+    failing, factor = np.zeros(len(covariance), np.bool_), np.empty((SIZE, SIZE))
     for row in range(len(covariance)):
-        own = covariance[row]
-        for i in range(SIZE):
-            for k in range(i + 1):
-                total = own[i, k]
-                for n in range(k):
-                    total -= factor[i, n] * factor[k, n]
-                if k < i:
-                    factor[i, k] = total / factor[k, k]
-                elif own[i, i] == 0.0:
-                    factor[i, i] = 1.0
-                elif total > 0.0:
-                    factor[i, i] = math.sqrt(total)
-                else:
-                    return False
-    return True
+        failing[row] = not _is_positive(covariance[row], factor)
+    return np.flatnonzero(failing)
 
 
 def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
