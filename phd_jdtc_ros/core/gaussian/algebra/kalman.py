@@ -11,6 +11,7 @@ from ...arrays import FloatArray, IntArray, contiguous
 from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
 from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.sensor import Sensor
+from . import linearised
 from .blocks import SIZE, wrapped
 
 # Largest number of Gauss-Newton steps of an update; two or three suffice unless a target is next
@@ -41,7 +42,8 @@ class Innovation(NamedTuple):
     Parameters
     ----------
     jacobian : array of shape (N, 2, 2)
-        Jacobian of the measurement with respect to the position at the detection's time.
+        Jacobian of the measurement with respect to the position at the detection's time. For a
+        sensor that is not polar, `linearised.innovations` replaces the measurement by the position.
     weighted : array of shape (N, 2)
         Inverse of the innovation's covariance times the innovation.
     inverse : array of shape (N, 2, 2)
@@ -145,15 +147,16 @@ def iterated_update(
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp.
-    measurement, noise_std : arrays of shape (M, 2)
-        Range in metres and azimuth in radians in the radar's frame; innovations are wrapped.
+    measurement, noise_std : arrays of shape (M, Z)
+        Of a radar, range in metres and azimuth in radians in its frame; innovations are wrapped.
     time_s : array of shape (M,) or None
         Time of each measurement relative to the stamp, seconds; the target moves on a straight
         line from the stamp to that time.
     iterations : int
         Largest number of linearisations; 1 is the plain extended Kalman filter.
     converged : float
-        Step, as a share of the range's standard deviation, below which iteration ends.
+        Step, as a share of the range's standard deviation, below which iteration ends; for a
+        sensor that is not polar see `linearised.innovations`.
     pairs : tuple of two int arrays of shape (P,), or None
         Gaussian and measurement of each pair; None if each Gaussian has the measurement of its row.
         A pair with the Gaussian -1 has a likelihood of zero.
@@ -171,6 +174,12 @@ def iterated_update(
     count = len(measurement)
     gaussian, column = (np.arange(count), np.arange(count)) if pairs is None else pairs
     noise = np.broadcast_to(noise_std, measurement.shape)
+    if not sensor.polar:
+        row, each = np.maximum(gaussian, 0), (measurement[column], noise[column])
+        of_pairs = mean[row], covariance[row], sensor, *each, _times(time_s, count)[column]
+        found = Innovation(*linearised.innovations(*of_pairs, iterations, converged))
+        likely = np.where(gaussian >= 0, found.log_likelihood, -np.inf)
+        return found._replace(log_likelihood=likely)
     return Innovation(
         *_innovations(
             iterations,
@@ -331,15 +340,7 @@ def place_and_speed(sensor: Sensor) -> IntArray:
 
 
 def pose(sensor: Sensor) -> FloatArray:
-    """Return the position of a radar, and the cosine and the sine of its yaw.
-
-    Raises
-    ------
-    TypeError
-        If the sensor does not measure range and azimuth.
-    """
-    if not sensor.polar:
-        raise TypeError(f"{sensor.name}: {type(sensor).__name__} given, must be a polar radar")
+    """Return the position of a radar, and the cosine and the sine of its yaw."""
     return np.array([*sensor.position, np.cos(sensor.yaw), np.sin(sensor.yaw)])
 
 
