@@ -9,7 +9,15 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled, inner
-from .algebra.blocks import SIZE, add_mean, add_spread, dot, log_determinant, square_distance
+from .algebra.blocks import (
+    SIZE,
+    add_mean,
+    add_spread,
+    copy_gaussian,
+    dot,
+    log_determinant,
+    square_distance,
+)
 from .algebra.vectors import add, multiply, multiply_left, sum_of, total_of, write_scaled
 
 # Smallest log fit of a pair of modes relative to the best pair: no pair is excluded for good.
@@ -205,16 +213,22 @@ def _earlier(
 
 @inner
 def _blend(
-    share: float, own: FloatArray, own_spread: FloatArray, mean: FloatArray, spread: FloatArray
+    share: float,
+    own: FloatArray,
+    own_spread: FloatArray,
+    apart: FloatArray,
+    mean: FloatArray,
+    spread: FloatArray,
 ) -> None:
     """Add a share of a mode's own Gaussian, that of a target that dies, to the one given later."""
-    if share > 0.0:
-        for i in range(SIZE):
-            for k in range(SIZE):
-                between = (1.0 - share) * (own[i] - mean[i]) * (own[k] - mean[k])
-                spread[i, k] += share * (own_spread[i, k] - spread[i, k] + between)
-        for i in range(SIZE):
-            mean[i] += share * (own[i] - mean[i])
+    between = share * (1.0 - share)
+    for i in range(SIZE):
+        apart[i] = own[i] - mean[i]
+        mean[i] += share * apart[i]
+    for i in range(SIZE):
+        outer = between * apart[i]
+        for k in range(SIZE):
+            spread[i, k] += share * (own_spread[i, k] - spread[i, k]) + outer * apart[k]
 
 
 @inner
@@ -261,17 +275,25 @@ def _add_pairs(of: IntArray, scratch: _Scratch, smoothed: Gaussians, at: int) ->
 
 @inner
 def _add_deaths(
-    death: float, survival: FloatArray, own: Gaussians, at: int, smoothed: Gaussians
+    death: float,
+    survival: FloatArray,
+    own: Gaussians,
+    at: int,
+    smoothed: Gaussians,
+    apart: FloatArray,
 ) -> None:
     """Add to a row what died of it; `death` is the factor on the weight of those that die."""
     for mode in range(len(survival)):
-        died, weight = death * (1.0 - survival[mode]), smoothed.weight[at, mode]
-        gone, left = died * total_of(own.weight[at, mode]), total_of(weight)
-        share = gone / (left + gone) if left > 0.0 else 1.0
+        died, left = death * (1.0 - survival[mode]), total_of(smoothed.weight[at, mode])
+        gone = died * total_of(own.weight[at, mode])
         mean, covariance = smoothed.mean[at, mode], smoothed.covariance[at, mode]
-        _blend(share, own.mean[at, mode], own.covariance[at, mode], mean, covariance)
-        for cell in range(len(weight)):
-            weight[cell] += died * own.weight[at, mode, cell]
+        if not left > 0.0:
+            copy_gaussian(own.mean[at, mode], own.covariance[at, mode], mean, covariance)
+        elif gone > 0.0:
+            share = gone / (left + gone)
+            _blend(share, own.mean[at, mode], own.covariance[at, mode], apart, mean, covariance)
+        for cell in range(own.weight.shape[2]):
+            smoothed.weight[at, mode, cell] += died * own.weight[at, mode, cell]
 
 
 @compiled
@@ -346,4 +368,4 @@ def go_back(
             if at >= 0:
                 one = target[at]
                 death = (1.0 - min(alive[one], 1.0)) / dead[one] if dead[one] > 0.0 else 0.0
-                _add_deaths(death, survival[row], own, at, smoothed)
+                _add_deaths(death, survival[row], own, at, smoothed, scratch.vectors[0])

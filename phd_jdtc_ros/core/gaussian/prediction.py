@@ -12,7 +12,7 @@ from ..arrays import FloatArray, IntArray, contiguous
 from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled
 from ..snapshot import MAX_STATE, floats, integers
 from ..tracks import labels
-from .algebra.blocks import SIZE, add_mean, add_spread, dot, factorise, solve
+from .algebra.blocks import SIZE, add_mean, add_spread, copy_gaussian, dot, factorise, solve
 from .algebra.kalman import predicted_covariance
 from .dynamics import Dynamics
 from .mixture import Mixture
@@ -178,7 +178,8 @@ def _mixed(
                 add_spread(share[pair], pair_mean[at], pair_covariance[at], centre, spread)
         for mode in range(modes):
             if not total[mode] > 0.0:
-                later_mean[row, mode], later[row, mode] = mean[row, mode], covariance[row, mode]
+                own, spread = mean[row, mode], covariance[row, mode]
+                copy_gaussian(own, spread, later_mean[row, mode], later[row, mode])
     return later_weight, later_mean, later
 
 

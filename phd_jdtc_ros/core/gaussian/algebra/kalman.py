@@ -12,7 +12,7 @@ from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
 from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.sensor import Sensor
 from . import linearised
-from .blocks import SIZE, wrapped
+from .blocks import SIZE, copy_gaussian, wrapped
 
 # Largest number of Gauss-Newton steps of an update; two or three suffice unless a target is next
 # to the sensor.
@@ -209,7 +209,7 @@ def _updated(
     cross, gain = np.empty((2, SIZE)), np.empty((2, SIZE))
     for row in range(count):
         at, spread = pair[row], covariance[gaussian[row]]
-        later_mean[row], later[row] = mean[gaussian[row]], spread
+        copy_gaussian(mean[gaussian[row]], spread, later_mean[row], later[row])
         if at < 0:
             continue
         time, seen = time_s[at], jacobian[at]
