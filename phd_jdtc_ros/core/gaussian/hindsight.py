@@ -299,13 +299,13 @@ def _add_deaths(
 @compiled
 def go_back(
     smoothed: Gaussians,
+    of: Int1,
+    to: Int1,
     edges: Int1,
     rows: Int1,
     child: Int1,
     parent: Int1,
     share: Float3,
-    of: Int1,
-    to: Int1,
     change: Float2,
     survival: Float2,
     cells: Float3,
@@ -329,11 +329,13 @@ def go_back(
     ----------
     smoothed : Gaussians
         The rows to write, which may be later rows of the links that follow.
+    of, to : int arrays of shape (K,)
+        The pairs of motion modes of `prediction.Moves`.
     edges, rows : int arrays of shape (L + 1,)
         Where the edges and the predicted rows of each link begin, and where those of the last end.
     child, parent, share : arrays of shapes (E,), (E,) and (E, R, S)
         See `reduction.Ancestry`; a parent is counted from the first predicted row of its link.
-    of, to, change, survival, cells, pair_mean, factor, gain, base, place
+    change, survival, cells, pair_mean, factor, gain, base, place
         See `prediction.Moves`; `cells` is empty if cells do not change.
     source : int array of shape (P,)
         The filtered row from which each row was predicted; -1 if it has left the window.

@@ -73,29 +73,6 @@ class Moves:
     base: Annotated[FloatArray, floats("ADD", -(MAX_STATE**2), MAX_STATE**2)]
     place: Annotated[IntArray, integers("PK", -1, below="A")]
 
-    @staticmethod
-    def concatenate(parts: Sequence[Moves]) -> Moves:
-        """Return the predictions of several scans concatenated."""
-        if len(parts) == 1:
-            return parts[0]
-        cells = [part.cells for part in parts if part.cells is not None]
-        before = np.cumsum([0, *(len(part.mean) for part in parts)])
-        place = [
-            np.where(part.place >= 0, part.place + begin, -1)
-            for part, begin in zip(parts, before, strict=False)
-        ]
-        return Moves(
-            parts[0].pairs,
-            np.concatenate([part.change for part in parts]),
-            np.concatenate([part.survival for part in parts]),
-            np.concatenate(cells) if cells else None,
-            np.concatenate([part.mean for part in parts]),
-            np.concatenate([part.factor for part in parts]),
-            np.concatenate([part.gain for part in parts]),
-            np.concatenate([part.base for part in parts]),
-            np.concatenate(place),
-        )
-
 
 @compiled
 def _pairs(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import Any, overload
 
@@ -37,6 +38,16 @@ class Link:
 
     moves: Moves
     ancestry: Ancestry
+
+    @cached_property
+    def columns(self) -> tuple[Any, ...]:
+        """The columns from `child` to `place` as `hindsight.go_back` takes them."""
+        one, moves = self.ancestry, self.moves
+        cells = np.zeros((0, 0, 0)) if moves.cells is None else moves.cells
+        return contiguous(
+            *(one.child, one.parent, one.share, moves.change, moves.survival, cells),
+            *(moves.mean, moves.factor, moves.gain, moves.base, moves.place),
+        )
 
 
 def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> Sequence[Mixture]:
@@ -87,8 +98,10 @@ def _smoothed_chain(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
             found.append(own)
             continue
         smoothed = Gaussians(*(np.empty_like(column) for column in own.gaussians))
-        links, source = _concatenated([(entry.link, 0)]), np.arange(len(own))
-        rows = (*links, source, own.target, *own.gaussians, *found[-1].gaussians)
+        child, change = entry.link.ancestry.child, entry.link.moves.change
+        sizes = np.array([0, len(child)]), np.array([0, len(change)])
+        links = *entry.link.moves.pairs, *sizes, *entry.link.columns, np.arange(len(own))
+        rows = (*links, own.target, *own.gaussians, *found[-1].gaussians)
         go_back(smoothed, *rows)
         found.append(own.with_gaussians(*smoothed))
     return found
@@ -139,7 +152,7 @@ def _smoothed_whole(entries: Sequence[Entry[Mixture, Link]]) -> Sequence[Mixture
     )
     own = [np.concatenate(column) for column in zip(*(m.gaussians for m in stored), strict=True)]
     smoothed = Gaussians(*(column.copy() for column in own))
-    rows = (*_concatenated(links), source, target, *own, *smoothed)
+    rows = (*_joined(links), source, target, *own, *smoothed)
     go_back(smoothed, *rows)
     return _Parts(stored[::-1], list(map(slice, ends[-2::-1], ends[:0:-1])), smoothed)
 
@@ -152,21 +165,21 @@ def _rows(source: Source, first: Mapping[int, int]) -> IntArray:
     return first[source.stamp_ns] + rows
 
 
-def _concatenated(links: Sequence[tuple[Link, int]]) -> tuple[Any, ...]:
+def _joined(links: Sequence[tuple[Link, int]]) -> tuple[Any, ...]:
     """Return the columns of links as `hindsight.go_back` takes them.
 
     Each comes with the place of its first later hypothesis.
     """
-    ancestries = [link.ancestry for link, _ in links]
-    moves = Moves.concatenate([link.moves for link, _ in links])
-    sizes = [len(one.child) for one in ancestries], [len(link.moves.change) for link, _ in links]
-    child = [begin + link.ancestry.child for link, begin in links]
-    cells = np.zeros((0, 0, 0)) if moves.cells is None else moves.cells
-    return contiguous(
-        *(np.cumsum([0, *size]) for size in sizes),
-        np.concatenate(child),
-        np.concatenate([one.parent for one in ancestries]),
-        np.concatenate([one.share for one in ancestries]),
-        *(*moves.pairs, moves.change, moves.survival, cells),
-        *(moves.mean, moves.factor, moves.gain, moves.base, moves.place),
+    edges, rows, pairs = (
+        np.array([0, *accumulate(map(len, column))])
+        for column in (
+            [link.ancestry.child for link, _ in links],
+            [link.moves.change for link, _ in links],
+            [link.moves.mean for link, _ in links],
+        )
     )
+    every = zip(*(link.columns for link, _ in links), strict=True)
+    child, *others, place = (np.concatenate(parts) for parts in every)
+    child += np.repeat([begin for _, begin in links], np.diff(edges))
+    place += np.where(place >= 0, np.repeat(pairs[:-1], np.diff(rows))[:, None], 0)
+    return *links[0][0].moves.pairs, edges, rows, child, *others, place

@@ -9,7 +9,7 @@ from typing import ClassVar, Generic
 
 import numpy as np
 
-from ..arrays import IntArray
+from ..arrays import IntArray, contains
 from ..engine import EngineState, Lag, Reprocessed, Step
 from ..models.clutter_raster import ClutterRaster, raster
 from ..models.tracker_model import TrackerModel
@@ -293,13 +293,13 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     def _predict_targets(self, stamp_ns: int) -> Estimates:
         """Return the latest targets predicted to a stamp; `track_id` is still label + 1."""
-        parts = []
+        # Only the targets that no later scan has swept; most entries are as they were a scan ago.
         for rows in self.forward.unswept:
-            targets = self._filtered[rows.entry.stamp_ns]
-            if rows.rows is not None:
-                alive = np.isin(targets.track_id - 1, rows.row_label)
-                targets = targets.take(np.flatnonzero(alive))
-            parts.append(targets)
+            at, targets = rows.entry.stamp_ns, self._filtered[rows.entry.stamp_ns]
+            alive = contains(rows.label, targets.track_id - 1)
+            if rows.rows is not None and not alive.all():
+                self._filtered = {**self._filtered, at: targets.take(np.flatnonzero(alive))}
+        parts = [self._filtered[rows.entry.stamp_ns] for rows in self.forward.unswept]
         estimates, time_ns = Estimates.concatenate(parts, 0)
         return predict(estimates, time_ns, stamp_ns, self.forward.model.modes)
 
