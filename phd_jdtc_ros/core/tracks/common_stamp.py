@@ -63,7 +63,8 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     process noise is the mean over the class's motion models.
     """
     to_predict = np.flatnonzero(time_ns != stamp_ns)
-    estimates = replace(estimates, stamp_ns=stamp_ns)
+    if estimates.stamp_ns != stamp_ns:
+        estimates = replace(estimates, stamp_ns=stamp_ns)
     if not len(to_predict):
         return estimates
     every, which = np.unique((stamp_ns - time_ns[to_predict]) * 1e-9, return_inverse=True)
