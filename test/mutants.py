@@ -92,9 +92,9 @@ PARTS = {
         ("rauch_tung_striebel",),
     ),
     "gaussian smoother": Part(
-        ("gaussian/window_graph.py", "gaussian/smoother.py"),
+        ("gaussian/hindsight.py", "gaussian/smoother.py"),
         (
-            "gaussian/test_window_graph.py",
+            "gaussian/test_smoother.py",
             "gaussian/test_enumeration.py",
             "gaussian/algebra/test_moments.py",
             "gaussian/test_smoothed_window.py",

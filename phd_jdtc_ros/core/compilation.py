@@ -84,9 +84,21 @@ def _announce() -> None:
 
 def inner(function: FunctionT) -> FunctionT:
     """Let compiled functions call a function; it is compiled with them."""
+    return _compiled_with_callers(function, {})
+
+
+def inlined(function: FunctionT) -> FunctionT:
+    """Compile a function as a part of each compiled function that calls it.
+
+    For short functions of tuples of arrays, whose call would take longer than what they do.
+    """
+    return _compiled_with_callers(function, {"forceinline": True})
+
+
+def _compiled_with_callers(function: FunctionT, options: dict[str, bool]) -> FunctionT:
     if numba is None:
         return function
-    done: FunctionT = numba.njit(**_OPTIONS)(function)
+    done: FunctionT = numba.njit(**options, **_OPTIONS)(function)
     return done
 
 

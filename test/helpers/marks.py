@@ -104,7 +104,7 @@ class MarkEngine(FixedLagEngine):
         return estimates.take(np.flatnonzero(estimates.weight > threshold))
 
     def _backward(self, window):
-        return smoothed_sets(window, self._told, self._heard)
+        return list(smoothed_sets(window, self._told, self._heard))
 
     @staticmethod
     def _told(later, link):

@@ -16,7 +16,7 @@ The path of one scan, with the module of each step::
       |  merge similar hypotheses            reduction
     stored mixture t+1                       (filter: the steps in order)
       |  link to mixture t, cached           smoother: moves and ancestry
-      |  backward over the lag window        smoother, window_graph
+      |  backward over the lag window        smoother: windows; hindsight: rows
     smoothed mixtures
       |  extract targets                     extraction
     Estimates                                engine

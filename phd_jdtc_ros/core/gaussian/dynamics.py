@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, contiguous
 from ..models.amplitude_model import SnrCells
 from ..models.tracker_model import TrackerModel
 from ..targets.motion import MotionModel
@@ -83,7 +83,7 @@ class Dynamics:
     def pairs(self) -> tuple[IntArray, IntArray]:
         """The K pairs (from, to) of motion modes that one class has, sorted by `to`."""
         class_of = self.model.modes.class_of[self.flat_of]
-        to, of = np.nonzero(class_of[:, None] == class_of)
+        to, of = contiguous(*np.nonzero(class_of[:, None] == class_of))
         return of, to
 
     @cached_property

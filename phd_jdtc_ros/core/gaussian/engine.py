@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ..arrays import IntArray
@@ -14,9 +14,8 @@ from . import snapshot
 from .extraction import extract, extract_all
 from .filter import GaussianFilter
 from .mixture import Mixture
-from .smoother import backward_pass
+from .smoother import Link, backward_pass
 from .snapshot import GaussianEntry
-from .window_graph import Link
 
 
 @dataclass
@@ -37,7 +36,7 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
     def _extract_all(self, parts: Sequence[Part[Mixture]], lag: int) -> tuple[Estimates, IntArray]:
         return extract_all(parts, self.forward.dynamics, lag)
 
-    def _backward(self, window: Sequence[GaussianEntry]) -> Iterable[Mixture]:
+    def _backward(self, window: Sequence[GaussianEntry]) -> Sequence[Mixture]:
         return backward_pass(window)
 
     def _figures(self, step: Filtered[Mixture, Link]) -> Mapping[str, float]:

@@ -16,8 +16,8 @@ from .dynamics import Dynamics
 from .mixture import Mixture
 from .prediction import Aged, births, spawn, survivors
 from .reduction import Branched, reduce_hypotheses
+from .smoother import Link
 from .update import GaussianSteps
-from .window_graph import Link
 
 
 @dataclass

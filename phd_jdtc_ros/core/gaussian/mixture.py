@@ -79,6 +79,11 @@ class Mixture:
         """Existence probability of each target, shape (T,)."""
         return sum_by(self.target, self.mass, len(self.label))
 
+    @property
+    def gaussians(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The weights, the means and the covariances."""
+        return self.weight, self.mean, self.covariance
+
     def take(self, rows: IntArray) -> Mixture:
         """Return the hypotheses of these rows."""
         return Mixture(

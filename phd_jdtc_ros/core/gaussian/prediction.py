@@ -12,7 +12,7 @@ from ..arrays import FloatArray, IntArray, contiguous
 from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled
 from ..snapshot import MAX_STATE, floats, integers
 from ..tracks import labels
-from .algebra.blocks import SIZE, add_mean, add_spread, dot, factorise, solve
+from .algebra.blocks import SIZE, add_mean, add_spread, copy_gaussian, dot, factorise, solve
 from .algebra.kalman import predicted_covariance
 from .dynamics import Dynamics
 from .mixture import Mixture
@@ -72,44 +72,6 @@ class Moves:
     # A small difference of large covariances: rounding may leave it indefinite.
     base: Annotated[FloatArray, floats("ADD", -(MAX_STATE**2), MAX_STATE**2)]
     place: Annotated[IntArray, integers("PK", -1, below="A")]
-
-    def take(self, rows: IntArray) -> Moves:
-        """Return the predictions of these rows."""
-        place = self.place[rows]
-        kept = place[place >= 0]
-        place[place >= 0] = np.arange(len(kept))
-        return Moves(
-            self.pairs,
-            self.change[rows],
-            self.survival[rows],
-            None if self.cells is None else self.cells[rows],
-            self.mean[kept],
-            self.factor[kept],
-            self.gain[kept],
-            self.base[kept],
-            place,
-        )
-
-    @staticmethod
-    def concatenate(parts: Sequence[Moves]) -> Moves:
-        """Return the predictions of several scans concatenated."""
-        cells = [part.cells for part in parts if part.cells is not None]
-        before = np.cumsum([0, *(len(part.mean) for part in parts)])
-        place = [
-            np.where(part.place >= 0, part.place + begin, -1)
-            for part, begin in zip(parts, before, strict=False)
-        ]
-        return Moves(
-            parts[0].pairs,
-            np.concatenate([part.change for part in parts]),
-            np.concatenate([part.survival for part in parts]),
-            np.concatenate(cells) if cells else None,
-            np.concatenate([part.mean for part in parts]),
-            np.concatenate([part.factor for part in parts]),
-            np.concatenate([part.gain for part in parts]),
-            np.concatenate([part.base for part in parts]),
-            np.concatenate(place),
-        )
 
 
 @compiled
@@ -193,7 +155,8 @@ def _mixed(
                 add_spread(share[pair], pair_mean[at], pair_covariance[at], centre, spread)
         for mode in range(modes):
             if not total[mode] > 0.0:
-                later_mean[row, mode], later[row, mode] = mean[row, mode], covariance[row, mode]
+                own, spread = mean[row, mode], covariance[row, mode]
+                copy_gaussian(own, spread, later_mean[row, mode], later[row, mode])
     return later_weight, later_mean, later
 
 

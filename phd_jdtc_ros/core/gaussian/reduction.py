@@ -249,9 +249,12 @@ def _split(
             to[edge], of[edge] = new, parent[at]
             edge += 1
         for other in range(modes):
-            if stays_with[old, other] == mode[new]:
-                found[new, other] = weight[old, other]
-                part[begin:edge, other] = share[start[old] : start[old + 1], other]
+            if stays_with[old, other] != mode[new]:
+                continue
+            for cell in range(cells):
+                found[new, other, cell] = weight[old, other, cell]
+                for at in range(edge - begin):
+                    part[begin + at, other, cell] = share[start[old] + at, other, cell]
     return found, to, of, part
 
 

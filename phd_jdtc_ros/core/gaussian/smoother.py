@@ -1,284 +1,62 @@
-"""The backward step over the window: smoothed Gaussians, weights and hypotheses."""
+"""The fixed-lag smoother: the backward pass over the mixtures of a window.
+
+A turning radar makes many small scans, each with the few targets that the antenna passed, so that
+neighbouring targets were last updated in different scans. Every scan has a link to the hypotheses
+that it continues, whichever scans these are of. One compiled call follows all of them.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate, pairwise
+from typing import Any, overload
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, contiguous
-from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled, inner
-from ..window.entries import Entry
-from .algebra.blocks import SIZE, add_mean, add_spread, dot, log_determinant, square_distance
-from .algebra.vectors import add, multiply, total_of, write_scaled
+from ..arrays import IntArray, contiguous
+from ..window.entries import Entry, Source
+from .hindsight import Gaussians, go_back
 from .mixture import Mixture
 from .prediction import Moves
-from .window_graph import Link, generations, is_chain
-
-# Smallest log fit of a pair of modes relative to the best pair: no pair is excluded for good.
-LEAST_LOG_FIT = -50.0
-# In the place of a log density that is not finite.
-LEAST_DENSITY = -1e300
+from .reduction import Ancestry
 
 
 @dataclass(frozen=True)
-class Later:
-    """Predicted hypotheses conditioned on later scans.
+class Link:
+    """The link from the hypotheses of a scan back to earlier hypotheses.
 
     Parameters
     ----------
     moves : Moves
-        The predictions that led to these hypotheses.
-    weight : array of shape (H, R, S)
-    mean, covariance : arrays of shape (H, R, D) and (H, R, D, D)
+        From the earlier hypotheses, concatenated over all sources of the scan, to the predicted
+        ones.
+    ancestry : Ancestry
+        From the predicted hypotheses to the kept ones.
     """
 
     moves: Moves
-    weight: FloatArray
-    mean: FloatArray
-    covariance: FloatArray
+    ancestry: Ancestry
+
+    @cached_property
+    def columns(self) -> tuple[Any, ...]:
+        """The columns from `child` to `place` as `hindsight.go_back` takes them."""
+        one, moves = self.ancestry, self.moves
+        cells = np.zeros((0, 0, 0)) if moves.cells is None else moves.cells
+        return contiguous(
+            *(one.child, one.parent, one.share, moves.change, moves.survival, cells),
+            *(moves.mean, moves.factor, moves.gain, moves.base, moves.place),
+        )
 
 
-@compiled
-def _of_children(
-    parents: int,
-    child: Int1,
-    parent: Int1,
-    share: Float3,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return each parent's weight, mean and covariance; see `_before_update`."""
-    modes, cells = weight.shape[1:]
-    found, total = np.zeros((parents, modes, cells)), np.zeros((parents, modes))
-    centre, spread = np.zeros((parents, modes, SIZE)), np.zeros((parents, modes, SIZE, SIZE))
-    part = np.zeros((len(child), modes))
-    for edge in range(len(child)):
-        if parent[edge] < 0:
-            continue
-        for mode in range(modes):
-            for cell in range(cells):
-                given = weight[child[edge], mode, cell] * share[edge, mode, cell]
-                found[parent[edge], mode, cell] += given
-                part[edge, mode] += given
-            total[parent[edge], mode] += part[edge, mode]
-    for edge in range(len(child)):
-        for mode in range(modes):
-            if part[edge, mode] > 0.0:
-                part[edge, mode] /= total[parent[edge], mode]
-                at = centre[parent[edge], mode]
-                add_mean(part[edge, mode], mean[child[edge], mode], at)
-    for edge in range(len(child)):
-        for mode in range(modes):
-            if part[edge, mode] > 0.0:
-                own, one = mean[child[edge], mode], covariance[child[edge], mode]
-                at, around = centre[parent[edge], mode], spread[parent[edge], mode]
-                add_spread(part[edge, mode], own, one, at, around)
-    return found, centre, spread
+def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> Sequence[Mixture]:
+    """Return the smoothed mixtures of a window, newest first: lag 0, lag 1 and so on.
 
-
-@inner
-def _fit(
-    place: IntArray,
-    to: IntArray,
-    later_weight: FloatArray,
-    later_mean: FloatArray,
-    mean: FloatArray,
-    factor: FloatArray,
-    apart: FloatArray,
-    fit: FloatArray,
-) -> None:
-    """Write how well the mean of each later mode fits what its pairs predicted, shape (K,).
-
-    A normal density, divided by the largest of the pairs of the later mode; 1 for a single pair.
-    """
-    for mode in range(len(later_mean)):
-        largest, many, some = -np.inf, 0, total_of(later_weight[mode]) > 0.0
-        for pair in range(len(to)):
-            if to[pair] == mode:
-                fit[pair] = 1.0 if some and place[pair] >= 0 else 0.0
-                many += place[pair] >= 0
-        if many < 2 or not some:
-            continue
-        for pair in range(len(to)):
-            if to[pair] == mode and place[pair] >= 0:
-                at = place[pair]
-                square = square_distance(factor[at], later_mean[mode], mean[at], apart)
-                density = 0.5 * (log_determinant(factor[at]) - square)
-                fit[pair] = density if math.isfinite(density) else LEAST_DENSITY
-                largest = max(largest, fit[pair])
-        for pair in range(len(to)):
-            if to[pair] == mode and place[pair] >= 0:
-                fit[pair] = math.exp(max(fit[pair] - largest, LEAST_LOG_FIT))
-
-
-@inner
-def _given_later(
-    joint: FloatArray,
-    to: IntArray,
-    cells: FloatArray,
-    row: int,
-    later_weight: FloatArray,
-    scratch: FloatArray,
-) -> None:
-    """Turn the joint weights of pairs (K, S) into those given the later modes' weights (R, S).
-
-    `cells` has the transition matrix of a row's cells, [from, to], empty if cells do not change.
-    """
-    size = joint.shape[1]
-    for mode in range(len(later_weight)):
-        predicted, back = scratch[0, :size], scratch[1, :size]
-        predicted[:] = 0.0
-        for pair in range(len(to)):
-            if to[pair] == mode:
-                add(joint[pair], predicted)
-        if len(cells):
-            multiply(cells[row].T, predicted, back)
-            predicted[:] = back
-        for cell in range(size):
-            some = predicted[cell] > 0.0
-            back[cell] = later_weight[mode, cell] / predicted[cell] if some else 0.0
-        if len(cells):
-            multiply(cells[row], back, predicted)
-            back[:] = predicted
-        for pair in range(len(to)):
-            if to[pair] == mode:
-                for cell in range(size):
-                    joint[pair, cell] *= back[cell]
-
-
-@inner
-def _earlier(
-    columns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    later: tuple[FloatArray, FloatArray],
-    half: FloatArray,
-    mean: FloatArray,
-    covariance: FloatArray,
-) -> None:
-    """Write the earlier Gaussian of a pair, given its later one.
-
-    `columns` are the mode's own mean, and the pair's mean, gain and base; see `Moves`.
-    """
-    own, predicted, gain, base = columns
-    later_mean, later_covariance = later
-    for i in range(SIZE):
-        half[i] = later_mean[i] - predicted[i]
-    for i in range(SIZE):
-        mean[i] = own[i] + dot(gain[i], half)
-    for i in range(SIZE):
-        for k in range(SIZE):
-            half[k] = dot(gain[i], later_covariance[k])
-        for k in range(i + 1):
-            covariance[i, k] = covariance[k, i] = base[i, k] + dot(half, gain[k])
-
-
-@inner
-def _blend(
-    share: float, own: FloatArray, own_spread: FloatArray, mean: FloatArray, spread: FloatArray
-) -> None:
-    """Add a share of a mode's own Gaussian, that of a target that dies, to the one given later."""
-    if share > 0.0:
-        for i in range(SIZE):
-            for k in range(SIZE):
-                between = (1.0 - share) * (own[i] - mean[i]) * (own[k] - mean[k])
-                spread[i, k] += share * (own_spread[i, k] - spread[i, k] + between)
-        for i in range(SIZE):
-            mean[i] += share * (own[i] - mean[i])
-
-
-@compiled
-def _smoothed(
-    target: Int1,
-    targets: int,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-    of: Int1,
-    to: Int1,
-    change: Float2,
-    survival: Float2,
-    cells: Float3,
-    place: Int2,
-    pair_mean: Float2,
-    factor: Float3,
-    gain: Float3,
-    base: Float3,
-    later_weight: Float3,
-    later_mean: Float3,
-    later_covariance: Float4,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the smoothed weight, mean and covariance; see `_with_hindsight` and `Moves`."""
-    count, modes, _ = weight.shape
-    found, centre, spread = np.zeros(weight.shape), np.zeros(mean.shape), np.zeros(covariance.shape)
-    alive, dead = np.zeros(targets), np.ones(targets)
-    fit, mass, total = np.empty(len(of)), np.empty(len(of)), np.empty(modes)
-    joint = np.empty((len(of), weight.shape[2]))
-    moved, around = np.empty((len(of), SIZE)), np.empty((len(of), SIZE, SIZE))
-    scratch = np.empty((2, max(SIZE, weight.shape[2])))
-    for row in range(count):
-        for mode in range(modes):
-            dead[target[row]] -= survival[row, mode] * total_of(weight[row, mode])
-        if not np.max(later_weight[row]) > 0.0:
-            continue
-        _fit(place[row], to, later_weight[row], later_mean[row], pair_mean, factor, scratch[0], fit)
-        for pair in range(len(of)):
-            write_scaled(change[row, pair] * fit[pair], weight[row, of[pair]], joint[pair])
-        _given_later(joint, to, cells, row, later_weight[row], scratch)
-        total[:] = 0.0
-        for pair in range(len(of)):
-            at, mode = place[row, pair], of[pair]
-            mass[pair] = total_of(joint[pair])
-            total[mode] += mass[pair]
-            if mass[pair] > 0.0:
-                add(joint[pair], found[row, mode])
-                later = later_mean[row, to[pair]], later_covariance[row, to[pair]]
-                columns = mean[row, mode], pair_mean[at], gain[at], base[at]
-                _earlier(columns, later, scratch[0], moved[pair], around[pair])
-        for pair in range(len(of)):
-            if mass[pair] > 0.0:
-                mass[pair] /= total[of[pair]]
-                add_mean(mass[pair], moved[pair], centre[row, of[pair]])
-        for pair in range(len(of)):
-            if mass[pair] > 0.0:
-                to_mean, to_spread = centre[row, of[pair]], spread[row, of[pair]]
-                add_spread(mass[pair], moved[pair], around[pair], to_mean, to_spread)
-        for mode in range(modes):
-            alive[target[row]] += total[mode]
-    for row in range(count):
-        one = target[row]
-        death = (1.0 - min(alive[one], 1.0)) / dead[one] if dead[one] > 0.0 else 0.0
-        for mode in range(modes):
-            died = death * (1.0 - survival[row, mode])
-            gone, left = died * total_of(weight[row, mode]), total_of(found[row, mode])
-            share = gone / (left + gone) if left > 0.0 else 1.0
-            own, own_spread = mean[row, mode], covariance[row, mode]
-            _blend(share, own, own_spread, centre[row, mode], spread[row, mode])
-            for cell in range(weight.shape[2]):
-                found[row, mode, cell] += died * weight[row, mode, cell]
-    return found, centre, spread
-
-
-def _before_update(smoothed: Mixture, link: Link) -> Later:
-    """Return the predicted hypotheses, given their smoothed children.
-
-    A predicted hypothesis has the summed weight of its smoothed children, and its Gaussians match
-    their moments. The weight of a child that was merged from several parents is divided among
-    them in proportion to their filtered weights. A hypothesis without children has no weight.
-    """
-    ancestry, moves = link.ancestry, link.moves
-    columns = _of_children(
-        len(moves.change),
-        *contiguous(ancestry.child, ancestry.parent, ancestry.share),
-        *contiguous(smoothed.weight, smoothed.mean, smoothed.covariance),
-    )
-    return Later(moves, *columns)
-
-
-def _with_hindsight(own: Mixture, later: Later) -> Mixture:
-    """Return the smoothed mixture of one scan, given the later predicted hypotheses.
+    Parameters
+    ----------
+    entries : sequence of Entry
+        Oldest first. A source outside these entries has left the window.
 
     Notes
     -----
@@ -296,50 +74,112 @@ def _with_hindsight(own: Mixture, later: Later) -> Mixture:
     Journal of Machine Learning Research 7, 2006.
     Kim, "Dynamic linear models with Markov-switching", Journal of Econometrics 60, 1994.
     """
-    moves = later.moves
-    cells = np.zeros((0, 0, 0)) if moves.cells is None else moves.cells
-    columns = _smoothed(
-        *(own.target, len(own.label), own.weight, own.mean, own.covariance),
-        *contiguous(*moves.pairs, moves.change, moves.survival, cells),
-        *contiguous(moves.place, moves.mean, moves.factor, moves.gain, moves.base),
-        *contiguous(later.weight, later.mean, later.covariance),
+    if _is_chain(entries):
+        return _smoothed_chain(entries)
+    return _smoothed_whole(entries)
+
+
+def _is_chain(entries: Sequence[Entry[Mixture, Link]]) -> bool:
+    """Return whether every scan continues exactly the targets of the previous one."""
+    return all(
+        len(entry.sources) == 1
+        and entry.sources[0].rows is None
+        and entry.sources[0].stamp_ns == before.stamp_ns
+        for before, entry in pairwise(entries)
     )
-    return own.with_gaussians(*columns)
 
 
-def _smooth_chain(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
-    """Yield the smoothed mixtures of a chain of filtered ones, newest first."""
-    later: Mixture | None = None
-    link: Link | None = None
-    for filtered, before in chain:
-        if later is None or link is None:
-            later = filtered
-        else:
-            later = _with_hindsight(filtered, _before_update(later, link))
-        yield later
-        link = before
+def _smoothed_chain(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
+    """Return the results of `backward_pass`, one scan after the other: no mixture is copied."""
+    found = [entries[-1].stored]
+    for before, entry in zip(entries[-2::-1], entries[:0:-1], strict=True):
+        own = before.stored
+        if entry.link is None:
+            found.append(own)
+            continue
+        smoothed = Gaussians(*(np.empty_like(column) for column in own.gaussians))
+        child, change = entry.link.ancestry.child, entry.link.moves.change
+        sizes = np.array([0, len(child)]), np.array([0, len(change)])
+        links = *entry.link.moves.pairs, *sizes, *entry.link.columns, np.arange(len(own))
+        rows = (*links, own.target, *own.gaussians, *found[-1].gaussians)
+        go_back(smoothed, *rows)
+        found.append(own.with_gaussians(*smoothed))
+    return found
 
 
-def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
-    """Return the smoothed mixtures of a window, newest first: lag 0, lag 1 and so on.
+@dataclass(frozen=True)
+class _Parts(Sequence[Mixture]):
+    """Mixtures whose rows are parts of the same arrays; each is made when it is asked for.
 
     Parameters
     ----------
-    entries : sequence of Entry
-        Oldest first. A source outside these entries has left the window.
+    rows : sequence of slices
+        The rows of each mixture.
     """
-    if is_chain(entries):
-        return list(_smooth_chain([(entry.stored, entry.link) for entry in reversed(entries)]))
-    parts = generations(entries)
-    weight, mean, covariance = (
-        np.concatenate([getattr(entry.stored, column) for entry in entries])
-        for column in ("weight", "mean", "covariance")
+
+    stored: Sequence[Mixture]
+    rows: Sequence[slice]
+    smoothed: Gaussians
+
+    def __len__(self) -> int:
+        return len(self.stored)
+
+    @overload
+    def __getitem__(self, index: int) -> Mixture: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Mixture]: ...
+    def __getitem__(self, index: int | slice) -> Mixture | Sequence[Mixture]:
+        if isinstance(index, slice):
+            return _Parts(self.stored[index], self.rows[index], self.smoothed)
+        own = self.rows[index]
+        return self.stored[index].with_gaussians(*(column[own] for column in self.smoothed))
+
+
+def _smoothed_whole(entries: Sequence[Entry[Mixture, Link]]) -> Sequence[Mixture]:
+    """Return the results of `backward_pass`, with all rows of the window in the same arrays."""
+    stored = [entry.stored for entry in entries]
+    ends = list(accumulate([0, *map(len, stored)]))
+    first = dict(zip((entry.stamp_ns for entry in entries), ends, strict=False))
+    targets = accumulate([0, *(len(mixture.label) for mixture in stored)])
+    links = [(entry.link, first[entry.stamp_ns]) for entry in reversed(entries) if entry.link]
+    if not links:
+        return stored[::-1]
+    source = np.concatenate(
+        [_rows(part, first) for entry in reversed(entries) if entry.link for part in entry.sources]
     )
-    smoothed = _smooth_chain([(part.stored, part.link) for part in parts])
-    for part, mixture in zip(parts, smoothed, strict=True):
-        weight[part.rows] = mixture.weight
-        mean[part.rows], covariance[part.rows] = mixture.mean, mixture.covariance
-    ends = np.cumsum([len(entry.stored) for entry in entries])[:-1]
-    columns = (np.split(column, ends) for column in (weight, mean, covariance))
-    whole = zip(entries, *columns, strict=True)
-    return [entry.stored.with_gaussians(*parts) for entry, *parts in whole][::-1]
+    target = np.concatenate(
+        [begin + mixture.target for begin, mixture in zip(targets, stored, strict=False)]
+    )
+    own = [np.concatenate(column) for column in zip(*(m.gaussians for m in stored), strict=True)]
+    smoothed = Gaussians(*(column.copy() for column in own))
+    rows = (*_joined(links), source, target, *own, *smoothed)
+    go_back(smoothed, *rows)
+    return _Parts(stored[::-1], list(map(slice, ends[-2::-1], ends[:0:-1])), smoothed)
+
+
+def _rows(source: Source, first: Mapping[int, int]) -> IntArray:
+    """Return the places of a source's rows in a window; -1 if they have left it."""
+    if source.stamp_ns not in first:
+        return np.full(source.size, -1)
+    rows = np.arange(source.size) if source.rows is None else source.rows
+    return first[source.stamp_ns] + rows
+
+
+def _joined(links: Sequence[tuple[Link, int]]) -> tuple[Any, ...]:
+    """Return the columns of links as `hindsight.go_back` takes them.
+
+    Each comes with the place of its first later hypothesis.
+    """
+    edges, rows, pairs = (
+        np.array([0, *accumulate(map(len, column))])
+        for column in (
+            [link.ancestry.child for link, _ in links],
+            [link.moves.change for link, _ in links],
+            [link.moves.mean for link, _ in links],
+        )
+    )
+    every = zip(*(link.columns for link, _ in links), strict=True)
+    child, *others, place = (np.concatenate(parts) for parts in every)
+    child += np.repeat([begin for _, begin in links], np.diff(edges))
+    place += np.where(place >= 0, np.repeat(pairs[:-1], np.diff(rows))[:, None], 0)
+    return *links[0][0].moves.pairs, edges, rows, child, *others, place

@@ -11,7 +11,7 @@ from .dynamics import Dynamics
 from .mixture import Mixture
 from .prediction import Moves
 from .reduction import Ancestry
-from .window_graph import Link
+from .smoother import Link
 
 GaussianEntry = Entry[Mixture, Link]
 

@@ -74,7 +74,7 @@ class Sensor(ABC):
         Detections of targets slower than this are learned as clutter, metres per second.
     """
 
-    # Whether it measures range and azimuth from its position, as compiled loops require.
+    # Whether it measures range and azimuth from its position, for which there are compiled loops.
     polar: ClassVar[bool] = False
 
     name: str

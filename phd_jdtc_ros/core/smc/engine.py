@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -66,8 +66,8 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
         modes = self.forward.model.modes
         return self.extraction(stored, modes, stamp_ns, lag, threshold, self._rng)
 
-    def _backward(self, window: Sequence[ParticleEntry]) -> Iterable[ParticleSet]:
-        return backward_pass(window, self.death_term)
+    def _backward(self, window: Sequence[ParticleEntry]) -> Sequence[ParticleSet]:
+        return list(backward_pass(window, self.death_term))
 
     def _figures(self, step: Filtered[ParticleSet, Transition]) -> Mapping[str, float]:
         return {

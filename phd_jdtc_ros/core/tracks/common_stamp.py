@@ -7,12 +7,13 @@ there to the common stamp; smoothed ones are interpolated between the updates be
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, read_only
 from ..targets.modes import ModeSpace
-from ..targets.motion import CoordinatedTurn
+from ..targets.motion import CoordinatedTurn, MotionModel
 from ..types import Estimates
 
 # Predicts the mean of a state; with a turn rate of zero along a straight line.
@@ -62,7 +63,8 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     process noise is the mean over the class's motion models.
     """
     to_predict = np.flatnonzero(time_ns != stamp_ns)
-    estimates = replace(estimates, stamp_ns=stamp_ns)
+    if estimates.stamp_ns != stamp_ns:
+        estimates = replace(estimates, stamp_ns=stamp_ns)
     if not len(to_predict):
         return estimates
     every, which = np.unique((stamp_ns - time_ns[to_predict]) * 1e-9, return_inverse=True)
@@ -71,32 +73,38 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     size = state.shape[1]
     step = np.full(size, STEP)
     step[estimates.space.turn_rate] = TURN_STEP
-    columns = [
-        (NOISE_FREE.mean(state + shift, dt) - NOISE_FREE.mean(state - shift, dt)) / (2.0 * width)
-        for shift, width in zip(np.diag(step), step, strict=True)
-    ]
-    jacobian = np.stack(columns, axis=2)
-    noise = np.stack([_noise(modes, size, length) for length in every.tolist()])
+    # The states themselves, and shifted up and down along each axis, in one call.
+    shift = np.diag(step)
+    shifted = np.concatenate([np.zeros((1, size)), shift, -shift])[:, None] + state
+    moved = NOISE_FREE.mean(shifted.reshape(-1, size), np.tile(dt, len(shifted)))
+    moved = moved.reshape(shifted.shape)
+    difference = moved[1 : size + 1] - moved[size + 1 :]
+    jacobian = (difference / (2.0 * step)[:, None, None]).transpose(1, 2, 0)
+    motions = tuple(model.motions for model in modes.classes)
+    noise = np.stack([_noise(motions, size, length) for length in every.tolist()])
     first_mode = np.searchsorted(modes.class_of, np.arange(len(modes.classes)))
     survival = np.stack([modes.survival(length)[first_mode] for length in every.tolist()])
     rows = which.ravel(), kind
     covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise[rows]
     return replace(
         estimates,
-        state=_with(estimates.state, to_predict, NOISE_FREE.mean(state, dt)),
+        state=_with(estimates.state, to_predict, moved[0]),
         covariance=_with(estimates.covariance, to_predict, covariance),
         weight=_with(estimates.weight, to_predict, estimates.weight[to_predict] * survival[rows]),
     )
 
 
-def _noise(modes: ModeSpace, size: int, dt: float) -> FloatArray:
+# An antenna turns evenly, so that the same intervals recur.
+@lru_cache(maxsize=1024)
+def _noise(classes: tuple[tuple[MotionModel, ...], ...], size: int, dt: float) -> FloatArray:
     """Return the process noise of each class after `dt` seconds, shape (C, D, D)."""
-    noise = np.zeros((len(modes.classes), size, size))
-    for index, model in enumerate(modes.classes):
-        for motion in model.motions:
+    noise = np.zeros((len(classes), size, size))
+    for index, motions in enumerate(classes):
+        for motion in motions:
             axes = np.ix_(motion.support, motion.support)
-            noise[index][axes] += motion.noise_covariance(dt) / len(model.motions)
-    return noise
+            noise[index][axes] += motion.noise_covariance(dt) / len(motions)
+    covariance: FloatArray = read_only(noise)
+    return covariance
 
 
 def _with(column: FloatArray, rows: IntArray, values: FloatArray) -> FloatArray:

@@ -175,7 +175,9 @@ class TrackStates:
         records = self._next(estimates.take(labelled), scan, model)
         gone = contains(swept, self._records.label - 1)
         gone |= ~contains(np.array(sorted(unswept_ns), dtype=np.int64), self._records.stamp_ns)
-        self._records = self._records.take(np.flatnonzero(~gone)).merge(records)
+        # A scan of a whole turn leaves none of the earlier records.
+        before = self._records.take(np.flatnonzero(~gone)) if not gone.all() else None
+        self._records = records if before is None else before.merge(records)
         state = np.full(len(estimates), CONFIRMED)
         state[estimates.track_id == 0] = np.where(
             estimates.weight[estimates.track_id == 0] > self.rule.delete.min(), CONFIRMED, TENTATIVE

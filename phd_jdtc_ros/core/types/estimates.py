@@ -165,7 +165,8 @@ class Estimates(_Targets):
         """Return the estimates of these rows."""
         columns = {name: getattr(self, name)[rows] for name in _PER_TARGET}
         known = None if self.attributes is None else self.attributes.take(rows)
-        return replace(self, attributes=known, **columns)
+        # `replace` would take as long as all the columns.
+        return Estimates(self.stamp_ns, self.lag, space=self.space, attributes=known, **columns)
 
     @staticmethod
     def concatenate(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Generic
 
 import numpy as np
 
-from ..arrays import IntArray
+from ..arrays import IntArray, contains
 from ..engine import EngineState, Lag, Reprocessed, Step
 from ..models.clutter_raster import ClutterRaster, raster
 from ..models.tracker_model import TrackerModel
@@ -107,7 +107,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         return Estimates.concatenate(every, lag)
 
     @abstractmethod
-    def _backward(self, window: Sequence[Entry[RowsT, LinkT]]) -> Iterable[RowsT]:
+    def _backward(self, window: Sequence[Entry[RowsT, LinkT]]) -> Sequence[RowsT]:
         """Return the smoothed sets of a window, newest first; the window is oldest first.
 
         A source that is not in the window has been dropped; nothing is sent to it.
@@ -293,13 +293,13 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     def _predict_targets(self, stamp_ns: int) -> Estimates:
         """Return the latest targets predicted to a stamp; `track_id` is still label + 1."""
-        parts = []
+        # Only the targets that no later scan has swept; most entries are as they were a scan ago.
         for rows in self.forward.unswept:
-            targets = self._filtered[rows.entry.stamp_ns]
-            if rows.rows is not None:
-                alive = np.isin(targets.track_id - 1, rows.row_label)
-                targets = targets.take(np.flatnonzero(alive))
-            parts.append(targets)
+            at, targets = rows.entry.stamp_ns, self._filtered[rows.entry.stamp_ns]
+            alive = contains(rows.label, targets.track_id - 1)
+            if rows.rows is not None and not alive.all():
+                self._filtered = {**self._filtered, at: targets.take(np.flatnonzero(alive))}
+        parts = [self._filtered[rows.entry.stamp_ns] for rows in self.forward.unswept]
         estimates, time_ns = Estimates.concatenate(parts, 0)
         return predict(estimates, time_ns, stamp_ns, self.forward.model.modes)
 
@@ -321,13 +321,14 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         stamp_ns, lag = self._stamps[0], len(self._stamps) - 1
         modes, threshold = self.forward.model.modes, self.rule.least_smoothed
         alive = rows_at(self._window, self.forward.unswept, stamp_ns)
-        backward = list(self._backward(self._window))[::-1]
+        backward = self._backward(self._window)
         self.forward.on_stage_end("backward")
-        smoothed = dict(zip((entry.stamp_ns for entry in self._window), backward, strict=True))
+        place = {entry.stamp_ns: -1 - index for index, entry in enumerate(self._window)}
         if alive.keys() == {stamp_ns}:
-            estimates = self._extract_and_record(smoothed[stamp_ns], stamp_ns, lag, threshold)
+            smoothed = backward[place[stamp_ns]]
+            estimates = self._extract_and_record(smoothed, stamp_ns, lag, threshold)
         elif stamps := interpolation_stamps(self._window, stamp_ns, alive):
-            parts = [Part(smoothed[each], alive.get(each), each) for each in stamps]
+            parts = [Part(backward[place[each]], alive.get(each), each) for each in stamps]
             every, time_ns = self._extract_all(parts, lag)
             estimates = at_stamp(every, time_ns, stamp_ns, threshold, modes)
             self.forward.on_stage_end("extraction")

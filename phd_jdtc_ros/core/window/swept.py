@@ -52,7 +52,8 @@ def partition_swept(
     # Radius of each target's position density.
     spread = np.concatenate([extent.position_std for extent in extents])
     spread += dt * np.concatenate([extent.velocity_std for extent in extents])
-    spread += np.repeat([_noise_std(model, age) for age in age_s], sizes)
+    motions = model.modes.motions
+    spread += np.repeat([_noise_std(motions, age) for age in age_s], sizes)
     near = _in_sweep(position, SPREAD_SIGMA * spread, reports) | (dt >= longest_s)
     swept, remaining = [], []
     by_entry = np.split(near, np.cumsum(sizes)[:-1])
@@ -79,14 +80,13 @@ def _everywhere(reports: Reports) -> bool:
     return not reports or any(report.detections.coverage is None for report in reports)
 
 
-def _noise_std(model: TrackerModel, dt: float) -> float:
+# An antenna turns evenly, so that the same intervals recur.
+@lru_cache(maxsize=1024)
+def _noise_std(motions: tuple[MotionModel, ...], dt: float) -> float:
     """Return the standard deviation of position that the process noise adds in `dt`, both axes."""
-    motions = dict.fromkeys(model.modes.motions)
     return float(np.sqrt(2.0 * max(_position_variance(motion, dt) for motion in motions)))
 
 
-# An antenna turns evenly, so that the same intervals recur.
-@lru_cache(maxsize=1024)
 def _position_variance(motion: MotionModel, dt: float) -> float:
     """Return the process noise of a position along an axis after `dt` seconds."""
     axis = motion.support.index(motion.space.position[0])

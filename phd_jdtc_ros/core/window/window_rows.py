@@ -9,8 +9,6 @@ import numpy as np
 from ..arrays import IntArray
 from .entries import Entry, LinkT, RowsT, UnsweptRows
 
-NO_ROWS = np.zeros(0, dtype=np.int64)
-
 
 def rows_at(
     window: Sequence[Entry[RowsT, LinkT]],
@@ -26,14 +24,20 @@ def rows_at(
     for entry in window:
         if entry.stamp_ns > stamp_ns:
             sources += entry.sources
-    alive: dict[int, IntArray | None] = {}
+    found: dict[int, list[IntArray | None]] = {}
     earlier = {entry.stamp_ns for entry in window if entry.stamp_ns <= stamp_ns}
     for source in sources:
         if source.stamp_ns in earlier:
-            before, rows = alive.get(source.stamp_ns, NO_ROWS), source.rows
-            both = None if before is None or rows is None else np.append(before, rows)
-            alive[source.stamp_ns] = both
-    return alive
+            found.setdefault(source.stamp_ns, []).append(source.rows)
+    return {stamp: _joined(parts) for stamp, parts in found.items()}
+
+
+def _joined(parts: Sequence[IntArray | None]) -> IntArray | None:
+    """Return several parts of the rows of an entry as one."""
+    listed = [rows for rows in parts if rows is not None]
+    if len(listed) < len(parts):
+        return None
+    return listed[0] if len(listed) == 1 else np.concatenate(listed)
 
 
 def interpolation_stamps(

@@ -88,6 +88,17 @@ def log_determinant(factor: FloatArray) -> float:
 
 
 @inner
+def copy_gaussian(
+    mean: FloatArray, covariance: FloatArray, to_mean: FloatArray, to_covariance: FloatArray
+) -> None:
+    """Write a Gaussian as it is; an assignment of arrays would take seconds to compile."""
+    for i in range(SIZE):
+        to_mean[i] = mean[i]
+        for k in range(SIZE):
+            to_covariance[i, k] = covariance[i, k]
+
+
+@inner
 def add_mean(share: float, mean: FloatArray, centre: FloatArray) -> None:
     """Add a Gaussian to the mean of a mixture."""
     for i in range(SIZE):

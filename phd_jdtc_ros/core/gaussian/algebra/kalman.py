@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray, IntArray, contiguous
-from ...compilation import Float1, Float2, Float3, Int1, compiled
+from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
 from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.sensor import Sensor
-from .blocks import SIZE, wrapped
+from . import linearised
+from .blocks import SIZE, copy_gaussian, wrapped
 
 # Largest number of Gauss-Newton steps of an update; two or three suffice unless a target is next
 # to the sensor.
@@ -41,7 +42,8 @@ class Innovation(NamedTuple):
     Parameters
     ----------
     jacobian : array of shape (N, 2, 2)
-        Jacobian of the measurement with respect to the position at the detection's time.
+        Jacobian of the measurement with respect to the position at the detection's time. For a
+        sensor that is not polar, `linearised.innovations` replaces the measurement by the position.
     weighted : array of shape (N, 2)
         Inverse of the innovation's covariance times the innovation.
     inverse : array of shape (N, 2, 2)
@@ -145,15 +147,16 @@ def iterated_update(
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp.
-    measurement, noise_std : arrays of shape (M, 2)
-        Range in metres and azimuth in radians in the radar's frame; innovations are wrapped.
+    measurement, noise_std : arrays of shape (M, Z)
+        Of a radar, range in metres and azimuth in radians in its frame; innovations are wrapped.
     time_s : array of shape (M,) or None
         Time of each measurement relative to the stamp, seconds; the target moves on a straight
         line from the stamp to that time.
     iterations : int
         Largest number of linearisations; 1 is the plain extended Kalman filter.
     converged : float
-        Step, as a share of the range's standard deviation, below which iteration ends.
+        Step, as a share of the range's standard deviation, below which iteration ends; for a
+        sensor that is not polar see `linearised.innovations`.
     pairs : tuple of two int arrays of shape (P,), or None
         Gaussian and measurement of each pair; None if each Gaussian has the measurement of its row.
         A pair with the Gaussian -1 has a likelihood of zero.
@@ -171,6 +174,12 @@ def iterated_update(
     count = len(measurement)
     gaussian, column = (np.arange(count), np.arange(count)) if pairs is None else pairs
     noise = np.broadcast_to(noise_std, measurement.shape)
+    if not sensor.polar:
+        row, each = np.maximum(gaussian, 0), (measurement[column], noise[column])
+        of_pairs = mean[row], covariance[row], sensor, *each, _times(time_s, count)[column]
+        found = Innovation(*linearised.innovations(*of_pairs, iterations, converged))
+        likely = np.where(gaussian >= 0, found.log_likelihood, -np.inf)
+        return found._replace(log_likelihood=likely)
     return Innovation(
         *_innovations(
             iterations,
@@ -200,7 +209,7 @@ def _updated(
     cross, gain = np.empty((2, SIZE)), np.empty((2, SIZE))
     for row in range(count):
         at, spread = pair[row], covariance[gaussian[row]]
-        later_mean[row], later[row] = mean[gaussian[row]], spread
+        copy_gaussian(mean[gaussian[row]], spread, later_mean[row], later[row])
         if at < 0:
             continue
         time, seen = time_s[at], jacobian[at]
@@ -261,31 +270,41 @@ def floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
         Symmetric and finite; axes whose variance is zero are left out.
     """
     size = covariance.shape[-1]
-    if _are_positive(np.ascontiguousarray(covariance).reshape(-1, size, size)):
+    flat = np.ascontiguousarray(covariance).reshape(-1, size, size)
+    failing = _indefinite(flat)
+    if not len(failing):
         return covariance, 0
-    return _floor_eigenvalues(covariance)
+    sound = flat.copy()
+    sound[failing], floored = _floor_eigenvalues(flat[failing])
+    return sound.reshape(covariance.shape), floored
+
+
+@inner
+def _is_positive(covariance: FloatArray, factor: FloatArray) -> bool:
+    """Return whether a Cholesky factor exists, and write it; axes of zero variance are left out."""
+    for i in range(SIZE):
+        for k in range(i + 1):
+            total = covariance[i, k]
+            for n in range(k):
+                total -= factor[i, n] * factor[k, n]
+            if k < i:
+                factor[i, k] = total / factor[k, k]
+            elif covariance[i, i] == 0.0:
+                factor[i, i] = 1.0
+            elif total > 0.0:
+                factor[i, i] = math.sqrt(total)
+            else:
+                return False
+    return True
 
 
 @compiled
-def _are_positive(covariance: Float3) -> bool:
-    """Return whether the Cholesky factors of matrices exist; axes of zero variance are left out."""
-    factor = np.empty((SIZE, SIZE))
+def _indefinite(covariance: Float3) -> IntArray:
+    """Return the rows of the matrices that are not positive definite on their axes."""
+    failing, factor = np.zeros(len(covariance), np.bool_), np.empty((SIZE, SIZE))
     for row in range(len(covariance)):
-        own = covariance[row]
-        for i in range(SIZE):
-            for k in range(i + 1):
-                total = own[i, k]
-                for n in range(k):
-                    total -= factor[i, n] * factor[k, n]
-                if k < i:
-                    factor[i, k] = total / factor[k, k]
-                elif own[i, i] == 0.0:
-                    factor[i, i] = 1.0
-                elif total > 0.0:
-                    factor[i, i] = math.sqrt(total)
-                else:
-                    return False
-    return True
+        failing[row] = not _is_positive(covariance[row], factor)
+    return np.flatnonzero(failing)
 
 
 def _floor_eigenvalues(covariance: FloatArray) -> tuple[FloatArray, int]:
@@ -321,15 +340,7 @@ def place_and_speed(sensor: Sensor) -> IntArray:
 
 
 def pose(sensor: Sensor) -> FloatArray:
-    """Return the position of a radar, and the cosine and the sine of its yaw.
-
-    Raises
-    ------
-    TypeError
-        If the sensor does not measure range and azimuth.
-    """
-    if not sensor.polar:
-        raise TypeError(f"{sensor.name}: {type(sensor).__name__} given, must be a polar radar")
+    """Return the position of a radar, and the cosine and the sine of its yaw."""
     return np.array([*sensor.position, np.cos(sensor.yaw), np.sin(sensor.yaw)])
 
 

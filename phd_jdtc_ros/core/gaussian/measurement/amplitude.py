@@ -16,9 +16,11 @@ from .gating import Expected
 def detection_probability(expected: Expected, report: Report, dynamics: Dynamics) -> FloatArray:
     """Return the detection probability of a target with each Gaussian's density, (H, R, S)."""
     model, cells, sensor = dynamics.model, dynamics.cells, report.sensor
-    flat = expected.measured.reshape(-1, 2)
+    flat = expected.measured.reshape(-1, expected.measured.shape[-1])
     cell = np.arange(len(flat) * len(cells)) % len(cells)
-    azimuth_std = np.sqrt(expected.covariance[..., 1, 1].ravel() + sensor.noise_std[1] ** 2)
+    azimuth_std = None
+    if sensor.polar:
+        azimuth_std = np.sqrt(expected.covariance[..., 1, 1].ravel() + sensor.noise_std[1] ** 2)
     seen = sensor.coverage_probability(flat, report.detections.coverage, azimuth_std)
     probability = model.amplitudes.detection_probability(
         dynamics.mode_of_cell[cell],

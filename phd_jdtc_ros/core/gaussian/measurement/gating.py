@@ -13,7 +13,7 @@ from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
 from ...types import FULL_TURN
-from ..algebra import kalman
+from ..algebra import kalman, linearised
 from ..algebra.blocks import wrapped
 from ..algebra.kalman import TINY
 from ..mixture import Mixture
@@ -39,6 +39,8 @@ class Expected(NamedTuple):
     @staticmethod
     def of(mixture: Mixture, sensor: Sensor) -> Expected:
         """Return the measurements that a sensor is expected to make of a mixture's Gaussians."""
+        if not sensor.polar:
+            return Expected(*linearised.expected(mixture.mean, mixture.covariance, sensor))
         return Expected(
             *_expected(
                 *(mixture.mean, mixture.covariance, kalman.place_and_speed(sensor)),
@@ -191,13 +193,16 @@ def gate_pairs(
         Log likelihood with the measurement linearised at the mean; -inf outside a Gaussian's gate.
     """
     sensor, detections, shape = report.sensor, report.detections, expected.measured.shape
-    times, std = detections.time_s, report.detection_std
-    rate, moved = np.zeros(shape), np.zeros(shape)
-    if times is not None and len(report):
+    rate, timed = np.zeros(shape), detections.time_s is not None and len(report) > 0
+    if timed:
         rate = sensor.measurement_rate(mixture.mean.reshape(-1, mixture.mean.shape[2]))
         rate = rate.reshape(shape)
+    if not sensor.polar:
+        return linearised.gate_pairs(mixture.mode_weight, *expected, rate, report, GATE_SIGMA)
+    std, moved = report.detection_std, np.zeros(shape)
+    if timed:
         speed = np.abs(mixture.mean[..., list(sensor.space.velocity)]).sum(axis=-1)
-        moved[..., 0] = speed * np.abs(times).max()
+        moved[..., 0] = speed * np.abs(report.time_s).max()
         moved[..., 1] = moved[..., 0] / np.maximum(expected.measured[..., 0], MIN_RANGE)
     azimuth = np.mod(detections.measurement[:, 1], FULL_TURN)
     order = np.argsort(azimuth, kind="stable")

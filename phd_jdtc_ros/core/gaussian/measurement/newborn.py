@@ -62,7 +62,7 @@ def _gaussians(newborn: Newborn, dynamics: Dynamics) -> tuple[FloatArray, FloatA
     place, speed = list(space.position), list(space.velocity)
     size = dynamics.supported.shape[1]
     covariance = np.zeros((len(newborn), size, size))
-    covariance[np.ix_(range(len(newborn)), place, place)] = plots.root @ plots.root.swapaxes(1, 2)
+    covariance[:, np.array(place)[:, None], place] = plots.root @ plots.root.swapaxes(1, 2)
     covariance[:, speed, speed] = births.velocity_std**2
     covariance[:, space.turn_rate, space.turn_rate] = births.turn_rate_std**2
     if detections.time_s is not None:  # back to the position at the scan's stamp

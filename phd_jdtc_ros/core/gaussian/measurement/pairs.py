@@ -14,7 +14,7 @@ from ...association.marginals import LEAST_CLUTTER
 from ...association.shares import posterior_shares
 from ...compilation import Float1, Float2, Float3, Int1, compiled, inner
 from ...models.competing_sources import CompetingSources
-from ..algebra.vectors import total_of
+from ..algebra.vectors import sum_of
 from ..bounds import Bounds
 from ..mixture import Mixture
 from ..reduction import most_probable
@@ -140,15 +140,6 @@ def _write_pair_weight(
                 weight[mode, cell] = prior[mode, cell] * likelihood * amplitude[cell]
 
 
-@inner
-def _sum(weight: FloatArray) -> float:
-    """Return the sum over modes and cells."""
-    total = 0.0
-    for mode in range(len(weight)):
-        total += total_of(weight[mode])
-    return total
-
-
 @compiled
 def _likely(
     least_share: float,
@@ -172,7 +163,7 @@ def _likely(
         one, z = row[pair], column[pair]
         factor = evidence[pair] + largest[z] - scale[z]
         _write_pair_weight(weight[one], measurement[pair], relative[z], factor, each)
-        odds[pair] = _sum(each) / max(total[z], LEAST_CLUTTER)
+        odds[pair] = sum_of(each) / max(total[z], LEAST_CLUTTER)
         wanted[z] += odds[pair]
         start[target[one] + 1] += 1
     start = np.cumsum(start)
@@ -183,7 +174,7 @@ def _likely(
         room[one] += 1
     alone = 1.0 - existence
     for one in range(len(target)):
-        alone[target[one]] += _sum(missed[one])
+        alone[target[one]] += sum_of(missed[one])
     own, counted = np.zeros(size), np.zeros(count, np.bool_)
     for one in range(targets):
         pairs = order[start[one] : start[one + 1]]
@@ -258,7 +249,7 @@ def _associate(
     later, mass = np.empty((count, modes, cells)), np.empty(count)
     target_of, prior, probability = np.empty(count, np.int64), np.empty(rows), np.empty(rows)
     for one in range(rows):
-        target_of[one], prior[one], detected = target[one], _sum(weight[one]), 0.0
+        target_of[one], prior[one], detected = target[one], sum_of(weight[one]), 0.0
         for mode in range(modes):
             for cell in range(cells):
                 detected += weight[one, mode, cell] * detectable[one, mode, cell]
@@ -267,7 +258,7 @@ def _associate(
         one, z = row[pair], column[pair]
         factor, each = evidence[pair] + largest[z] - scale[z], later[rows + pair]
         _write_pair_weight(weight[one], measurement[pair], relative[z], factor, each)
-        target_of[rows + pair], mass[rows + pair] = target[one], _sum(each)
+        target_of[rows + pair], mass[rows + pair] = target[one], sum_of(each)
     claim = mass[rows:].copy()
     scaled, unseen, share, claimed, approximate = posterior_shares(
         most_work, targets, target, prior, row, column, claim, total, probability
@@ -278,7 +269,7 @@ def _associate(
         for mode in range(modes):
             for cell in range(cells):
                 later[one, mode, cell] = factor * missed[one, mode, cell]
-        mass[one] = _sum(later[one])
+        mass[one] = sum_of(later[one])
     for pair in range(len(row)):
         later[rows + pair] *= share[pair]
         mass[rows + pair] *= share[pair]

@@ -88,6 +88,16 @@ def test_floored_leaves_covariances_as_they_are_and_raises_others():
     assert found[1, 0, 0] >= 1e4
 
 
+def test_floored_eigenvalues_change_no_other_covariance_of_the_batch():
+    nearly_singular = np.diag([1e4, 900.0, 1e4, 900.0, 1e-6])
+    nearly_singular[0, 2] = nearly_singular[2, 0] = 1e4 * (1.0 - 1e-12)
+    wrong = nearly_singular.copy()
+    wrong[0, 2] = wrong[2, 0] = 1.5e4
+    found, count = kalman.floor_eigenvalues(np.stack([nearly_singular, wrong]))
+    assert count == 1
+    np.testing.assert_array_equal(found[0], nearly_singular)
+
+
 def test_pairs_of_gaussians_and_measurements_are_those_of_each_alone():
     rng = np.random.default_rng(5)
     mean, covariance = priors(rng, 3)

@@ -1,0 +1,128 @@
+"""Measurements of Gaussians by sensors that are not polar, through `Sensor.linearise` alone.
+
+Those of range and azimuth are compiled, see `kalman` and `measurement.gating`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...arrays import FloatArray, IntArray
+from ...sensors.report import Report
+from ...sensors.sensor import Sensor
+
+# Number of candidate pairs of Gaussians and detections that are gated at a time.
+AT_ONCE = 1 << 16
+
+
+def expected(
+    mean: FloatArray, covariance: FloatArray, sensor: Sensor
+) -> tuple[FloatArray, FloatArray]:
+    """Return the expected measurements of Gaussians, (..., Z), and their covariances, (..., Z, Z).
+
+    Parameters
+    ----------
+    mean, covariance : arrays of shape (..., D) and (..., D, D)
+    """
+    place = list(sensor.space.position)
+    measured, jacobian = sensor.linearise(mean[..., place])
+    spread = jacobian @ covariance[..., place, :][..., place] @ jacobian.swapaxes(-1, -2)
+    return measured, spread
+
+
+def gate_pairs(
+    weight: FloatArray,
+    measured: FloatArray,
+    covariance: FloatArray,
+    rate: FloatArray,
+    report: Report,
+    gate_sigma: float,
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the results of `measurement.gating.gate_pairs`.
+
+    Parameters
+    ----------
+    weight : array of shape (H, R)
+        Gaussians without weight have no gate.
+    measured, covariance, rate : arrays of shapes (H, R, Z), (H, R, Z, Z) and (H, R, Z)
+        Expected measurements with their covariances, and their derivatives by time.
+    gate_sigma : float
+        Radius of the gate in standard deviations of the innovation.
+    """
+    sensor, size, modes = report.sensor, measured.shape[-1], weight.shape[1]
+    reachable = sensor.reachable(measured.reshape(-1, size)).reshape(measured.shape)
+    noise = np.eye(size) * report.detection_std[:, None, :] ** 2
+    row, column, near = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, modes))]
+    step = max(AT_ONCE // max(modes * len(report), 1), 1)
+    for begin in range(0, len(weight), step):
+        part = slice(begin, begin + step)
+        error = report.detections.measurement - reachable[part, :, None]
+        error = sensor.wrap(error - rate[part, :, None] * report.time_s[:, None])
+        square, log_density = _normal(error, covariance[part, :, None] + noise)
+        inside = (square <= gate_sigma**2) & (weight[part] > 0.0)[..., None]
+        log_density = np.where(inside, log_density, -np.inf).swapaxes(1, 2)
+        one, other = np.nonzero(inside.any(axis=1))
+        row.append(begin + one)
+        column.append(other)
+        near.append(log_density[one, other])
+    return np.concatenate(row), np.concatenate(column), np.concatenate(near)
+
+
+def innovations(
+    mean: FloatArray,
+    covariance: FloatArray,
+    sensor: Sensor,
+    measurement: FloatArray,
+    noise_std: FloatArray,
+    time_s: FloatArray,
+    iterations: int,
+    converged: float,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the columns of `kalman.Innovation` in the place of measurements of the position.
+
+    The parameters are those of `kalman.iterated_update`, for N pairs. A step has converged if it
+    moves the measurement by less than a share `converged` of its standard deviation.
+
+    Notes
+    -----
+    With the measurement's Jacobian J, the innovation's covariance S and the innovation v, an update
+    adds P J' S^-1 v to a state and takes P J' S^-1 J P from its covariance. So v is replaced by
+    J' S^-1 v, the inverse of S by J' S^-1 J, and the Jacobian by the identity.
+    """
+    count, place = len(mean), list(sensor.space.position)
+    with_time = np.zeros((count, 2, mean.shape[1]))
+    with_time[:, [0, 1], place] = 1.0
+    with_time[:, [0, 1], list(sensor.space.velocity)] = time_s[:, None]
+    prior = (with_time @ mean[..., None])[..., 0]
+    spread = with_time @ covariance @ with_time.swapaxes(1, 2)
+    weighted, inverse, log_likelihood = (
+        np.zeros((count, 2)),
+        np.zeros((count, 2, 2)),
+        np.zeros(count),
+    )
+    position, rows = prior.copy(), np.arange(count)
+    for _ in range(iterations):
+        expected_there, jacobian = sensor.linearise(position[rows])
+        turned = jacobian.swapaxes(1, 2)
+        moved = (jacobian @ (position[rows] - prior[rows])[..., None])[..., 0]
+        error = sensor.wrap(measurement[rows] - expected_there) + moved
+        noise = np.eye(error.shape[1]) * noise_std[rows][:, None, :] ** 2
+        total = jacobian @ spread[rows] @ turned + noise
+        weighted[rows] = (turned @ np.linalg.solve(total, error[..., None]))[..., 0]
+        inverse[rows] = turned @ np.linalg.solve(total, jacobian)
+        log_likelihood[rows] = _normal(error, total)[1]
+        later = prior[rows] + (spread[rows] @ weighted[rows][..., None])[..., 0]
+        step = (jacobian @ (later - position[rows])[..., None])[..., 0]
+        position[rows] = later
+        rows = rows[(np.abs(step) >= converged * noise_std[rows]).any(axis=1)]
+    return np.broadcast_to(np.eye(2), inverse.shape), weighted, inverse, log_likelihood
+
+
+def _normal(error: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the square Mahalanobis distances and log normal densities of errors, (...)."""
+    solved = np.linalg.solve(covariance, error[..., None])[..., 0]
+    square = (error * solved).sum(axis=-1)
+    constant = error.shape[-1] * math.log(2.0 * math.pi)
+    return square, -0.5 * (square + np.linalg.slogdet(covariance)[1] + constant)

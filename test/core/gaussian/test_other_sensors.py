@@ -1,0 +1,87 @@
+"""The Gaussian engine with sensors that are not polar, through the interface `Sensor`."""
+
+from dataclasses import fields, replace
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from lone import GIVEN, INTERVAL_S, MEAN, TWO_MOTIONS, lone, path, scan_at, started
+from position_sensor import PositionSensor
+
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.gaussian.algebra import kalman
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+
+SECONDS = INTERVAL_S * np.arange(1.0, 9.0)
+STD, CLUTTER, FIELD = 30.0, 4, 2e4
+MAST = {
+    "name": "mast",
+    "position": (500.0, -300.0),
+    "yaw": 0.0,
+    "threshold": 3.0,
+    "clutter_rate": float(CLUTTER),
+}
+
+
+class Linearised(RadarModel):
+    """A radar whose measurements the engine knows by their linearisation only."""
+
+    polar: ClassVar[bool] = False
+
+
+def with_sensor(config, sensor):
+    """Return the configuration with another sensor."""
+    return replace(config, model=replace(config.model, radars=(sensor,)))
+
+
+def smoothed(engine):
+    """Return the smoothed mixtures of an engine's window, oldest first."""
+    return list(engine._backward(engine._window))[::-1]
+
+
+@pytest.mark.parametrize("timed", [False, True], ids=["at the stamp", "at their own times"])
+def test_linearised_radar_gives_the_mixtures_of_the_compiled_one(monkeypatch, timed):
+    monkeypatch.setattr(kalman, "iterated_update", partial(kalman.iterated_update, converged=0.0))
+    config = lone({**TWO_MOTIONS, "radar.clutter_rate": 3.0})
+    (radar,) = config.model.radars
+    columns = {each.name: getattr(radar, each.name) for each in fields(radar)}
+    rng = np.random.default_rng(5)
+    engines = [started(config), started(with_sensor(config, Linearised(**columns)))]
+    for seconds, state in zip(SECONDS, path(SECONDS, 0.01), strict=True):
+        # Near the target, so that every plot is in its gate.
+        near = radar.measure(state[None]) + 3.0 * radar.noise_std * rng.standard_normal((3, 2))
+        time_s = rng.uniform(-1.0, 0.0, 3) if timed else None
+        for engine in engines:
+            engine.step(scan_at(seconds, near, time_s=time_s))
+    for compiled, other in zip(*map(smoothed, engines), strict=True):
+        np.testing.assert_array_equal(other.row_label, compiled.row_label)
+        np.testing.assert_allclose(other.weight, compiled.weight, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(other.mean, compiled.mean, rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(other.covariance, compiled.covariance, rtol=1e-6, atol=1e-6)
+
+
+def test_target_born_at_positions_is_tracked_more_exactly_than_measured():
+    births = {"detection_births.rates": [0.05]}
+    sensor = PositionSensor(**MAST, std=STD)
+    engine = new_engine(with_sensor(lone({**GIVEN, **births, "lag": len(SECONDS)}), sensor))
+    rng, states, plots = np.random.default_rng(7), path(SECONDS), []
+    for seconds, state in zip(SECONDS, states, strict=True):
+        plots.append(sensor.measure(state[None]) + STD * rng.standard_normal((1, 2)))
+        false = rng.uniform(-FIELD, FIELD, (CLUTTER, 2))
+        engine.step(scan_at(seconds, np.concatenate([plots[-1], false])))
+    found = engine.flush()
+    assert [len(estimates) for estimates in found] == [1] * len(SECONDS)
+    estimated = np.concatenate([estimates.position for estimates in found])
+    measured = sensor.to_world(np.concatenate(plots))
+    truth = states[:, [0, 2]]
+    assert np.square(estimated - truth).mean() < 0.7 * np.square(measured - truth).mean()
+    assert np.hypot(*(found[-1].velocity[0] - MEAN[[1, 3]])) < 10.0
+
+
+def test_sensor_of_positions_updates_targets_without_detections():
+    engine = started(with_sensor(lone(), PositionSensor(**MAST, std=STD)))
+    engine.step(scan_at(SECONDS[0], np.zeros((0, 2))))
+    (mixture,) = smoothed(engine)[-1:]
+    expected = MEAN[0] + SECONDS[0] * MEAN[1]
+    np.testing.assert_allclose(mixture.mean[0, 0, 0], expected)

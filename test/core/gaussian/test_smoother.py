@@ -1,0 +1,138 @@
+"""The backward pass over a window of any scans smooths each target by its own scans."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sweep import ROTATION_S, START_NS, configuration, scans
+
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.gaussian import smoother
+from phd_jdtc_ros.core.window.entries import Entry, Source
+
+SECTORED = {"engine": "gaussian", "estimates_period_s": ROTATION_S, "lag": 4}
+
+
+def window(turns, least_existence=None, wide_turns=0):
+    """Return what an engine holds after some turns by sector, the first of them by half."""
+    engine = new_engine(configuration(SECTORED))
+    if least_existence is not None:
+        bounds = replace(engine.forward.bounds, least_existence=least_existence)
+        engine.forward.bounds = bounds
+    narrow_ns = START_NS + round(wide_turns * ROTATION_S * 1e9)
+    for scan in scans(turns, sectors=2):
+        if scan.stamp_ns < narrow_ns:
+            engine.step(scan)
+    for scan in scans(turns):
+        if scan.stamp_ns > narrow_ns:
+            engine.step(scan)
+    return engine._window
+
+
+def alone(entries, label):
+    """Return the entries of one target's hypotheses, oldest first: each continues the one before.
+
+    An entry that has dropped the target has no hypotheses.
+    """
+    found = []
+    stored = {entry.stamp_ns: entry.stored for entry in entries}
+    for entry in entries:
+        rows = np.flatnonzero(entry.stored.row_label == label)
+        own, kept, begin = entry.stored.take(rows), [], 0
+        for source in entry.sources:
+            if source.stamp_ns in stored:
+                every = np.arange(source.size) if source.rows is None else source.rows
+                kept.append(
+                    begin + np.flatnonzero(stored[source.stamp_ns].row_label[every] == label)
+                )
+            begin += source.size
+        kept = np.concatenate([np.zeros(0, dtype=np.int64), *kept])
+        if found and len(kept) and entry.link is not None:
+            moves, ancestry = entry.link.moves, entry.link.ancestry
+            cells = None if moves.cells is None else moves.cells[kept]
+            columns = {name: getattr(moves, name)[kept] for name in ("change", "survival", "place")}
+            edges = np.flatnonzero(np.isin(ancestry.parent, kept))
+            link = smoother.Link(
+                replace(moves, cells=cells, **columns),
+                replace(
+                    ancestry,
+                    child=np.searchsorted(rows, ancestry.child[edges]),
+                    parent=np.searchsorted(kept, ancestry.parent[edges]),
+                    share=ancestry.share[edges],
+                ),
+            )
+            before = Source(found[-1].stamp_ns, None, len(kept))
+            found.append(Entry(entry.stamp_ns, own, (before,), link))
+        elif len(rows):
+            found.append(Entry(entry.stamp_ns, own))
+    return found
+
+
+def check_as_each_alone(entries):
+    """Check the smoothed mixtures of a window against each target's own chain of scans."""
+    labels = np.unique(np.concatenate([entry.stored.label for entry in entries]))
+    stamps = [entry.stamp_ns for entry in reversed(entries)]
+    whole = dict(zip(stamps, smoother.backward_pass(entries), strict=True))
+    for label in labels:
+        chain = alone(entries, label)
+        for entry, expected in zip(reversed(chain), smoother.backward_pass(chain), strict=True):
+            own = whole[entry.stamp_ns]
+            own = own.take(np.flatnonzero(own.row_label == label))
+            np.testing.assert_allclose(own.weight, expected.weight, rtol=1e-12, atol=1e-300)
+            np.testing.assert_allclose(own.mean, expected.mean, rtol=1e-12, atol=1e-9)
+            np.testing.assert_allclose(own.covariance, expected.covariance, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("turns", "wide_turns"), [(3, 0), (7, 0), (5, 3)])
+@pytest.mark.parametrize("existence", [None, 0.2], ids=["all", "doubtful ones dropped"])
+def test_targets_of_all_sectors_are_smoothed_as_each_alone(turns, wide_turns, existence):
+    entries = window(turns, existence, wide_turns)
+    parts = [source.rows is not None for entry in entries for source in entry.sources]
+    assert any(parts) == (wide_turns > 0)
+    check_as_each_alone(entries)
+
+
+def test_scans_whose_sources_have_left_are_smoothed_as_the_others():
+    entries = window(5, wide_turns=3)
+    for first in range(1, len(entries)):
+        check_as_each_alone(entries[first:])
+
+
+def test_window_without_links_is_what_was_filtered():
+    entries = [entry.unlinked for entry in window(4)]
+    for found, entry in zip(smoother.backward_pass(entries)[::-1], entries, strict=True):
+        np.testing.assert_array_equal(found.weight, entry.stored.weight)
+        np.testing.assert_array_equal(found.mean, entry.stored.mean)
+
+
+def test_window_of_no_targets_has_none():
+    engine = new_engine(configuration(SECTORED))
+    for scan in scans(1):
+        nothing = replace(scan.detections[0], measurement=np.zeros((0, 2)), time_s=np.zeros(0))
+        engine.step(replace(scan, detections=(nothing,)))
+    entries = engine._window
+    found = smoother.backward_pass([entries[0], *entries[2:]])
+    assert [len(mixture) for mixture in found] == [0] * (len(entries) - 1)
+
+
+def test_chain_of_whole_turns_is_smoothed_as_a_window_of_any_scans():
+    engine = new_engine(configuration({**SECTORED, "estimates_period_s": 0.0}))
+    for scan in scans(4, sectors=1):
+        engine.step(replace(scan, detections=(replace(scan.detections[0], coverage=None),)))
+    entries = engine._window
+    assert len(entries) == 4
+    listed = [
+        replace(entry, sources=tuple(replace(s, rows=np.arange(s.size)) for s in entry.sources))
+        for entry in entries
+    ]
+    found = zip(smoother.backward_pass(entries), smoother.backward_pass(listed), strict=True)
+    for chain, other in found:
+        np.testing.assert_array_equal(chain.weight, other.weight)
+        np.testing.assert_array_equal(chain.mean, other.mean)
+        np.testing.assert_array_equal(chain.covariance, other.covariance)
+
+
+def test_window_whose_sources_have_left_is_what_was_filtered():
+    last = window(5)[-1:]
+    (alone,) = smoother.backward_pass(last)
+    np.testing.assert_array_equal(alone.weight, last[0].stored.weight)
