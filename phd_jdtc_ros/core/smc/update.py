@@ -119,10 +119,12 @@ class PriorParticles:
             report.sensor.coverage_probability(self._everywhere, report.detections.coverage)
             * report.share
         )
-        seen *= model.amplitudes.detection_probability(
-            particles.mode, particles.log_snr, self.measured, report.sensor, model.modes
-        )
-        return seen
+        probability = report.sensor.given_detection_probability(self._everywhere)
+        if probability is None:
+            probability = model.amplitudes.detection_probability(
+                particles.mode, particles.log_snr, report.sensor, model.modes
+            )
+        return seen * probability
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs, with the log likelihoods of the measurements."""

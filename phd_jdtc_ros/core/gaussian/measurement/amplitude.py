@@ -12,22 +12,29 @@ from ..dynamics import Dynamics
 from ..mixture import Mixture
 from .gating import Expected
 
+# Lower bound of the variance of an expected measurement, by whose root distances are divided.
+LEAST_VARIANCE = 1e-12
+
 
 def detection_probability(expected: Expected, report: Report, dynamics: Dynamics) -> FloatArray:
-    """Return the detection probability of a target with each Gaussian's density, (H, R, S)."""
+    """Return the detection probability of a target with each Gaussian's density, (H, R, S).
+
+    It is the mean over the density, so that a target near a limit of the field of view may be
+    missed because it is outside.
+    """
     model, cells, sensor = dynamics.model, dynamics.cells, report.sensor
     flat = expected.measured.reshape(-1, 2)
-    cell = np.arange(len(flat) * len(cells)) % len(cells)
-    azimuth_std = np.sqrt(expected.covariance[..., 1, 1].ravel() + sensor.noise_std[1] ** 2)
-    seen = sensor.coverage_probability(flat, report.detections.coverage, azimuth_std)
-    probability = model.amplitudes.detection_probability(
-        dynamics.mode_of_cell[cell],
-        cells.log_snr[cell],
-        flat.repeat(len(cells), axis=0),
-        sensor,
-        model.modes,
-    )
-    seen_and_detected: FloatArray = seen[:, None] * probability.reshape(-1, len(cells))
+    variance = np.diagonal(expected.covariance, axis1=-2, axis2=-1).reshape(-1, 2)
+    std = np.sqrt(np.maximum(variance, LEAST_VARIANCE))
+    seen = sensor.coverage_probability(flat, report.detections.coverage, std)
+    given = sensor.given_detection_probability(flat, std)
+    if given is None:
+        probability = model.amplitudes.detection_probability(
+            dynamics.mode_of_cell, cells.log_snr, sensor, model.modes
+        )
+    else:
+        probability = given[:, None].repeat(len(cells), axis=1)
+    seen_and_detected: FloatArray = seen[:, None] * probability
     return seen_and_detected.reshape(*expected.measured.shape[:2], len(cells))
 
 
