@@ -14,8 +14,9 @@ from ..attributes.uniqueness import OutOfGate
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
-from ..types import Detections
+from ..types import Coverage, Detections
 from ..window.update import Posterior
+from .algebra.kalman import TINY
 from .bounds import Bounds
 from .dynamics import Dynamics
 from .measurement.amplitude import detection_probability, log_amplitude, slower
@@ -101,9 +102,22 @@ class PriorMixture:
     @cached_property
     def detectable(self) -> FloatArray:
         """Probability that each Gaussian is detected, shape (H, R, S)."""
-        probability = detection_probability(self.expected, self.report, self.steps.dynamics)
-        detectable: FloatArray = self.report.share * probability
+        detectable: FloatArray = self._covered_by(self.report.detections.coverage)
+        if self._unseen is not None:
+            detectable = detectable * self._unseen
         return detectable
+
+    def _covered_by(self, coverage: Coverage | None) -> FloatArray:
+        """Return the probability that Gaussians are detected in a coverage, shape (H, R, S)."""
+        sensor, dynamics = self.report.sensor, self.steps.dynamics
+        return self.report.share * detection_probability(self.expected, sensor, coverage, dynamics)
+
+    @cached_property
+    def _unseen(self) -> FloatArray | None:
+        """Factor of earlier sectors, shape (H, R, S); None without any."""
+        if (earlier := self.report.earlier) is None:
+            return None
+        return earlier.factor(self.mixture.row_label, self._covered_by(earlier.coverage))
 
     @cached_property
     def missed(self) -> FloatArray:
@@ -182,6 +196,9 @@ class PriorMixture:
     ) -> PairLikelihoods:
         """Return the log likelihoods of pairs, given those of the measurement alone, (P, R)."""
         factor = np.zeros(len(pairs.row)) if evidence is None else evidence.log_factor
+        if self._unseen is not None:
+            mean = sum_modes(self.mixture.weight * self._unseen) / np.maximum(self.mass, TINY)
+            factor = factor + np.log(np.maximum(mean, TINY)).take(pairs.row)
         return PairLikelihoods(
             pairs.row, pairs.column, log_likelihood, self.log_amplitude, factor, log_other
         )

@@ -7,7 +7,9 @@ import numpy as np
 from ...arrays import FloatArray
 from ...models import stationary
 from ...sensors.report import Report
+from ...sensors.sensor import Sensor
 from ...state_space import StateSpace
+from ...types import Coverage
 from ..dynamics import Dynamics
 from ..mixture import Mixture
 from .gating import Expected
@@ -16,17 +18,19 @@ from .gating import Expected
 LEAST_VARIANCE = 1e-12
 
 
-def detection_probability(expected: Expected, report: Report, dynamics: Dynamics) -> FloatArray:
+def detection_probability(
+    expected: Expected, sensor: Sensor, coverage: Coverage | None, dynamics: Dynamics
+) -> FloatArray:
     """Return the detection probability of a target with each Gaussian's density, (H, R, S).
 
     It is the mean over the density, so that a target near a limit of the field of view may be
     missed because it is outside.
     """
-    model, cells, sensor = dynamics.model, dynamics.cells, report.sensor
+    model, cells = dynamics.model, dynamics.cells
     flat = expected.measured.reshape(-1, 2)
     variance = np.diagonal(expected.covariance, axis1=-2, axis2=-1).reshape(-1, 2)
     std = np.sqrt(np.maximum(variance, LEAST_VARIANCE))
-    seen = sensor.coverage_probability(flat, report.detections.coverage, std)
+    seen = sensor.coverage_probability(flat, coverage, std)
     given = sensor.given_detection_probability(flat, std)
     if given is None:
         probability = model.amplitudes.detection_probability(
