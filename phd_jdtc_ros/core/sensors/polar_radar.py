@@ -142,10 +142,16 @@ class RadarModel(Sensor):
         """Return the probability that a report covers each target, (N,); see `Sensor`."""
         seen = self.visibility.sees(predicted, std)
         if coverage is not None:
-            own = self.azimuth_std
-            measured_std = own if std is None else np.hypot(std[:, 1], own)
-            seen *= sector_probability(predicted[:, 1], coverage, measured_std)
+            seen *= self.sector_probability(predicted, coverage, std)
         return seen
+
+    def sector_probability(
+        self, predicted: FloatArray, sector: Coverage, std: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the probability that targets are measured in a sector, (N,); see `Sensor`."""
+        own = self.azimuth_std
+        measured_std = own if std is None else np.hypot(std[:, 1], own)
+        return sector_probability(predicted[:, 1], sector, measured_std)
 
     @property
     def log_uniform_clutter(self) -> float:

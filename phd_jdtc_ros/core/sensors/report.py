@@ -35,6 +35,18 @@ class EarlierSectors:
     label: IntArray
     unseen: FloatArray
 
+    def matters(self, label: IntArray, share: FloatArray) -> bool:
+        """Return whether these sectors may have detected any target.
+
+        Parameters
+        ----------
+        label : int array of shape (T,)
+        share : array
+            Probabilities that targets are measured in these sectors.
+        """
+        near = share.max(initial=0.0) > LEAST_UNSEEN
+        return bool(near or np.isin(label, self.label).any())
+
     def factor(self, label: IntArray, detected: FloatArray) -> FloatArray:
         """Return the factor on the probability of a detection, shape (N, ...).
 

@@ -211,6 +211,15 @@ class Sensor(ABC):
         """
         return np.ones(len(predicted))
 
+    def sector_probability(
+        self, predicted: FloatArray, sector: Coverage, std: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the probability that targets in the field of view are measured in a sector, (N,).
+
+        For the parameters see `coverage_probability`.
+        """
+        return np.ones(len(predicted))
+
     def may_have_swept(
         self, position: FloatArray, radius: FloatArray, detections: Detections
     ) -> BoolArray:

@@ -16,6 +16,8 @@ WHOLE_TURN = Coverage(-np.pi, FULL_TURN)
 TURN_TOLERANCE = 1e-9
 # A larger standard deviation makes an azimuth practically uniform, radians.
 WIDEST_STD = np.pi
+# Standard deviations beyond which a normal density has no mass.
+FARTHEST = 8.0
 # Smallest probability of the range limits by which an expected value is divided.
 LEAST_INSIDE = 1e-9
 
@@ -40,9 +42,10 @@ def sector_probability(
         return (offset <= sector.width).astype(np.float64)
     half, std = 0.5 * sector.width, np.minimum(azimuth_std, WIDEST_STD)
     offset = wrap_angle(azimuth - sector.start - half)
-    share = np.zeros_like(offset)
-    for turn in (-FULL_TURN, 0.0, FULL_TURN):
-        share += ndtr((offset + turn + half) / std) - ndtr((offset + turn - half) / std)
+    share: FloatArray = ndtr((offset + half) / std) - ndtr((offset - half) / std)
+    if half + FARTHEST * np.max(std, initial=0.0) > np.pi:
+        for turned in (offset - FULL_TURN, offset + FULL_TURN):
+            share += ndtr((turned + half) / std) - ndtr((turned - half) / std)
     return share
 
 

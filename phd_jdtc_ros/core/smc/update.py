@@ -114,15 +114,16 @@ class PriorParticles:
     @cached_property
     def detectable(self) -> FloatArray:
         """Probability that each particle is detected, shape (N,)."""
-        detectable = self._covered_by(self.report.detections.coverage)
-        if self._unseen is not None:
-            detectable = detectable * self._unseen
-        return detectable
+        detectable, sector = self._in_turn, self.report.detections.coverage
+        if sector is not None:
+            detectable = detectable * self._measured_in(sector)
+        return detectable if self._unseen is None else detectable * self._unseen
 
-    def _covered_by(self, coverage: Coverage | None) -> FloatArray:
-        """Return the probability that each particle is detected in a coverage, shape (N,)."""
+    @cached_property
+    def _in_turn(self) -> FloatArray:
+        """Probability that each particle is detected in a whole turn, shape (N,)."""
         report, model, particles = self.report, self.steps.model, self.particles
-        seen = report.sensor.coverage_probability(self._everywhere, coverage) * report.share
+        seen = report.sensor.coverage_probability(self._everywhere, None) * report.share
         probability = report.sensor.given_detection_probability(self._everywhere)
         if probability is None:
             probability = model.amplitudes.detection_probability(
@@ -130,12 +131,19 @@ class PriorParticles:
             )
         return seen * probability
 
+    def _measured_in(self, sector: Coverage) -> FloatArray:
+        """Return the probability that a target is measured in a sector, shape (N,)."""
+        return self.report.sensor.sector_probability(self._everywhere, sector)
+
     @cached_property
     def _unseen(self) -> FloatArray | None:
-        """Factor of earlier sectors, shape (N,); None without any."""
+        """Factor of earlier sectors, shape (N,); None if they saw none of the targets."""
         if (earlier := self.report.earlier) is None:
             return None
-        return earlier.factor(self.particles.row_label, self._covered_by(earlier.coverage))
+        share = self._measured_in(earlier.coverage)
+        if not earlier.matters(self.label, share):
+            return None
+        return earlier.factor(self.particles.row_label, self._in_turn * share)
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs, with the log likelihoods of the measurements."""

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, wrap_angle
+from ..arrays import FloatArray, IntArray
 from ..sensors.report import EarlierSectors, Report
 from ..sensors.sensor import Sensor
 from ..snapshot import MAX_STAMP_NS, Snapshot, floats, from_snapshot, integers, to_snapshot
@@ -64,8 +64,11 @@ class AntennaPass(NamedTuple):
 
         What is more than half a turn before is forgotten.
         """
-        gap = sector.start - self.start - self.width, self.start - sector.start - sector.width
-        follows, precedes = np.abs(wrap_angle(np.array(gap))) <= MAX_GAP
+        after = sector.start - self.start - self.width
+        before = self.start - sector.start - sector.width
+        follows, precedes = (
+            abs(math.remainder(gap, FULL_TURN)) <= MAX_GAP for gap in (after, before)
+        )
         recent = 0 < stamp_ns - self.stamp_ns < SAME_PASS * turn_ns
         if not (recent and (follows or precedes)):
             return None
@@ -77,6 +80,8 @@ class AntennaPass(NamedTuple):
 
     def detecting(self, label: IntArray, detected: FloatArray) -> AntennaPass:
         """Return the pass after detections of targets, (T,), given their probabilities."""
+        if not len(label):
+            return self
         every = np.union1d(self.label, label)
         unseen, seen_ns = np.ones(len(every)), np.full(len(every), self.stamp_ns)
         before, now = np.searchsorted(every, self.label), np.searchsorted(every, label)

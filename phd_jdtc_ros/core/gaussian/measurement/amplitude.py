@@ -18,19 +18,16 @@ from .gating import Expected
 LEAST_VARIANCE = 1e-12
 
 
-def detection_probability(
-    expected: Expected, sensor: Sensor, coverage: Coverage | None, dynamics: Dynamics
-) -> FloatArray:
-    """Return the detection probability of a target with each Gaussian's density, (H, R, S).
+def detection_probability(expected: Expected, sensor: Sensor, dynamics: Dynamics) -> FloatArray:
+    """Return p_D of a target with each Gaussian's density in a whole turn, (H, R, S).
 
     It is the mean over the density, so that a target near a limit of the field of view may be
     missed because it is outside.
     """
     model, cells = dynamics.model, dynamics.cells
     flat = expected.measured.reshape(-1, 2)
-    variance = np.diagonal(expected.covariance, axis1=-2, axis2=-1).reshape(-1, 2)
-    std = np.sqrt(np.maximum(variance, LEAST_VARIANCE))
-    seen = sensor.coverage_probability(flat, coverage, std)
+    std = _std(expected)
+    seen = sensor.coverage_probability(flat, None, std)
     given = sensor.given_detection_probability(flat, std)
     if given is None:
         probability = model.amplitudes.detection_probability(
@@ -40,6 +37,19 @@ def detection_probability(
         probability = given[:, None].repeat(len(cells), axis=1)
     seen_and_detected: FloatArray = seen[:, None] * probability
     return seen_and_detected.reshape(*expected.measured.shape[:2], len(cells))
+
+
+def sector_probability(expected: Expected, sensor: Sensor, sector: Coverage) -> FloatArray:
+    """Return the probability that a target of each Gaussian is measured in a sector, (H, R, 1)."""
+    share = sensor.sector_probability(expected.measured.reshape(-1, 2), sector, _std(expected))
+    return share.reshape(*expected.measured.shape[:2], 1)
+
+
+def _std(expected: Expected) -> FloatArray:
+    """Return the standard deviations of the expected measurements, (H R, Z)."""
+    variance = np.diagonal(expected.covariance, axis1=-2, axis2=-1).reshape(-1, 2)
+    std: FloatArray = np.sqrt(np.maximum(variance, LEAST_VARIANCE))
+    return std
 
 
 def log_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
