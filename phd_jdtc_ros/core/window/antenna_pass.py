@@ -62,7 +62,8 @@ class AntennaPass(NamedTuple):
     def then(self, sector: Coverage, stamp_ns: int, turn_ns: float) -> AntennaPass | None:
         """Return the pass with a later sector; None if that does not adjoin.
 
-        What is more than half a turn before is forgotten.
+        What is more than half a turn before is forgotten. Two halves of a turn adjoin at both ends,
+        so that neither is known to be the earlier one of a pass.
         """
         after = sector.start - self.start - self.width
         before = self.start - sector.start - sector.width
@@ -70,7 +71,7 @@ class AntennaPass(NamedTuple):
             abs(math.remainder(gap, FULL_TURN)) <= MAX_GAP for gap in (after, before)
         )
         recent = 0 < stamp_ns - self.stamp_ns < SAME_PASS * turn_ns
-        if not (recent and (follows or precedes)):
+        if not recent or follows == precedes:
             return None
         width = min(self.width + sector.width, WIDEST)
         start = sector.start + sector.width - width if follows else sector.start

@@ -131,3 +131,13 @@ def test_pass_remembers_half_a_turn():
     (latest,) = passes.passes.values()
     assert latest.width == pytest.approx(np.pi)
     assert latest.label.tolist() == list(range(12, 20))
+
+
+def test_halves_of_a_turn_are_not_conditioned():
+    passes = AntennaPasses()
+    halves = [Coverage(start, np.pi) for start in (-np.pi, 0.0)]
+    first, second = (
+        Report(RADAR, Detections(np.zeros((0, 2)), None, coverage=half)) for half in halves
+    )
+    passes.learn(first, 10**12, np.array([3]), np.array([0.7]))
+    assert passes.with_earlier_sectors(second, 10**12 + 10**9).earlier is None
