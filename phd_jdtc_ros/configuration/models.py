@@ -97,7 +97,7 @@ def tracker_model(
             least_mass=top.birth_least_probability,
         ),
         spawn=_spawn(top.spawn_rate, modes),
-        amplitudes=_amplitudes(top.amplitude),
+        amplitudes=_amplitudes(parts, inputs),
         radars=tuple(map(radar_model, inputs)),
         attributes=_attributes(parts),
     )
@@ -138,7 +138,12 @@ def _attributes(parts: Parts) -> AttributeModel | None:
     )
 
 
-def _amplitudes(use: str) -> AmplitudeModel:
+def _amplitudes(parts: Parts, inputs: Sequence[RadarInput]) -> AmplitudeModel:
+    use = parts.tracking.amplitude
+    if use == "auto":
+        # Particles are too few for an SNR of each, and without amplitudes nothing shows the SNR.
+        shown = any(own.fields.amplitude for own in inputs) and len(parts.classes) > 1
+        use = "memory" if shown and parts.tracking.engine == "gaussian" else "band"
     if use == "memory":
         return Memory(AMPLITUDE_JITTER)
     return Band() if use == "band" else Ignored()

@@ -132,10 +132,11 @@ class Tracking:
         mutable=True,
     )
     amplitude: str = parameter(
-        "band",
-        "Use of amplitudes: band infers the class from its SNR band, memory estimates each "
-        "target's SNR as well, none ignores amplitudes.",
-        choices=("band", "memory", "none"),
+        "auto",
+        "Use of amplitudes: band infers the class from its SNR band as if each detection had "
+        "another SNR, memory estimates each target's SNR as well, none ignores amplitudes. auto is "
+        "memory for Gaussians with several classes, and band otherwise.",
+        choices=("auto", "band", "memory", "none"),
     )
     seed: int = parameter(0, "Seed of the random generator.", (0, 2**31 - 1))
     particles_per_target: int = parameter(

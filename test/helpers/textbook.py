@@ -64,18 +64,41 @@ def update(prior, radar, measurement, seconds=0.0, std=None, iterations=ITERATIO
     return Normal(back @ at, back @ posterior @ back.T), log_likelihood
 
 
+def grid(*points):
+    """Return the nodes and the weights of a quadrature over standard normal axes."""
+    rules = [np.polynomial.hermite_e.hermegauss(count) for count in points]
+    nodes = np.meshgrid(*[node for node, _ in rules], indexing="ij")
+    weights = np.meshgrid(*[weight / weight.sum() for _, weight in rules], indexing="ij")
+    return np.stack([axis.ravel() for axis in nodes], axis=1), np.prod(weights, axis=0).ravel()
+
+
+# The filter of Gauss and Hermite, of the fifth order in the turn rate, which comes first. The
+# motion is linear in the other axes, for which the third order is exact.
+TURN_FIRST = [4, 0, 1, 2, 3]
+NODES, WEIGHTS = grid(5, 3, 3, 3, 3)
+
+
 def predict(before, motion, dt):
-    """Return the prediction of one motion, and the gain that leads back from it."""
-    matrix = motion.jacobian(before.mean[None], dt)[0]
+    """Return the prediction of one motion, and the gain that leads back from it.
+
+    The moments are those of the motion of every node of a grid over the whole state.
+    """
+    std = np.sqrt(np.diag(before.covariance))[TURN_FIRST]
+    ordered = before.covariance[np.ix_(TURN_FIRST, TURN_FIRST)]
+    unit = np.where(std > 0.0, std, 1.0)
+    correlation = ordered / (unit[:, None] * unit) + np.diag((std == 0.0).astype(float))
+    apart = np.empty_like(NODES)
+    apart[:, TURN_FIRST] = NODES @ (std[:, None] * np.linalg.cholesky(correlation)).T
+    moved = motion.mean(before.mean + apart, dt)
+    mean = WEIGHTS @ moved
+    cross = (apart * WEIGHTS[:, None]).T @ (moved - mean)
     support = np.ix_(motion.support, motion.support)
-    covariance = matrix @ before.covariance @ matrix.T
+    covariance = ((moved - mean) * WEIGHTS[:, None]).T @ (moved - mean)
     covariance[support] += motion.noise_covariance(dt)
-    later = Normal(motion.mean(before.mean[None], dt)[0], covariance)
-    # G = P F' P_predicted^-1
-    cross = (before.covariance @ matrix.T)[:, motion.support]
+    # The cross-covariance times the inverse of the predicted covariance.
     gain = np.zeros((5, 5))
-    gain[:, motion.support] = np.linalg.solve(covariance[support], cross.T).T
-    return later, gain
+    gain[:, motion.support] = np.linalg.solve(covariance[support], cross[:, motion.support].T).T
+    return Normal(mean, covariance), gain
 
 
 def smooth(before, later, gain, smoothed):

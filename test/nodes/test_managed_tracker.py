@@ -87,7 +87,7 @@ def test_tracks_are_published_as_odometry_and_paths_if_asked_for(processes, peer
 
 
 def test_paths_begin_before_the_first_who_asks_for_them(processes, peer):
-    start(processes, *options(outputs="[paths]"))
+    start_tracker(processes, *options(outputs="[paths]"))
     group = connected(peer)
     for index in range(3):
         group.track(index)

@@ -5,7 +5,7 @@ A labelled multi-Bernoulli filter with soft association, as the particle engine 
 The path of one scan, with the module of each step::
 
     stored mixture t                         mixture
-      |  predict: survive, spawn, be born    prediction, dynamics
+      |  predict: survive, spawn, be born    prediction, dynamics, curvature
       |    mix motion modes, keep gains        algebra.blocks
       |  update, report by report            window.update: the order; update: its steps
       |    gate                                gating, amplitude

@@ -14,6 +14,7 @@ from ..snapshot import MAX_STATE, floats, integers
 from ..tracks import labels
 from .algebra.blocks import SIZE, add_mean, add_spread, copy_gaussian, dot, factorise, solve
 from .algebra.kalman import predicted_covariance
+from .curvature import moved
 from .dynamics import Dynamics
 from .mixture import Mixture
 
@@ -82,12 +83,13 @@ def _pairs(
     to: Int1,
     source: Int1,
     jacobian: Float3,
+    curved: Float3,
     noise: Float4,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the predicted covariance of each pair, its factors, gain and base; see `Moves`.
 
     `row`, `of` and `to` are the hypothesis and the modes of each pair; `source` is the scan whose
-    interval gives the noise.
+    interval gives the noise. For `jacobian` and `curved` see `curvature.moved`.
     """
     count = len(row)
     later, factor = np.empty((count, SIZE, SIZE)), np.empty((count, SIZE, SIZE))
@@ -101,7 +103,7 @@ def _pairs(
                 cross[i, k] = dot(before[i], turn[k])
         for i in range(SIZE):
             for k in range(i + 1):
-                total = added[i, k]
+                total = added[i, k] + curved[pair, i, k]
                 for n in range(SIZE):
                     total += turn[i, n] * cross[n, k]
                 later[pair, i, k] = later[pair, k, i] = total
@@ -185,9 +187,10 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     place = np.full(change.shape, -1)
     place[row, pair] = np.arange(len(row))
     earlier_mode, later_mode, scan = of[pair], to[pair], source[row]
-    pair_mean, jacobian = _move(before.mean[row, earlier_mode], later_mode, dt_of[scan], dynamics)
+    of_pair = before.mean[row, earlier_mode], before.covariance[row, earlier_mode]
+    pair_mean, jacobian, curved = moved(*of_pair, later_mode, dt_of[scan], dynamics.motions)
     pair_covariance, factor, gain, base = _pairs(
-        *contiguous(before.covariance, row, earlier_mode, later_mode, scan, jacobian, noise)
+        *contiguous(before.covariance, row, earlier_mode, later_mode, scan, jacobian, curved, noise)
     )
     weight, mean, covariance = _mixed(
         *contiguous(before.weight, before.mean, before.covariance),
@@ -201,19 +204,6 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
         Mixture(before.row_label, weight, mean, covariance),
         Moves(*((of, to), change, survival, cells), *(pair_mean, factor, gain, base), place),
     )
-
-
-def _move(
-    mean: FloatArray, to: IntArray, dt: FloatArray, dynamics: Dynamics
-) -> tuple[FloatArray, FloatArray]:
-    """Return the means (A, D) after `dt` seconds, each in its mode `to`, and the Jacobians."""
-    later = np.empty_like(mean)
-    jacobian = np.empty((*mean.shape, mean.shape[1]))
-    for mode, motion in enumerate(dynamics.motions):
-        own = np.flatnonzero(to == mode)
-        later[own] = motion.mean(mean[own], dt[own])
-        jacobian[own] = motion.jacobian(mean[own], dt[own])
-    return later, jacobian
 
 
 def births(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:
@@ -265,10 +255,12 @@ def _spawned_by(
     mean, covariance = mean[parents], covariance[parents]
     count, (modes, size) = len(parents), dynamics.supported.shape
     to = np.arange(count * modes) % modes
-    later, jacobian = _move(mean.repeat(modes, axis=0), to, np.full(len(to), dt), dynamics)
-    later, jacobian = later.reshape(count, modes, -1), jacobian.reshape(count, modes, size, -1)
+    repeated = mean.repeat(modes, axis=0), covariance.repeat(modes, axis=0)
+    found = moved(*repeated, to, np.full(len(to), dt), dynamics.motions)
+    later = found[0].reshape(count, modes, -1)
+    jacobian, curved = (matrix.reshape(count, modes, size, -1) for matrix in found[1:])
     by_parent, noise = dynamics.spawned
-    spread = predicted_covariance(covariance[:, None], jacobian, noise)[0]
+    spread = predicted_covariance(covariance[:, None], jacobian, noise + curved)[0]
     place = np.full(len(mixture.label), count)
     place[parents] = np.arange(count)
     weight = np.zeros((count + 1, len(by_parent)))

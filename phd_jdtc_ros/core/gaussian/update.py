@@ -14,11 +14,17 @@ from ..attributes.uniqueness import OutOfGate
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
-from ..types import Detections
+from ..types import Coverage, Detections
 from ..window.update import Posterior
+from .algebra.kalman import TINY
 from .bounds import Bounds
 from .dynamics import Dynamics
-from .measurement.amplitude import detection_probability, log_amplitude, slower
+from .measurement.amplitude import (
+    detection_probability,
+    log_amplitude,
+    sector_probability,
+    slower,
+)
 from .measurement.gating import Expected, gate_pairs
 from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
 from .measurement.newborn import newborn_mixture
@@ -101,9 +107,33 @@ class PriorMixture:
     @cached_property
     def detectable(self) -> FloatArray:
         """Probability that each Gaussian is detected, shape (H, R, S)."""
-        probability = detection_probability(self.expected, self.report, self.steps.dynamics)
-        detectable: FloatArray = self.report.share * probability
-        return detectable
+        detectable, sector = self._in_turn, self.report.detections.coverage
+        if sector is not None:
+            detectable = detectable * self._measured_in(sector)
+        return detectable if self._unseen is None else detectable * self._unseen
+
+    @cached_property
+    def _in_turn(self) -> FloatArray:
+        """Probability that each Gaussian is detected in a whole turn, shape (H, R, S)."""
+        report, dynamics = self.report, self.steps.dynamics
+        detected: FloatArray = report.share * detection_probability(
+            self.expected, report.sensor, dynamics
+        )
+        return detected
+
+    def _measured_in(self, sector: Coverage) -> FloatArray:
+        """Return the probability that a target is measured in a sector, shape (H, R, 1)."""
+        return sector_probability(self.expected, self.report.sensor, sector)
+
+    @cached_property
+    def _unseen(self) -> FloatArray | None:
+        """Factor of earlier sectors, shape (H, R, S); None if they saw none of the targets."""
+        if (earlier := self.report.earlier) is None:
+            return None
+        share = self._measured_in(earlier.coverage)
+        if not earlier.matters(self.label, share):
+            return None
+        return earlier.factor(self.mixture.row_label, self._in_turn * share)
 
     @cached_property
     def missed(self) -> FloatArray:
@@ -182,6 +212,9 @@ class PriorMixture:
     ) -> PairLikelihoods:
         """Return the log likelihoods of pairs, given those of the measurement alone, (P, R)."""
         factor = np.zeros(len(pairs.row)) if evidence is None else evidence.log_factor
+        if self._unseen is not None:
+            mean = sum_modes(self.mixture.weight * self._unseen) / np.maximum(self.mass, TINY)
+            factor = factor + np.log(np.maximum(mean, TINY)).take(pairs.row)
         return PairLikelihoods(
             pairs.row, pairs.column, log_likelihood, self.log_amplitude, factor, log_other
         )

@@ -40,14 +40,12 @@ class AmplitudeModel(ABC):
 
     @abstractmethod
     def detection_probability(
-        self,
-        mode: IntArray,
-        log_snr: FloatArray,
-        measured: FloatArray,
-        sensor: Sensor,
-        modes: ModeSpace,
+        self, mode: IntArray, log_snr: FloatArray, sensor: Sensor, modes: ModeSpace
     ) -> FloatArray:
-        """Return p_D of every hypothesis, given its measurement in the field of view, (N,)."""
+        """Return p_D of every hypothesis from its signal-to-noise ratio, (N,).
+
+        A sensor's `given_detection_probability` takes its place.
+        """
 
     @abstractmethod
     def log_likelihood(
@@ -94,16 +92,9 @@ class Band(AmplitudeModel):
     """Likelihood averaged over the SNR band of a class, without a memory."""
 
     def detection_probability(
-        self,
-        mode: IntArray,
-        log_snr: FloatArray,
-        measured: FloatArray,
-        sensor: Sensor,
-        modes: ModeSpace,
+        self, mode: IntArray, log_snr: FloatArray, sensor: Sensor, modes: ModeSpace
     ) -> FloatArray:
-        """Return the sensor's given p_D, or that of each mode's class, shape (N,)."""
-        if (given := sensor.given_detection_probability(measured)) is not None:
-            return given
+        """Return p_D of each mode's class, shape (N,)."""
         per_class = sensor.class_detection_probability(modes.classes)
         return per_class[modes.class_of[mode]]
 
@@ -195,16 +186,9 @@ class Memory(AmplitudeModel):
         return inside
 
     def detection_probability(
-        self,
-        mode: IntArray,
-        log_snr: FloatArray,
-        measured: FloatArray,
-        sensor: Sensor,
-        modes: ModeSpace,
+        self, mode: IntArray, log_snr: FloatArray, sensor: Sensor, modes: ModeSpace
     ) -> FloatArray:
-        """Return the given p_D, or exp(-tau^2 / 2(1 + d)) of a Rayleigh target, shape (N,)."""
-        if (given := sensor.given_detection_probability(measured)) is not None:
-            return given
+        """Return exp(-tau^2 / 2(1 + d)) of a Rayleigh target, shape (N,)."""
         return np.exp(-0.5 * sensor.threshold**2 * np.exp(-log_snr))
 
     def log_likelihood(

@@ -119,9 +119,13 @@ class RadarModel(Sensor):
         usual = np.stack([grown, np.full(len(detections), self.azimuth_std)], axis=1)
         return usual if own is None else np.where(np.isfinite(own), own, usual)
 
-    def given_detection_probability(self, measured: FloatArray) -> FloatArray | None:
-        """Return the configured p_D at (range, azimuth), (N,); None without one."""
-        return self.visibility.probability(measured[:, 0]) if self.visibility.given else None
+    def given_detection_probability(
+        self, measured: FloatArray, std: FloatArray | None = None
+    ) -> FloatArray | None:
+        """Return the configured p_D at (range, azimuth), (N,); see `Sensor`."""
+        if not self.visibility.given:
+            return None
+        return self.visibility.probability(measured[:, 0], None if std is None else std[:, 0])
 
     def miss_probability(self, log_snr: FloatArray) -> FloatArray:
         """Return the probability of a missed detection; see `Sensor.miss_probability`."""
@@ -133,14 +137,21 @@ class RadarModel(Sensor):
         self,
         predicted: FloatArray,
         coverage: Coverage | None,
-        azimuth_std: FloatArray | float | None = None,
+        std: FloatArray | None = None,
     ) -> FloatArray:
         """Return the probability that a report covers each target, (N,); see `Sensor`."""
-        seen = self.visibility.sees(predicted)
+        seen = self.visibility.sees(predicted, std)
         if coverage is not None:
-            std = self.azimuth_std if azimuth_std is None else azimuth_std
-            seen *= sector_probability(predicted[:, 1], coverage, std)
+            seen *= self.sector_probability(predicted, coverage, std)
         return seen
+
+    def sector_probability(
+        self, predicted: FloatArray, sector: Coverage, std: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the probability that targets are measured in a sector, (N,); see `Sensor`."""
+        own = self.azimuth_std
+        measured_std = own if std is None else np.hypot(std[:, 1], own)
+        return sector_probability(predicted[:, 1], sector, measured_std)
 
     @property
     def log_uniform_clutter(self) -> float:

@@ -8,10 +8,69 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..types import Detections
+from ..types import Coverage, Detections
 from .gaussians import PlanePlots
 from .range_rate import Rates
 from .sensor import Sensor
+
+# Smallest probability that earlier sectors have not detected a target.
+LEAST_UNSEEN = 1e-3
+
+
+@dataclass(frozen=True)
+class EarlierSectors:
+    """The adjoining sectors before a report, in the same pass of the antenna.
+
+    Parameters
+    ----------
+    coverage : Coverage
+        Their azimuths.
+    label : int array of shape (K,)
+        Targets that they may have detected, ascending.
+    unseen : array of shape (K,)
+        Probability that they have not detected each target, given that it exists.
+    """
+
+    coverage: Coverage
+    label: IntArray
+    unseen: FloatArray
+
+    def matters(self, label: IntArray, share: FloatArray) -> bool:
+        """Return whether these sectors may have detected any target.
+
+        Parameters
+        ----------
+        label : int array of shape (T,)
+        share : array
+            Probabilities that targets are measured in these sectors.
+        """
+        near = share.max(initial=0.0) > LEAST_UNSEEN
+        return bool(near or np.isin(label, self.label).any())
+
+    def factor(self, label: IntArray, detected: FloatArray) -> FloatArray:
+        """Return the factor on the probability of a detection, shape (N, ...).
+
+        Parameters
+        ----------
+        label : int array of shape (N,)
+            Label of each row's target.
+        detected : array of shape (N, ...)
+            Probability that the earlier sectors detect a target.
+
+        Notes
+        -----
+        An antenna passes a target once. If p_A and p_B are the probabilities that it is detected in
+        the earlier sectors and in this one, it is detected in this one with p_B / (1 - p_A), given
+        that the earlier ones have not detected it.
+        """
+        unseen = np.ones(len(label))
+        if len(self.label):
+            place = np.minimum(np.searchsorted(self.label, label), len(self.label) - 1)
+            known = self.label[place] == label
+            unseen[known] = np.maximum(self.unseen[place[known]], LEAST_UNSEEN)
+        by_row = unseen.reshape(-1, *(1,) * (detected.ndim - 1))
+        factor: FloatArray = by_row / np.maximum(1.0 - detected, LEAST_UNSEEN)
+        return factor
 
 
 @dataclass(frozen=True)
@@ -28,12 +87,15 @@ class Report:
         Share of the detections that `detection_limit` has kept, if they have no amplitudes.
     complete : bool
         Whether the report has all detections of the sensor.
+    earlier : EarlierSectors or None
+        The sectors before it; None if they have nothing in common with it.
     """
 
     sensor: Sensor
     detections: Detections
     share: float = 1.0
     complete: bool = True
+    earlier: EarlierSectors | None = None
 
     def __len__(self) -> int:
         return len(self.detections)

@@ -193,7 +193,7 @@ class Sensor(ABC):
         self,
         predicted: FloatArray,
         coverage: Coverage | None,
-        azimuth_std: FloatArray | float | None = None,
+        std: FloatArray | None = None,
     ) -> FloatArray:
         """Return the probability that a report covers each target, (N,).
 
@@ -205,9 +205,18 @@ class Sensor(ABC):
             Predicted measurements of the targets.
         coverage : Coverage or None
             Coverage of the report. A plot belongs to the sector of its measured azimuth.
-        azimuth_std : array of shape (N,), float or None
-            Standard deviation of the predicted azimuth, radians; None for the sensor's own noise,
-            if the positions are certain.
+        std : array of shape (N, Z) or None
+            Standard deviations of the predicted measurements, without the sensor's noise; None if
+            the positions are certain.
+        """
+        return np.ones(len(predicted))
+
+    def sector_probability(
+        self, predicted: FloatArray, sector: Coverage, std: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the probability that targets in the field of view are measured in a sector, (N,).
+
+        For the parameters see `coverage_probability`.
         """
         return np.ones(len(predicted))
 
@@ -217,8 +226,13 @@ class Sensor(ABC):
         """Return a mask of the circles that the antenna may have swept for a report, (T,)."""
         return np.ones(len(position), dtype=np.bool_)
 
-    def given_detection_probability(self, measured: FloatArray) -> FloatArray | None:
-        """Return the configured p_D at measurements, (N,); None if it follows from the SNR."""
+    def given_detection_probability(
+        self, measured: FloatArray, std: FloatArray | None = None
+    ) -> FloatArray | None:
+        """Return the configured p_D of covered targets, (N,); None if it follows from the SNR.
+
+        `std` has the standard deviations of the measurements, (N, Z); None if they are certain.
+        """
         return None
 
     def miss_probability(self, log_snr: FloatArray) -> FloatArray:

@@ -3,39 +3,49 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import ndtr
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, wrap_angle
 from ..types import FULL_TURN, Coverage
 
 WHOLE_TURN = Coverage(-np.pi, FULL_TURN)
 # Tolerance with which a sector counts as a whole turn, radians: degrees in files are rounded.
 TURN_TOLERANCE = 1e-9
+# A larger standard deviation makes an azimuth practically uniform, radians.
+WIDEST_STD = np.pi
+# Standard deviations beyond which a normal density has no mass.
+FARTHEST = 8.0
+# Smallest probability of the range limits by which an expected value is divided.
+LEAST_INSIDE = 1e-9
 
 
 def sector_probability(
     azimuth: FloatArray, sector: Coverage, azimuth_std: FloatArray | float = 0.0
 ) -> FloatArray:
-    """Return the probability that an azimuth is measured inside a sector, elementwise.
+    """Return the probability that an azimuth of normal density is inside a sector, elementwise.
 
     Parameters
     ----------
     azimuth : array
-        True azimuths, radians.
+        Expected azimuths, radians.
     azimuth_std : array or float
-        Standard deviation of the measured azimuth, radians; 0 for all, or positive. A target
-        near the edge of a sector is reported in it or in the next one by chance.
+        Standard deviation of the azimuth, radians; 0 for all, or positive. A target near the edge
+        of a sector is reported in it or in the next one by chance.
     """
     if sector.width > FULL_TURN - TURN_TOLERANCE:
         return np.ones_like(azimuth)
-    offset = np.mod(azimuth - sector.start, FULL_TURN)
     if np.ndim(azimuth_std) == 0 and azimuth_std == 0.0:
+        offset = np.mod(azimuth - sector.start, FULL_TURN)
         return (offset <= sector.width).astype(np.float64)
-    share = np.zeros_like(offset)
-    for shifted in (offset, offset - FULL_TURN):
-        share += ndtr(shifted / azimuth_std) - ndtr((shifted - sector.width) / azimuth_std)
+    half, std = 0.5 * sector.width, np.minimum(azimuth_std, WIDEST_STD)
+    offset = wrap_angle(azimuth - sector.start - half)
+    share: FloatArray = ndtr((offset + half) / std) - ndtr((offset - half) / std)
+    if half + FARTHEST * np.max(std, initial=0.0) > np.pi:
+        for turned in (offset - FULL_TURN, offset + FULL_TURN):
+            share += ndtr((turned + half) / std) - ndtr((turned - half) / std)
     return share
 
 
@@ -68,15 +78,79 @@ class Visibility:
         """Whether the detection probability is given."""
         return len(self.probabilities) > 0
 
-    def probability(self, distance: FloatArray) -> FloatArray:
-        """Return the given detection probability at these ranges, metres, elementwise."""
-        return np.interp(distance, self.ranges, self.probabilities)
+    def probability(self, distance: FloatArray, std: FloatArray | None = None) -> FloatArray:
+        """Return the given detection probability at ranges, elementwise.
 
-    def sees(self, measured: FloatArray) -> FloatArray:
-        """Return 1 for each (range, azimuth) row in the field of view and 0 else, shape (N,)."""
+        Parameters
+        ----------
+        distance : array of shape (N,)
+            Expected ranges, metres.
+        std : array of shape (N,) or None
+            Standard deviations of the ranges, metres; None if they are certain. The result is then
+            the mean over the part of each normal density that is within the range limits.
+        """
+        if std is None or len(self.probabilities) == 1:
+            return np.interp(distance, self.ranges, self.probabilities)
+        edges = np.array(self.ranges)
+        edges = edges[(edges > self.min_range) & (edges < self.max_range)]
+        edges = np.concatenate([[self.min_range], edges, [self.max_range]])
+        level = np.interp(edges, self.ranges, self.probabilities)
+        slope = np.diff(level) / np.diff(edges)
+        # The normal distribution and density at the edges; over a part, the mean of the deviation
+        # is minus the variance times the difference of the density.
+        offset = distance[:, None] - edges
+        normal = -offset / std[:, None]
+        share = np.diff(ndtr(normal), axis=1)
+        density = np.exp(-0.5 * normal**2) / np.sqrt(2.0 * np.pi)
+        mean = (level[:-1] + slope * offset[:, :-1]) * share
+        mean -= slope * std[:, None] * np.diff(density, axis=1)
+        inside = share.sum(axis=1)
+        nearest = np.interp(distance, self.ranges, self.probabilities)
+        some = inside > LEAST_INSIDE
+        expected: FloatArray = mean.sum(axis=1) / np.where(some, inside, 1.0)
+        return np.where(some, expected, nearest)
+
+    def sees(self, measured: FloatArray, std: FloatArray | None = None) -> FloatArray:
+        """Return the probability that targets are in the field of view, (N,).
+
+        Parameters
+        ----------
+        measured : array of shape (N, 2)
+            Expected ranges and azimuths, metres and radians.
+        std : array of shape (N, 2) or None
+            Their standard deviations; None if they are certain: the result is then 1 or 0.
+
+        Notes
+        -----
+        The range and the azimuth count as independent, which matters only where a limit of the
+        range and one of the azimuth are both within the density.
+        """
         distance, azimuth = measured[:, 0], measured[:, 1]
-        seen = ((distance >= self.min_range) & (distance <= self.max_range)).astype(np.float64)
-        seen *= sector_probability(azimuth, self.fov)
-        for sector in self.blind:
-            seen *= 1.0 - sector_probability(azimuth, sector)
+        if std is None:
+            inside = (distance >= self.min_range) & (distance <= self.max_range)
+            certain: FloatArray = inside * self._clear(azimuth)
+            return certain
+        seen: FloatArray = ndtr((self.max_range - distance) / std[:, 0])
+        if self.min_range > 0.0:
+            seen -= ndtr((self.min_range - distance) / std[:, 0])
+        if self._arcs is not None:
+            seen *= np.sum([sector_probability(azimuth, arc, std[:, 1]) for arc in self._arcs], 0)
         return seen
+
+    def _clear(self, azimuth: FloatArray) -> FloatArray:
+        """Return 1 for each azimuth in the field of view and not obstructed, and 0 else."""
+        clear = sector_probability(azimuth, self.fov)
+        for sector in self.blind:
+            clear *= 1.0 - sector_probability(azimuth, sector)
+        return clear
+
+    @cached_property
+    def _arcs(self) -> tuple[Coverage, ...] | None:
+        """The clear azimuths as arcs that do not overlap; None if all are clear."""
+        if not self.blind and self.fov.width > FULL_TURN - TURN_TOLERANCE:
+            return None
+        sides = [(arc.start, arc.start + arc.width) for arc in (self.fov, *self.blind)]
+        edges = np.unique(np.mod(sides, FULL_TURN))
+        width = np.mod(np.roll(edges, -1) - edges, FULL_TURN)
+        kept = (width > 0.0) & (self._clear(edges + 0.5 * width) > 0.0)
+        return tuple(Coverage(*each) for each in zip(edges[kept], width[kept], strict=True))

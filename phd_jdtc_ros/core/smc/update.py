@@ -21,8 +21,8 @@ from ..models import detection_birth, newborn_sampling
 from ..models.competing_sources import competing_sources
 from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
-from ..sensors.report import Report
-from ..types import Detections
+from ..sensors.report import LEAST_UNSEEN, Report
+from ..types import Coverage, Detections
 from ..window.update import Posterior
 from .correction import Corrector
 from .particle_set import ParticleSet
@@ -114,15 +114,36 @@ class PriorParticles:
     @cached_property
     def detectable(self) -> FloatArray:
         """Probability that each particle is detected, shape (N,)."""
+        detectable, sector = self._in_turn, self.report.detections.coverage
+        if sector is not None:
+            detectable = detectable * self._measured_in(sector)
+        return detectable if self._unseen is None else detectable * self._unseen
+
+    @cached_property
+    def _in_turn(self) -> FloatArray:
+        """Probability that each particle is detected in a whole turn, shape (N,)."""
         report, model, particles = self.report, self.steps.model, self.particles
-        seen = (
-            report.sensor.coverage_probability(self._everywhere, report.detections.coverage)
-            * report.share
-        )
-        seen *= model.amplitudes.detection_probability(
-            particles.mode, particles.log_snr, self.measured, report.sensor, model.modes
-        )
-        return seen
+        seen = report.sensor.coverage_probability(self._everywhere, None) * report.share
+        probability = report.sensor.given_detection_probability(self._everywhere)
+        if probability is None:
+            probability = model.amplitudes.detection_probability(
+                particles.mode, particles.log_snr, report.sensor, model.modes
+            )
+        return seen * probability
+
+    def _measured_in(self, sector: Coverage) -> FloatArray:
+        """Return the probability that a target is measured in a sector, shape (N,)."""
+        return self.report.sensor.sector_probability(self._everywhere, sector)
+
+    @cached_property
+    def _unseen(self) -> FloatArray | None:
+        """Factor of earlier sectors, shape (N,); None if they saw none of the targets."""
+        if (earlier := self.report.earlier) is None:
+            return None
+        share = self._measured_in(earlier.coverage)
+        if not earlier.matters(self.label, share):
+            return None
+        return earlier.factor(self.particles.row_label, self._in_turn * share)
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs, with the log likelihoods of the measurements."""
@@ -157,6 +178,13 @@ class PriorParticles:
         )
         if evidence is not None:
             log_likelihood += evidence.log_factor
+        if self._unseen is not None:
+            # The mean of each target: a factor of each particle would raise the few that the miss
+            # in the earlier sectors has left there.
+            mass = sum_by(self.target, particles.weight, len(self.label))
+            whole = sum_by(self.target, particles.weight * self._unseen, len(self.label))
+            mean = whole / np.where(mass > 0.0, mass, 1.0)
+            log_likelihood += np.log(np.maximum(mean, LEAST_UNSEEN)).take(self.target.take(row))
         sources = competing_sources(log_other, column, log_likelihood)
         scaled = np.exp(log_likelihood - sources.log_scale.take(column))
         claims = Claims(

@@ -59,8 +59,10 @@ def missed_by_all(estimates: Estimates, scan: Scan, model: TrackerModel) -> Floa
     for report in model.reports(scan):
         sensor = report.sensor
         measured = sensor.measure(estimates.state)
-        nothing = np.zeros(len(estimates))
-        detected = Band().detection_probability(mode, nothing, measured, sensor, modes)
+        detected = sensor.given_detection_probability(measured)
+        if detected is None:
+            nothing = np.zeros(len(estimates))
+            detected = Band().detection_probability(mode, nothing, sensor, modes)
         missed *= 1.0 - sensor.coverage_probability(measured, report.detections.coverage) * detected
     return missed
 

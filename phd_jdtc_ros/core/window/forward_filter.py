@@ -17,6 +17,7 @@ from ..models.tracker_model import TrackerModel
 from ..snapshot import MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from ..tracks.labels import MAX_SCANS
 from ..types import Scan
+from .antenna_pass import AntennaPasses
 from .clutter_snapshot import clutter_from_snapshot, clutter_to_snapshot
 from .entries import Entry, LinkT, RowsT, UnsweptRows
 from .swept import swept_births
@@ -76,7 +77,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     """
 
     STATE: ClassVar[tuple[str, ...]] = (
-        *("unswept", "stamp_ns", "_born_ns", "_scan_index", "clutter", "attributes"),
+        *("unswept", "stamp_ns", "_born_ns", "_scan_index", "clutter", "attributes", "passes"),
     )
 
     model: TrackerModel
@@ -87,6 +88,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     _born_ns: dict[int, int] = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
     clutter: ClutterMemory = field(init=False, repr=False)
+    passes: AntennaPasses = field(init=False, repr=False)
     # None if no radar reports identities or heights.
     attributes: AttributeMemory | None = field(init=False, repr=False)
 
@@ -119,7 +121,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     def reset(self) -> None:
         """Return to the initial state."""
         self.unswept, self.stamp_ns, self._born_ns, self._scan_index = [], None, {}, 0
-        self.clutter = ClutterMemory()
+        self.clutter, self.passes = ClutterMemory(), AntennaPasses()
         known = self.model.attributes
         self.attributes = None if known is None else AttributeMemory(known)
 
@@ -139,6 +141,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         for rows in self.unswept:
             unswept_to_snapshot(rows, snapshot)
         clutter_to_snapshot(self.clutter, self.model.radars, snapshot)
+        self.passes.to_snapshot(snapshot)
         if self.attributes is not None:
             attributes_to_snapshot(self.attributes, snapshot)
 
@@ -164,6 +167,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
             raise ValueError(f"filter.current_ns: the last stamp must be {latest}")
         self.unswept = [unswept_from_snapshot(snapshot, entries[stamp]) for stamp in stamps]
         self.clutter = clutter_from_snapshot(snapshot, self.model.radars)
+        self.passes = AntennaPasses.from_snapshot(snapshot, self.model.radars)
         if self.model.attributes is not None:
             self.attributes = attributes_from_snapshot(snapshot, self.model.attributes)
         born = zip(progress.birth.tolist(), progress.born_ns.tolist(), strict=True)

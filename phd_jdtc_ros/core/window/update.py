@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
+import numpy as np
+
 from ..arrays import FloatArray, IntArray, sum_by
 from ..association.bernoulli import Claims, undetected
 from ..attributes.evidence import Evidence
@@ -25,8 +27,11 @@ from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
 from ..tracks import labels
 from ..types import Detections, Scan
+from .antenna_pass import AntennaPasses
 
 RowsT = TypeVar("RowsT")
+# Lower bound of the existence probabilities by which others are divided.
+LEAST_EXISTENCE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -122,8 +127,8 @@ class UpdateSteps(Protocol[RowsT]):
 
 
 @dataclass(frozen=True)
-class Updated(Generic[RowsT]):
-    """Rows after one report or all reports of a scan.
+class UpdatedScan(Generic[RowsT]):
+    """Rows after the reports of a scan.
 
     Parameters
     ----------
@@ -136,6 +141,22 @@ class Updated(Generic[RowsT]):
     rows: RowsT
     newborns: tuple[Newborn, ...]
     approximate: int
+
+
+@dataclass(frozen=True)
+class Updated(UpdatedScan[RowsT]):
+    """Rows after one report.
+
+    Parameters
+    ----------
+    label : int array of shape (T,)
+        Label of each target before the report, ascending.
+    detected : array of shape (T,)
+        Probability that the report detected each target, given that it exists.
+    """
+
+    label: IntArray
+    detected: FloatArray
 
 
 def update(
@@ -188,7 +209,15 @@ def update(
         attributes.learn(posterior.evidence, posterior.pair_probability, posterior.existence)
     newborn = posterior.sources.newborn(posterior.claimed_probability, report, model)
     newborns = () if newborn is None else (newborn,)
-    return Updated(posterior.rows, newborns, posterior.approximate)
+    detected = _detected(prior, posterior)
+    return Updated(posterior.rows, newborns, posterior.approximate, prior.label, detected)
+
+
+def _detected(prior: Prior[RowsT], posterior: Posterior[RowsT]) -> FloatArray:
+    """Return the probability that a report detected each target, given that it exists, (T,)."""
+    target = prior.target.take(posterior.claims.row)
+    detected = sum_by(target, posterior.pair_probability, len(prior.label))
+    return np.minimum(detected / np.maximum(posterior.existence, LEAST_EXISTENCE), 1.0)
 
 
 def _gate_pairs(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None) -> Paired:
@@ -226,7 +255,8 @@ def update_scan(
     scan_index: int,
     clutter: ClutterMemory | None = None,
     attributes: AttributeMemory | None = None,
-) -> Updated[RowsT]:
+    passes: AntennaPasses | None = None,
+) -> UpdatedScan[RowsT]:
     """Update with the report of every sensor, in the configured order (iterated corrector).
 
     Targets born at the detections of one report join the rows before the next one, so that two
@@ -242,17 +272,25 @@ def update_scan(
         Determines the labels of births.
     attributes : AttributeMemory or None
         See `update`.
+    passes : AntennaPasses or None
+        Latest sectors of turning antennas, used and updated; None if no sectors are known.
     """
     label, approximate = labels.first_detected(scan_index), 0
     known = None if attributes is None else attributes.at(scan.stamp_ns)
     newborns: list[Newborn] = []
-    for report in steps.model.reports(scan):
+    for own in steps.model.reports(scan):
+        report = own if passes is None else passes.with_earlier_sectors(own, scan.stamp_ns)
         updated = update(rows, report, steps, dt, clutter, known, newborns)
         rows, approximate = updated.rows, approximate + updated.approximate
+        first = label
         for newborn in updated.newborns:
             rows, born = steps.with_newborn(rows, newborn, label)
             if known is not None:
                 known.initiate(label, born.report.detections)
             label += len(born)
             newborns.append(born)
-    return Updated(rows, tuple(newborns), approximate)
+        if passes is not None:
+            every = np.concatenate([updated.label, np.arange(first, label)])
+            detected = np.concatenate([updated.detected, np.ones(label - first)])
+            passes.learn(report, scan.stamp_ns, every, detected)
+    return UpdatedScan(rows, tuple(newborns), approximate)

@@ -236,6 +236,7 @@ def test_classes_that_move_alike_share_their_gaussians_and_it_makes_no_differenc
     scans = [scan for _, scan in simulate(short_scenario(8), 2)]
     given = {
         "engine": "gaussian",
+        "amplitude": "band",
         "lag": 3,
         "confirm_probability": 0.1,
         "delete_probability": 0.1,

@@ -50,6 +50,36 @@ def scan_update(config, *reports, scan_index=4):
     return update_scan(predicted, Scan(1, reports), steps, 6.0, scan_index).rows
 
 
+# Limits of the field of view near a target in the direction 0.8 rad at 7 km.
+LIMITS = {
+    "range": {"radar.max_range": 7010.0, "radar.clutter_max_range": 7010.0},
+    "azimuth": {"radar.fov_deg": [0.0, np.degrees(0.81)]},
+    "blind sector": {"radar.blind_sectors_deg": [np.degrees(0.795), np.degrees(0.83)]},
+    "p_D by range": {"radar.detection_probability": [6800.0, 0.95, 7200.0, 0.1]},
+}
+
+
+@pytest.mark.parametrize("limit", LIMITS)
+def test_existence_after_a_miss_at_a_limit_is_that_of_an_enumeration(limit):
+    config = lone({"radar.detection_probability": 0.9, **LIMITS[limit]})
+    (radar,) = config.model.radars
+    mean, std = MEAN.copy(), STD.copy()
+    mean[[0, 2]] = radar.to_world(np.array([[7e3, 0.8]]))[0]
+    std[[0, 2]] = 100.0
+    mixture = mixture_of(Dynamics(config.model), [(0.9, mean, std)])
+    (found,) = updated(config, mixture, NOTHING)[0].mixture.existence
+
+    states = mean + std * np.random.default_rng(3).standard_normal((400_000, len(mean)))
+    measured = radar.measure(states)
+    detected = radar.visibility.sees(measured) * radar.visibility.probability(measured[:, 0])
+    exact = 0.9 * (1.0 - detected.mean()) / (1.0 - 0.9 * detected.mean())
+    at_mean = radar.measure(mean[None])
+    certain = radar.visibility.sees(at_mean) * radar.visibility.probability(at_mean[:, 0])
+    assert found == pytest.approx(exact, abs=3e-3)
+    if limit != "p_D by range":
+        assert abs(0.9 * (1.0 - certain[0]) / (1.0 - 0.9 * certain[0]) - exact) > 0.03
+
+
 @pytest.mark.parametrize("times", [None, [0.4, -1.5]], ids=["at the stamp", "with times"])
 @pytest.mark.parametrize("own", [None, [[50.0, 0.03], [np.nan, 0.001]]], ids=["usual", "own"])
 def test_newborn_is_at_its_detection_with_the_radars_noise_and_a_broad_velocity(times, own):

@@ -138,6 +138,7 @@ def test_detection_probabilities_of_the_joint_update_differ_by_gaussian():
             for row in range(len(mixture))
         ]
     )
-    seen = share.min(axis=(1, 2)) < 1.0 - 1e-9
-    assert 0 < seen.sum() < len(mixture)  # the others are beyond the radar's range
+    # The mean of some is beyond the radar's range, but hardly any is there altogether.
+    seen = share.min(axis=(1, 2)) < 0.5
+    assert 0 < seen.sum() < len(mixture)
     assert np.ptp(share[seen]) > 0.5

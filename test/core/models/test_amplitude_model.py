@@ -106,9 +106,7 @@ def test_memory_likelihood_integrates_to_its_detection_probability():
 
     mass, _ = quad(density, RADAR.threshold, 200.0)
     assert mass == pytest.approx(
-        model.detection_probability(
-            phd.mode, phd.log_snr, np.full((len(phd), 2), 5e3), RADAR, MODES
-        )[0],
+        model.detection_probability(phd.mode, phd.log_snr, RADAR, MODES)[0],
         rel=1e-6,
     )
 
@@ -131,8 +129,7 @@ def test_likelihood_without_amplitudes_is_the_detection_probability(model):
     report = Report(RADAR, Detections(np.ones((2, 2)), None))
     pairs = every_pair(phd, report)
     likelihood = np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))
-    near = np.full((len(phd), 2), 5e3)
-    expected = model.detection_probability(phd.mode, phd.log_snr, near, RADAR, MODES)
+    expected = model.detection_probability(phd.mode, phd.log_snr, RADAR, MODES)
 
     np.testing.assert_allclose(likelihood, np.repeat(expected, 2))
 

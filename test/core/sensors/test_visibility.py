@@ -58,3 +58,47 @@ def test_sees_what_is_in_range_in_the_field_and_not_hidden():
     )
     measured = np.array([[400.0, 0.0], [600.0, 0.0], [11e3, 0.0], [5e3, 1.1], [5e3, 0.25]])
     assert seen.sees(measured).tolist() == [0.0, 1.0, 0.0, 0.0, 0.0]
+
+
+LIMITED = Visibility(
+    *(60e3, 500.0, Coverage(-1.0, 2.0), (Coverage(0.2, 0.1), Coverage(0.25, 0.15))),
+    ranges=(10e3, 50e3, 100e3),
+    probabilities=(0.95, 0.9, 0.5),
+)
+# Means and standard deviations of (range, azimuth): near every limit, far inside, and outside.
+PLACES = np.array([[450.0, 0.0], [30e3, 0.19], [30e3, 0.42], [59e3, 0.9], [62e3, 0.0], [9e3, -1.1]])
+SPREAD = np.array([[300.0, 0.1], [2e3, 0.02], [9e3, 0.3], [3e3, 0.05], [2e3, 0.5], [4e3, 0.2]])
+
+
+def drawn_around(place, spread):
+    """Return a million (range, azimuth) rows of a normal density, with ranges above 0."""
+    drawn = place + spread * np.random.default_rng(1).standard_normal((10**6, 2))
+    return drawn[drawn[:, 0] > 0.0]
+
+
+@pytest.mark.parametrize("row", range(len(PLACES)))
+def test_sees_of_a_density_is_the_share_of_its_places_in_the_field_of_view(row):
+    drawn = drawn_around(PLACES[row], SPREAD[row])
+    found = LIMITED.sees(PLACES[[row]], SPREAD[[row]])[0]
+    assert found == pytest.approx(LIMITED.sees(drawn).sum() / 10**6, abs=3e-3)
+
+
+@pytest.mark.parametrize("row", range(len(PLACES)))
+def test_probability_of_a_density_is_the_mean_over_its_ranges_within_the_limits(row):
+    distance = drawn_around(PLACES[row], SPREAD[row])[:, 0]
+    inside = distance[(distance >= LIMITED.min_range) & (distance <= LIMITED.max_range)]
+    found = LIMITED.probability(PLACES[[row], 0], SPREAD[[row], 0])[0]
+    assert found == pytest.approx(LIMITED.probability(inside).mean(), abs=3e-4)
+
+
+def test_probability_far_outside_the_limits_is_that_of_the_mean():
+    found = LIMITED.probability(np.array([90e3]), np.array([100.0]))
+    np.testing.assert_allclose(found, LIMITED.probability(np.array([90e3])))
+
+
+@pytest.mark.parametrize("std", [0.1, 1.0, 2.5])
+def test_sector_of_a_wide_density_is_its_share_of_the_wrapped_azimuths(std):
+    sector = Coverage(0.1, FULL_TURN - 0.7)
+    azimuth = 0.2 + std * np.random.default_rng(2).standard_normal(10**6)
+    found = sector_probability(np.array([0.2]), sector, std)[0]
+    assert found == pytest.approx(sector_probability(azimuth, sector).mean(), abs=3e-3)

@@ -8,7 +8,7 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
 
-MODEL = resolve({}).model
+MODEL = resolve({"amplitude": "band"}).model
 
 
 def test_derived_thresholds_follow_from_the_detection_probability():

@@ -7,30 +7,50 @@ import numpy as np
 from ...arrays import FloatArray
 from ...models import stationary
 from ...sensors.report import Report
+from ...sensors.sensor import Sensor
 from ...state_space import StateSpace
+from ...types import Coverage
 from ..dynamics import Dynamics
 from ..mixture import Mixture
 from .gating import Expected
 
+# Lower bound of the variance of an expected measurement, by whose root distances are divided.
+LEAST_VARIANCE = 1e-12
 
-def detection_probability(expected: Expected, report: Report, dynamics: Dynamics) -> FloatArray:
-    """Return the detection probability of a target with each Gaussian's density, (H, R, S)."""
-    model, cells, sensor = dynamics.model, dynamics.cells, report.sensor
+
+def detection_probability(expected: Expected, sensor: Sensor, dynamics: Dynamics) -> FloatArray:
+    """Return p_D of a target with each Gaussian's density in a whole turn, (H, R, S).
+
+    It is the mean over the density, so that a target near a limit of the field of view may be
+    missed because it is outside.
+    """
+    model, cells = dynamics.model, dynamics.cells
     flat = expected.measured.reshape(-1, expected.measured.shape[-1])
-    cell = np.arange(len(flat) * len(cells)) % len(cells)
-    azimuth_std = None
-    if sensor.polar:
-        azimuth_std = np.sqrt(expected.covariance[..., 1, 1].ravel() + sensor.noise_std[1] ** 2)
-    seen = sensor.coverage_probability(flat, report.detections.coverage, azimuth_std)
-    probability = model.amplitudes.detection_probability(
-        dynamics.mode_of_cell[cell],
-        cells.log_snr[cell],
-        flat.repeat(len(cells), axis=0),
-        sensor,
-        model.modes,
-    )
-    seen_and_detected: FloatArray = seen[:, None] * probability.reshape(-1, len(cells))
+    std = _std(expected)
+    seen = sensor.coverage_probability(flat, None, std)
+    given = sensor.given_detection_probability(flat, std)
+    if given is None:
+        probability = model.amplitudes.detection_probability(
+            dynamics.mode_of_cell, cells.log_snr, sensor, model.modes
+        )
+    else:
+        probability = given[:, None].repeat(len(cells), axis=1)
+    seen_and_detected: FloatArray = seen[:, None] * probability
     return seen_and_detected.reshape(*expected.measured.shape[:2], len(cells))
+
+
+def sector_probability(expected: Expected, sensor: Sensor, sector: Coverage) -> FloatArray:
+    """Return the probability that a target of each Gaussian is measured in a sector, (H, R, 1)."""
+    share = sensor.sector_probability(expected.measured.reshape(-1, 2), sector, _std(expected))
+    return share.reshape(*expected.measured.shape[:2], 1)
+
+
+def _std(expected: Expected) -> FloatArray:
+    """Return the standard deviations of the expected measurements, (H R, Z)."""
+    variance = np.diagonal(expected.covariance, axis1=-2, axis2=-1)
+    variance = variance.reshape(-1, variance.shape[-1])
+    std: FloatArray = np.sqrt(np.maximum(variance, LEAST_VARIANCE))
+    return std
 
 
 def log_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:

@@ -1,0 +1,143 @@
+"""A turning antenna passes a target once, in whichever of two sectors its plot is measured."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lone import lone, mixture_of
+from runs import ENGINES
+from scenes import intensity
+from scipy.stats import norm
+
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.arrays import wrap_angle
+from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.reduction import Branched
+from phd_jdtc_ros.core.gaussian.update import GaussianSteps
+from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.smc.correction import BERNOULLI
+from phd_jdtc_ros.core.smc.update import ParticleSteps
+from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
+from phd_jdtc_ros.core.window.antenna_pass import AntennaPasses
+from phd_jdtc_ros.core.window.update import update_scan
+
+EXISTENCE, DETECTION_PROBABILITY, EDGE = 0.9, 0.9, 0.6
+MEAN = np.array([7e3 * np.cos(EDGE), 0.0, 7e3 * np.sin(EDGE), 0.0, 0.0])
+STD = np.array([120.0, 5.0, 120.0, 5.0, 1e-3])
+CONFIG = lone(
+    {
+        "radar.detection_probability": DETECTION_PROBABILITY,
+        "radar.position": [0.0, 0.0],
+        "radar.yaw_deg": 0.0,
+        "radar.rotation_s": 4.0,
+        "radar.sectors": 16,
+        "radar.clutter_rate": 2e3,
+    }
+)
+(RADAR,) = CONFIG.model.radars
+# The two sectors in the order of an antenna that turns counter-clockwise, and the plots of each.
+SECTORS = (Coverage(EDGE - 0.4, 0.4), Coverage(EDGE, 0.4))
+PLOTS = {
+    "none": ([], []),
+    "before": ([[7.1e3, EDGE - 0.005]], []),
+    "after": ([], [[6.9e3, EDGE + 0.004]]),
+    "both": ([[7.1e3, EDGE - 0.002]], [[6.9e3, EDGE + 0.003]]),
+}
+
+
+def drawn(count):
+    return MEAN + STD * np.random.default_rng(7).standard_normal((count, len(MEAN)))
+
+
+def prior(engine):
+    """Return the steps of an engine, and a target at the edge as its rows."""
+    if engine == "gaussian":
+        dynamics = Dynamics(CONFIG.model)
+        mixture = mixture_of(dynamics, [(EXISTENCE, MEAN, STD)])
+        rows = Branched(mixture, np.arange(len(mixture)))
+        return GaussianSteps(dynamics, new_engine(CONFIG).forward.bounds), rows
+    states = drawn(20_000)
+    weight = np.full(len(states), EXISTENCE / len(states))
+    rows = intensity(states, weight)
+    return ParticleSteps(CONFIG.model, BERNOULLI, np.random.default_rng(1)), rows
+
+
+def existence_of(rows):
+    """Return the existence probability of the target."""
+    return float(rows.mixture.mass.sum() if isinstance(rows, Branched) else rows.weight.sum())
+
+
+def swept(engine, sectors, plots, between_s=0.25):
+    """Return the existence probability after reports of sectors, one after the other."""
+    steps, rows = prior(engine)
+    passes = AntennaPasses()
+    for index, (sector, found) in enumerate(zip(sectors, plots, strict=True)):
+        report = Detections(np.reshape(found, (-1, 2)), None, coverage=sector)
+        scan = Scan(10**12 + round(index * between_s * 1e9), (report,))
+        rows = update_scan(rows, scan, steps, 4.0, index, passes=passes).rows
+    return existence_of(rows)
+
+
+def exact(plots):
+    """Return the existence probability after a turn: at most one of all plots is the target's."""
+    measured = RADAR.measure(drawn(400_000))
+    clutter = np.exp(RADAR.log_uniform_clutter)
+    exists = EXISTENCE * (1.0 - DETECTION_PROBABILITY)
+    for plot in (plot for of_sector in plots for plot in of_sector):
+        error = np.array(plot) - measured
+        error[:, 1] = wrap_angle(error[:, 1])
+        density = norm.pdf(error / RADAR.noise_std).prod(axis=1) / RADAR.noise_std.prod()
+        exists += EXISTENCE * DETECTION_PROBABILITY * density.mean() / clutter
+    return exists / (1.0 - EXISTENCE + exists)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("plots", PLOTS.values(), ids=PLOTS)
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_existence_after_two_sectors_is_that_of_a_whole_turn(engine, plots, clockwise):
+    way = -1 if clockwise else 1
+    found = swept(engine, SECTORS[::way], plots[::way])
+    assert found == pytest.approx(exact(plots), abs=0.03)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_miss_of_the_next_turn_counts_again(engine):
+    found = swept(engine, SECTORS[:1] * 2, ([], []), between_s=4.0)
+    once = swept(engine, SECTORS[:1], ([],))
+    assert found < once - 0.05
+
+
+def test_sector_that_does_not_adjoin_is_not_conditioned():
+    passes = AntennaPasses()
+    report = Report(RADAR, Detections(np.zeros((0, 2)), None, coverage=SECTORS[0]))
+    passes.learn(report, 10**12, np.array([3]), np.array([0.7]))
+    apart = replace(report.detections, coverage=Coverage(EDGE + 1.5, 0.4))
+    later = 10**12 + 10**9
+    assert passes.with_earlier_sectors(replace(report, detections=apart), later).earlier is None
+    next_to = replace(report, detections=replace(apart, coverage=SECTORS[1]))
+    earlier = passes.with_earlier_sectors(next_to, later).earlier
+    assert earlier.coverage.start == pytest.approx(SECTORS[0].start)
+    assert earlier.coverage.width == SECTORS[0].width
+    assert (earlier.label.tolist(), earlier.unseen.tolist()) == ([3], [pytest.approx(0.3)])
+
+
+def test_pass_remembers_half_a_turn():
+    passes = AntennaPasses()
+    for sector in range(20):
+        coverage = Coverage(wrap_angle(np.array(0.4 * sector)).item(), 0.4)
+        report = Report(RADAR, Detections(np.zeros((0, 2)), None, coverage=coverage))
+        stamp_ns = 10**12 + round(sector * 4e9 * 0.4 / FULL_TURN)
+        passes.learn(report, stamp_ns, np.array([sector]), np.array([1.0]))
+    (latest,) = passes.passes.values()
+    assert latest.width == pytest.approx(np.pi)
+    assert latest.label.tolist() == list(range(12, 20))
+
+
+def test_halves_of_a_turn_are_not_conditioned():
+    passes = AntennaPasses()
+    halves = [Coverage(start, np.pi) for start in (-np.pi, 0.0)]
+    first, second = (
+        Report(RADAR, Detections(np.zeros((0, 2)), None, coverage=half)) for half in halves
+    )
+    passes.learn(first, 10**12, np.array([3]), np.array([0.7]))
+    assert passes.with_earlier_sectors(second, 10**12 + 10**9).earlier is None
