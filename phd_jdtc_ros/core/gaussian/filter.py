@@ -64,7 +64,8 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         row = np.arange(len(predicted))
         branched = Branched(predicted, np.where(row < survived, row, -1))
         steps = GaussianSteps(dynamics, self.bounds)
-        found = update_scan(branched, scan, steps, dt, index, self.clutter, self.attributes)
+        memory = self.clutter, self.attributes, self.sensors
+        found = update_scan(branched, scan, steps, dt, index, *memory)
         self.approximate = found.approximate
         self.on_stage_end("update")
         stored, ancestry, self.floored = reduce_hypotheses(found.rows, self.bounds)

@@ -11,7 +11,9 @@ from ..arrays import FloatArray, IntArray
 from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
 from ..attributes.uniqueness import OutOfGate
+from ..learned.noise_factor import NoiseEvidence, noise_evidence
 from ..models.detection_birth import Newborn
+from ..models.sensor_learning import KNOWN_EXISTENCE
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
 from ..types import Detections
@@ -98,6 +100,13 @@ class PriorMixture:
         """Measurements expected of the Gaussians, shape (H R, Z)."""
         return self.expected.measured.reshape(-1, self.expected.measured.shape[-1])
 
+    @property
+    def measured_by_target(self) -> FloatArray:
+        """Expected measurement of each target's first hypothesis, shape (T, Z)."""
+        row = np.unique(self.target, return_index=True)[1]
+        mode = self.mixture.mode_weight[row].argmax(axis=1)
+        return self.expected.measured[row, mode]
+
     @cached_property
     def detectable(self) -> FloatArray:
         """Probability that each Gaussian is detected, shape (H, R, S)."""
@@ -163,7 +172,32 @@ class PriorMixture:
             pair_probability=association.pair,
             existence=association.existence,
             evidence=evidence,
+            noise=self._noise_evidence(found, association.pair, readings),
             approximate=association.approximate,
+        )
+
+    def _noise_evidence(
+        self, found: PairUpdate, probability: FloatArray, readings: Report
+    ) -> NoiseEvidence | None:
+        """Return what the innovations of pairs of given probabilities, (P,), show of the noise."""
+        if (factor := readings.sensor.noise_factor) is None:
+            return None
+        mixture, row = self.mixture, found.row
+        known = mixture.existence.take(mixture.target).take(row) >= KNOWN_EXISTENCE
+        located = found.log_likelihood.reshape(-1, mixture.mean.shape[1])
+        likelihood = mixture.mode_weight[row] * np.exp(
+            located - located.max(axis=1, keepdims=True, initial=-1e300)
+        )
+        share = likelihood / np.maximum(likelihood.sum(axis=1, keepdims=True), 1e-300)
+        share *= (known * probability)[:, None]
+        std = readings.sensors_own_std[found.column].repeat(share.shape[1], axis=0)
+        innovation = found.innovation
+        return noise_evidence(
+            innovation.weighted,
+            np.diagonal(innovation.inverse, axis1=1, axis2=2),
+            std**2,
+            share.ravel(),
+            factor.variance,
         )
 
     def _coarse(self, pairs: Paired, readings: Report) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray, wrap_angle
 from ..clutter.grid import GroundGrid
+from ..learned.noise_factor import NoiseFactor
 from ..types import FULL_TURN, Coverage, Detections
 from . import polar_gate, polar_geometry
 from .gaussians import PlanePlots
@@ -48,6 +49,17 @@ class RadarModel(Sensor):
     visibility: Visibility
     clutter_max_range: float
     range_growth: float = 0.0
+
+    def with_noise(self, factor: NoiseFactor) -> RadarModel:
+        """Return the radar with its configured noise times learned factors."""
+        in_range, in_azimuth = factor.of_std.tolist()
+        return replace(
+            self,
+            noise_factor=factor,
+            range_std=in_range * self.range_std,
+            range_growth=in_range * self.range_growth,
+            azimuth_std=in_azimuth * self.azimuth_std,
+        )
 
     @property
     def max_range(self) -> float:

@@ -83,8 +83,8 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         predicted = predict(earlier, births, seen, model, corrector, budget, index, rng)
         self.on_stage_end("predict")
         steps = ParticleSteps(model, corrector, rng)
-        known = self.attributes if corrector.labelled else None
-        found = update_scan(predicted, scan, steps, dt, index, self.clutter, known)
+        known = (self.attributes, self.sensors) if corrector.labelled else (None, None)
+        found = update_scan(predicted, scan, steps, dt, index, self.clutter, *known)
         updated = found.rows
         self.on_stage_end("update")
         young_from = index if corrector.labelled else None

@@ -111,6 +111,11 @@ class PriorParticles:
         """Measurements of the particles within the sensor's range, shape (N, Z)."""
         return self.report.sensor.reachable(self._everywhere)
 
+    @property
+    def measured_by_target(self) -> FloatArray:
+        """Measurement of each target's first particle, shape (T, Z)."""
+        return self.measured[np.unique(self.target, return_index=True)[1]]
+
     @cached_property
     def detectable(self) -> FloatArray:
         """Probability that each particle is detected, shape (N,)."""

@@ -271,7 +271,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         unswept_ns = {rows.entry.stamp_ns for rows in self.forward.unswept}
         estimates = self._extract_and_record(updated, scan.stamp_ns, 0, self.rule.least)
         reported = self._states.report_filtered(
-            estimates, updated.label, unswept_ns, scan, self.forward.mapped_model
+            estimates, updated.label, unswept_ns, scan, self.forward.learned_model
         )
         every = {**self._filtered, scan.stamp_ns: reported}
         self._filtered = {stamp: kept for stamp, kept in every.items() if stamp in unswept_ns}

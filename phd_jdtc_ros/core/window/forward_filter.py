@@ -13,6 +13,7 @@ from ..arrays import IntArray
 from ..attributes.memory import AttributeMemory
 from ..attributes.stored import attributes_from_snapshot, attributes_to_snapshot
 from ..models.clutter_learning import ClutterMemory
+from ..models.sensor_learning import SensorMemory
 from ..models.tracker_model import TrackerModel
 from ..snapshot import MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from ..tracks.labels import MAX_SCANS
@@ -76,7 +77,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     """
 
     STATE: ClassVar[tuple[str, ...]] = (
-        *("unswept", "stamp_ns", "_born_ns", "_scan_index", "clutter", "attributes"),
+        *("unswept", "stamp_ns", "_born_ns", "_scan_index", "clutter", "sensors", "attributes"),
     )
 
     model: TrackerModel
@@ -87,6 +88,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     _born_ns: dict[int, int] = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
     clutter: ClutterMemory = field(init=False, repr=False)
+    sensors: SensorMemory = field(init=False, repr=False)
     # None if no radar reports identities or heights.
     attributes: AttributeMemory | None = field(init=False, repr=False)
 
@@ -99,9 +101,9 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         return self._scan_index
 
     @property
-    def mapped_model(self) -> TrackerModel:
-        """The model, with the learned clutter maps of its radars."""
-        return self.clutter.with_learned_maps(self.model)
+    def learned_model(self) -> TrackerModel:
+        """The model, with the learned clutter maps, detection probabilities and noise."""
+        return self.sensors.with_learned_sensors(self.clutter.with_learned_maps(self.model))
 
     @abstractmethod
     def step(self, scan: Scan, linked: bool) -> Filtered[RowsT, LinkT]:
@@ -120,6 +122,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         """Return to the initial state."""
         self.unswept, self.stamp_ns, self._born_ns, self._scan_index = [], None, {}, 0
         self.clutter = ClutterMemory()
+        self.sensors = SensorMemory(tuple(sensor.name for sensor in self.model.radars))
         known = self.model.attributes
         self.attributes = None if known is None else AttributeMemory(known)
 
@@ -196,4 +199,5 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     ) -> None:
         """Continue from the set of a scan, and from the rows that it did not sweep."""
         self.unswept = [*remaining, UnsweptRows(entry)]
+        self.sensors.forget_ended(rows.row_label for rows in self.unswept)
         self.stamp_ns, self._scan_index = entry.stamp_ns, self._scan_index + 1

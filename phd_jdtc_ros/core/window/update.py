@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
+import numpy as np
+
 from ..arrays import FloatArray, IntArray, sum_by
 from ..association.bernoulli import Claims, undetected
 from ..attributes.evidence import Evidence
@@ -21,7 +23,9 @@ from ..models import detection_limit
 from ..models.clutter_learning import ClutterMemory
 from ..models.competing_sources import CompetingSources, log_intensities
 from ..models.detection_birth import Newborn
+from ..models.sensor_learning import SensorMemory
 from ..models.tracker_model import TrackerModel
+from ..learned.noise_factor import NoiseEvidence
 from ..sensors.report import Report
 from ..tracks import labels
 from ..types import Detections, Scan
@@ -47,6 +51,8 @@ class Posterior(Generic[RowsT]):
         Existence probability of each target.
     evidence : Evidence or None
         Identities and heights as evidence for these pairs.
+    noise : NoiseEvidence or None
+        Evidence on the sensor's noise; None if its noise is known.
     approximate : int
         Number of clusters of targets too large for exact association probabilities.
     """
@@ -58,6 +64,7 @@ class Posterior(Generic[RowsT]):
     pair_probability: FloatArray
     existence: FloatArray
     evidence: Evidence | None
+    noise: NoiseEvidence | None = None
     approximate: int = 0
 
 
@@ -83,6 +90,10 @@ class Prior(Protocol[RowsT]):
     @property
     def measured(self) -> FloatArray:
         """Expected measurements of the rows, (N, Z)."""
+
+    @property
+    def measured_by_target(self) -> FloatArray:
+        """Expected measurement of each target, (T, Z); that of any of its likely states."""
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs of rows and detections, with their log likelihoods."""
@@ -146,6 +157,7 @@ def update(
     clutter: ClutterMemory | None = None,
     attributes: AttributesAt | None = None,
     earlier: Sequence[Newborn] = (),
+    sensors: SensorMemory | None = None,
 ) -> Updated[RowsT]:
     """Update rows with one report.
 
@@ -161,10 +173,15 @@ def update(
         Identities and heights of targets, used and updated; None to ignore them.
     earlier : sequence of Newborn
         Targets born at the detections of the scan's earlier reports.
+    sensors : SensorMemory or None
+        Learned detection probabilities and noise, used and updated; None to use the sensor's model
+        alone.
     """
     model = steps.model
     if clutter is not None:
         report = clutter.with_learned_clutter(report)
+    if sensors is not None:
+        report = sensors.with_learned_sensor(report)
     prior = steps.prior(rows, report)
     limited = detection_limit.limit_detections(report, prior.measured, float(prior.mass.sum()))
     if limited is not report:
@@ -184,11 +201,34 @@ def update(
         slower = posterior.claims.part(prior.probability_slower(bound))
         stationary = model.detection_births.stationary(slower, bound)
         clutter.learn(report, posterior.claimed_probability, stationary)
+    if sensors is not None:
+        _learn_sensor(sensors, report, prior, posterior)
     if attributes is not None and posterior.evidence is not None:
         attributes.learn(posterior.evidence, posterior.pair_probability, posterior.existence)
     newborn = posterior.sources.newborn(posterior.claimed_probability, report, model)
     newborns = () if newborn is None else (newborn,)
     return Updated(posterior.rows, newborns, posterior.approximate)
+
+
+def _learn_sensor(
+    sensors: SensorMemory, report: Report, prior: Prior[RowsT], posterior: Posterior[RowsT]
+) -> None:
+    """Learn a sensor's detection probability and noise from one report."""
+    if posterior.noise is not None:
+        sensors.learn_noise(report, posterior.noise)
+    if not sensors.learns(report):
+        return
+    targets, claims = len(prior.label), posterior.claims
+    before, missed = (sum_by(prior.target, m, targets) for m in (prior.mass, prior.missed_mass))
+    sensors.learn_detections(
+        report,
+        prior.label,
+        prior.measured_by_target,
+        before=before,
+        probability=1.0 - missed / np.where(before > 0.0, before, 1.0),
+        detected=sum_by(prior.target.take(claims.row), posterior.pair_probability, targets),
+        after=posterior.existence,
+    )
 
 
 def _gate_pairs(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None) -> Paired:
@@ -226,6 +266,7 @@ def update_scan(
     scan_index: int,
     clutter: ClutterMemory | None = None,
     attributes: AttributeMemory | None = None,
+    sensors: SensorMemory | None = None,
 ) -> Updated[RowsT]:
     """Update with the report of every sensor, in the configured order (iterated corrector).
 
@@ -241,13 +282,14 @@ def update_scan(
     scan_index : int
         Determines the labels of births.
     attributes : AttributeMemory or None
+    sensors : SensorMemory or None
         See `update`.
     """
     label, approximate = labels.first_detected(scan_index), 0
     known = None if attributes is None else attributes.at(scan.stamp_ns)
     newborns: list[Newborn] = []
     for report in steps.model.reports(scan):
-        updated = update(rows, report, steps, dt, clutter, known, newborns)
+        updated = update(rows, report, steps, dt, clutter, known, newborns, sensors)
         rows, approximate = updated.rows, approximate + updated.approximate
         for newborn in updated.newborns:
             rows, born = steps.with_newborn(rows, newborn, label)

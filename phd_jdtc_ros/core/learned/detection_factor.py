@@ -1,0 +1,117 @@
+"""Detection probability of a sensor relative to the configured one, learned by range and azimuth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, read_only
+from ..snapshot import floats
+
+# Number of cells in range, in equal parts of the largest range, and in azimuth.
+RANGES, AZIMUTHS = 8, 8
+CELLS = RANGES * AZIMUTHS
+# Weight of the configured probability in the sensor's mean, in expected detections.
+PRIOR_WEIGHT = 10.0
+# Weight of the sensor's mean in a cell, in expected detections of the cell.
+MEAN_WEIGHT = 25.0
+# Memory, in expected detections: of the sensor's mean, and of each cell.
+MEMORY = 300.0
+# Bounds of the learned probability: at 1, a target would be deleted at its first miss.
+LEAST_PROBABILITY, MOST_PROBABILITY = 0.02, 0.995
+# Largest number of remembered detections accepted in a snapshot; a report may add many at once.
+MAX_REMEMBERED = 1e7
+
+
+def _no_looks() -> FloatArray:
+    return np.zeros(CELLS)
+
+
+@dataclass(frozen=True, eq=False)
+class DetectionFactor:
+    """Expected and actual detections of known targets, as remembered by cell.
+
+    Parameters
+    ----------
+    max_range : float
+        Largest range, metres.
+    expected, detected : arrays of shape (K,)
+        Detections in each cell: the number expected with the configured probability, and the
+        actual one.
+    all_expected, all_detected : float
+        The same of all cells, with a memory of their own.
+
+    Notes
+    -----
+    The true probability is the configured one times a factor. With h detections where e were
+    expected, the factor of the sensor is (k + h) / (k + e) with k = `PRIOR_WEIGHT`; a cell's is the
+    same with the sensor's factor as the prior mean and k = `MEAN_WEIGHT`. For a constant
+    probability this is the mean of a Beta distribution, scaled. Both counts fade with
+    exp(-e / MEMORY).
+    """
+
+    max_range: float
+    expected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = field(
+        default_factory=_no_looks
+    )
+    detected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = field(
+        default_factory=_no_looks
+    )
+    all_expected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
+    all_detected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "expected", read_only(self.expected))
+        object.__setattr__(self, "detected", read_only(self.detected))
+
+    @property
+    def mean(self) -> float:
+        """Factor of the sensor as a whole."""
+        return (PRIOR_WEIGHT + self.all_detected) / (PRIOR_WEIGHT + self.all_expected)
+
+    def std(self, probability: float) -> float:
+        """Return the standard deviation of `mean`, given the configured probability."""
+        missed = max(1.0 - probability * self.mean, 0.0)
+        return math.sqrt(self.mean * missed / (PRIOR_WEIGHT + self.all_expected))
+
+    @cached_property
+    def by_cell(self) -> FloatArray:
+        """Factor of each cell, shape (K,)."""
+        counted = MEAN_WEIGHT * self.mean + self.detected
+        factor: FloatArray = counted / (MEAN_WEIGHT + self.expected)
+        return factor
+
+    def cell(self, measured: FloatArray) -> IntArray:
+        """Return the cells of (range, azimuth) rows, (N, 2) to (N,); ranges may be infinite."""
+        ring = np.minimum(measured[:, 0] * (RANGES / self.max_range), RANGES - 1.0)
+        turn = np.mod(measured[:, 1] * (AZIMUTHS / (2.0 * np.pi)), AZIMUTHS)
+        sector = np.minimum(turn.astype(np.int64), AZIMUTHS - 1)
+        cells: IntArray = ring.astype(np.int64) * AZIMUTHS + sector
+        return cells
+
+    def probability(self, configured: FloatArray, measured: FloatArray) -> FloatArray:
+        """Return the learned probabilities, given the configured ones, at (range, azimuth) rows.
+
+        Parameters
+        ----------
+        configured : array of shape (..., N)
+        measured : array of shape (N, 2)
+        """
+        factor = self.by_cell.take(self.cell(measured))
+        return np.clip(configured * factor, LEAST_PROBABILITY, MOST_PROBABILITY)
+
+    def after(self, expected: FloatArray, detected: FloatArray) -> DetectionFactor:
+        """Return the factor after further looks at targets, arrays of shape (K,)."""
+        kept, every = np.exp(-expected / MEMORY), float(expected.sum())
+        fading = math.exp(-every / MEMORY)
+        return replace(
+            self,
+            expected=kept * self.expected + expected,
+            detected=kept * self.detected + detected,
+            all_expected=fading * self.all_expected + every,
+            all_detected=fading * self.all_detected + float(detected.sum()),
+        )

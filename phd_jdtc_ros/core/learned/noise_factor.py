@@ -1,0 +1,140 @@
+"""Measurement noise of a sensor relative to the configured one, learned from innovations."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from scipy.special import chdtr
+
+from ..arrays import FloatArray, IntArray, read_only
+from ..snapshot import floats
+
+# Weight of the configured variance, as a number of innovations; the prior is inverse-gamma.
+PRIOR_WEIGHT = 10.0
+# Memory, as a number of innovations of targets whose predicted measurement is certain.
+MEMORY = 400.0
+# Bounds of the factor of the standard deviation.
+LEAST, MOST = 0.25, 4.0
+# Innovations count as at most this many standard deviations, so that outliers do not raise it.
+MOST_SIGMA = 3.0
+# Innovations with a smaller share of the sensor's noise in their variance do not count: they would
+# show the motion's errors.
+LEAST_NOISE_SHARE = 0.25
+# Mean of the squares of normal variables that are limited in this way.
+_LIMIT = MOST_SIGMA**2
+LIMITED_MEAN = float(chdtr(3.0, _LIMIT) + _LIMIT * (1.0 - chdtr(1.0, _LIMIT)))
+# Largest weight accepted in a snapshot; a report may add many innovations at once.
+MAX_WEIGHT = 1e7
+
+
+class NoiseEvidence(NamedTuple):
+    """Evidence on the variance of each component of a measurement, arrays of shape (Z,).
+
+    Parameters
+    ----------
+    weight : array
+        Number of innovations that would show the variance as well, if nothing but the sensor's
+        noise were in them.
+    ratio : array
+        Sum of weight times the ratio of the variance to the configured one.
+    """
+
+    weight: FloatArray
+    ratio: FloatArray
+
+
+def _nothing() -> FloatArray:
+    return np.zeros(2)
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseFactor:
+    """Variances of the components of a measurement relative to the configured ones.
+
+    Parameters
+    ----------
+    weight : array of shape (Z,)
+        Number of remembered innovations.
+    ratio : array of shape (Z,)
+        Sum of weight times the ratio that each of them shows.
+    """
+
+    weight: Annotated[FloatArray, floats("Z", 0.0, MAX_WEIGHT)] = field(default_factory=_nothing)
+    ratio: Annotated[FloatArray, floats("Z", -MAX_WEIGHT, MAX_WEIGHT * MOST**2 * _LIMIT)] = field(
+        default_factory=_nothing
+    )
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "weight", read_only(self.weight))
+        object.__setattr__(self, "ratio", read_only(self.ratio))
+
+    @property
+    def variance(self) -> FloatArray:
+        """Factor of each variance, shape (Z,)."""
+        mean = (PRIOR_WEIGHT + self.ratio) / (PRIOR_WEIGHT + self.weight)
+        return np.clip(mean, LEAST**2, MOST**2)
+
+    @property
+    def of_std(self) -> FloatArray:
+        """Factor of each standard deviation, shape (Z,)."""
+        return np.sqrt(self.variance)
+
+    @property
+    def error(self) -> FloatArray:
+        """Standard deviation of `of_std`, shape (Z,)."""
+        # A variance from n squares has a relative variance of 2 / n, its root a quarter of it.
+        error: FloatArray = self.of_std / np.sqrt(2.0 * (PRIOR_WEIGHT + self.weight))
+        return error
+
+    def after(self, evidence: NoiseEvidence) -> NoiseFactor:
+        """Return the factors after the innovations of a further report."""
+        kept = np.exp(-evidence.weight / MEMORY)
+        return replace(
+            self, weight=kept * self.weight + evidence.weight, ratio=kept * self.ratio + evidence.ratio
+        )
+
+
+def noise_evidence(
+    weighted: FloatArray,
+    inverse: FloatArray,
+    variance: FloatArray,
+    share: FloatArray,
+    factor: FloatArray,
+) -> NoiseEvidence:
+    """Return the evidence of innovations on the variances of a measurement.
+
+    Parameters
+    ----------
+    weighted : array of shape (N, Z)
+        S^-1 v, the inverse covariance of the innovation times the innovation.
+    inverse : array of shape (N, Z)
+        Diagonal of S^-1.
+    variance : array of shape (N, Z)
+        The sensor's variances R that S contains; NaN where they are not the sensor's own.
+    share : array of shape (N,)
+        Probability that the innovation is that of a target's detection.
+    factor : array of shape (Z,)
+        Ratios of these variances to the configured ones.
+
+    Notes
+    -----
+    For one component, S = H P H' + R, and v^2 - H P H' has the mean R, whichever R was assumed.
+    S^-1 v = w has the variance (S^-1)_ii, so that in general R + (w^2 - (S^-1)_ii) / (S^-1)_ii^2
+    has this mean. Its weight is the Fisher information (R (S^-1)_ii)^2 relative to an innovation
+    that consists of noise alone.
+
+    References
+    ----------
+    Mehra, "On the identification of variances and adaptive Kalman filtering", IEEE Transactions on
+    Automatic Control 15(2), 1970.
+    """
+    part = variance * inverse
+    used = part > LEAST_NOISE_SHARE  # False for NaN
+    part = np.where(used, part, 0.0)
+    square = np.minimum(weighted**2 / np.where(used, inverse, 1.0), _LIMIT) / LIMITED_MEAN
+    weight = share[:, None] * part**2
+    excess = share[:, None] * part * (square - 1.0)
+    return NoiseEvidence(weight.sum(axis=0), factor * (weight + excess).sum(axis=0))
