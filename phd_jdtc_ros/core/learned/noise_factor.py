@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -12,8 +12,12 @@ from scipy.special import chdtr
 from ..arrays import FloatArray, IntArray, read_only
 from ..snapshot import floats
 
-# Weight of the configured variance, as a number of innovations; the prior is inverse-gamma.
-PRIOR_WEIGHT = 10.0
+# Weight of the configured variance, as a number of innovations, that keeps the first ones from
+# counting alone.
+PRIOR_WEIGHT = 4.0
+# Scale of the prior of the log ratio of variances: a configured deviation is right within some
+# percent, or wrong by any factor.
+PRIOR_SCALE = 0.1
 # Memory, as a number of innovations of targets whose predicted measurement is certain.
 MEMORY = 400.0
 # Bounds of the factor of the standard deviation.
@@ -60,6 +64,12 @@ class NoiseFactor:
         Number of remembered innovations.
     ratio : array of shape (Z,)
         Sum of weight times the ratio that each of them shows.
+
+    Notes
+    -----
+    The log ratio has a Cauchy distribution about 0 as its prior, which leaves small differences
+    alone until they are certain, and follows large ones at once. As a scale mixture of normal
+    distributions it has the precision 2 / (s^2 + x^2) at a log ratio x; n innovations have n / 2.
     """
 
     weight: Annotated[FloatArray, floats("Z", 0.0, MAX_WEIGHT)] = field(default_factory=_nothing)
@@ -71,11 +81,20 @@ class NoiseFactor:
         object.__setattr__(self, "weight", read_only(self.weight))
         object.__setattr__(self, "ratio", read_only(self.ratio))
 
+    @cached_property
+    def _posterior(self) -> tuple[FloatArray, FloatArray]:
+        """Mean and precision of the log of each ratio of variances, shapes (Z,)."""
+        shown = (PRIOR_WEIGHT + self.ratio) / (PRIOR_WEIGHT + self.weight)
+        log_ratio = np.log(np.clip(shown, LEAST**2, MOST**2))
+        prior = 2.0 / (PRIOR_SCALE**2 + log_ratio**2)
+        data = 0.5 * self.weight
+        return log_ratio * data / (data + prior), data + prior
+
     @property
     def variance(self) -> FloatArray:
         """Factor of each variance, shape (Z,)."""
-        mean = (PRIOR_WEIGHT + self.ratio) / (PRIOR_WEIGHT + self.weight)
-        return np.clip(mean, LEAST**2, MOST**2)
+        factor: FloatArray = np.exp(self._posterior[0])
+        return factor
 
     @property
     def of_std(self) -> FloatArray:
@@ -85,8 +104,7 @@ class NoiseFactor:
     @property
     def error(self) -> FloatArray:
         """Standard deviation of `of_std`, shape (Z,)."""
-        # A variance from n squares has a relative variance of 2 / n, its root a quarter of it.
-        error: FloatArray = self.of_std / np.sqrt(2.0 * (PRIOR_WEIGHT + self.weight))
+        error: FloatArray = 0.5 * self.of_std / np.sqrt(self._posterior[1])
         return error
 
     def after(self, evidence: NoiseEvidence) -> NoiseFactor:
