@@ -105,7 +105,8 @@ class PriorMixture:
         """Expected measurement of each target's first hypothesis, shape (T, Z)."""
         row = np.unique(self.target, return_index=True)[1]
         mode = self.mixture.mode_weight[row].argmax(axis=1)
-        return self.expected.measured[row, mode]
+        measured: FloatArray = self.expected.measured[row, mode]
+        return measured
 
     @cached_property
     def detectable(self) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Detection probability of a sensor relative to the configured one, learned by range and azimuth."""
+"""Learned ratio of a sensor's detection probability to the configured one, by place."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, read_only
 from ..snapshot import floats
+from .open_looks import Counted
 
 # Number of cells in range, in equal parts of the largest range, and in azimuth.
 RANGES, AZIMUTHS = 8, 8
@@ -42,8 +43,9 @@ class DetectionFactor:
     expected, detected : arrays of shape (K,)
         Detections in each cell: the number expected with the configured probability, and the
         actual one.
-    all_expected, all_detected : float
-        The same of all cells, with a memory of their own.
+    all_looks, all_expected, all_detected : float
+        Looks at targets, and their expected and actual detections, in all cells, with a memory of
+        their own.
 
     Notes
     -----
@@ -61,6 +63,7 @@ class DetectionFactor:
     detected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = field(
         default_factory=_no_looks
     )
+    all_looks: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
     all_expected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
     all_detected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
 
@@ -73,9 +76,17 @@ class DetectionFactor:
         """Factor of the sensor as a whole."""
         return (PRIOR_WEIGHT + self.all_detected) / (PRIOR_WEIGHT + self.all_expected)
 
-    def std(self, probability: float) -> float:
-        """Return the standard deviation of `mean`, given the configured probability."""
-        missed = max(1.0 - probability * self.mean, 0.0)
+    @property
+    def configured(self) -> float:
+        """Mean of the configured probability over the looks; NaN without any."""
+        return self.all_expected / self.all_looks if self.all_looks else math.nan
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of `mean`, given by the looks alone; infinite without any."""
+        if not self.all_looks:
+            return math.inf
+        missed = max(1.0 - self.configured * self.mean, 0.0)
         return math.sqrt(self.mean * missed / (PRIOR_WEIGHT + self.all_expected))
 
     @cached_property
@@ -104,14 +115,15 @@ class DetectionFactor:
         factor = self.by_cell.take(self.cell(measured))
         return np.clip(configured * factor, LEAST_PROBABILITY, MOST_PROBABILITY)
 
-    def after(self, expected: FloatArray, detected: FloatArray) -> DetectionFactor:
-        """Return the factor after further looks at targets, arrays of shape (K,)."""
-        kept, every = np.exp(-expected / MEMORY), float(expected.sum())
-        fading = math.exp(-every / MEMORY)
+    def after(self, counted: Counted) -> DetectionFactor:
+        """Return the factor after further looks."""
+        looks, expected, detected = (float(column.sum()) for column in counted)
+        kept, fading = np.exp(-counted.expected / MEMORY), math.exp(-expected / MEMORY)
         return replace(
             self,
-            expected=kept * self.expected + expected,
-            detected=kept * self.detected + detected,
-            all_expected=fading * self.all_expected + every,
-            all_detected=fading * self.all_detected + float(detected.sum()),
+            expected=kept * self.expected + counted.expected,
+            detected=kept * self.detected + counted.detected,
+            all_looks=fading * self.all_looks + looks,
+            all_expected=fading * self.all_expected + expected,
+            all_detected=fading * self.all_detected + detected,
         )

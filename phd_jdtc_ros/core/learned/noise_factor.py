@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from scipy.special import chdtr
 
-from ..arrays import FloatArray, IntArray, read_only
+from ..arrays import BoolArray, FloatArray, read_only
 from ..snapshot import floats
 
 # Weight of the configured variance, as a number of innovations, that keeps the first ones from
@@ -50,6 +50,10 @@ class NoiseEvidence(NamedTuple):
     ratio: FloatArray
 
 
+def _every() -> BoolArray:
+    return np.ones(2, dtype=np.bool_)
+
+
 def _nothing() -> FloatArray:
     return np.zeros(2)
 
@@ -60,6 +64,8 @@ class NoiseFactor:
 
     Parameters
     ----------
+    learned : bool array of shape (Z,)
+        Components whose noise is learned; the factors of the others are 1.
     weight : array of shape (Z,)
         Number of remembered innovations.
     ratio : array of shape (Z,)
@@ -72,12 +78,14 @@ class NoiseFactor:
     distributions it has the precision 2 / (s^2 + x^2) at a log ratio x; n innovations have n / 2.
     """
 
+    learned: BoolArray = field(default_factory=_every)
     weight: Annotated[FloatArray, floats("Z", 0.0, MAX_WEIGHT)] = field(default_factory=_nothing)
     ratio: Annotated[FloatArray, floats("Z", -MAX_WEIGHT, MAX_WEIGHT * MOST**2 * _LIMIT)] = field(
         default_factory=_nothing
     )
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "learned", read_only(self.learned, np.bool_))
         object.__setattr__(self, "weight", read_only(self.weight))
         object.__setattr__(self, "ratio", read_only(self.ratio))
 
@@ -111,7 +119,9 @@ class NoiseFactor:
         """Return the factors after the innovations of a further report."""
         kept = np.exp(-evidence.weight / MEMORY)
         return replace(
-            self, weight=kept * self.weight + evidence.weight, ratio=kept * self.ratio + evidence.ratio
+            self,
+            weight=np.where(self.learned, kept * self.weight + evidence.weight, 0.0),
+            ratio=np.where(self.learned, kept * self.ratio + evidence.ratio, 0.0),
         )
 
 

@@ -1,10 +1,10 @@
-"""Looks at targets that do not count yet, because no later detection shows that the target was there.
+"""Looks at targets that do not count yet: no later detection shows that the target was there.
 
 A miss has two explanations: the sensor did not detect the target, or the target was no longer
 there. Between two detections of a target only the first one is left. Therefore a look, detection
 or miss, counts when the target is detected again, by any sensor. A target's first detection never
-counts, because there would be no target without it, nor does its last one, nor what follows it: when
-a target disappears, or was false, its open looks disappear with it.
+counts, because there would be no target without it, nor does its last one, nor what follows it:
+when a target disappears, or was false, its open looks disappear with it.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, contains, read_only
+from ..arrays import BoolArray, FloatArray, IntArray, contains, read_only, sum_by
 from ..snapshot import MAX_INDEX, floats, integers
 
 # Looks of which less is open are dropped.
 LEAST_OPEN = 1e-3
-# Largest number of looks accepted in a snapshot.
-MAX_LOOKS = 1 << 20
+# Largest number of expected detections of one look: a small learned factor can bring the
+# configured probability above 1.
+MOST_EXPECTED = 100.0
 
 
 class Looks(NamedTuple):
@@ -47,6 +48,24 @@ class Looks(NamedTuple):
     existence: FloatArray
 
 
+class Counted(NamedTuple):
+    """Looks that count, sums by cell, arrays of shape (K,).
+
+    Parameters
+    ----------
+    looks, expected, detected : arrays
+        Number of looks, of detections expected with the configured probability, and of detections.
+    """
+
+    looks: FloatArray
+    expected: FloatArray
+    detected: FloatArray
+
+    def part(self, cells: slice) -> Counted:
+        """Return the sums of these cells."""
+        return Counted(*(column[cells] for column in self))
+
+
 def _none() -> FloatArray:
     return np.zeros(0)
 
@@ -63,21 +82,22 @@ class OpenLooks:
     ----------
     label : int array
         Label of each look's target.
-    cell : int array
+    cell, expected, detected : arrays
         See `Looks`.
-    expected, detected : arrays
-        Expected and actual detections that are open.
+    still : array
+        Share of each look that is open.
     """
 
     label: Annotated[IntArray, integers("E", 0, MAX_INDEX)] = field(default_factory=_no_labels)
-    cell: Annotated[IntArray, integers("E", 0, MAX_INDEX)] = field(default_factory=_no_labels)
-    expected: Annotated[FloatArray, floats("E", 0.0, 1e3)] = field(default_factory=_none)
-    detected: Annotated[FloatArray, floats("E", 0.0, 1.0 + 1e-6)] = field(default_factory=_none)
+    cell: Annotated[IntArray, integers("E", 0, below="K")] = field(default_factory=_no_labels)
+    expected: Annotated[FloatArray, floats("E", 0.0, MOST_EXPECTED)] = field(default_factory=_none)
+    detected: Annotated[FloatArray, floats("E", 0.0, 1.0)] = field(default_factory=_none)
+    still: Annotated[FloatArray, floats("E", 0.0, 1.0)] = field(default_factory=_none)
 
     def __post_init__(self) -> None:
         for name in ("label", "cell"):
             object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
-        for name in ("expected", "detected"):
+        for name in ("expected", "detected", "still"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
     def __len__(self) -> int:
@@ -86,48 +106,47 @@ class OpenLooks:
     def take(self, rows: IntArray | BoolArray) -> OpenLooks:
         """Return these looks."""
         return OpenLooks(
-            self.label[rows], self.cell[rows], self.expected[rows], self.detected[rows]
+            self.label[rows],
+            self.cell[rows],
+            self.expected[rows],
+            self.detected[rows],
+            self.still[rows],
         )
 
     def of(self, labels: IntArray) -> OpenLooks:
         """Return the looks at the targets of ascending labels."""
         return self.take(contains(labels, self.label))
 
-    def after(self, looks: Looks, cells: int) -> tuple[OpenLooks, FloatArray, FloatArray]:
-        """Return the open looks after a report, and the looks that count now.
+    def after(self, looks: Looks, cells: int) -> tuple[OpenLooks, Counted]:
+        """Return the open looks after a report, and those that count now.
 
         Parameters
         ----------
         cells : int
             Number of all sensors' cells, K.
 
-        Returns
-        -------
-        OpenLooks
-        expected, detected : arrays of shape (K,)
-            Expected and actual detections that count now, by cell.
-
         Notes
         -----
-        A target that is detected with probability d, given that it exists, has the share d of its
-        open looks count, times its existence probability. The share 1 - d stays open, and so does
-        the look itself.
+        If a target is detected with probability d, given that it exists, the share d of its open
+        looks counts, times its existence probability. The share 1 - d stays open, and so does the
+        report's own look at it.
         """
-        place = np.minimum(looks.label.searchsorted(self.label), max(len(looks.label) - 1, 0))
-        now = np.zeros(len(self))
-        counts = now
+        now = counting = np.zeros(len(self))
         if len(looks.label):
-            here = looks.label[place] == self.label
-            now = np.where(here, looks.detected[place], 0.0)
-            counts = now * looks.existence[place]
-        expected = np.bincount(self.cell, counts * self.expected, minlength=cells)
-        detected = np.bincount(self.cell, counts * self.detected, minlength=cells)
-        new = looks.expected > 0.0
-        columns = (
-            np.concatenate([self.label, looks.label[new]]),
-            np.concatenate([self.cell, looks.cell[new]]),
-            np.concatenate([(1.0 - now) * self.expected, looks.expected[new]]),
-            np.concatenate([(1.0 - now) * self.detected, looks.detected[new]]),
+            place = np.minimum(looks.label.searchsorted(self.label), len(looks.label) - 1)
+            now = np.where(looks.label[place] == self.label, looks.detected[place], 0.0)
+            counting = now * looks.existence[place] * self.still
+        counted = Counted(
+            sum_by(self.cell, counting, cells),
+            sum_by(self.cell, counting * self.expected, cells),
+            sum_by(self.cell, counting * self.detected, cells),
         )
-        left = OpenLooks(*columns)
-        return left.take(left.expected > LEAST_OPEN), expected, detected
+        still = (1.0 - now) * self.still
+        left, new = still > LEAST_OPEN, looks.expected > 0.0
+        return OpenLooks(
+            np.concatenate([self.label[left], looks.label[new]]),
+            np.concatenate([self.cell[left], looks.cell[new]]),
+            np.concatenate([self.expected[left], looks.expected[new]]),
+            np.concatenate([self.detected[left], looks.detected[new]]),
+            np.concatenate([still[left], np.ones(np.count_nonzero(new))]),
+        ), counted

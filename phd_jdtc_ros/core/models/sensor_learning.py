@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -69,6 +69,28 @@ class SensorMemory:
             return model
         return replace(model, radars=tuple(map(self.learned, model.radars)))
 
+    def figures(self, sensors: Sequence[Sensor]) -> dict[str, float]:
+        """Return what was learned of configured sensors, by dotted name.
+
+        For each sensor that learns: the mean detection probability of the targets, with its
+        standard deviation and the configured one, and the ratios of the standard deviations of
+        measurements to the configured ones.
+        """
+        found: dict[str, float] = {}
+        for sensor in sensors:
+            if (detection := self.detection.get(sensor.name)) is not None and detection.all_looks:
+                name = f"{sensor.name}.detection_probability"
+                found[name] = detection.configured * detection.mean
+                found[f"{name}_std"] = detection.configured * detection.std
+                found[f"{name}_set"] = detection.configured
+            if (noise := self.noise.get(sensor.name)) is not None:
+                columns = sensor.components, noise.of_std, noise.error, noise.learned
+                for component, ratio, error, learned in zip(*columns, strict=True):
+                    if learned:
+                        name = f"{sensor.name}.{component}_noise_ratio"
+                        found[name], found[f"{name}_std"] = float(ratio), float(error)
+        return found
+
     def learns(self, report: Report) -> bool:
         """Return whether the detections and misses in a report are learned from."""
         return report.sensor.detection_factor is not None or len(self.looks) > 0
@@ -112,10 +134,10 @@ class SensorMemory:
             cell = own + self.sensors.index(sensor.name) * CELLS
         share = np.minimum(detected / np.maximum(after, np.finfo(float).tiny), 1.0)
         looks = Looks(label, cell, expected, share, np.minimum(after, 1.0))
-        self.looks, counted, found = self.looks.after(looks, CELLS * len(self.sensors))
-        for index in np.flatnonzero(counted.reshape(-1, CELLS).any(axis=1)).tolist():
-            name, part = self.sensors[index], slice(index * CELLS, (index + 1) * CELLS)
-            later = self.detection[name].after(counted[part], found[part])
+        self.looks, counted = self.looks.after(looks, CELLS * len(self.sensors))
+        for index in np.flatnonzero(counted.looks.reshape(-1, CELLS).any(axis=1)).tolist():
+            name, first = self.sensors[index], index * CELLS
+            later = self.detection[name].after(counted.part(slice(first, first + CELLS)))
             self.detection = {**self.detection, name: later}
 
     def learn_noise(self, report: Report, evidence: NoiseEvidence) -> None:

@@ -43,6 +43,7 @@ class RadarModel(Sensor):
     """
 
     polar: ClassVar[bool] = True
+    components: ClassVar[tuple[str, ...]] = ("range", "azimuth")
 
     range_std: float
     azimuth_std: float

@@ -82,6 +82,8 @@ class Sensor(ABC):
 
     # Whether it measures range and azimuth from its position, as compiled loops require.
     polar: ClassVar[bool] = False
+    # Names of the components of a measurement.
+    components: ClassVar[tuple[str, ...]] = ()
 
     name: str
     position: tuple[float, float]

@@ -167,7 +167,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         mass = [rows.class_mass(*classes) for rows in self.forward.unswept[:-1]]
         mass.append(step.updated.class_mass(*classes))
         total = np.sum(mass, axis=0)
-        return Step(tuple(filtered), tuple(smoothed), total, self._figures(step))
+        figures = {**self._figures(step), **self.forward.learned_figures}
+        return Step(tuple(filtered), tuple(smoothed), total, figures)
 
     def clutter_raster(self) -> ClutterRaster | None:
         """Return the learned clutter density; see `Engine.clutter_raster`."""

@@ -20,6 +20,7 @@ from ..tracks.labels import MAX_SCANS
 from ..types import Scan
 from .clutter_snapshot import clutter_from_snapshot, clutter_to_snapshot
 from .entries import Entry, LinkT, RowsT, UnsweptRows
+from .sensor_snapshot import sensors_from_snapshot, sensors_to_snapshot
 from .swept import swept_births
 from .window_snapshot import unswept_from_snapshot, unswept_to_snapshot
 
@@ -105,6 +106,11 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         """The model, with the learned clutter maps, detection probabilities and noise."""
         return self.sensors.with_learned_sensors(self.clutter.with_learned_maps(self.model))
 
+    @property
+    def learned_figures(self) -> Mapping[str, float]:
+        """Learned detection probabilities and noise; see `SensorMemory.figures`."""
+        return self.sensors.figures(self.model.radars)
+
     @abstractmethod
     def step(self, scan: Scan, linked: bool) -> Filtered[RowsT, LinkT]:
         """Predict and update with every radar; if `linked`, link the new set to earlier ones.
@@ -142,6 +148,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         for rows in self.unswept:
             unswept_to_snapshot(rows, snapshot)
         clutter_to_snapshot(self.clutter, self.model.radars, snapshot)
+        sensors_to_snapshot(self.sensors, snapshot)
         if self.attributes is not None:
             attributes_to_snapshot(self.attributes, snapshot)
 
@@ -167,6 +174,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
             raise ValueError(f"filter.current_ns: the last stamp must be {latest}")
         self.unswept = [unswept_from_snapshot(snapshot, entries[stamp]) for stamp in stamps]
         self.clutter = clutter_from_snapshot(snapshot, self.model.radars)
+        self.sensors = sensors_from_snapshot(snapshot, self.model.radars)
         if self.model.attributes is not None:
             self.attributes = attributes_from_snapshot(snapshot, self.model.attributes)
         born = zip(progress.birth.tolist(), progress.born_ns.tolist(), strict=True)

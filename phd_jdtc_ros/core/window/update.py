@@ -19,13 +19,13 @@ from ..attributes.evidence import Evidence
 from ..attributes.memory import AttributeMemory, AttributesAt
 from ..attributes.reprojection import Paired, plain
 from ..attributes.uniqueness import OutOfGate
+from ..learned.noise_factor import NoiseEvidence
 from ..models import detection_limit
 from ..models.clutter_learning import ClutterMemory
 from ..models.competing_sources import CompetingSources, log_intensities
 from ..models.detection_birth import Newborn
 from ..models.sensor_learning import SensorMemory
 from ..models.tracker_model import TrackerModel
-from ..learned.noise_factor import NoiseEvidence
 from ..sensors.report import Report
 from ..tracks import labels
 from ..types import Detections, Scan
