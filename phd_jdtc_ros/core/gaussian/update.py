@@ -11,9 +11,7 @@ from ..arrays import FloatArray, IntArray
 from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
 from ..attributes.uniqueness import OutOfGate
-from ..learned.noise_factor import NoiseEvidence, noise_evidence
 from ..models.detection_birth import Newborn
-from ..models.sensor_learning import KNOWN_EXISTENCE
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
 from ..types import Detections
@@ -24,6 +22,7 @@ from .measurement.amplitude import detection_probability, log_amplitude, slower
 from .measurement.gating import Expected, gate_pairs
 from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
 from .measurement.newborn import newborn_mixture
+from .measurement.noise import noise_evidence
 from .measurement.pairs import Association, PairLikelihoods, associate, likely, sum_modes
 from .mixture import Mixture
 from .reduction import Branched
@@ -173,32 +172,10 @@ class PriorMixture:
             pair_probability=association.pair,
             existence=association.existence,
             evidence=evidence,
-            noise=self._noise_evidence(found, association.pair, readings),
+            noise=None
+            if readings.sensor.noise_factor is None
+            else noise_evidence(self.mixture, found, association.pair),
             approximate=association.approximate,
-        )
-
-    def _noise_evidence(
-        self, found: PairUpdate, probability: FloatArray, readings: Report
-    ) -> NoiseEvidence | None:
-        """Return what the innovations of pairs of given probabilities, (P,), show of the noise."""
-        if (factor := readings.sensor.noise_factor) is None:
-            return None
-        mixture, row = self.mixture, found.row
-        known = mixture.existence.take(mixture.target).take(row) >= KNOWN_EXISTENCE
-        located = found.log_likelihood.reshape(-1, mixture.mean.shape[1])
-        likelihood = mixture.mode_weight[row] * np.exp(
-            located - located.max(axis=1, keepdims=True, initial=-1e300)
-        )
-        share = likelihood / np.maximum(likelihood.sum(axis=1, keepdims=True), 1e-300)
-        share *= (known * probability)[:, None]
-        std = readings.sensors_own_std[found.column].repeat(share.shape[1], axis=0)
-        innovation = found.innovation
-        return noise_evidence(
-            innovation.weighted,
-            np.diagonal(innovation.inverse, axis1=1, axis2=2),
-            std**2,
-            share.ravel(),
-            factor.variance,
         )
 
     def _coarse(self, pairs: Paired, readings: Report) -> FloatArray:

@@ -113,7 +113,9 @@ class DetectionFactor:
         measured : array of shape (N, 2)
         """
         factor = self.by_cell.take(self.cell(measured))
-        return np.clip(configured * factor, LEAST_PROBABILITY, MOST_PROBABILITY)
+        found = np.maximum(configured * factor, LEAST_PROBABILITY)
+        probability: FloatArray = np.minimum(found, MOST_PROBABILITY)
+        return probability
 
     def after(self, counted: Counted) -> DetectionFactor:
         """Return the factor after further looks."""

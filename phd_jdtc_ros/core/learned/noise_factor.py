@@ -10,6 +10,7 @@ import numpy as np
 from scipy.special import chdtr
 
 from ..arrays import BoolArray, FloatArray, read_only
+from ..compilation import inner
 from ..snapshot import floats
 
 # Weight of the configured variance, as a number of innovations, that keeps the first ones from
@@ -28,8 +29,8 @@ MOST_SIGMA = 3.0
 # show the motion's errors.
 LEAST_NOISE_SHARE = 0.25
 # Mean of the squares of normal variables that are limited in this way.
-_LIMIT = MOST_SIGMA**2
-LIMITED_MEAN = float(chdtr(3.0, _LIMIT) + _LIMIT * (1.0 - chdtr(1.0, _LIMIT)))
+LIMIT = MOST_SIGMA**2
+LIMITED_MEAN = float(chdtr(3.0, LIMIT) + LIMIT * (1.0 - chdtr(1.0, LIMIT)))
 # Largest weight accepted in a snapshot; a report may add many innovations at once.
 MAX_WEIGHT = 1e7
 
@@ -42,12 +43,13 @@ class NoiseEvidence(NamedTuple):
     weight : array
         Number of innovations that would show the variance as well, if nothing but the sensor's
         noise were in them.
-    ratio : array
-        Sum of weight times the ratio of the variance to the configured one.
+    excess : array
+        Sum of weight times the relative difference of the variance from the one that the sensor
+        has now; see `evidence_of`.
     """
 
     weight: FloatArray
-    ratio: FloatArray
+    excess: FloatArray
 
 
 def _every() -> BoolArray:
@@ -80,7 +82,7 @@ class NoiseFactor:
 
     learned: BoolArray = field(default_factory=_every)
     weight: Annotated[FloatArray, floats("Z", 0.0, MAX_WEIGHT)] = field(default_factory=_nothing)
-    ratio: Annotated[FloatArray, floats("Z", -MAX_WEIGHT, MAX_WEIGHT * MOST**2 * _LIMIT)] = field(
+    ratio: Annotated[FloatArray, floats("Z", -MAX_WEIGHT, MAX_WEIGHT * MOST**2 * LIMIT)] = field(
         default_factory=_nothing
     )
 
@@ -118,51 +120,38 @@ class NoiseFactor:
     def after(self, evidence: NoiseEvidence) -> NoiseFactor:
         """Return the factors after the innovations of a further report."""
         kept = np.exp(-evidence.weight / MEMORY)
+        ratio = self.variance * (evidence.weight + evidence.excess)
         return replace(
             self,
             weight=np.where(self.learned, kept * self.weight + evidence.weight, 0.0),
-            ratio=np.where(self.learned, kept * self.ratio + evidence.ratio, 0.0),
+            ratio=np.where(self.learned, kept * self.ratio + ratio, 0.0),
         )
 
 
-def noise_evidence(
-    weighted: FloatArray,
-    inverse: FloatArray,
-    variance: FloatArray,
-    share: FloatArray,
-    factor: FloatArray,
-) -> NoiseEvidence:
-    """Return the evidence of innovations on the variances of a measurement.
+@inner
+def evidence_of(square: float, part: float) -> tuple[float, float]:
+    """Return the weight of an innovation, and weight times the ratio of variances beyond 1.
 
     Parameters
     ----------
-    weighted : array of shape (N, Z)
-        S^-1 v, the inverse covariance of the innovation times the innovation.
-    inverse : array of shape (N, Z)
-        Diagonal of S^-1.
-    variance : array of shape (N, Z)
-        The sensor's variances R that S contains; NaN where they are not the sensor's own.
-    share : array of shape (N,)
-        Probability that the innovation is that of a target's detection.
-    factor : array of shape (Z,)
-        Ratios of these variances to the configured ones.
+    square : float
+        Square of a component of an innovation relative to its expected value.
+    part : float
+        Part that the sensor's own variance R has in the expected value; NaN if the noise is not
+        the sensor's own.
 
     Notes
     -----
-    For one component, S = H P H' + R, and v^2 - H P H' has the mean R, whichever R was assumed.
-    S^-1 v = w has the variance (S^-1)_ii, so that in general R + (w^2 - (S^-1)_ii) / (S^-1)_ii^2
-    has this mean. Its weight is the Fisher information (R (S^-1)_ii)^2 relative to an innovation
-    that consists of noise alone.
+    In one dimension the innovation v has the variance S = H P H' + R; `square` is v^2 / S, and
+    `part` is R / S. v^2 - H P H' has the mean R, whichever R was assumed. Its variance is 2 S^2, so
+    that its weight is the square of `part`. In more dimensions w = S^-1 v has the variances
+    (S^-1)_ii; `square` is w_i^2 / (S^-1)_ii, and `part` is R_ii (S^-1)_ii.
 
     References
     ----------
     Mehra, "On the identification of variances and adaptive Kalman filtering", IEEE Transactions on
     Automatic Control 15(2), 1970.
     """
-    part = variance * inverse
-    used = part > LEAST_NOISE_SHARE  # False for NaN
-    part = np.where(used, part, 0.0)
-    square = np.minimum(weighted**2 / np.where(used, inverse, 1.0), _LIMIT) / LIMITED_MEAN
-    weight = share[:, None] * part**2
-    excess = share[:, None] * part * (square - 1.0)
-    return NoiseEvidence(weight.sum(axis=0), factor * (weight + excess).sum(axis=0))
+    if part > LEAST_NOISE_SHARE:  # False for NaN
+        return part * part, part * (min(square, LIMIT) / LIMITED_MEAN - 1.0)
+    return 0.0, 0.0

@@ -14,7 +14,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, contains, read_only, sum_by
+from ..arrays import BoolArray, FloatArray, IntArray, contains, contiguous, read_only
+from ..compilation import Float1, Int1, compiled
 from ..snapshot import MAX_INDEX, floats, integers
 
 # Looks of which less is open are dropped.
@@ -131,22 +132,65 @@ class OpenLooks:
         looks counts, times its existence probability. The share 1 - d stays open, and so does the
         report's own look at it.
         """
-        now = counting = np.zeros(len(self))
-        if len(looks.label):
-            place = np.minimum(looks.label.searchsorted(self.label), len(looks.label) - 1)
-            now = np.where(looks.label[place] == self.label, looks.detected[place], 0.0)
-            counting = now * looks.existence[place] * self.still
-        counted = Counted(
-            sum_by(self.cell, counting, cells),
-            sum_by(self.cell, counting * self.expected, cells),
-            sum_by(self.cell, counting * self.detected, cells),
+        label, cell, expected, detected, still, *counted = _after(
+            *(LEAST_OPEN, cells, self.label, self.cell, self.expected, self.detected, self.still),
+            *contiguous(*looks),
         )
-        still = (1.0 - now) * self.still
-        left, new = still > LEAST_OPEN, looks.expected > 0.0
-        return OpenLooks(
-            np.concatenate([self.label[left], looks.label[new]]),
-            np.concatenate([self.cell[left], looks.cell[new]]),
-            np.concatenate([self.expected[left], looks.expected[new]]),
-            np.concatenate([self.detected[left], looks.detected[new]]),
-            np.concatenate([still[left], np.ones(np.count_nonzero(new))]),
-        ), counted
+        return OpenLooks(label, cell, expected, detected, still), Counted(*counted)
+
+
+@compiled
+def _after(
+    least: float,
+    cells: int,
+    label: Int1,
+    cell: Int1,
+    expected: Float1,
+    detected: Float1,
+    still: Float1,
+    own_label: Int1,
+    own_cell: Int1,
+    own_expected: Float1,
+    own_detected: Float1,
+    existence: Float1,
+) -> tuple[
+    IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
+]:
+    """Return the columns of `OpenLooks` and of `Counted`; the report's `Looks` are its own."""
+    size, targets, room = len(label), len(own_label), 0
+    counts, most = np.zeros((3, cells)), size + targets
+    labels, places = np.empty(most, np.int64), np.empty(most, np.int64)
+    values = np.empty((3, most))
+    place = np.searchsorted(own_label, label)
+    for look in range(size):
+        one, now = place[look], 0.0
+        if one < targets and own_label[one] == label[look]:
+            now = own_detected[one]
+            counting = now * existence[one] * still[look]
+            counts[0, cell[look]] += counting
+            counts[1, cell[look]] += counting * expected[look]
+            counts[2, cell[look]] += counting * detected[look]
+        left = (1.0 - now) * still[look]
+        if left > least:
+            labels[room], places[room] = label[look], cell[look]
+            values[0, room], values[1, room], values[2, room] = expected[look], detected[look], left
+            room += 1
+    for one in range(targets):
+        if own_expected[one] > 0.0:
+            labels[room], places[room] = own_label[one], own_cell[one]
+            values[0, room], values[1, room], values[2, room] = (
+                own_expected[one],
+                own_detected[one],
+                1.0,
+            )
+            room += 1
+    return (
+        labels[:room].copy(),
+        places[:room].copy(),
+        values[0, :room].copy(),
+        values[1, :room].copy(),
+        values[2, :room].copy(),
+        counts[0],
+        counts[1],
+        counts[2],
+    )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -51,16 +51,13 @@ class RadarModel(Sensor):
     clutter_max_range: float
     range_growth: float = 0.0
 
-    def with_noise(self, factor: NoiseFactor) -> RadarModel:
-        """Return the radar with its configured noise times learned factors."""
+    def _noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
         in_range, in_azimuth = factor.of_std.tolist()
-        return replace(
-            self,
-            noise_factor=factor,
-            range_std=in_range * self.range_std,
-            range_growth=in_range * self.range_growth,
-            azimuth_std=in_azimuth * self.azimuth_std,
-        )
+        return {
+            "range_std": in_range * self.range_std,
+            "range_growth": in_range * self.range_growth,
+            "azimuth_std": in_azimuth * self.azimuth_std,
+        }
 
     @property
     def max_range(self) -> float:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -132,12 +132,16 @@ class Sensor(ABC):
         self: SensorT, detection: DetectionFactor | None, noise: NoiseFactor | None
     ) -> SensorT:
         """Return the configured sensor with learned factors; None keeps a model."""
-        learned = self if noise is None else self.with_noise(noise)
-        return learned if detection is None else replace(learned, detection_factor=detection)
+        return replace(
+            self,
+            detection_factor=detection or self.detection_factor,
+            noise_factor=noise or self.noise_factor,
+            **({} if noise is None else self._noise_times(noise)),
+        )
 
-    def with_noise(self: SensorT, factor: NoiseFactor) -> SensorT:
-        """Return the sensor with its configured noise times learned factors."""
-        return replace(self, noise_factor=factor)
+    def _noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
+        """Return the fields that describe the noise, times learned factors."""
+        return {}
 
     def with_threshold_and_rate(self: SensorT, threshold: float, clutter_rate: float) -> SensorT:
         """Return the sensor with another threshold and clutter rate."""
