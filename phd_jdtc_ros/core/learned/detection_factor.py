@@ -12,14 +12,17 @@ import numpy as np
 from ..arrays import FloatArray, IntArray, read_only
 from ..snapshot import floats
 from .open_looks import Counted
+from .prior import combine
 
 # Number of cells in range, in equal parts of the largest range, and in azimuth.
 RANGES, AZIMUTHS = 8, 8
 CELLS = RANGES * AZIMUTHS
-# Weight of the configured probability in the sensor's mean, in expected detections.
-PRIOR_WEIGHT = 10.0
-# Weight of the sensor's mean in a cell, in expected detections of the cell.
-MEAN_WEIGHT = 25.0
+# Weight of the configured probability, in expected detections, that keeps the first looks from
+# counting alone.
+PRIOR_WEIGHT = 4.0
+# Scale of the priors of log ratios: of the sensor's probability to the configured one, and of a
+# cell's to the sensor's.
+PRIOR_SCALE = 0.03
 # Memory, in expected detections: of the sensor's mean, and of each cell.
 MEMORY = 300.0
 # Bounds of the learned probability: at 1, a target would be deleted at its first miss.
@@ -49,11 +52,11 @@ class DetectionFactor:
 
     Notes
     -----
-    The true probability is the configured one times a factor. With h detections where e were
-    expected, the factor of the sensor is (k + h) / (k + e) with k = `PRIOR_WEIGHT`; a cell's is the
-    same with the sensor's factor as the prior mean and k = `MEAN_WEIGHT`. For a constant
-    probability this is the mean of a Beta distribution, scaled. Both counts fade with
-    exp(-e / MEMORY).
+    The true probability is the configured one times a factor. h detections where e were expected
+    show the factor (k + h) / (k + e), with k = `PRIOR_WEIGHT`: for a constant probability this is
+    the mean of a Beta distribution, scaled. Its log has the precision n p / (1 - p) after n looks
+    at targets that are detected with probability p; see `prior.combine`. A cell's factor is learned
+    in the same way relative to the sensor's. All counts fade with exp(-e / MEMORY).
     """
 
     max_range: float
@@ -71,10 +74,11 @@ class DetectionFactor:
         object.__setattr__(self, "expected", read_only(self.expected))
         object.__setattr__(self, "detected", read_only(self.detected))
 
-    @property
+    @cached_property
     def mean(self) -> float:
         """Factor of the sensor as a whole."""
-        return (PRIOR_WEIGHT + self.all_detected) / (PRIOR_WEIGHT + self.all_expected)
+        found = _factor(np.array([self.all_expected]), np.array([self.all_detected]), self._set)
+        return float(found[0])
 
     @property
     def configured(self) -> float:
@@ -82,19 +86,23 @@ class DetectionFactor:
         return self.all_expected / self.all_looks if self.all_looks else math.nan
 
     @property
+    def _set(self) -> float:
+        """The configured probability, if there were looks."""
+        return self.configured if self.all_looks else MOST_PROBABILITY
+
+    @property
     def std(self) -> float:
         """Standard deviation of `mean`, given by the looks alone; infinite without any."""
         if not self.all_looks:
             return math.inf
         missed = max(1.0 - self.configured * self.mean, 0.0)
-        return math.sqrt(self.mean * missed / (PRIOR_WEIGHT + self.all_expected))
+        return math.sqrt(self.mean * missed / self.all_expected)
 
     @cached_property
     def by_cell(self) -> FloatArray:
         """Factor of each cell, shape (K,)."""
-        counted = MEAN_WEIGHT * self.mean + self.detected
-        factor: FloatArray = counted / (MEAN_WEIGHT + self.expected)
-        return factor
+        expected = self.mean * self.expected
+        return self.mean * _factor(expected, self.detected, self.mean * self._set)
 
     def cell(self, measured: FloatArray) -> IntArray:
         """Return the cells of (range, azimuth) rows, (N, 2) to (N,); ranges may be infinite."""
@@ -129,3 +137,12 @@ class DetectionFactor:
             all_expected=fading * self.all_expected + expected,
             all_detected=fading * self.all_detected + detected,
         )
+
+
+def _factor(expected: FloatArray, detected: FloatArray, probability: float) -> FloatArray:
+    """Return the factors of a probability that expected and actual detections show."""
+    shown = (PRIOR_WEIGHT + detected) / (PRIOR_WEIGHT + expected)
+    found = np.minimum(probability * shown, MOST_PROBABILITY)
+    precision = expected / probability * found / (1.0 - found)
+    factor: FloatArray = np.exp(combine(np.log(shown), precision, PRIOR_SCALE)[0])
+    return factor

@@ -12,12 +12,12 @@ from scipy.special import chdtr
 from ..arrays import BoolArray, FloatArray, read_only
 from ..compilation import inner
 from ..snapshot import floats
+from .prior import combine
 
 # Weight of the configured variance, as a number of innovations, that keeps the first ones from
 # counting alone.
 PRIOR_WEIGHT = 4.0
-# Scale of the prior of the log ratio of variances: a configured deviation is right within some
-# percent, or wrong by any factor.
+# Scale of the prior of the log ratio of variances.
 PRIOR_SCALE = 0.1
 # Memory, as a number of innovations of targets whose predicted measurement is certain.
 MEMORY = 400.0
@@ -75,9 +75,7 @@ class NoiseFactor:
 
     Notes
     -----
-    The log ratio has a Cauchy distribution about 0 as its prior, which leaves small differences
-    alone until they are certain, and follows large ones at once. As a scale mixture of normal
-    distributions it has the precision 2 / (s^2 + x^2) at a log ratio x; n innovations have n / 2.
+    The log of a variance that n innovations show has the precision n / 2; see `prior.combine`.
     """
 
     learned: BoolArray = field(default_factory=_every)
@@ -96,9 +94,7 @@ class NoiseFactor:
         """Mean and precision of the log of each ratio of variances, shapes (Z,)."""
         shown = (PRIOR_WEIGHT + self.ratio) / (PRIOR_WEIGHT + self.weight)
         log_ratio = np.log(np.clip(shown, LEAST**2, MOST**2))
-        prior = 2.0 / (PRIOR_SCALE**2 + log_ratio**2)
-        data = 0.5 * self.weight
-        return log_ratio * data / (data + prior), data + prior
+        return combine(log_ratio, 0.5 * self.weight, PRIOR_SCALE)
 
     @property
     def variance(self) -> FloatArray:

@@ -84,11 +84,9 @@ def test_fall_of_the_probability_is_followed_within_the_memory():
 
 
 def test_probabilities_stay_within_their_bounds():
-    ones = np.ones(CELLS)
-    place = centres()
-    none = DetectionFactor(MAX_RANGE).after(
-        Counted(1e4 * ones, 1e4 * CONFIGURED * ones, 0.0 * ones)
-    )
-    assert (none.probability(CONFIGURED * ones, place) == LEAST_PROBABILITY).all()
-    every = DetectionFactor(MAX_RANGE).after(Counted(1e4 * ones, 1e3 * ones, 1e4 * ones))
-    assert (every.probability(CONFIGURED * ones, place) == MOST_PROBABILITY).all()
+    looks, place = np.full(CELLS, 1e4), centres()
+    given = np.full(CELLS, CONFIGURED)
+    none = DetectionFactor(MAX_RANGE).after(Counted(looks, CONFIGURED * looks, 0.0 * looks))
+    assert (none.probability(given, place) == LEAST_PROBABILITY).all()
+    every = DetectionFactor(MAX_RANGE).after(Counted(looks, 0.1 * looks, looks))
+    assert (every.probability(given, place) == MOST_PROBABILITY).all()
