@@ -142,7 +142,8 @@ class DetectionFactor:
 def _factor(expected: FloatArray, detected: FloatArray, probability: float) -> FloatArray:
     """Return the factors of a probability that expected and actual detections show."""
     shown = (PRIOR_WEIGHT + detected) / (PRIOR_WEIGHT + expected)
-    found = np.minimum(probability * shown, MOST_PROBABILITY)
+    # With the smaller of both probabilities, a few looks are not taken for certain.
+    found = np.minimum(probability * np.minimum(shown, 1.0), MOST_PROBABILITY)
     precision = expected / probability * found / (1.0 - found)
     factor: FloatArray = np.exp(combine(np.log(shown), precision, PRIOR_SCALE)[0])
     return factor

@@ -115,8 +115,10 @@ class SensorMemory:
             Ascending.
         measured : array of shape (T, Z)
             Expected measurement of each target.
-        before, after : arrays of shape (T,)
-            Existence probability of each target before and after the report.
+        before : array of shape (T,)
+            Probability, before the report, that each target exists and is no clutter.
+        after : array of shape (T,)
+            Existence probability of each target after the report.
         probability : array of shape (T,)
             Detection probability of each target, if it exists.
         detected : array of shape (T,)

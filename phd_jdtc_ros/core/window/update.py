@@ -218,13 +218,16 @@ def _learn_sensor(
         sensors.learn_noise(report, posterior.noise)
     if not sensors.learns(report):
         return
-    targets, claims = len(prior.label), posterior.claims
-    before, missed = (sum_by(prior.target, m, targets) for m in (prior.mass, prior.missed_mass))
+    targets, claims, known = len(prior.label), posterior.claims, prior.mass
+    before, missed = (sum_by(prior.target, m, targets) for m in (known, prior.missed_mass))
+    if report.sensor.clutter_map is not None and report.sensor.clutter_map_speed > 0.0:
+        # What rests is clutter, which may be detected less often than targets.
+        known = known * (1.0 - prior.probability_slower(report.sensor.clutter_map_speed))
     sensors.learn_detections(
         report,
         prior.label,
         prior.measured_by_target,
-        before=before,
+        before=sum_by(prior.target, known, targets),
         probability=1.0 - missed / np.where(before > 0.0, before, 1.0),
         detected=sum_by(prior.target.take(claims.row), posterior.pair_probability, targets),
         after=posterior.existence,
