@@ -14,6 +14,7 @@ The path of the data, with the package of each step::
       |    motions, births, spawning             targets
       |    measurements, coverage, gates         sensors: Report and Sensor
       |    false detections                      clutter
+      |    learned detection and noise           learned
       |    near pairs                            pair_search
       |    association probabilities             association
       |    identities and heights                attributes
@@ -40,7 +41,7 @@ The packages import downwards only, see the contracts in ``pyproject.toml``::
     models
     attributes
     sensors
-    clutter
+    clutter, learned
     association, pair_search, targets
     backend, types
     compilation, numba_loops, snapshot, state_space

@@ -242,6 +242,7 @@ class LiveTracker:
         self._cpu_s = 0.0
         now_s = time.monotonic()
         self._pace.stepped(stamp_ns, now_s, step_ms, step.targets, step.figures)
+        self.inputs.learned(step.figures)
         if event.scans_without_targets:
             self._pace.overdue = event.scans_without_targets
             self._node.get_logger().warning(anomalies.no_targets(event.scans_without_targets))
