@@ -16,7 +16,7 @@ from ..sensors.sensor import Sensor
 from .tracker_model import TrackerModel
 
 # Existence probability from which the looks at a target are learned from.
-KNOWN_EXISTENCE = 0.9
+KNOWN_EXISTENCE = 0.7
 # Targets that are detected with a smaller probability are outside the coverage.
 LEAST_EXPECTED = 0.01
 # Number of open looks below which those of targets that have ended are kept.
