@@ -8,6 +8,10 @@ from collections.abc import Callable, Iterator, Mapping
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 
+# A radar is worse than it was set if it detects targets with less than this share of the set
+# probability, or if its noise is larger by this factor, each by so many standard deviations.
+WORSE_DETECTION, WORSE_NOISE, SURE = 0.75, 1.5, 3.0
+
 
 def of(radar: RadarInput, counts: Mapping[str, int]) -> Iterator[str]:
     """Yield a warning for each kind of anomaly in a radar's reports."""
@@ -54,6 +58,31 @@ def of_noise(fit: Fit) -> str | None:
         f"and azimuths {azimuths:.2g} of its standard deviations); check {fit.radar}.range_std and "
         "azimuth_std_deg, or the fields of standard deviations; tune finds them in a recording"
     )
+
+
+def of_learned(radar: str, figures: Mapping[str, float]) -> str | None:
+    """Return the warning about a radar that is learned to be worse than it was set, or None.
+
+    Parameters
+    ----------
+    figures : mapping of name to number
+        The figures of a step; see `SensorMemory.figures`.
+    """
+    worse = []
+    found = figures.get(name := f"{radar}.detection_probability")
+    if found is not None:
+        given, std = figures[f"{name}_set"], figures[f"{name}_std"]
+        if found < WORSE_DETECTION * given and given - found > SURE * std:
+            worse.append(f"it detects targets with probability {found:.2f}, set is {given:.2f}")
+    for component in ("range", "azimuth"):
+        ratio = figures.get(name := f"{radar}.{component}_noise_ratio")
+        if ratio is None:
+            continue
+        if ratio > WORSE_NOISE and ratio - 1.0 > SURE * figures[f"{name}_std"]:
+            worse.append(f"its {component} noise is {ratio:.2g} times the one that is set")
+    if not worse:
+        return None
+    return f"worse than set, and tracked as found: {'; '.join(worse)}"
 
 
 def _beyond_a_turn(radar: RadarInput, count: int) -> str:

@@ -31,10 +31,11 @@ STUDIES = {
     "hours": "hours.study.STUDY",
     "hour_of_bag": "hours.study.OF_BAG",
     "autoferry": "autoferry.study.STUDY",
+    "misspecified": "misspecified.STUDY",
     "tuning_truth": "tuning_truth.STUDY",
 }
 # Studies that run one after the other in a second process, in parallel to the Monte Carlo study.
-REST = ("madap", "registration", "handover", "hours")
+REST = ("madap", "registration", "handover", "hours", "misspecified")
 RUNS = 50
 
 

@@ -139,7 +139,7 @@ class InnovationMonitor:
     def fits(self) -> list[Fit]:
         """Return the comparison of each radar's innovations with its noise."""
         self._fits = [
-            _with_verdict(_fit(radar, innovations), before)
+            _with_verdict(_fit(radar, innovations), before, radar.noise_factor is not None)
             for radar, innovations, before in zip(
                 self._model.radars, self._innovations, self._fits, strict=True
             )
@@ -184,13 +184,16 @@ def _fit(radar: Sensor, innovations: Sequence[FloatArray] | deque[FloatArray]) -
     return Fit(radar.name, len(squares), float(np.median(squares[:, 0])) / TWO, to_noise, axes)
 
 
-def _with_verdict(fit: Fit, before: Fit) -> Fit:
-    """Return a fit with its verdict, which has hysteresis."""
+def _with_verdict(fit: Fit, before: Fit, learned: bool) -> Fit:
+    """Return a fit with its verdict, which has hysteresis.
+
+    Noise that is `learned` follows smaller innovations, and larger ones only to a limit.
+    """
     share = BACK if before.noise_too_small else 1.0
     too_small = fit.ratio_to_noise > share * BEYOND
     too_small |= fit.ratio_to_expected > share * EXPECTED and fit.ratio_to_noise > share * ALONE
     too_large = fit.ratio_to_expected < (SMALLER / BACK if before.noise_too_large else SMALLER)
     return fit._replace(
         noise_too_small=too_small and fit.innovations >= MIN_FOR_TOO_SMALL,
-        noise_too_large=too_large and fit.innovations >= MIN_FOR_TOO_LARGE,
+        noise_too_large=too_large and not learned and fit.innovations >= MIN_FOR_TOO_LARGE,
     )

@@ -47,26 +47,102 @@ LAG = Form(
 )
 
 
-def _read_probability(value: Any) -> float | list[float] | None:
-    plain = number(value, 0.0, MOST_PROBABILITY)
-    listed = numbers(value)
-    if plain is not None or not listed or len(listed) % 2:
-        return plain
-    ranges, probabilities = listed[::2], listed[1::2]
+# The word for a value that is learned while the tracker runs.
+AUTO = "auto"
+
+
+class Learnable(NamedTuple):
+    """A value of a sensor.
+
+    Parameters
+    ----------
+    start : float or tuple
+        The value, or the one that learning starts from.
+    learned : bool
+        Whether it is learned while the tracker runs.
+    """
+
+    start: Any
+    learned: bool
+
+
+def _after_auto(value: Any) -> list[float] | None:
+    """Return the numbers after the word auto; None for another value."""
+    words = value.split() if isinstance(value, str) else []
+    if words[:1] != [AUTO]:
+        return None
+    try:
+        return numbers([float(word) for word in words[1:]])
+    except ValueError:
+        return None
+
+
+def std(start: float, low: float, high: float = math.inf) -> Form:
+    """Return the form of a standard deviation from `low` to `high` that can be learned.
+
+    Learning begins at `start` without another value.
+    """
+
+    def read(value: Any) -> float | str | None:
+        plain, after = number(value, low, high), _after_auto(value)
+        if plain is not None or after is None:
+            return plain
+        given = number((after or [start])[0], low, high) if len(after) <= 1 else None
+        return None if given is None else f"{AUTO} {given:.10g}"
+
+    def learnable(given: float | str) -> Learnable:
+        if isinstance(given, str):
+            return Learnable(float(given.split()[1]), True)
+        return Learnable(given, False)
+
+    most = f", at most {high:g}" if high < math.inf else ""
+    return Form(
+        f"a finite number, at least {low:g}{most} or {AUTO}, with or without a start value",
+        read,
+        learnable,
+    )
+
+
+def _read_table(given: list[float]) -> float | list[float] | None:
+    """Return a probability, or pairs of range and probability; None if they are not allowed."""
+    if len(given) == 1:
+        return number(given[0], 0.0, MOST_PROBABILITY)
+    ranges, probabilities = given[::2], given[1::2]
     rising = all(near < far for near, far in pairwise(ranges))
-    return listed if rising and all(0.0 < p <= MOST_PROBABILITY for p in probabilities) else None
+    sound = len(given) > 0 and len(given) % 2 == 0
+    sound = sound and all(0.0 < p <= MOST_PROBABILITY for p in probabilities)
+    return given if sound and rising else None
 
 
-def _over_range(given: float | list[float]) -> tuple[tuple[float, float], ...]:
+def _read_probability(value: Any) -> float | list[float] | str | None:
+    after = _after_auto(value)
+    if after is None:
+        plain = number(value, 0.0, MOST_PROBABILITY)
+        return _read_table(numbers(value) or []) if plain is None else plain
+    if after and _read_table(after) is None:
+        return None
+    return " ".join([AUTO, *(f"{each:.10g}" for each in after)])
+
+
+def probability_numbers(given: float | list[float] | str) -> list[float]:
+    """Return the numbers in a detection probability's notation, without the word auto."""
+    if isinstance(given, str):
+        return _after_auto(given) or []
+    return given if isinstance(given, list) else [given]
+
+
+def _over_range(given: float | list[float] | str) -> Learnable:
     """Return pairs of range and probability; none if the probability is not given."""
-    if isinstance(given, list):
-        return tuple(zip(given[::2], given[1::2], strict=True))
-    return ((0.0, given),) if given else ()
+    values, learned = probability_numbers(given), isinstance(given, str)
+    if len(values) > 1:
+        return Learnable(tuple(zip(values[::2], values[1::2], strict=True)), learned)
+    return Learnable(((0.0, values[0]),) if any(values) else (), learned)
 
 
 PROBABILITY = Form(
     f"a number from 0 to {MOST_PROBABILITY}, or pairs of range (m, ascending) and probability "
-    f"(above 0 and at most {MOST_PROBABILITY}) in one list",
+    f"(above 0 and at most {MOST_PROBABILITY}) in one list, or {AUTO}, with or without such "
+    "numbers after it in one string",
     _read_probability,
     _over_range,
 )

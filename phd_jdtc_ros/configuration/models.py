@@ -18,6 +18,8 @@ from phd_jdtc_ros.core.clutter.map import ClutterMap
 from phd_jdtc_ros.core.clutter.rate import START_RATE, ClutterCount
 from phd_jdtc_ros.core.intake.input_checks import FAR, SLOW_TURN, ReportWatch
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
+from phd_jdtc_ros.core.learned.detection_factor import DetectionFactor
+from phd_jdtc_ros.core.learned.noise_factor import NoiseFactor
 from phd_jdtc_ros.core.models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
@@ -34,8 +36,9 @@ from phd_jdtc_ros.core.targets.motion import MOTIONS, MotionModel
 from phd_jdtc_ros.core.targets.spawn import SpawnModel
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage
 
+from .forms import AUTO
 from .parameters import LABELLED, Birth, Motion, Parts, TargetClass
-from .radar_input import AUTO, RadarInput
+from .radar_input import RadarInput
 
 # Standard deviation of the level of log-normal clutter, dB: sea and land at low grazing angles.
 CLUTTER_STD_DB = 6.0
@@ -212,13 +215,13 @@ def on_earth(radar: RadarInput, plane: Plane | None) -> RadarInput:
 def radar_model(radar: RadarInput) -> RadarModel:
     """Return the model of a radar's detections and measurements."""
     threshold = amplitude_density.threshold_for(radar.false_alarm_probability)
-    azimuth_std = math.radians(radar.azimuth_std_deg)
+    range_std, azimuth_std = radar.range_std.start, math.radians(radar.azimuth_std_deg.start)
     learned, fields = radar.clutter_rate == AUTO, radar.fields
     return RadarModel(
         name=radar.name,
         position=radar.site.position if radar.site else (radar.position[0], radar.position[1]),
         yaw=radar.site.yaw if radar.site else math.radians(radar.yaw_deg),
-        range_std=radar.range_std,
+        range_std=range_std,
         azimuth_std=azimuth_std,
         visibility=_visibility(radar),
         clutter_rate=START_RATE if learned else float(radar.clutter_rate),
@@ -228,8 +231,12 @@ def radar_model(radar: RadarInput) -> RadarModel:
         range_growth=radar.range_std_growth,
         rotation_s=radar.rotation_s,
         clutter_amplitude=_clutter_amplitude(radar, threshold),
-        clutter_map=_clutter_map(radar, azimuth_std) if radar.clutter_map else None,
+        clutter_map=_clutter_map(radar, range_std, azimuth_std) if radar.clutter_map else None,
         clutter_map_speed=radar.clutter_map_speed,
+        detection_factor=DetectionFactor(radar.max_range)
+        if radar.detection_probability.learned
+        else None,
+        noise_factor=_noise_factor(radar),
         range_rate=RangeRateModel(radar.range_rate_std, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
         if fields.range_rate
         else None,
@@ -242,10 +249,16 @@ def radar_model(radar: RadarInput) -> RadarModel:
     )
 
 
-def _clutter_map(radar: RadarInput, azimuth_std: float) -> ClutterMap:
+def _noise_factor(radar: RadarInput) -> NoiseFactor | None:
+    """Return the prior of the noise, in the order of a measurement's components."""
+    learned = radar.range_std.learned, radar.azimuth_std_deg.learned
+    return NoiseFactor(np.array(learned)) if any(learned) else None
+
+
+def _clutter_map(radar: RadarInput, range_std: float, azimuth_std: float) -> ClutterMap:
     if not radar.pose.topic:
-        return ClutterMap(PolarGrid.of_noise(radar.range_std, azimuth_std))
-    return ClutterMap(GroundGrid.of_noise(radar.range_std, azimuth_std, radar.max_range))
+        return ClutterMap(PolarGrid.of_noise(range_std, azimuth_std))
+    return ClutterMap(GroundGrid.of_noise(range_std, azimuth_std, radar.max_range))
 
 
 def _clutter_amplitude(radar: RadarInput, threshold: float) -> ClutterAmplitude:
@@ -258,7 +271,7 @@ def _clutter_amplitude(radar: RadarInput, threshold: float) -> ClutterAmplitude:
 
 
 def _visibility(radar: RadarInput) -> Visibility:
-    edges, table = radar.blind_sectors_deg, radar.detection_probability
+    edges, table = radar.blind_sectors_deg, radar.detection_probability.start
     return Visibility(
         max_range=radar.max_range,
         min_range=radar.min_range,

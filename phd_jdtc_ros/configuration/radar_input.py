@@ -13,8 +13,6 @@ from phd_jdtc_ros.core.sensors.site import Site
 from . import forms
 from .schema import NOT_NEGATIVE, POSITIVE, SMALL, parameter
 
-# The clutter rate of a radar that learns it.
-AUTO = "auto"
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -95,11 +93,18 @@ class RadarInput:
         "and detections wait for a pose for at most this long.",
         (0.0, 60.0),
     )
-    range_std: float = parameter(
-        300.0, "Standard deviation of measured ranges, m.", POSITIVE, mutable=True
+    range_std: forms.Learnable = parameter(
+        300.0,
+        "Standard deviation of measured ranges, m. auto, or auto with a value, such as auto 45, "
+        "learns it from the targets, within a factor of 4.",
+        form=forms.std(300.0, SMALL),
+        mutable=True,
     )
-    azimuth_std_deg: float = parameter(
-        1.0, "Standard deviation of measured azimuths, degrees.", (SMALL, 180.0), mutable=True
+    azimuth_std_deg: forms.Learnable = parameter(
+        1.0,
+        "Standard deviation of measured azimuths, degrees, or auto as for range_std.",
+        form=forms.std(1.0, SMALL, 180.0),
+        mutable=True,
     )
     range_std_growth: float = parameter(
         0.0,
@@ -127,10 +132,12 @@ class RadarInput:
         "fov_deg.",
         (-360.0, 720.0),
     )
-    detection_probability: tuple[tuple[float, float], ...] = parameter(
+    detection_probability: forms.Learnable = parameter(
         0.0,
         "Probability that a target is detected in a scan or a turn, constant or linear between the "
-        "given ranges. 0 derives it from the classes' SNR bands and false_alarm_probability.",
+        "given ranges. 0 derives it from the classes' SNR bands and false_alarm_probability. auto, "
+        "or auto with such numbers, such as auto 0.9, learns from the targets by which factor it "
+        "differs, by range and azimuth.",
         form=forms.PROBABILITY,
         mutable=True,
     )
@@ -158,7 +165,7 @@ class RadarInput:
         "Expected false detections per scan or turn, not counting those that clutter_map has "
         f"learned. auto estimates it over about the last 30 turns, starting from {START_RATE:g}.",
         (0.0, 1e6),
-        words=(AUTO,),
+        words=(forms.AUTO,),
         mutable=True,
     )
     clutter_max_range: float = parameter(

@@ -14,6 +14,7 @@ The path of the data, with the package of each step::
       |    motions, births, spawning             targets
       |    measurements, coverage, gates         sensors: Report and Sensor
       |    false detections                      clutter
+      |    learned detection and noise           learned
       |    near pairs                            pair_search
       |    association probabilities             association
       |    identities and heights                attributes
@@ -39,7 +40,7 @@ The packages import downwards only, see the contracts in ``pyproject.toml``::
     models
     attributes
     sensors
-    clutter
+    clutter, learned
     association, pair_search, targets
     types
     compilation, snapshot, state_space

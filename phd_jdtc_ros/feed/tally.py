@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from msg_adapters import anomalies
 from msg_adapters.errors import RejectedMessageError
@@ -33,6 +33,7 @@ class Tally:
         self._turns_s = [0.0] * len(config.inputs)
         self._without_amplitude: set[int] = set()
         self._targets_seen, self._overdue = False, 0
+        self._figures: Mapping[str, float] = {}
 
     def on_unreadable(self, radar: int, error: RejectedMessageError) -> None:
         """Count a message that is not a valid report."""
@@ -76,6 +77,7 @@ class Tally:
         """Record whether targets were found."""
         self._targets_seen |= event.step.targets > 0
         self._overdue = event.scans_without_targets or self._overdue
+        self._figures = event.step.figures
 
     def about_radars(self) -> Iterator[tuple[int, str]]:
         """Yield each contradiction of the configuration once, with the radar's index."""
@@ -99,6 +101,6 @@ class Tally:
             yield from (f"{radar.topic}: {text}" for own, text in listed if own == index)
         for radar, fit in zip(self._config.inputs, fits, strict=True):
             wrong = anomalies.of_noise(fit)
-            if wrong is not None:
-                yield f"{radar.topic}: {wrong}"
+            worse = anomalies.of_learned(radar.name, self._figures)
+            yield from (f"{radar.topic}: {text}" for text in (wrong, worse) if text is not None)
         yield from self.about_targets()

@@ -165,7 +165,7 @@ class _Reader:
         scan, longest = self._run.scans[index], max(self._estimates)
         found = self._extract(updated, index, 0, self._parts.rule.least, self._rng[0])
         found = self._states.report_filtered(
-            found, updated.label, (scan.stamp_ns,), scan, self._parts.forward.mapped_model
+            found, updated.label, (scan.stamp_ns,), scan, self._parts.forward.learned_model
         )
         self._states.note(found)
         self._states.forget_before(self._run.scans[max(index - longest, 0)].stamp_ns)

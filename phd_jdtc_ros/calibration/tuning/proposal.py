@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_input import AUTO
+from phd_jdtc_ros.configuration.forms import AUTO
 from phd_jdtc_ros.configuration.schema import Value
 
 from .findings import MOST_LAND, Findings

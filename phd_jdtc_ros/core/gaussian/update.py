@@ -28,6 +28,7 @@ from .measurement.amplitude import (
 from .measurement.gating import Expected, gate_pairs
 from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
 from .measurement.newborn import newborn_mixture
+from .measurement.noise import noise_evidence
 from .measurement.pairs import Association, PairLikelihoods, associate, likely, sum_modes
 from .mixture import Mixture
 from .reduction import Branched
@@ -103,6 +104,14 @@ class PriorMixture:
     def measured(self) -> FloatArray:
         """Measurements expected of the Gaussians, shape (H R, Z)."""
         return self.expected.measured.reshape(-1, self.expected.measured.shape[-1])
+
+    @property
+    def measured_by_target(self) -> FloatArray:
+        """Expected measurement of each target's first hypothesis, shape (T, Z)."""
+        row = np.unique(self.target, return_index=True)[1]
+        mode = self.mixture.mode_weight[row].argmax(axis=1)
+        measured: FloatArray = self.expected.measured[row, mode]
+        return measured
 
     @cached_property
     def detectable(self) -> FloatArray:
@@ -193,6 +202,9 @@ class PriorMixture:
             pair_probability=association.pair,
             existence=association.existence,
             evidence=evidence,
+            noise=None
+            if readings.sensor.noise_factor is None
+            else noise_evidence(self.mixture, found, association.pair),
             approximate=association.approximate,
         )
 

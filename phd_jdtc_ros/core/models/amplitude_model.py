@@ -201,19 +201,23 @@ class Memory(AmplitudeModel):
     ) -> FloatArray:
         """Return log a - ln(1 + d) - a^2 / 2(1 + d) of each pair, shape (P,).
 
-        It is log p_D for unknown amplitudes; a given p_D replaces the one that follows from d.
+        It is log p_D for unknown amplitudes; a given or learned p_D replaces the one that follows
+        from d.
         """
         row, column = pairs
         own, detections = log_snr[row], report.detections
-        log_p_d = log_own = -0.5 * report.sensor.threshold**2 * np.exp(-own)
-        given = report.sensor.given_detection_probability(detections.measurement[column])
+        sensor, measured = report.sensor, detections.measurement[column]
+        log_p_d = log_own = -0.5 * sensor.threshold**2 * np.exp(-own)
+        given = sensor.given_detection_probability(measured)
         if given is not None:
             log_p_d = np.log(given)
+        if learned := sensor.detection_factor is not None:
+            log_p_d = np.log(sensor.learned_detection_probability(np.exp(log_p_d), measured))
         if detections.amplitude is None:
             return log_p_d
         a = np.maximum(detections.amplitude[column], SMALLEST_AMPLITUDE)
         density = np.log(a) - own - 0.5 * a**2 * np.exp(-own)
-        if given is not None:
+        if given is not None or learned:
             density += log_p_d - log_own
         return np.where(np.isnan(density), log_p_d, density)
 

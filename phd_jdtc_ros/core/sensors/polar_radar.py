@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray, wrap_angle
 from ..clutter.grid import GroundGrid
+from ..learned.noise_factor import NoiseFactor
 from ..types import FULL_TURN, Coverage, Detections
 from . import polar_gate, polar_geometry
 from .gaussians import PlanePlots
@@ -42,12 +43,21 @@ class RadarModel(Sensor):
     """
 
     polar: ClassVar[bool] = True
+    components: ClassVar[tuple[str, ...]] = ("range", "azimuth")
 
     range_std: float
     azimuth_std: float
     visibility: Visibility
     clutter_max_range: float
     range_growth: float = 0.0
+
+    def _noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
+        in_range, in_azimuth = factor.of_std.tolist()
+        return {
+            "range_std": in_range * self.range_std,
+            "range_growth": in_range * self.range_growth,
+            "azimuth_std": in_azimuth * self.azimuth_std,
+        }
 
     @property
     def max_range(self) -> float:

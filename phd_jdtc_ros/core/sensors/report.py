@@ -113,6 +113,12 @@ class Report:
         """Standard deviations of each detection, shape (M, Z)."""
         return self.sensor.noise_std_of(self.detections)
 
+    @property
+    def sensors_own_std(self) -> FloatArray:
+        """Standard deviations that the sensor has and not the detection, (M, Z); NaN for others."""
+        own, std = self.detections.noise_std, self.detection_std
+        return std if own is None else np.where(np.isfinite(own), np.nan, std)
+
     @cached_property
     def in_plane(self) -> PlanePlots:
         """The detections in the world frame, at their own times."""

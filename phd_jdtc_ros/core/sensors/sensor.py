@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from ..arrays import BoolArray, FloatArray, IntArray
 from ..clutter.amplitude_law import NOISE, ClutterAmplitude
 from ..clutter.map import ClutterMap
 from ..clutter.rate import ClutterCount
+from ..learned.detection_factor import DetectionFactor
+from ..learned.noise_factor import NoiseFactor
 from ..state_space import PLANAR, StateSpace
 from ..targets import amplitude_density
 from ..targets.modes import ClassModel
@@ -72,10 +74,16 @@ class Sensor(ABC):
         Learned map of false detections; None without a map.
     clutter_map_speed : float
         Detections of targets slower than this are learned as clutter, metres per second.
+    detection_factor : DetectionFactor or None
+        Learned factor of its detection probability; None if the probability is known.
+    noise_factor : NoiseFactor or None
+        Learned factors that its noise contains; None if the noise is known.
     """
 
     # Whether it measures range and azimuth from its position, for which there are compiled loops.
     polar: ClassVar[bool] = False
+    # Names of the components of a measurement.
+    components: ClassVar[tuple[str, ...]] = ()
 
     name: str
     position: tuple[float, float]
@@ -92,6 +100,8 @@ class Sensor(ABC):
     clutter_count: ClutterCount | None = None
     clutter_map: ClutterMap | None = None
     clutter_map_speed: float = 0.0
+    detection_factor: DetectionFactor | None = None
+    noise_factor: NoiseFactor | None = None
 
     def at(self: SensorT, pose: Pose | None) -> SensorT:
         """Return the sensor at a pose; None keeps its pose."""
@@ -117,6 +127,21 @@ class Sensor(ABC):
             clutter_count=self.clutter_count if count is None else count,
             clutter_rate=self.clutter_rate if count is None else count.rate,
         )
+
+    def with_learned(
+        self: SensorT, detection: DetectionFactor | None, noise: NoiseFactor | None
+    ) -> SensorT:
+        """Return the configured sensor with learned factors; None keeps a model."""
+        return replace(
+            self,
+            detection_factor=detection or self.detection_factor,
+            noise_factor=noise or self.noise_factor,
+            **({} if noise is None else self._noise_times(noise)),
+        )
+
+    def _noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
+        """Return the fields that describe the noise, times learned factors."""
+        return {}
 
     def with_threshold_and_rate(self: SensorT, threshold: float, clutter_rate: float) -> SensorT:
         """Return the sensor with another threshold and clutter rate."""
@@ -235,6 +260,14 @@ class Sensor(ABC):
         """
         return None
 
+    def learned_detection_probability(
+        self, configured: FloatArray, measured: FloatArray
+    ) -> FloatArray:
+        """Return the learned p_D at measurements, (..., N), given the configured one."""
+        if self.detection_factor is None:
+            return configured
+        return self.detection_factor.probability(configured, measured)
+
     def miss_probability(self, log_snr: FloatArray) -> FloatArray:
         """Return 1 - p_D of targets of given ln(1 + SNR), elementwise; at the best range."""
         return -np.expm1(-0.5 * self.threshold**2 * np.exp(-log_snr))
@@ -253,14 +286,17 @@ class Sensor(ABC):
         Notes
         -----
         If p_D follows from the classes' signal-to-noise ratios, the product p_D g^tau is g_c
-        itself. A configured p_D is evaluated at the detection. For an unknown amplitude the
-        result is log p_D,c.
+        itself. A configured or learned p_D is evaluated at the detection. For an unknown amplitude
+        the result is log p_D,c.
         """
         log_band = np.log(self.class_detection_probability(classes))[:, None]
         log_p_d = np.repeat(log_band, len(detections), axis=1)
         given = self.given_detection_probability(detections.measurement)
         if given is not None:
             log_p_d[:] = np.log(given)
+        if self.detection_factor is not None:
+            measured = detections.measurement
+            log_p_d = np.log(self.learned_detection_probability(np.exp(log_p_d), measured))
         if detections.amplitude is None:
             return log_p_d
         density = np.stack(
@@ -269,7 +305,7 @@ class Sensor(ABC):
                 for c in classes
             ]
         )
-        if given is not None:
+        if given is not None or self.detection_factor is not None:
             density += log_p_d - log_band
         return np.where(np.isnan(density), log_p_d, density)
 

@@ -83,7 +83,8 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         predicted = predict(earlier, births, seen, model, corrector, budget, index, rng)
         self.on_stage_end("predict")
         steps = ParticleSteps(model, corrector, rng)
-        known = (self.attributes, self.passes) if corrector.labelled else (None, None)
+        memories = self.attributes, self.passes, self.sensors
+        known = memories if corrector.labelled else (None, None, None)
         found = update_scan(predicted, scan, steps, dt, index, self.clutter, *known)
         updated = found.rows
         self.on_stage_end("update")

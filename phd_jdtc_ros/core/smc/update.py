@@ -17,6 +17,7 @@ from ..association.bernoulli import Claims
 from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
 from ..attributes.uniqueness import OutOfGate
+from ..learned.noise_factor import NoiseEvidence
 from ..models import detection_birth, newborn_sampling
 from ..models.competing_sources import competing_sources
 from ..models.detection_birth import Newborn
@@ -25,6 +26,7 @@ from ..sensors.report import LEAST_UNSEEN, Report
 from ..types import Coverage, Detections
 from ..window.update import Posterior
 from .correction import Corrector
+from .noise import noise_evidence
 from .particle_set import ParticleSet
 from .reacquisition import with_reacquired
 
@@ -111,6 +113,11 @@ class PriorParticles:
         """Measurements of the particles within the sensor's range, shape (N, Z)."""
         return self.report.sensor.reachable(self._everywhere)
 
+    @property
+    def measured_by_target(self) -> FloatArray:
+        """Measurement of each target's first particle, shape (T, Z)."""
+        return self.measured[np.unique(self.target, return_index=True)[1]]
+
     @cached_property
     def detectable(self) -> FloatArray:
         """Probability that each particle is detected, shape (N,)."""
@@ -129,7 +136,7 @@ class PriorParticles:
             probability = model.amplitudes.detection_probability(
                 particles.mode, particles.log_snr, report.sensor, model.modes
             )
-        return seen * probability
+        return seen * report.sensor.learned_detection_probability(probability, self._everywhere)
 
     def _measured_in(self, sector: Coverage) -> FloatArray:
         """Return the probability that a target is measured in a sector, shape (N,)."""
@@ -203,4 +210,14 @@ class PriorParticles:
             pair_probability=corrected.pair,
             existence=sum_by(self.target, corrected.particles.weight, len(self.label)),
             evidence=evidence,
+            noise=self._noise_evidence(pairs, corrected.pair),
         )
+
+    def _noise_evidence(self, pairs: Paired, probability: FloatArray) -> NoiseEvidence | None:
+        """Return what the pairs show of the noise; None if it is known."""
+        report = self.report
+        if report.sensor.noise_factor is None or not self.steps.corrector.labelled:
+            return None
+        readings = report.project_as(pairs.projected)
+        own = pairs.row, pairs.projected_index
+        return noise_evidence(readings, self.target, self.mass, self._everywhere, own, probability)

@@ -63,6 +63,7 @@ def missed_by_all(estimates: Estimates, scan: Scan, model: TrackerModel) -> Floa
         if detected is None:
             nothing = np.zeros(len(estimates))
             detected = Band().detection_probability(mode, nothing, sensor, modes)
+        detected = sensor.learned_detection_probability(detected, measured)
         missed *= 1.0 - sensor.coverage_probability(measured, report.detections.coverage) * detected
     return missed
 

@@ -167,7 +167,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         mass = [rows.class_mass(*classes) for rows in self.forward.unswept[:-1]]
         mass.append(step.updated.class_mass(*classes))
         total = np.sum(mass, axis=0)
-        return Step(tuple(filtered), tuple(smoothed), total, self._figures(step))
+        figures = {**self._figures(step), **self.forward.learned_figures}
+        return Step(tuple(filtered), tuple(smoothed), total, figures)
 
     def clutter_raster(self) -> ClutterRaster | None:
         """Return the learned clutter density; see `Engine.clutter_raster`."""
@@ -271,7 +272,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         unswept_ns = {rows.entry.stamp_ns for rows in self.forward.unswept}
         estimates = self._extract_and_record(updated, scan.stamp_ns, 0, self.rule.least)
         reported = self._states.report_filtered(
-            estimates, updated.label, unswept_ns, scan, self.forward.mapped_model
+            estimates, updated.label, unswept_ns, scan, self.forward.learned_model
         )
         every = {**self._filtered, scan.stamp_ns: reported}
         self._filtered = {stamp: kept for stamp, kept in every.items() if stamp in unswept_ns}

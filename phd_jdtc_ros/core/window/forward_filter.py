@@ -13,6 +13,7 @@ from ..arrays import IntArray
 from ..attributes.memory import AttributeMemory
 from ..attributes.stored import attributes_from_snapshot, attributes_to_snapshot
 from ..models.clutter_learning import ClutterMemory
+from ..models.sensor_learning import SensorMemory
 from ..models.tracker_model import TrackerModel
 from ..snapshot import MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from ..tracks.labels import MAX_SCANS
@@ -20,6 +21,7 @@ from ..types import Scan
 from .antenna_pass import AntennaPasses
 from .clutter_snapshot import clutter_from_snapshot, clutter_to_snapshot
 from .entries import Entry, LinkT, RowsT, UnsweptRows
+from .sensor_snapshot import sensors_from_snapshot, sensors_to_snapshot
 from .swept import swept_births
 from .window_snapshot import unswept_from_snapshot, unswept_to_snapshot
 
@@ -77,7 +79,8 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     """
 
     STATE: ClassVar[tuple[str, ...]] = (
-        *("unswept", "stamp_ns", "_born_ns", "_scan_index", "clutter", "attributes", "passes"),
+        *("unswept", "stamp_ns", "_born_ns", "_scan_index"),
+        *("clutter", "attributes", "passes", "sensors"),
     )
 
     model: TrackerModel
@@ -89,6 +92,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     _scan_index: int = field(init=False, repr=False)
     clutter: ClutterMemory = field(init=False, repr=False)
     passes: AntennaPasses = field(init=False, repr=False)
+    sensors: SensorMemory = field(init=False, repr=False)
     # None if no radar reports identities or heights.
     attributes: AttributeMemory | None = field(init=False, repr=False)
 
@@ -101,9 +105,14 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         return self._scan_index
 
     @property
-    def mapped_model(self) -> TrackerModel:
-        """The model, with the learned clutter maps of its radars."""
-        return self.clutter.with_learned_maps(self.model)
+    def learned_model(self) -> TrackerModel:
+        """The model, with the learned clutter maps, detection probabilities and noise."""
+        return self.sensors.with_learned_sensors(self.clutter.with_learned_maps(self.model))
+
+    @property
+    def learned_figures(self) -> Mapping[str, float]:
+        """Learned detection probabilities and noise; see `SensorMemory.figures`."""
+        return self.sensors.figures(self.model.radars)
 
     @abstractmethod
     def step(self, scan: Scan, linked: bool) -> Filtered[RowsT, LinkT]:
@@ -122,6 +131,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         """Return to the initial state."""
         self.unswept, self.stamp_ns, self._born_ns, self._scan_index = [], None, {}, 0
         self.clutter, self.passes = ClutterMemory(), AntennaPasses()
+        self.sensors = SensorMemory(tuple(sensor.name for sensor in self.model.radars))
         known = self.model.attributes
         self.attributes = None if known is None else AttributeMemory(known)
 
@@ -142,6 +152,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
             unswept_to_snapshot(rows, snapshot)
         clutter_to_snapshot(self.clutter, self.model.radars, snapshot)
         self.passes.to_snapshot(snapshot)
+        sensors_to_snapshot(self.sensors, snapshot)
         if self.attributes is not None:
             attributes_to_snapshot(self.attributes, snapshot)
 
@@ -168,6 +179,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         self.unswept = [unswept_from_snapshot(snapshot, entries[stamp]) for stamp in stamps]
         self.clutter = clutter_from_snapshot(snapshot, self.model.radars)
         self.passes = AntennaPasses.from_snapshot(snapshot, self.model.radars)
+        self.sensors = sensors_from_snapshot(snapshot, self.model.radars)
         if self.model.attributes is not None:
             self.attributes = attributes_from_snapshot(snapshot, self.model.attributes)
         born = zip(progress.birth.tolist(), progress.born_ns.tolist(), strict=True)
@@ -200,4 +212,5 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     ) -> None:
         """Continue from the set of a scan, and from the rows that it did not sweep."""
         self.unswept = [*remaining, UnsweptRows(entry)]
+        self.sensors.forget_ended(rows.row_label for rows in self.unswept)
         self.stamp_ns, self._scan_index = entry.stamp_ns, self._scan_index + 1

@@ -19,10 +19,12 @@ from ..attributes.evidence import Evidence
 from ..attributes.memory import AttributeMemory, AttributesAt
 from ..attributes.reprojection import Paired, plain
 from ..attributes.uniqueness import OutOfGate
+from ..learned.noise_factor import NoiseEvidence
 from ..models import detection_limit
 from ..models.clutter_learning import ClutterMemory
 from ..models.competing_sources import CompetingSources, log_intensities
 from ..models.detection_birth import Newborn
+from ..models.sensor_learning import SensorMemory
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
 from ..tracks import labels
@@ -52,6 +54,8 @@ class Posterior(Generic[RowsT]):
         Existence probability of each target.
     evidence : Evidence or None
         Identities and heights as evidence for these pairs.
+    noise : NoiseEvidence or None
+        Evidence on the sensor's noise; None if its noise is known.
     approximate : int
         Number of clusters of targets too large for exact association probabilities.
     """
@@ -63,6 +67,7 @@ class Posterior(Generic[RowsT]):
     pair_probability: FloatArray
     existence: FloatArray
     evidence: Evidence | None
+    noise: NoiseEvidence | None = None
     approximate: int = 0
 
 
@@ -88,6 +93,10 @@ class Prior(Protocol[RowsT]):
     @property
     def measured(self) -> FloatArray:
         """Expected measurements of the rows, (N, Z)."""
+
+    @property
+    def measured_by_target(self) -> FloatArray:
+        """Expected measurement of each target, (T, Z); that of any of its likely states."""
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs of rows and detections, with their log likelihoods."""
@@ -167,6 +176,7 @@ def update(
     clutter: ClutterMemory | None = None,
     attributes: AttributesAt | None = None,
     earlier: Sequence[Newborn] = (),
+    sensors: SensorMemory | None = None,
 ) -> Updated[RowsT]:
     """Update rows with one report.
 
@@ -182,10 +192,15 @@ def update(
         Identities and heights of targets, used and updated; None to ignore them.
     earlier : sequence of Newborn
         Targets born at the detections of the scan's earlier reports.
+    sensors : SensorMemory or None
+        Learned detection probabilities and noise, used and updated; None to use the sensor's model
+        alone.
     """
     model = steps.model
     if clutter is not None:
         report = clutter.with_learned_clutter(report)
+    if sensors is not None:
+        report = sensors.with_learned_sensor(report)
     prior = steps.prior(rows, report)
     limited = detection_limit.limit_detections(report, prior.measured, float(prior.mass.sum()))
     if limited is not report:
@@ -205,6 +220,8 @@ def update(
         slower = posterior.claims.part(prior.probability_slower(bound))
         stationary = model.detection_births.stationary(slower, bound)
         clutter.learn(report, posterior.claimed_probability, stationary)
+    if sensors is not None:
+        _learn_sensor(sensors, report, prior, posterior)
     if attributes is not None and posterior.evidence is not None:
         attributes.learn(posterior.evidence, posterior.pair_probability, posterior.existence)
     newborn = posterior.sources.newborn(posterior.claimed_probability, report, model)
@@ -218,6 +235,30 @@ def _detected(prior: Prior[RowsT], posterior: Posterior[RowsT]) -> FloatArray:
     target = prior.target.take(posterior.claims.row)
     detected = sum_by(target, posterior.pair_probability, len(prior.label))
     return np.minimum(detected / np.maximum(posterior.existence, LEAST_EXISTENCE), 1.0)
+
+
+def _learn_sensor(
+    sensors: SensorMemory, report: Report, prior: Prior[RowsT], posterior: Posterior[RowsT]
+) -> None:
+    """Learn a sensor's detection probability and noise from one report."""
+    if posterior.noise is not None:
+        sensors.learn_noise(report, posterior.noise)
+    if not sensors.learns(report):
+        return
+    targets, claims, known = len(prior.label), posterior.claims, prior.mass
+    before, missed = (sum_by(prior.target, m, targets) for m in (known, prior.missed_mass))
+    if report.sensor.clutter_map is not None and report.sensor.clutter_map_speed > 0.0:
+        # What rests is clutter, which may be detected less often than targets.
+        known = known * (1.0 - prior.probability_slower(report.sensor.clutter_map_speed))
+    sensors.learn_detections(
+        report,
+        prior.label,
+        prior.measured_by_target,
+        before=sum_by(prior.target, known, targets),
+        probability=1.0 - missed / np.where(before > 0.0, before, 1.0),
+        detected=sum_by(prior.target.take(claims.row), posterior.pair_probability, targets),
+        after=posterior.existence,
+    )
 
 
 def _gate_pairs(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None) -> Paired:
@@ -256,6 +297,7 @@ def update_scan(
     clutter: ClutterMemory | None = None,
     attributes: AttributeMemory | None = None,
     passes: AntennaPasses | None = None,
+    sensors: SensorMemory | None = None,
 ) -> UpdatedScan[RowsT]:
     """Update with the report of every sensor, in the configured order (iterated corrector).
 
@@ -271,6 +313,7 @@ def update_scan(
     scan_index : int
         Determines the labels of births.
     attributes : AttributeMemory or None
+    sensors : SensorMemory or None
         See `update`.
     passes : AntennaPasses or None
         Latest sectors of turning antennas, used and updated; None if no sectors are known.
@@ -280,7 +323,7 @@ def update_scan(
     newborns: list[Newborn] = []
     for own in steps.model.reports(scan):
         report = own if passes is None else passes.with_earlier_sectors(own, scan.stamp_ns)
-        updated = update(rows, report, steps, dt, clutter, known, newborns)
+        updated = update(rows, report, steps, dt, clutter, known, newborns, sensors)
         rows, approximate = updated.rows, approximate + updated.approximate
         first = label
         for newborn in updated.newborns:

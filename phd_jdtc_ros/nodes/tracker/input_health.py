@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -60,6 +60,8 @@ class InputHealth:
         Estimated time of a turn that is not configured, seconds; 0 if there is none.
     fit : Fit or None
         The radar's innovations compared with its noise, if known.
+    learned : mapping of name to number
+        What was learned of the radar, without its name; see `SensorMemory.figures`.
     """
 
     name: str
@@ -72,6 +74,7 @@ class InputHealth:
     anomalies: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     fit: Fit | None = None
+    learned: Mapping[str, float] = field(default_factory=dict)
     _last_s: float | None = None
     _worked_s: float = 0.0
     _lost: int = 0
@@ -164,6 +167,7 @@ class InputHealth:
         if self.fit is not None and self.fit.innovations:
             ranges, azimuths = map(float, self.fit.axes)
             values |= {"range_innovation": ranges, "azimuth_innovation": azimuths}
+        values |= self.learned
         condition = self._condition(now_s, self.silent(checked_s), publishers)
         return diagnostics.status(
             names.health(self.name, node), values, *condition, names.hardware(self.name, node)
@@ -192,6 +196,8 @@ class InputHealth:
         if self.lost_by_overload(now_s):
             where = "the tracker is too slow, see its step time"
         noise = None if self.fit is None else anomalies.of_noise(self.fit)
+        learned = {f"{self.name}.{key}": value for key, value in self.learned.items()}
+        worse = anomalies.of_learned(self.name, learned)
         return first(
             (ERROR, shared, f"several publishers on {self.topic}, must be one"),
             (ERROR, publishers.incompatible, incompatible),
@@ -202,6 +208,7 @@ class InputHealth:
             (WARN, lost, f"{lost} messages lost in the last {WARNING_MEMORY_S:g} s: {where}"),
             (WARN, dropped, "input was dropped or missed its deadline"),
             (WARN, noise, noise or ""),
+            (WARN, worse, worse or ""),
             (DiagnosticStatus.OK, True, "receiving"),
         )
 

@@ -77,6 +77,16 @@ class Inputs:
         # The radars' listeners, in their order, and then the platforms'.
         self._listeners: list[Listener] = []
 
+    def learned(self, figures: Mapping[str, float]) -> None:
+        """Give each radar's health what a step says was learned of the radar."""
+        for health in self.radars:
+            own = f"{health.name}."
+            health.learned = {
+                name.removeprefix(own): value
+                for name, value in figures.items()
+                if name.startswith(own)
+            }
+
     def subscribe(
         self,
         on_message: Callable[[int, Reader, Any, Mapping[str, int]], None],

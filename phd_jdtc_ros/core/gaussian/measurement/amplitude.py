@@ -30,12 +30,13 @@ def detection_probability(expected: Expected, sensor: Sensor, dynamics: Dynamics
     seen = sensor.coverage_probability(flat, None, std)
     given = sensor.given_detection_probability(flat, std)
     if given is None:
-        probability = model.amplitudes.detection_probability(
+        own = model.amplitudes.detection_probability(
             dynamics.mode_of_cell, cells.log_snr, sensor, model.modes
         )
-    else:
-        probability = given[:, None].repeat(len(cells), axis=1)
-    seen_and_detected: FloatArray = seen[:, None] * probability
+        given = own[:, None].repeat(len(flat), axis=1)
+    probability = sensor.learned_detection_probability(given, flat)
+    seen_and_detected = np.empty((len(flat), len(cells)))
+    np.multiply(seen, probability, out=seen_and_detected.T)
     return seen_and_detected.reshape(*expected.measured.shape[:2], len(cells))
 
 

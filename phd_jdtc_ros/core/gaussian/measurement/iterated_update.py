@@ -23,12 +23,13 @@ class PairUpdate(NamedTuple):
         Innovation of the measurement without range rate.
     rated : range_rate.Rated or None
         The Gaussians updated with range rates; None if the report has none.
-    column : int array of shape (P,)
-        The detection of each pair.
+    row, column : int arrays of shape (P,)
+        The hypothesis and the detection of each pair.
     """
 
     innovation: kalman.Innovation
     rated: range_rate.Rated | None
+    row: IntArray
     column: IntArray
     report: Report
 
@@ -95,7 +96,7 @@ def iterated_update(
         time_s = None if detections.time_s is None else detections.time_s[each]
         later = kalman.updated(mean[gaussian], covariance[gaussian], sensor, innovation, time_s)
         rated = range_rate.update_rates(*later, sensor, rates.take(each), time_s)
-    return PairUpdate(innovation, rated, column, report)
+    return PairUpdate(innovation, rated, row, column, report)
 
 
 def coarse_rates(

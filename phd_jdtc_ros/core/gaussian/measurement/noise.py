@@ -1,0 +1,81 @@
+"""What the innovations of Gaussians show of a sensor's noise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...arrays import FloatArray, contiguous
+from ...compilation import Float1, Float2, Float3, Int1, compiled
+from ...learned.noise_factor import NoiseEvidence, evidence_of
+from ...models.sensor_learning import KNOWN_EXISTENCE
+from ..mixture import Mixture
+from .iterated_update import PairUpdate
+
+
+def noise_evidence(mixture: Mixture, found: PairUpdate, probability: FloatArray) -> NoiseEvidence:
+    """Return the evidence of the innovations of pairs; see `noise_factor.evidence_of`.
+
+    Only targets that existed with `KNOWN_EXISTENCE` before the update count.
+
+    Parameters
+    ----------
+    mixture : Mixture
+        Before the update.
+    probability : array of shape (P,)
+        Association probability of each pair; distributed over its motion modes by their
+        likelihoods.
+    """
+    innovation = found.innovation
+    return NoiseEvidence(
+        *_evidence(
+            KNOWN_EXISTENCE,
+            *contiguous(mixture.existence, mixture.target, mixture.mode_weight),
+            *contiguous(found.row, found.column, probability, found.log_likelihood),
+            *contiguous(innovation.weighted, innovation.inverse, found.report.sensors_own_std),
+        )
+    )
+
+
+@compiled
+def _evidence(
+    least_existence: float,
+    existence: Float1,
+    target: Int1,
+    mode_weight: Float2,
+    row: Int1,
+    column: Int1,
+    probability: Float1,
+    log_likelihood: Float1,
+    weighted: Float2,
+    inverse: Float3,
+    std: Float2,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the columns of `NoiseEvidence`."""
+    modes = mode_weight.shape[1]
+    weight, excess, share = np.zeros(2), np.zeros(2), np.empty(modes)
+    for pair in range(len(row)):
+        one, first = row[pair], pair * modes
+        if existence[target[one]] < least_existence:
+            continue
+        largest = np.max(log_likelihood[first : first + modes])
+        total = 0.0
+        for mode in range(modes):
+            share[mode] = 0.0
+            if log_likelihood[first + mode] > -np.inf:
+                relative = math.exp(log_likelihood[first + mode] - largest)
+                share[mode] = mode_weight[one, mode] * relative
+            total += share[mode]
+        for mode in range(modes):
+            if share[mode] <= 0.0:
+                continue
+            counts = probability[pair] * share[mode] / total
+            for axis in range(2):
+                expected = inverse[first + mode, axis, axis]
+                square = weighted[first + mode, axis] ** 2 / expected
+                part = std[column[pair], axis] ** 2 * expected
+                more, beyond = evidence_of(square, part)
+                weight[axis] += counts * more
+                excess[axis] += counts * beyond
+    return weight, excess

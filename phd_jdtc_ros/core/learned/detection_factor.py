@@ -1,0 +1,149 @@
+"""Learned ratio of a sensor's detection probability to the configured one, by place."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, read_only
+from ..snapshot import floats
+from .open_looks import Counted
+from .prior import combine
+
+# Number of cells in range, in equal parts of the largest range, and in azimuth.
+RANGES, AZIMUTHS = 8, 8
+CELLS = RANGES * AZIMUTHS
+# Weight of the configured probability, in expected detections, that keeps the first looks from
+# counting alone.
+PRIOR_WEIGHT = 4.0
+# Scale of the priors of log ratios: of the sensor's probability to the configured one, and of a
+# cell's to the sensor's.
+PRIOR_SCALE = 0.03
+# Memory, in expected detections: of the sensor's mean, and of each cell.
+MEMORY = 300.0
+# Bounds of the learned probability: at 1, a target would be deleted at its first miss.
+LEAST_PROBABILITY, MOST_PROBABILITY = 0.02, 0.995
+# Largest number of remembered detections accepted in a snapshot; a report may add many at once.
+MAX_REMEMBERED = 1e7
+
+
+def _no_looks() -> FloatArray:
+    return np.zeros(CELLS)
+
+
+@dataclass(frozen=True, eq=False)
+class DetectionFactor:
+    """Expected and actual detections of known targets, as remembered by cell.
+
+    Parameters
+    ----------
+    max_range : float
+        Largest range, metres.
+    expected, detected : arrays of shape (K,)
+        Detections in each cell: the number expected with the configured probability, and the
+        actual one.
+    all_looks, all_expected, all_detected : float
+        Looks at targets, and their expected and actual detections, in all cells, with a memory of
+        their own.
+
+    Notes
+    -----
+    The true probability is the configured one times a factor. h detections where e were expected
+    show the factor (k + h) / (k + e), with k = `PRIOR_WEIGHT`: for a constant probability this is
+    the mean of a Beta distribution, scaled. Its log has the precision n p / (1 - p) after n looks
+    at targets that are detected with probability p; see `prior.combine`. A cell's factor is learned
+    in the same way relative to the sensor's. All counts fade with exp(-e / MEMORY).
+    """
+
+    max_range: float
+    expected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = field(
+        default_factory=_no_looks
+    )
+    detected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = field(
+        default_factory=_no_looks
+    )
+    all_looks: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
+    all_expected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
+    all_detected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "expected", read_only(self.expected))
+        object.__setattr__(self, "detected", read_only(self.detected))
+
+    @cached_property
+    def mean(self) -> float:
+        """Factor of the sensor as a whole."""
+        found = _factor(np.array([self.all_expected]), np.array([self.all_detected]), self._set)
+        return float(found[0])
+
+    @property
+    def configured(self) -> float:
+        """Mean of the configured probability over the looks; NaN without any."""
+        return self.all_expected / self.all_looks if self.all_looks else math.nan
+
+    @property
+    def _set(self) -> float:
+        """The configured probability, if there were looks."""
+        return self.configured if self.all_looks else MOST_PROBABILITY
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of `mean`, given by the looks alone; infinite without any."""
+        if not self.all_looks:
+            return math.inf
+        missed = max(1.0 - self.configured * self.mean, 0.0)
+        return math.sqrt(self.mean * missed / self.all_expected)
+
+    @cached_property
+    def by_cell(self) -> FloatArray:
+        """Factor of each cell, shape (K,)."""
+        expected = self.mean * self.expected
+        return self.mean * _factor(expected, self.detected, self.mean * self._set)
+
+    def cell(self, measured: FloatArray) -> IntArray:
+        """Return the cells of (range, azimuth) rows, (N, 2) to (N,); ranges may be infinite."""
+        ring = np.minimum(measured[:, 0] * (RANGES / self.max_range), RANGES - 1.0)
+        turn = np.mod(measured[:, 1] * (AZIMUTHS / (2.0 * np.pi)), AZIMUTHS)
+        sector = np.minimum(turn.astype(np.int64), AZIMUTHS - 1)
+        cells: IntArray = ring.astype(np.int64) * AZIMUTHS + sector
+        return cells
+
+    def probability(self, configured: FloatArray, measured: FloatArray) -> FloatArray:
+        """Return the learned probabilities, given the configured ones, at (range, azimuth) rows.
+
+        Parameters
+        ----------
+        configured : array of shape (..., N)
+        measured : array of shape (N, 2)
+        """
+        factor = self.by_cell.take(self.cell(measured))
+        found = np.maximum(configured * factor, LEAST_PROBABILITY)
+        probability: FloatArray = np.minimum(found, MOST_PROBABILITY)
+        return probability
+
+    def after(self, counted: Counted) -> DetectionFactor:
+        """Return the factor after further looks."""
+        looks, expected, detected = (float(column.sum()) for column in counted)
+        kept, fading = np.exp(-counted.expected / MEMORY), math.exp(-expected / MEMORY)
+        return replace(
+            self,
+            expected=kept * self.expected + counted.expected,
+            detected=kept * self.detected + counted.detected,
+            all_looks=fading * self.all_looks + looks,
+            all_expected=fading * self.all_expected + expected,
+            all_detected=fading * self.all_detected + detected,
+        )
+
+
+def _factor(expected: FloatArray, detected: FloatArray, probability: float) -> FloatArray:
+    """Return the factors of a probability that expected and actual detections show."""
+    shown = (PRIOR_WEIGHT + detected) / (PRIOR_WEIGHT + expected)
+    # With the smaller of both probabilities, a few looks are not taken for certain.
+    found = np.minimum(probability * np.minimum(shown, 1.0), MOST_PROBABILITY)
+    precision = expected / probability * found / (1.0 - found)
+    factor: FloatArray = np.exp(combine(np.log(shown), precision, PRIOR_SCALE)[0])
+    return factor

@@ -1,0 +1,161 @@
+"""Learns each sensor's detection probability and noise from scan to scan, from known targets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+from ..learned.detection_factor import CELLS, DetectionFactor
+from ..learned.noise_factor import NoiseEvidence, NoiseFactor
+from ..learned.open_looks import Looks, OpenLooks
+from ..sensors.report import Report
+from ..sensors.sensor import Sensor
+from .tracker_model import TrackerModel
+
+# Existence probability from which the looks at a target are learned from.
+KNOWN_EXISTENCE = 0.7
+# Targets that are detected with a smaller probability are outside the coverage.
+LEAST_EXPECTED = 0.01
+# Number of open looks below which those of targets that have ended are kept.
+FEW_LOOKS = 256
+
+
+@dataclass
+class SensorMemory:
+    """What is learned of each sensor's detections and noise.
+
+    Parameters
+    ----------
+    sensors : tuple of str
+        Names of all sensors, in the configured order.
+    detection : dict of name to DetectionFactor
+        By sensor, after the first report that was learned from.
+    noise : dict of name to NoiseFactor
+        By sensor, likewise.
+    looks : OpenLooks
+        Looks that do not count yet.
+    settled : int
+        Number of open looks when those of ended targets were last dropped.
+    """
+
+    sensors: tuple[str, ...]
+    detection: dict[str, DetectionFactor] = field(default_factory=dict)
+    noise: dict[str, NoiseFactor] = field(default_factory=dict)
+    looks: OpenLooks = field(default_factory=OpenLooks)
+    settled: int = 0
+
+    def learned(self, sensor: Sensor) -> Sensor:
+        """Return a sensor with what was learned of it."""
+        detection = noise = None
+        if sensor.detection_factor is not None:
+            detection = self.detection.get(sensor.name)
+        if sensor.noise_factor is not None:
+            noise = self.noise.get(sensor.name)
+        if detection is None and noise is None:
+            return sensor
+        return sensor.with_learned(detection, noise)
+
+    def with_learned_sensor(self, report: Report) -> Report:
+        """Return a report whose sensor has what was learned of it."""
+        sensor = self.learned(report.sensor)
+        return report if sensor is report.sensor else replace(report, sensor=sensor)
+
+    def with_learned_sensors(self, model: TrackerModel) -> TrackerModel:
+        """Return a tracker's model whose sensors have what was learned of them."""
+        if not (self.detection or self.noise):
+            return model
+        return replace(model, radars=tuple(map(self.learned, model.radars)))
+
+    def figures(self, sensors: Sequence[Sensor]) -> dict[str, float]:
+        """Return what was learned of configured sensors, by dotted name.
+
+        For each sensor that learns: the mean detection probability of the targets, with its
+        standard deviation and the configured one, and the ratios of the standard deviations of
+        measurements to the configured ones.
+        """
+        found: dict[str, float] = {}
+        for sensor in sensors:
+            if (detection := self.detection.get(sensor.name)) is not None and detection.all_looks:
+                name = f"{sensor.name}.detection_probability"
+                found[name] = detection.configured * detection.mean
+                found[f"{name}_std"] = detection.configured * detection.std
+                found[f"{name}_set"] = detection.configured
+            if (noise := self.noise.get(sensor.name)) is not None:
+                columns = sensor.components, noise.of_std, noise.error, noise.learned
+                for component, ratio, error, learned in zip(*columns, strict=True):
+                    if learned:
+                        name = f"{sensor.name}.{component}_noise_ratio"
+                        found[name], found[f"{name}_std"] = float(ratio), float(error)
+        return found
+
+    def learns(self, report: Report) -> bool:
+        """Return whether the detections and misses in a report are learned from."""
+        return report.sensor.detection_factor is not None or len(self.looks) > 0
+
+    def learn_detections(
+        self,
+        report: Report,
+        label: IntArray,
+        measured: FloatArray,
+        before: FloatArray,
+        probability: FloatArray,
+        detected: FloatArray,
+        after: FloatArray,
+    ) -> None:
+        """Learn from the detections and misses of T targets in one report.
+
+        Parameters
+        ----------
+        report : Report
+            Its sensor is as `with_learned_sensor` returns it.
+        label : int array of shape (T,)
+            Ascending.
+        measured : array of shape (T, Z)
+            Expected measurement of each target.
+        before : array of shape (T,)
+            Probability, before the report, that each target exists and is no clutter.
+        after : array of shape (T,)
+            Existence probability of each target after the report.
+        probability : array of shape (T,)
+            Detection probability of each target, if it exists.
+        detected : array of shape (T,)
+            Probability that each target exists and was detected.
+        """
+        sensor, factor = report.sensor, report.sensor.detection_factor
+        cell = np.zeros(len(label), dtype=np.int64)
+        expected = np.zeros(len(label))
+        if factor is not None:
+            self.detection = {**self.detection, sensor.name: factor}
+        if factor is not None and report.complete:
+            own = factor.cell(measured)
+            known = (before >= KNOWN_EXISTENCE) & (probability > LEAST_EXPECTED)
+            expected = np.where(known, probability / factor.by_cell[own], 0.0)
+            cell = own + self.sensors.index(sensor.name) * CELLS
+        share = np.minimum(detected / np.maximum(after, np.finfo(float).tiny), 1.0)
+        looks = Looks(label, cell, expected, share, np.minimum(after, 1.0))
+        self.looks, counted = self.looks.after(looks, CELLS * len(self.sensors))
+        for index in np.flatnonzero(counted.looks.reshape(-1, CELLS).any(axis=1)).tolist():
+            name, first = self.sensors[index], index * CELLS
+            later = self.detection[name].after(counted.part(slice(first, first + CELLS)))
+            self.detection = {**self.detection, name: later}
+
+    def learn_noise(self, report: Report, evidence: NoiseEvidence) -> None:
+        """Learn from the innovations of one report; see `noise_factor.noise_evidence`."""
+        factor = report.sensor.noise_factor
+        if factor is not None and report.complete:
+            self.noise = {**self.noise, report.sensor.name: factor.after(evidence)}
+
+    def forget_ended(self, labels: Iterable[IntArray]) -> None:
+        """Drop the open looks at targets that have ended, when there are twice as many as before.
+
+        Parameters
+        ----------
+        labels : iterable of int arrays
+            Labels of the living targets.
+        """
+        if len(self.looks) > 2 * self.settled + FEW_LOOKS:
+            self.looks = self.looks.of(np.unique(np.concatenate(list(labels))))
+            self.settled = len(self.looks)

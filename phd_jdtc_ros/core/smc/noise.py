@@ -1,0 +1,107 @@
+"""What the detections of particles show of a sensor's noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, contiguous
+from ..compilation import Float1, Float2, Int1, compiled
+from ..learned.noise_factor import NoiseEvidence, evidence_of
+from ..models.sensor_learning import KNOWN_EXISTENCE
+from ..sensors.report import Report
+
+
+def noise_evidence(
+    report: Report,
+    target: IntArray,
+    mass: FloatArray,
+    measured: FloatArray,
+    pairs: tuple[IntArray, IntArray],
+    probability: FloatArray,
+) -> NoiseEvidence:
+    """Return the evidence of the pairs of particles and detections on the sensor's noise.
+
+    Parameters
+    ----------
+    target : int array of shape (N,)
+        Index of each particle's target; the particles of a target are consecutive.
+    mass : array of shape (N,)
+        Weight of each particle before the update.
+    measured : array of shape (N, Z)
+        Measurement of each particle.
+    pairs : tuple of two int arrays of shape (P,)
+        Particle and detection of each pair.
+    probability : array of shape (P,)
+        Association probability of each pair.
+
+    Notes
+    -----
+    For Gaussians, E (z - h(x))^2 over the posterior is R (1 + p (u - 1)), with the innovation's
+    square u relative to its variance S, and p = R / S. So u follows from the posterior particles,
+    and p from the spread of the prior ones. Components are taken one by one.
+    """
+    row, column = pairs
+    order = np.lexsort((target.take(row), column))
+    error = report.sensor.wrap(report.detections.measurement[column] - measured[row])
+    return NoiseEvidence(
+        *_evidence(
+            KNOWN_EXISTENCE,
+            *contiguous(target, mass, _spread(report, target, mass, measured)),
+            *contiguous(row[order], column[order], probability[order], error[order]),
+            *contiguous(report.sensors_own_std),
+        )
+    )
+
+
+def _spread(report: Report, target: IntArray, mass: FloatArray, measured: FloatArray) -> FloatArray:
+    """Return the variance of each target's measurements before the update, (T, Z)."""
+    targets = int(target.max(initial=-1)) + 1
+    first = np.unique(target, return_index=True)[1]
+    apart = report.sensor.wrap(measured - measured[first][target])
+    total = np.bincount(target, mass, targets)
+    weight = mass / np.where(total > 0.0, total, 1.0)[target]
+    columns = []
+    for axis in range(measured.shape[1]):
+        mean = np.bincount(target, weight * apart[:, axis], targets)
+        square = np.bincount(target, weight * apart[:, axis] ** 2, targets)
+        columns.append(np.maximum(square - mean**2, 0.0))
+    return np.stack(columns, axis=1)
+
+
+@compiled
+def _evidence(
+    least_existence: float,
+    target: Int1,
+    mass: Float1,
+    spread: Float2,
+    row: Int1,
+    column: Int1,
+    probability: Float1,
+    error: Float2,
+    std: Float2,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the columns of `NoiseEvidence`; the pairs are ordered by detection and target."""
+    size = spread.shape[1]
+    weight, excess, square = np.zeros(size), np.zeros(size), np.zeros(size)
+    existence = np.zeros(len(spread))
+    for one in range(len(target)):
+        existence[target[one]] += mass[one]
+    share = 0.0
+    for pair in range(len(row)):
+        one, z = target[row[pair]], column[pair]
+        share += probability[pair]
+        for axis in range(size):
+            square[axis] += probability[pair] * error[pair, axis] ** 2
+        last = pair + 1 == len(row)
+        if not last and column[pair + 1] == z and target[row[pair + 1]] == one:
+            continue
+        if share > 0.0 and existence[one] >= least_existence:
+            for axis in range(size):
+                variance = std[z, axis] ** 2
+                part = variance / (variance + spread[one, axis])
+                after = square[axis] / (share * variance)
+                more, beyond = evidence_of(1.0 + (after - 1.0) / part, part)
+                weight[axis] += share * more
+                excess[axis] += share * beyond
+        share, square[:] = 0.0, 0.0
+    return weight, excess

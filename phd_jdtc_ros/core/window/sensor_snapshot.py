@@ -1,0 +1,61 @@
+"""Storage of what was learned of sensors in a snapshot, and its restoration."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from ..learned.detection_factor import CELLS, DetectionFactor
+from ..learned.noise_factor import NoiseFactor
+from ..learned.open_looks import OpenLooks
+from ..models.sensor_learning import SensorMemory
+from ..sensors.sensor import Sensor
+from ..snapshot import Snapshot, from_snapshot, to_snapshot
+
+DETECTION, NOISE, LOOKS = "detection_factor", "noise_factor", "open_looks"
+
+
+def sensors_to_snapshot(memory: SensorMemory, snapshot: Snapshot) -> None:
+    """Store what was learned of sensors; nothing if none of them learns."""
+    for name, detection in memory.detection.items():
+        to_snapshot(detection, snapshot, f"{DETECTION}.{name}")
+    for name, noise in memory.noise.items():
+        to_snapshot(noise, snapshot, f"{NOISE}.{name}")
+    if memory.detection:
+        to_snapshot(memory.looks, snapshot, LOOKS)
+
+
+def sensors_from_snapshot(snapshot: Snapshot, sensors: Sequence[Sensor]) -> SensorMemory:
+    """Return what was learned of these sensors.
+
+    What was learned before the snapshot is dropped where the configuration sets it now, and the
+    open looks with the detection probability of any sensor.
+
+    Raises
+    ------
+    ValueError
+        If it belongs to another sensor, or a tracker could not have stored it.
+    """
+    known = {sensor.name: sensor for sensor in sensors}
+    memory = SensorMemory(tuple(known))
+    for name in _sensors(snapshot, DETECTION, known):
+        if (start := known[name].detection_factor) is not None:
+            part = snapshot, f"{DETECTION}.{name}", {"K": CELLS}
+            found = from_snapshot(DetectionFactor, *part, max_range=start.max_range)
+            memory.detection[name] = found
+    for name in _sensors(snapshot, NOISE, known):
+        if (own := known[name].noise_factor) is not None:
+            sizes = {"Z": len(own.learned)}
+            part = snapshot, f"{NOISE}.{name}", sizes
+            memory.noise[name] = from_snapshot(NoiseFactor, *part, learned=own.learned)
+    learning = [name for name in known if known[name].detection_factor is not None]
+    if snapshot.names_below(LOOKS) and set(learning) <= memory.detection.keys():
+        memory.looks = from_snapshot(OpenLooks, snapshot, LOOKS, {"K": CELLS * len(known)})
+    return memory
+
+
+def _sensors(snapshot: Snapshot, part: str, known: Collection[str]) -> list[str]:
+    """Return the sensors named in a part of a snapshot; raises ValueError for unknown ones."""
+    names = snapshot.names_below(part)
+    for name in names.difference(known):
+        raise ValueError(f"{part}: {name[:40]} given, must be a sensor: {', '.join(known)}")
+    return sorted(names)

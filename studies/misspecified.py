@@ -1,0 +1,136 @@
+"""How much a tracker loses that is told wrongly what its radars are like, if it may learn it.
+
+The radars of the reference scenario have other noise, other detection probabilities or more or less
+clutter than the tracker is told. A tracker that is told the truth is the reference. The first scans
+do not count, because nothing is learned yet.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
+from phd_jdtc_ros.evaluation.comparison import PointSet
+from phd_jdtc_ros.evaluation.metrics import ospa
+from phd_jdtc_ros.exit_status import ArgumentParser
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.study.monte_carlo.definition import CUTOFF, ORDER
+from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
+from phd_jdtc_ros.study.tracker import Reading, track
+
+from .runner import Figures, Goal, Study, goal, table
+
+RADARS = ("radar_1", "radar_2")
+# What the tracker is told, and what it is told if it may learn.
+TOLD: Mapping[str, float] = {
+    "range_std": 300.0,
+    "azimuth_std_deg": 1.0,
+    "detection_probability": 0.9,
+    "clutter_rate": 20.0,
+}
+LEARNED: Mapping[str, str] = {
+    **{name: f"auto {value}" for name, value in TOLD.items() if name != "clutter_rate"},
+    "clutter_rate": "auto",
+}
+# Factors of the truth.
+CASES: Mapping[str, Mapping[str, float]] = {
+    "all right": {},
+    "noise x 0.5": {"range_std": 0.5, "azimuth_std_deg": 0.5},
+    "noise x 2": {"range_std": 2.0, "azimuth_std_deg": 2.0},
+    "detection x 0.75": {"detection_probability": 0.75},
+    "detection x 0.5": {"detection_probability": 0.5},
+    "clutter x 0.3": {"clutter_rate": 0.3},
+    "clutter x 3": {"clutter_rate": 3.0},
+    "all wrong": {
+        "range_std": 2.0,
+        "azimuth_std_deg": 2.0,
+        "detection_probability": 0.75,
+        "clutter_rate": 3.0,
+    },
+}
+# Lags of the filtered and of the smoothed estimates.
+LAGS = {"filtered": 0, "smoothed": 5}
+# Scans that do not count.
+BEFORE = 20
+READING = Reading("misspecified", "bernoulli", "components")
+# Largest ratio to the errors of a tracker that is told the truth.
+MOST_WRONG, MOST_RIGHT = 1.1, 1.01
+
+
+def measure(arguments: argparse.Namespace, seed: int) -> Figures:
+    """Return the mean OSPA distances of a seed in metres, by case, tracker and source."""
+    found: Figures = {}
+    for case, factors in CASES.items():
+        truth = {name: value * factors.get(name, 1.0) for name, value in TOLD.items()}
+        radars = polar_radars(resolve(_of_radars(truth)).model.radars)
+        run = simulated_run(paper_scenario(radars), seed)
+        trackers = {"told": truth, "wrong": TOLD, "learned": LEARNED}
+        found[case] = {
+            name: _distances(run, {"engine": arguments.engine, **_of_radars(given)})
+            for name, given in trackers.items()
+        }
+    return {"cases": found}
+
+
+def _of_radars(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters that all radars have."""
+    return {f"{radar}.{name}": value for radar in RADARS for name, value in values.items()}
+
+
+def _distances(run: SimulatedRun, parameters: Mapping[str, Any]) -> dict[str, float]:
+    """Return the mean OSPA distances of a tracker with these parameters, by source, metres."""
+    tracks = track(run, resolve(parameters), [READING], tuple(LAGS.values()))[READING.label]
+    return {source: _mean(run, tracks[lag]) for source, lag in LAGS.items()}
+
+
+def _mean(run: SimulatedRun, found: Sequence[PointSet]) -> float:
+    pairs = list(zip(run.truth, found, strict=True))[BEFORE:]
+    scores = [ospa(truth.position, points.position, CUTOFF, ORDER) for truth, points in pairs]
+    return float(np.mean([score.distance for score in scores]))
+
+
+def tables(figures: Figures) -> list[Table]:
+    """Return the distances of each case, filtered / smoothed."""
+    rows = []
+    for case, of_case in figures["cases"].items():
+        cells = [
+            f"{each['filtered']:.1f} / {each['smoothed']:.1f}"
+            for each in (of_case["told"], of_case["wrong"], of_case["learned"])
+        ]
+        rows.append((case, *cells))
+    headings = ("radars", "told the truth, m", "told wrongly, m", "learned, m")
+    return [table("OSPA after 20 scans, filtered / smoothed", *headings, rows=rows)]
+
+
+def goals(figures: Figures) -> list[Goal]:
+    """Return the goals: the error of a tracker that learns, relative to one that is told."""
+    found = []
+    for case, of_case in figures["cases"].items():
+        bound = MOST_WRONG if CASES[case] else MOST_RIGHT
+        for source in LAGS:
+            ratio = of_case["learned"][source] / of_case["told"][source]
+            found.append(goal(f"misspecified, {case}, learned / told, {source}", ratio, bound))
+    return found
+
+
+def _add_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("--engine", choices=("gaussian", "particles"), default="gaussian")
+
+
+STUDY = Study(
+    name="misspecified",
+    purpose=__doc__.split("\n", 1)[0],
+    measure=measure,
+    tables=tables,
+    goals=goals,
+    seed=61000,
+    runs=12,
+    joins_summary=True,
+    add_arguments=_add_arguments,
+)

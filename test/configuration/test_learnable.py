@@ -1,0 +1,71 @@
+"""Values of a radar that may be learned: a number, or auto with or without one."""
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.schema import ConfigError
+
+
+def radar_of(**given):
+    return resolve({f"radar_1.{name}": value for name, value in given.items()}).model.radars[0]
+
+
+@pytest.mark.parametrize(
+    ("value", "start", "learned"),
+    [(45.0, 45.0, False), (45, 45.0, False), ("auto 45", 45.0, True), ("auto", 300.0, True)],
+)
+def test_standard_deviation_is_a_number_or_is_learned_from_one(value, start, learned):
+    radar = radar_of(range_std=value)
+    assert radar.range_std == start
+    assert (radar.noise_factor is not None) == learned
+
+
+def test_each_component_is_learned_alone():
+    factor = radar_of(azimuth_std_deg="auto 0.08").noise_factor
+    assert factor.learned.tolist() == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("value", "probability", "learned"),
+    [
+        (0.8, 0.8, False),
+        ("auto 0.8", 0.8, True),
+        ([0.0, 0.9, 1e4, 0.7], 0.8, False),
+        ("auto 0 0.9 1e4 0.7", 0.8, True),
+    ],
+)
+def test_detection_probability_is_a_number_a_table_or_is_learned_from_them(
+    value, probability, learned
+):
+    radar = radar_of(detection_probability=value)
+    found = radar.given_detection_probability(np.array([[5e3, 0.0]]))
+    np.testing.assert_allclose(found, [probability])
+    assert (radar.detection_factor is not None) == learned
+
+
+@pytest.mark.parametrize("value", [0.0, "auto"])
+def test_detection_probability_may_follow_from_the_snr_bands(value):
+    radar = radar_of(detection_probability=value)
+    assert radar.given_detection_probability(np.zeros((1, 2))) is None
+    assert (radar.detection_factor is not None) == (value == "auto")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("range_std", "auto 0"),
+        ("range_std", "auto 45 60"),
+        ("range_std", "auto many"),
+        ("range_std", "learned"),
+        ("azimuth_std_deg", "auto 200"),
+        ("detection_probability", "auto 1.5"),
+        ("detection_probability", "auto 0 0.9 1e4"),
+        ("detection_probability", "auto 1e4 0.9 0 0.7"),
+        ("detection_probability", "auto auto"),
+        ("detection_probability", []),
+    ],
+)
+def test_other_words_and_numbers_are_refused(name, value):
+    with pytest.raises(ConfigError, match=rf"radar_1.{name}: .* given, must be .*auto"):
+        radar_of(**{name: value})

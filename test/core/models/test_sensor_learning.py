@@ -1,0 +1,169 @@
+"""Detection probability and noise that an engine learns of radars that are set wrongly."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from runs import ENGINES, restored_after, stepped
+from scenes import small
+
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.evaluation.metrics import ospa
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
+
+RADARS = ("radar_1", "radar_2")
+SEEDS = range(12)
+
+
+def of_radars(**values):
+    """Return parameters that both radars have."""
+    return {f"{radar}.{name}": value for radar in RADARS for name, value in values.items()}
+
+
+def run_of(seed, scans=60, **truth):
+    """Return the truth and the scans of radars that are as `truth` says."""
+    radars = small(of_radars(**truth)).model.radars
+    return list(simulate(replace(paper_scenario(radars), scans=scans), seed))
+
+
+def engine_of(engine="gaussian", particles_per_target=200, **given):
+    of_tracker = {"engine": engine, "lag": 0, "particles_per_target": particles_per_target}
+    return new_engine(small({**of_tracker, **of_radars(**given)}))
+
+
+AUTO = {"detection_probability": "auto 0.9", "range_std": "auto", "azimuth_std_deg": "auto"}
+TRUTH = {"detection_probability": 0.6, "range_std": 600.0, "azimuth_std_deg": 0.6}
+
+
+def figures(engine, run):
+    """Return the figures of the last step."""
+    return [engine.step(scan) for _, scan in run][-1].figures
+
+
+@pytest.fixture(scope="module")
+def found():
+    return [figures(engine_of(**AUTO), run_of(seed, **TRUTH)) for seed in SEEDS]
+
+
+@pytest.mark.parametrize("radar", RADARS)
+def test_detection_probability_is_found_within_its_deviation(found, radar):
+    name = f"{radar}.detection_probability"
+    normal = [(each[name] - 0.6) / each[f"{name}_std"] for each in found]
+    assert np.sqrt(np.mean(np.square(normal))) < 1.6
+
+
+@pytest.mark.parametrize("radar", RADARS)
+@pytest.mark.parametrize(("component", "ratio"), [("range", 2.0), ("azimuth", 0.6)])
+def test_noise_is_found_within_a_tenth(found, radar, component, ratio):
+    name = f"{radar}.{component}_noise_ratio"
+    assert np.mean([each[name] for each in found]) == pytest.approx(ratio, rel=0.1)
+
+
+def test_particles_find_detection_probability_and_noise():
+    found = figures(engine_of("particles", particles_per_target=1000, **AUTO), run_of(1, **TRUTH))
+    for radar in RADARS:
+        assert found[f"{radar}.detection_probability"] == pytest.approx(0.6, abs=0.15)
+        assert found[f"{radar}.range_noise_ratio"] == pytest.approx(2.0, rel=0.25)
+        assert found[f"{radar}.azimuth_noise_ratio"] == pytest.approx(0.6, rel=0.25)
+
+
+def distance(engine, run):
+    """Return the mean OSPA distance after twenty scans, metres."""
+    each = [
+        ospa(truth.position, engine.step(scan).filtered[0].position, 1000.0, 2.0).distance
+        for truth, scan in run
+    ]
+    return float(np.mean(each[20:]))
+
+
+def test_a_tracker_that_learns_comes_near_one_that_is_told():
+    runs = [run_of(seed, **TRUTH) for seed in SEEDS[:6]]
+    told = np.mean([distance(engine_of(**TRUTH), run) for run in runs])
+    learned = np.mean([distance(engine_of(**AUTO), run) for run in runs])
+    wrong = np.mean([distance(engine_of(detection_probability=0.9), run) for run in runs])
+    assert learned < 1.1 * told
+    assert wrong > 1.5 * told
+
+
+def without_targets(scan, rng):
+    """Return a scan with false detections of noise alone."""
+    threshold, found = small().model.radars[0].threshold, []
+    for _ in RADARS:
+        place = np.stack([rng.uniform(0.0, 15e3, 20), rng.uniform(-np.pi, np.pi, 20)], axis=1)
+        found.append(Detections(place, np.sqrt(threshold**2 + 2.0 * rng.exponential(size=20))))
+    return replace(scan, detections=tuple(found))
+
+
+def test_nothing_is_learned_from_clutter_alone():
+    rng = np.random.default_rng(2)
+    engine = engine_of(**AUTO)
+    found = figures(engine, [(t, without_targets(scan, rng)) for t, scan in run_of(1)])
+    for radar in RADARS:
+        assert found.get(f"{radar}.detection_probability", 0.9) == pytest.approx(0.9, abs=0.02)
+        assert found[f"{radar}.range_noise_ratio"] == pytest.approx(1.0, abs=0.05)
+
+
+def test_detections_own_noise_is_believed():
+    run = run_of(1, range_std=600.0)
+    own = np.array([300.0, np.radians(1.0)])
+    scans = [
+        replace(
+            scan,
+            detections=tuple(
+                replace(each, noise_std=np.tile(own, (len(each), 1))) for each in scan.detections
+            ),
+        )
+        for _, scan in run
+    ]
+    engine = engine_of(range_std="auto")
+    stepped(engine, scans)
+    for sensor in engine.forward.learned_model.radars:
+        assert sensor.range_std == 300.0
+
+
+def test_a_given_value_is_not_learned():
+    engine = engine_of(range_std="auto")
+    stepped(engine, [scan for _, scan in run_of(1, scans=30, **TRUTH)])
+    for sensor in engine.forward.learned_model.radars:
+        assert sensor.range_std > 330.0
+        assert sensor.azimuth_std == np.radians(1.0)
+        assert sensor.detection_factor is None
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("stop", [0, 12])
+def test_restored_engine_goes_on_with_what_was_learned(engine, stop):
+    scans = [scan for _, scan in run_of(3, scans=20, **TRUTH)]
+    restored_after(stop, lambda: engine_of(engine, **AUTO), scans)
+
+
+def test_reprocessed_scans_teach_what_they_would_have_in_order():
+    scans = [scan for _, scan in run_of(3, scans=16, **TRUTH)]
+    straight, late = engine_of(**AUTO), engine_of(**AUTO)
+    stepped(straight, scans)
+    stepped(late, scans[:10])
+    states = []
+    for scan in scans[10:]:
+        states.append((late.save_state(), scan))
+        late.step(scan)
+    late.reprocess(states)
+    expected = straight.forward.learned_figures
+    assert late.forward.learned_figures == expected
+
+
+def test_snapshot_of_another_sensor_is_refused():
+    engine = engine_of(**AUTO)
+    stepped(engine, [scan for _, scan in run_of(3, scans=12, **TRUTH)])
+    snapshot = engine.snapshot()
+    for name in [each for each in snapshot.arrays if each.startswith("noise_factor.radar_1.")]:
+        snapshot.arrays[name.replace("radar_1", "other")] = snapshot.arrays[name]
+    with pytest.raises(ValueError, match="noise_factor: other given, must be a sensor: radar_1"):
+        engine_of(**AUTO).restore(snapshot)
+
+
+def test_looks_at_ended_targets_do_not_pile_up():
+    engine = engine_of(**AUTO, clutter_rate=100.0)
+    stepped(engine, [scan for _, scan in run_of(3, scans=60, clutter_rate=100.0, **TRUTH)])
+    assert len(engine.forward.sensors.looks) < 1000

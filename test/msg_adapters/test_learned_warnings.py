@@ -1,0 +1,36 @@
+import pytest
+
+from msg_adapters import anomalies
+
+NAME = "radar.detection_probability"
+
+
+def detection(found, std=0.02):
+    return {NAME: found, f"{NAME}_std": std, f"{NAME}_set": 0.9}
+
+
+def noise(ratio, std=0.02):
+    return {"radar.range_noise_ratio": ratio, "radar.range_noise_ratio_std": std}
+
+
+@pytest.mark.parametrize(
+    ("figures", "said"),
+    [
+        (detection(0.5), "it detects targets with probability 0.50, set is 0.90"),
+        (noise(2.0), "its range noise is 2 times the one that is set"),
+    ],
+)
+def test_radar_that_is_worse_than_set_gives_a_warning_with_the_numbers(figures, said):
+    assert said in anomalies.of_learned("radar", figures)
+
+
+@pytest.mark.parametrize(
+    "figures",
+    [{}, detection(0.85), detection(0.5, std=0.2), noise(1.2), noise(0.5), noise(2.0, std=0.5)],
+)
+def test_radar_that_is_as_set_or_not_known_well_gives_none(figures):
+    assert anomalies.of_learned("radar", figures) is None
+
+
+def test_other_radars_figures_do_not_matter():
+    assert anomalies.of_learned("other", {**detection(0.5), **noise(2.0)}) is None
