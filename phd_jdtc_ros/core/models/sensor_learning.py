@@ -143,7 +143,7 @@ class SensorMemory:
             self.detection = {**self.detection, name: later}
 
     def learn_noise(self, report: Report, evidence: NoiseEvidence) -> None:
-        """Learn from the innovations of one report; see `noise_factor.noise_evidence`."""
+        """Learn from the innovations of one report; see `evidence.evidence_of`."""
         factor = report.sensor.noise_factor
         if factor is not None and report.complete:
             self.noise = {**self.noise, report.sensor.name: factor.after(evidence)}
