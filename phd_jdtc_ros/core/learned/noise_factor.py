@@ -87,13 +87,13 @@ class NoiseFactor:
         log_ratio = np.log(np.clip(shown, LEAST**2, MOST**2))
         return combine(log_ratio, 0.5 * self.weight, PRIOR_SCALE)
 
-    @property
+    @cached_property
     def variance(self) -> FloatArray:
         """Factor of each variance, shape (Z,)."""
         factor: FloatArray = np.exp(self._posterior[0])
         return factor
 
-    @property
+    @cached_property
     def of_std(self) -> FloatArray:
         """Factor of each standard deviation, shape (Z,)."""
         return np.sqrt(self.variance)
