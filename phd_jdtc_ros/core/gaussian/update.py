@@ -108,7 +108,8 @@ class PriorMixture:
     @property
     def measured_by_target(self) -> FloatArray:
         """Expected measurement of each target's first hypothesis, shape (T, Z)."""
-        row = np.unique(self.target, return_index=True)[1]
+        row = np.zeros(len(self.label), dtype=np.int64)
+        row[self.target[::-1]] = np.arange(len(self.target))[::-1]
         mode = self.mixture.mode_weight[row].argmax(axis=1)
         measured: FloatArray = self.expected.measured[row, mode]
         return measured

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, read_only
 from ..snapshot import floats
-from .open_looks import Counted
 from .prior import combine
 
 # Number of cells in range, in equal parts of the largest range, and in azimuth.
@@ -29,6 +28,24 @@ MEMORY = 300.0
 LEAST_PROBABILITY, MOST_PROBABILITY = 0.02, 0.995
 # Largest number of remembered detections accepted in a snapshot; a report may add many at once.
 MAX_REMEMBERED = 1e7
+
+
+class Counted(NamedTuple):
+    """Looks that count, sums by cell, arrays of shape (K,).
+
+    Parameters
+    ----------
+    looks, expected, detected : arrays
+        Number of looks, of detections expected with the configured probability, and of detections.
+    """
+
+    looks: FloatArray
+    expected: FloatArray
+    detected: FloatArray
+
+    def part(self, cells: slice) -> Counted:
+        """Return the sums of these cells."""
+        return Counted(*(column[cells] for column in self))
 
 
 def _no_looks() -> FloatArray:

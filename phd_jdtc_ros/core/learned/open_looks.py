@@ -17,6 +17,7 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray, IntArray, contains, contiguous, read_only
 from ..compilation import Float1, Int1, compiled
 from ..snapshot import MAX_INDEX, floats, integers
+from .detection_factor import Counted
 
 # Looks of which less is open are dropped.
 LEAST_OPEN = 1e-3
@@ -47,24 +48,6 @@ class Looks(NamedTuple):
     expected: FloatArray
     detected: FloatArray
     existence: FloatArray
-
-
-class Counted(NamedTuple):
-    """Looks that count, sums by cell, arrays of shape (K,).
-
-    Parameters
-    ----------
-    looks, expected, detected : arrays
-        Number of looks, of detections expected with the configured probability, and of detections.
-    """
-
-    looks: FloatArray
-    expected: FloatArray
-    detected: FloatArray
-
-    def part(self, cells: slice) -> Counted:
-        """Return the sums of these cells."""
-        return Counted(*(column[cells] for column in self))
 
 
 def _none() -> FloatArray:

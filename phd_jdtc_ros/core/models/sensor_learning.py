@@ -21,6 +21,8 @@ KNOWN_EXISTENCE = 0.7
 LEAST_EXPECTED = 0.01
 # Number of open looks below which those of targets that have ended are kept.
 FEW_LOOKS = 256
+# A configured sensor, what was learned of it, and the sensor with that.
+_Learned = tuple[Sensor, DetectionFactor | None, NoiseFactor | None, Sensor]
 
 
 @dataclass
@@ -46,6 +48,7 @@ class SensorMemory:
     noise: dict[str, NoiseFactor] = field(default_factory=dict)
     looks: OpenLooks = field(default_factory=OpenLooks)
     settled: int = 0
+    _latest: dict[str, _Learned] = field(default_factory=dict, init=False, repr=False)
 
     def learned(self, sensor: Sensor) -> Sensor:
         """Return a sensor with what was learned of it."""
@@ -56,7 +59,15 @@ class SensorMemory:
             noise = self.noise.get(sensor.name)
         if detection is None and noise is None:
             return sensor
-        return sensor.with_learned(detection, noise)
+        # A scan ends with the sensors that the next one begins with.
+        latest = self._latest.get(sensor.name)
+        if latest is not None:
+            before = zip(latest, (sensor, detection, noise), strict=False)
+            if all(one is other for one, other in before):
+                return latest[-1]
+        found = sensor.with_learned(detection, noise)
+        self._latest[sensor.name] = sensor, detection, noise, found
+        return found
 
     def with_learned_sensor(self, report: Report) -> Report:
         """Return a report whose sensor has what was learned of it."""
@@ -143,7 +154,7 @@ class SensorMemory:
             self.detection = {**self.detection, name: later}
 
     def learn_noise(self, report: Report, evidence: NoiseEvidence) -> None:
-        """Learn from the innovations of one report; see `noise_factor.noise_evidence`."""
+        """Learn from the innovations of one report; see `evidence.evidence_of`."""
         factor = report.sensor.noise_factor
         if factor is not None and report.complete:
             self.noise = {**self.noise, report.sensor.name: factor.after(evidence)}

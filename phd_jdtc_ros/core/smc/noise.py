@@ -6,7 +6,8 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, contiguous
 from ..compilation import Float1, Float2, Int1, compiled
-from ..learned.noise_factor import NoiseEvidence, evidence_of
+from ..learned.evidence import evidence_of
+from ..learned.noise_factor import NoiseEvidence
 from ..models.sensor_learning import KNOWN_EXISTENCE
 from ..sensors.report import Report
 

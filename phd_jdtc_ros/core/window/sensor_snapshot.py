@@ -44,8 +44,7 @@ def sensors_from_snapshot(snapshot: Snapshot, sensors: Sequence[Sensor]) -> Sens
             memory.detection[name] = found
     for name in _sensors(snapshot, NOISE, known):
         if (own := known[name].noise_factor) is not None:
-            sizes = {"Z": len(own.learned)}
-            part = snapshot, f"{NOISE}.{name}", sizes
+            part = snapshot, f"{NOISE}.{name}", {"Z": len(own.learned)}
             memory.noise[name] = from_snapshot(NoiseFactor, *part, learned=own.learned)
     learning = [name for name in known if known[name].detection_factor is not None]
     if snapshot.names_below(LOOKS) and set(learning) <= memory.detection.keys():

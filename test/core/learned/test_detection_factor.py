@@ -9,9 +9,9 @@ from phd_jdtc_ros.core.learned.detection_factor import (
     LEAST_PROBABILITY,
     MEMORY,
     MOST_PROBABILITY,
+    Counted,
     DetectionFactor,
 )
-from phd_jdtc_ros.core.learned.open_looks import Counted
 
 MAX_RANGE = 8000.0
 CONFIGURED = 0.8

@@ -3,15 +3,8 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.learned.noise_factor import (
-    LEAST,
-    LEAST_NOISE_SHARE,
-    LIMIT,
-    MOST,
-    NoiseEvidence,
-    NoiseFactor,
-    evidence_of,
-)
+from phd_jdtc_ros.core.learned.evidence import LEAST_NOISE_SHARE, LIMIT, evidence_of
+from phd_jdtc_ros.core.learned.noise_factor import LEAST, MOST, NoiseEvidence, NoiseFactor
 
 
 def learned(rng, count, truth, predicted=0.5, outliers=0.0, steps=50):

@@ -8,14 +8,15 @@ import numpy as np
 
 from ...arrays import FloatArray, contiguous
 from ...compilation import Float1, Float2, Float3, Int1, compiled
-from ...learned.noise_factor import NoiseEvidence, evidence_of
+from ...learned.evidence import evidence_of
+from ...learned.noise_factor import NoiseEvidence
 from ...models.sensor_learning import KNOWN_EXISTENCE
 from ..mixture import Mixture
 from .iterated_update import PairUpdate
 
 
 def noise_evidence(mixture: Mixture, found: PairUpdate, probability: FloatArray) -> NoiseEvidence:
-    """Return the evidence of the innovations of pairs; see `noise_factor.evidence_of`.
+    """Return the evidence of the innovations of pairs; see `evidence.evidence_of`.
 
     Only targets that existed with `KNOWN_EXISTENCE` before the update count.
 

@@ -1,0 +1,45 @@
+"""What one innovation shows of a sensor's noise; only engines load it, because it is compiled."""
+
+from __future__ import annotations
+
+from scipy.special import chdtr
+
+from ..compilation import inner
+
+# Innovations count as at most this many standard deviations, so that outliers do not raise it.
+MOST_SIGMA = 3.0
+# Innovations with a smaller share of the sensor's noise in their variance do not count: they would
+# show the motion's errors.
+LEAST_NOISE_SHARE = 0.25
+# Mean of the squares of normal variables that are limited in this way.
+LIMIT = MOST_SIGMA**2
+LIMITED_MEAN = float(chdtr(3.0, LIMIT) + LIMIT * (1.0 - chdtr(1.0, LIMIT)))
+
+
+@inner
+def evidence_of(square: float, part: float) -> tuple[float, float]:
+    """Return the weight of an innovation, and weight times the ratio of variances beyond 1.
+
+    Parameters
+    ----------
+    square : float
+        Square of a component of an innovation relative to its expected value.
+    part : float
+        Part that the sensor's own variance R has in the expected value; NaN if the noise is not
+        the sensor's own.
+
+    Notes
+    -----
+    In one dimension the innovation v has the variance S = H P H' + R; `square` is v^2 / S, and
+    `part` is R / S. v^2 - H P H' has the mean R, whichever R was assumed. Its variance is 2 S^2, so
+    that its weight is the square of `part`. In more dimensions w = S^-1 v has the variances
+    (S^-1)_ii; `square` is w_i^2 / (S^-1)_ii, and `part` is R_ii (S^-1)_ii.
+
+    References
+    ----------
+    Mehra, "On the identification of variances and adaptive Kalman filtering", IEEE Transactions on
+    Automatic Control 15(2), 1970.
+    """
+    if part > LEAST_NOISE_SHARE:  # False for NaN
+        return part * part, part * (min(square, LIMIT) / LIMITED_MEAN - 1.0)
+    return 0.0, 0.0
