@@ -1,4 +1,4 @@
-"""The backward step of compiled rows: hypotheses, given the later ones that continue them."""
+"""The backward step, compiled: smoothed hypotheses, given the later ones that continue them."""
 
 from __future__ import annotations
 

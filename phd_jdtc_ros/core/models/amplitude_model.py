@@ -12,7 +12,7 @@ memory log_snr is zero. An engine with weighted hypotheses distributes their wei
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -124,7 +124,7 @@ class Ignored(Band):
 
     def select(self, detections: Detections) -> Detections:
         """Return the detections without their amplitudes."""
-        return replace(detections, amplitude=None)
+        return detections.without_amplitude
 
 
 @dataclass(frozen=True)

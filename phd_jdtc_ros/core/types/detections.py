@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -139,6 +140,11 @@ class Detections:
 
     def __len__(self) -> int:
         return len(self.measurement)
+
+    @cached_property
+    def without_amplitude(self) -> Detections:
+        """The detections without their amplitudes."""
+        return replace(self, amplitude=None)
 
     def take(self, rows: IntArray) -> Detections:
         """Return the detections of these rows, in this order; coverage and pose stay the same."""

@@ -58,6 +58,9 @@ def partition_swept(
     swept, remaining = [], []
     by_entry = np.split(near, np.cumsum(sizes)[:-1])
     for rows, extent, near_here in zip(unswept, extents, by_entry, strict=True):
+        if not near_here.any():  # as of most entries, without a look at their rows
+            remaining.append(rows)
+            continue
         inside, outside = rows.split(near_here[extent.target])
         swept += [inside] if inside is not None else []
         remaining += [outside] if outside is not None else []
