@@ -14,7 +14,7 @@ CASES = [
         for lag in (0, 3)
         for given in (
             {},
-            {"amplitude": "memory"},
+            {"amplitude": "band"},
             {"spawn.rate": 0.0, "births": [], "detection_births.rates": [0.1, 0.1]},
         )
     ),

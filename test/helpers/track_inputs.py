@@ -6,7 +6,8 @@ from inner import resolve
 
 from phd_jdtc_ros.core.types import Detections, Scan
 
-MODEL = resolve({}).model
+# Without a memory of SNRs each track has a record of its misses.
+MODEL = resolve({"amplitude": "band"}).model
 
 
 def scan_of(stamp_ns, model=MODEL):

@@ -5,8 +5,8 @@ A labelled multi-Bernoulli filter with soft association, as the particle engine 
 The path of one scan, with the module of each step::
 
     stored mixture t                         mixture
-      |  predict: survive, spawn, be born    prediction, dynamics, curvature
-      |    mix motion modes, keep gains        algebra.blocks
+      |  predict: survive, spawn, be born    prediction, dynamics
+      |    mix motion modes, keep gains        algebra.blocks, algebra.curvature
       |  update, report by report            window.update: the order; update: its steps
       |    gate                                gating, amplitude
       |    iterated Kalman update              iterated_update, kalman

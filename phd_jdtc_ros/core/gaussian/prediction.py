@@ -13,8 +13,8 @@ from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled
 from ..snapshot import MAX_STATE, floats, integers
 from ..tracks import labels
 from .algebra.blocks import SIZE, add_mean, add_spread, copy_gaussian, dot, factorise, solve
+from .algebra.curvature import moved
 from .algebra.kalman import predicted_covariance
-from .curvature import moved
 from .dynamics import Dynamics
 from .mixture import Mixture
 

@@ -27,6 +27,7 @@ from .measurement.amplitude import (
 )
 from .measurement.gating import Expected, gate_pairs
 from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
+from .measurement.missed import after_miss
 from .measurement.newborn import newborn_mixture
 from .measurement.noise import noise_evidence
 from .measurement.pairs import Association, PairLikelihoods, associate, likely, sum_modes
@@ -241,5 +242,10 @@ class PriorMixture:
         source = np.append(np.arange(len(mixture)), row)[kept]
         pair = np.maximum(kept - len(mixture), -1)
         gaussians = found.updated(mixture, source, pair)
+        moved = after_miss(mixture, self.expected, self.report.sensor, self.detectable)
+        if moved is not None:
+            missed = pair < 0
+            for own, later in zip(gaussians, moved, strict=True):
+                own[missed] = later[source[missed]]
         updated = Mixture(mixture.row_label[source], association.weight, *gaussians)
         return Branched(updated, self.branched.parent[source])

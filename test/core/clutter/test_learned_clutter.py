@@ -179,7 +179,8 @@ def test_another_threshold_keeps_what_has_been_learned(engine):
     for scan in run[:5]:
         tracker.step(scan)
     before = {name: law.count.sum() for name, law in tracker.forward.clutter.laws.items()}
-    other = small({**ANYWHERE, **LEARNED, "radar_1.false_alarm_probability": 1e-4})
+    threshold = {"engine": engine, "radar_1.false_alarm_probability": 1e-4}
+    other = small({**ANYWHERE, **LEARNED, **threshold})
     tracker.retune(other.model, tracker.rule)
     tracker.step(run[5])
     law = tracker.forward.clutter.laws["radar_1"]
@@ -221,7 +222,7 @@ def test_other_noise_keeps_the_map_and_its_cells():
     for scan in run[:3]:
         tracker.step(scan)
     before = tracker.forward.clutter.maps["mast"]
-    other = small({**HARBOUR, **MAPPED, "mast.range_std": 25.0})
+    other = small({**HARBOUR, **MAPPED, "engine": "gaussian", "mast.range_std": 25.0})
     tracker.retune(other.model, tracker.rule)
     tracker.step(run[3])
     after = tracker.forward.clutter.maps["mast"]

@@ -97,7 +97,7 @@ def test_spawned_targets_are_about_their_predicted_parents():
 
 
 def test_extraction_reports_the_majority_class_of_targets_above_the_threshold():
-    dynamics = dynamics_of({"class_1.survival_probability": 0.9})
+    dynamics = dynamics_of({"class_1.survival_probability": 0.9, "amplitude": "band"})
     mixture = mixture_of(dynamics, [(0.9, MEAN, STD), (0.3, MEAN, STD), (0.7, -MEAN, STD)])
     weight = np.array(mixture.weight)
     weight[0] *= 0.0

@@ -131,7 +131,7 @@ def test_forged_filtered_covariance_is_an_error(stored, matrix):
 @pytest.mark.parametrize(
     "other",
     [
-        {"amplitude": "memory"},
+        {"amplitude": "band"},
         {"class_1.survival_probability": 0.9},
         {"bounds.most": 100, "bounds.hypotheses": 1},
     ],

@@ -462,3 +462,18 @@ def test_every_mode_is_updated_with_the_detection_of_its_hypothesis(monkeypatch)
             np.testing.assert_allclose(
                 both.mixture.covariance[same], alone.mixture.covariance[row], rtol=1e-9
             )
+
+
+def test_target_that_stays_beyond_the_range_keeps_the_existence_of_an_enumeration():
+    limits = {"radar.max_range": 7010.0, "radar.clutter_max_range": 7010.0}
+    config = lone({"radar.detection_probability": 0.9, **limits})
+    (radar,) = config.model.radars
+    mean, std = MEAN.copy(), np.array([100.0, 1.0, 100.0, 1.0, 1e-4])
+    mean[[0, 2]] = radar.to_world(np.array([[7e3, 0.8]]))[0]
+    found = mixture_of(Dynamics(config.model), [(0.9, mean, std)])
+    states = mean + std * np.random.default_rng(5).standard_normal((400_000, len(mean)))
+    missed = 1.0 - 0.9 * radar.visibility.sees(radar.measure(states))
+    for scans in range(1, 6):
+        found = updated(config, found, NOTHING)[0].mixture
+        exact = 0.9 * np.mean(missed**scans)
+        assert found.existence[0] == pytest.approx(exact / (exact + 0.1), abs=0.05)

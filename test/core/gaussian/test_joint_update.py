@@ -87,10 +87,12 @@ def alone(config, dynamics, mixture, detections):
     the second is with the detection, if there is one.
     """
     found = updated(config, dynamics, mixture, detections).mixture
+    nothing = detections.take(np.zeros(0, dtype=int))
+    missed = updated(config, dynamics, mixture, nothing).mixture.mean[0]
     absent = 1.0 - mixture.weight.sum()
     weight = np.zeros((1 + len(detections), *mixture.weight.shape[1:]))
     for row in range(len(found)):
-        weight[0 if np.array_equal(found.mean[row], mixture.mean[0]) else 1] = found.weight[row]
+        weight[0 if np.array_equal(found.mean[row], missed) else 1] = found.weight[row]
     return weight * absent / (1.0 - found.weight.sum())
 
 

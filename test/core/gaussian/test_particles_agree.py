@@ -18,6 +18,7 @@ GIVEN = {
     "motions": ["calm", "wild"],
     "births": ["south", "north"],
     "interval_s": 6.0,
+    "amplitude": "band",
     "lag": 4,
     "confirm_probability": 0.2,
     "delete_probability": 0.2,

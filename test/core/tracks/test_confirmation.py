@@ -356,7 +356,8 @@ def test_parameter_of_earlier_versions_is_refused_with_those_that_replaced_it():
 
 @pytest.mark.parametrize("engine", ["particles", "gaussian"])
 def test_engines_report_a_missed_target_as_coasting(engine):
-    config = resolve({"engine": engine, "particles_per_target": 1500, "budget.least": 100})
+    given = {"amplitude": "band", "particles_per_target": 1500, "budget.least": 100}
+    config = resolve({"engine": engine, **given})
     scans = [scan for _, scan in simulate(paper_scenario(config.model.radars), 3)[:12]]
     scans[9] = scan_of(scans[9].stamp_ns)  # nothing is detected
     of = new_engine(config)

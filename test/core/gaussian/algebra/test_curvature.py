@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.gaussian.curvature import moved
+from phd_jdtc_ros.core.gaussian.algebra.curvature import moved
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
 
 MOTIONS = (ConstantVelocity(1.0), CoordinatedTurn(1.0, 1e-4))

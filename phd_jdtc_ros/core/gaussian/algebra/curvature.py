@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, contiguous
-from ..compilation import Float1, Float2, Float3, Float4, compiled, inner
-from ..targets.motion import MotionModel
-from .algebra.blocks import SIZE, dot
+from ...arrays import FloatArray, IntArray, contiguous
+from ...compilation import Float1, Float2, Float3, Float4, compiled, inner
+from ...targets.motion import MotionModel
+from .blocks import SIZE, dot
 
 # Nodes of the quadrature over the turn rate, in standard deviations, and their weights.
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
