@@ -10,10 +10,12 @@ that a function of another file has changed, so the name includes what that file
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import importlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import FunctionType
@@ -61,16 +63,31 @@ def compiled(function: FunctionT) -> FunctionT:
     hints = get_type_hints(function, include_extras=True)
     hints.pop("return", None)
     signature = tuple(_type_of(hint) for hint in hints.values())
+    # Nobody calls it from C.
+    options = {**_OPTIONS, "no_cfunc_wrapper": True}
     done: Any
-    try:
-        done = numba.njit(signature, cache=True, **_OPTIONS)(function)
-    except RuntimeError:  # no writable cache directory
-        NOT_STORED.append(function.__qualname__)
-        done = numba.njit(signature, **_OPTIONS)(function)
+    with _without_collection():
+        try:
+            done = numba.njit(signature, cache=True, **options)(function)
+        except RuntimeError:  # no writable cache directory
+            NOT_STORED.append(function.__qualname__)
+            done = numba.njit(signature, **options)(function)
     if not done.stats.cache_hits:
         _announce()
     compiled_function: FunctionT = done
     return compiled_function
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """Leave out garbage collections, a tenth of a compilation: they visit all that it has made."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 @cache
@@ -83,10 +100,11 @@ def _announce() -> None:
 
 
 def inner(function: FunctionT) -> FunctionT:
-    """Let compiled functions call a function; it is compiled with them."""
+    """Let compiled functions call a function; it is compiled as a part of each of them."""
     if numba is None:
         return function
-    done: FunctionT = numba.njit(**_OPTIONS)(function)
+    # A function of its own would also be compiled for itself, with a wrapper for Python.
+    done: FunctionT = numba.njit(inline="always", **_OPTIONS)(function)
     return done
 
 
