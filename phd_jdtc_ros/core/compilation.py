@@ -38,6 +38,8 @@ def _numba() -> Any:
 numba = _numba()
 # Names of functions that no directory could store: they are compiled again at every start.
 NOT_STORED: list[str] = []
+# What is called once when something is compiled that was not stored.
+ANNOUNCED: list[Callable[[], None]] = []
 
 # An array of so many axes, which a compiled function only reads.
 Float1 = Annotated[FloatArray, 1]
@@ -92,7 +94,9 @@ def _without_collection() -> Iterator[None]:
 
 @cache
 def _announce() -> None:
-    """Log once that compilation has begun."""
+    """Log once that compilation has begun, and tell those who have asked."""
+    for tell in ANNOUNCED:
+        tell()
     logging.getLogger(__name__).warning(
         "compiling the tracker, once for each installation: it takes some forty seconds; "
         "compile_engines does it ahead"
