@@ -59,7 +59,8 @@ _OPTIONS = {"error_model": "numpy", "nogil": True}
 
 def compiled(function: FunctionT) -> FunctionT:
     """Compile a function, at its definition, for the types in its signature."""
-    if numba is None:
+    # With NUMBA_DISABLE_JIT, as debuggers and mutation tests set it, numba compiles nothing.
+    if numba is None or numba.config.DISABLE_JIT:
         return function
     function.__qualname__ += "." + _digest(function)
     hints = get_type_hints(function, include_extras=True)
