@@ -10,10 +10,12 @@ that a function of another file has changed, so the name includes what that file
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import importlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import FunctionType
@@ -36,6 +38,8 @@ def _numba() -> Any:
 numba = _numba()
 # Names of functions that no directory could store: they are compiled again at every start.
 NOT_STORED: list[str] = []
+# What is called once when something is compiled that was not stored.
+ANNOUNCED: list[Callable[[], None]] = []
 
 # An array of so many axes, which a compiled function only reads.
 Float1 = Annotated[FloatArray, 1]
@@ -55,27 +59,45 @@ _OPTIONS = {"error_model": "numpy", "nogil": True}
 
 def compiled(function: FunctionT) -> FunctionT:
     """Compile a function, at its definition, for the types in its signature."""
-    if numba is None:
+    # With NUMBA_DISABLE_JIT, as debuggers and mutation tests set it, numba compiles nothing.
+    if numba is None or numba.config.DISABLE_JIT:
         return function
     function.__qualname__ += "." + _digest(function)
     hints = get_type_hints(function, include_extras=True)
     hints.pop("return", None)
     signature = tuple(_type_of(hint) for hint in hints.values())
+    # Nobody calls it from C.
+    options = {**_OPTIONS, "no_cfunc_wrapper": True}
     done: Any
-    try:
-        done = numba.njit(signature, cache=True, **_OPTIONS)(function)
-    except RuntimeError:  # no writable cache directory
-        NOT_STORED.append(function.__qualname__)
-        done = numba.njit(signature, **_OPTIONS)(function)
+    with _without_collection():
+        try:
+            done = numba.njit(signature, cache=True, **options)(function)
+        except RuntimeError:  # no writable cache directory
+            NOT_STORED.append(function.__qualname__)
+            done = numba.njit(signature, **options)(function)
     if not done.stats.cache_hits:
         _announce()
     compiled_function: FunctionT = done
     return compiled_function
 
 
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """Leave out garbage collections, a tenth of a compilation: they visit all that it has made."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
 @cache
 def _announce() -> None:
-    """Log once that compilation has begun."""
+    """Log once that compilation has begun, and tell those who have asked."""
+    for tell in ANNOUNCED:
+        tell()
     logging.getLogger(__name__).warning(
         "compiling the tracker, once for each installation: it takes some forty seconds; "
         "compile_engines does it ahead"
@@ -83,22 +105,11 @@ def _announce() -> None:
 
 
 def inner(function: FunctionT) -> FunctionT:
-    """Let compiled functions call a function; it is compiled with them."""
-    return _compiled_with_callers(function, {})
-
-
-def inlined(function: FunctionT) -> FunctionT:
-    """Compile a function as a part of each compiled function that calls it.
-
-    For short functions of tuples of arrays, whose call would take longer than what they do.
-    """
-    return _compiled_with_callers(function, {"forceinline": True})
-
-
-def _compiled_with_callers(function: FunctionT, options: dict[str, bool]) -> FunctionT:
+    """Let compiled functions call a function; it is compiled as a part of each of them."""
     if numba is None:
         return function
-    done: FunctionT = numba.njit(**options, **_OPTIONS)(function)
+    # A function of its own would also be compiled for itself, with a wrapper for Python.
+    done: FunctionT = numba.njit(inline="always", **_OPTIONS)(function)
     return done
 
 

@@ -57,6 +57,22 @@ def test_estimates_are_the_same_without_numba():
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
 
 
+def test_functions_are_interpreted_where_numba_is_switched_off():
+    script = (
+        "from phd_jdtc_ros.core.association import marginals\n"
+        "print(type(marginals.edge_probabilities).__name__)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == "function"
+
+
 def test_name_of_compiled_code_changes_with_the_functions_that_it_calls(tmp_path, monkeypatch):
     pytest.importorskip("numba", reason="nothing is stored without it")
     monkeypatch.syspath_prepend(tmp_path)

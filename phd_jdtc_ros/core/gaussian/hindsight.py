@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled, inlined, inner
+from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled, inner
 from .algebra.blocks import (
     SIZE,
     add_mean,
@@ -81,7 +81,7 @@ def _scratch(pairs: int, cells: int) -> _Scratch:
     )
 
 
-@inlined
+@inner
 def _of_children(
     count: int, child: IntArray, parent: IntArray, share: FloatArray, later: Gaussians
 ) -> Gaussians:
@@ -121,7 +121,7 @@ def _of_children(
     return Gaussians(weight, mean, covariance)
 
 
-@inlined
+@inner
 def _write_fit(
     moves: _Moves, row: int, later: Gaussians, at: int, apart: FloatArray, fit: FloatArray
 ) -> None:
@@ -150,7 +150,7 @@ def _write_fit(
                 fit[pair] = math.exp(max(fit[pair] - largest, LEAST_LOG_FIT))
 
 
-@inlined
+@inner
 def _given_later(
     joint: FloatArray,
     to: IntArray,
@@ -186,7 +186,7 @@ def _given_later(
                     joint[pair, cell] *= back[cell]
 
 
-@inlined
+@inner
 def _earlier(
     columns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     later: tuple[FloatArray, FloatArray],
@@ -211,7 +211,7 @@ def _earlier(
             covariance[i, k] = covariance[k, i] = base[i, k] + dot(half, gain[k])
 
 
-@inlined
+@inner
 def _blend(
     share: float,
     own: FloatArray,
@@ -231,7 +231,7 @@ def _blend(
             spread[i, k] += share * (own_spread[i, k] - spread[i, k]) + outer * apart[k]
 
 
-@inlined
+@inner
 def _write_row(
     own: Gaussians, at: int, moves: _Moves, row: int, later: Gaussians, part: int, scratch: _Scratch
 ) -> None:
@@ -252,7 +252,7 @@ def _write_row(
             _earlier(columns, given, scratch.vectors[0], mean, covariance)
 
 
-@inlined
+@inner
 def _add_pairs(of: IntArray, scratch: _Scratch, smoothed: Gaussians, at: int) -> float:
     """Write a row's smoothed modes, matched over their pairs; return their weight."""
     weight, mean, covariance = smoothed.weight[at], smoothed.mean[at], smoothed.covariance[at]
@@ -273,7 +273,7 @@ def _add_pairs(of: IntArray, scratch: _Scratch, smoothed: Gaussians, at: int) ->
     return sum_of(weight)
 
 
-@inlined
+@inner
 def _add_deaths(
     death: float,
     survival: FloatArray,

@@ -26,7 +26,7 @@ from ..common import arguments, parameters, runtime
 from ..common.callbacks import serve
 from ..common.health import HealthReports
 from ..common.managed import ManagedNode
-from . import manager_bond
+from . import compiling, manager_bond
 from .live import LiveTracker
 from .manager_bond import ManagerBond
 from .name_claim import NameClaim
@@ -275,7 +275,7 @@ def _source(given: Collection[str], files: Sequence[Path]) -> str:
 def main(argv: Sequence[str]) -> int:
     """Run the tracker node."""
     files = arguments.check("tracker", __doc__, argv)
-    # This loads the default engine's compiled functions while a signal still ends the process at
-    # once.
-    importlib.import_module("phd_jdtc_ros.core.gaussian.engine")
+    # This loads all compiled functions while a signal still ends the process at once.
+    with compiling.reported(argv):
+        importlib.import_module("phd_jdtc_ros.core.gaussian.engine")
     return runtime.run("tracker", lambda: Tracker(files), argv)

@@ -1,0 +1,69 @@
+"""Says on ``/diagnostics`` that the tracker compiles, as long as its own node does not exist.
+
+The first start after an installation compiles for some forty seconds. The node subscribes only
+afterwards, so that no scan waits for it and is processed late.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from msg_adapters import diagnostics, names
+from phd_jdtc_ros.core import compilation
+
+from ..common.health import DEPTH, PERIOD_S
+from ..common.topics import reliable
+
+TEXT = "the tracker is compiling, once for each installation"
+# The longest time that the end of the reports may take, seconds.
+END_S = 5.0
+
+
+@contextmanager
+def reported(argv: Sequence[str]) -> Iterator[None]:
+    """Report each second from the moment that something is compiled until the block ends.
+
+    `argv` includes the ROS arguments, which give the tracker its name.
+    """
+    ended = threading.Event()
+    thread = threading.Thread(target=_report, args=(list(argv), ended), daemon=True)
+    compilation.ANNOUNCED.append(thread.start)
+    try:
+        yield
+    finally:
+        compilation.ANNOUNCED.remove(thread.start)
+        ended.set()
+        if thread.is_alive():
+            thread.join(END_S)
+
+
+def _report(argv: list[str], ended: threading.Event) -> None:
+    """Publish the status until the event; the tracker itself reports faults of its arguments."""
+    context = Context()
+    rclpy.init(args=argv, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = Node("tracker", context=context, enable_rosout=False, start_parameter_services=False)
+        _publish(node, ended)
+        node.destroy_node()
+    finally:
+        context.try_shutdown()
+
+
+def _publish(node: Node, ended: threading.Event) -> None:
+    name = node.get_fully_qualified_name()
+    line = diagnostics.status(
+        names.health("step time", name), {}, DiagnosticStatus.STALE, TEXT, name
+    )
+    output = node.create_publisher(DiagnosticArray, names.DIAGNOSTICS, reliable(DEPTH))
+    while True:
+        output.publish(diagnostics.array(node.get_clock().now().nanoseconds, [line]))
+        if ended.wait(PERIOD_S):
+            return

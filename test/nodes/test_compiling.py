@@ -1,0 +1,34 @@
+"""A tracker that compiles says so before its node exists."""
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from phd_jdtc_ros.core import compilation
+from phd_jdtc_ros.nodes.tracker import compiling
+
+pytestmark = pytest.mark.live
+ARGUMENTS = ["--ros-args", "-r", "__ns:=/coast"]
+
+
+@pytest.fixture(autouse=True)
+def announced_again():
+    compilation._announce.cache_clear()
+    yield
+    compilation._announce()
+
+
+def test_reported_says_that_the_tracker_compiles_under_its_own_name(peer):
+    found = peer.collect(DiagnosticArray, "/diagnostics")
+    with compiling.reported(ARGUMENTS):
+        compilation._announce()
+        assert peer.spin_until(lambda: found)
+    (line,) = found[0].status
+    assert line.name.startswith("/coast/tracker")
+    assert (line.level, line.message) == (DiagnosticStatus.STALE, compiling.TEXT)
+    assert peer.spin_until(lambda: not peer.node.count_publishers("/diagnostics"))
+
+
+def test_reported_makes_no_node_where_nothing_is_compiled(peer):
+    with compiling.reported(ARGUMENTS):
+        assert not peer.spin_until(lambda: peer.node.count_publishers("/diagnostics"), 1.0)
+    assert compilation.ANNOUNCED == []
