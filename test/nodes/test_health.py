@@ -130,6 +130,16 @@ def test_anomalies_are_counted_and_a_warning_for_a_while():
     assert status(health, 100.0 + 1.1 * WARNING_MEMORY_S).level == OK
 
 
+def test_what_was_learned_is_shown_and_a_warning_if_it_is_worse_than_set():
+    health = radar(60.0)
+    health.learned = {"range_noise_ratio": 1.1, "range_noise_ratio_std": 0.05}
+    assert status(health).level == OK
+    assert diagnostics.values_of(status(health))["range_noise_ratio"] == "1.1"
+    health.learned = {"range_noise_ratio": 2.0, "range_noise_ratio_std": 0.05}
+    assert status(health).level == WARN
+    assert status(health).message.startswith("worse than set, and tracked as found: its range")
+
+
 def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
     health = radar(60.0)
     health.fit = Fit("north", 99, 1.5, 900.0, np.array([40.0, 1.5]), noise_too_small=True)

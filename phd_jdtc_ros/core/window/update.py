@@ -221,7 +221,7 @@ def update(
         stationary = model.detection_births.stationary(slower, bound)
         clutter.learn(report, posterior.claimed_probability, stationary)
     if sensors is not None:
-        _learn_sensor(sensors, report, prior, posterior)
+        _learn_sensor(sensors, report, model, prior, posterior)
     if attributes is not None and posterior.evidence is not None:
         attributes.learn(posterior.evidence, posterior.pair_probability, posterior.existence)
     newborn = posterior.sources.newborn(posterior.claimed_probability, report, model)
@@ -238,24 +238,31 @@ def _detected(prior: Prior[RowsT], posterior: Posterior[RowsT]) -> FloatArray:
 
 
 def _learn_sensor(
-    sensors: SensorMemory, report: Report, prior: Prior[RowsT], posterior: Posterior[RowsT]
+    sensors: SensorMemory,
+    report: Report,
+    model: TrackerModel,
+    prior: Prior[RowsT],
+    posterior: Posterior[RowsT],
 ) -> None:
     """Learn a sensor's detection probability and noise from one report."""
     if posterior.noise is not None:
         sensors.learn_noise(report, posterior.noise)
     if not sensors.learns(report):
         return
-    targets, claims, known = len(prior.label), posterior.claims, prior.mass
-    before, missed = (sum_by(prior.target, m, targets) for m in (known, prior.missed_mass))
-    if report.sensor.clutter_map is not None and report.sensor.clutter_map_speed > 0.0:
+    targets, claims, bound = len(prior.label), posterior.claims, report.sensor.clutter_map_speed
+    before, missed = (sum_by(prior.target, m, targets) for m in (prior.mass, prior.missed_mass))
+    exists = np.where(before > 0.0, before, 1.0)
+    known = before
+    if report.sensor.clutter_map is not None and bound > 0.0:
         # What rests is clutter, which may be detected less often than targets.
-        known = known * (1.0 - prior.probability_slower(report.sensor.clutter_map_speed))
+        slow = sum_by(prior.target, prior.mass * prior.probability_slower(bound), targets)
+        known = before * (1.0 - model.detection_births.stationary(slow / exists, bound))
     sensors.learn_detections(
         report,
         prior.label,
         prior.measured_by_target,
-        before=sum_by(prior.target, known, targets),
-        probability=1.0 - missed / np.where(before > 0.0, before, 1.0),
+        before=known,
+        probability=1.0 - missed / exists,
         detected=sum_by(prior.target.take(claims.row), posterior.pair_probability, targets),
         after=posterior.existence,
     )

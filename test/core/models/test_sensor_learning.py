@@ -105,6 +105,34 @@ def test_nothing_is_learned_from_clutter_alone():
         assert found[f"{radar}.range_noise_ratio"] == pytest.approx(1.0, abs=0.05)
 
 
+def test_what_rests_does_not_count_where_a_map_takes_it_for_clutter():
+    """Reflectors are detected in half of the scans, targets in nine of ten."""
+    rng = np.random.default_rng(3)
+    places = np.stack([rng.uniform(3e3, 9e3, 12), rng.uniform(-np.pi, np.pi, 12)], axis=1)
+    scans = []
+    for _, scan in run_of(2, detection_probability=0.9, range_std=50.0, azimuth_std_deg=0.2):
+        with_reflectors = []
+        for each in scan.detections:
+            seen = places[rng.random(12) < 0.5]
+            seen = seen + rng.normal(size=seen.shape) * [50.0, np.radians(0.2)]
+            measured = np.concatenate([each.measurement, seen])
+            amplitude = np.concatenate([each.amplitude, rng.rayleigh(30.0, len(seen)) + 4.0])
+            with_reflectors.append(Detections(measured, amplitude))
+        scans.append(replace(scan, detections=tuple(with_reflectors)))
+    given = {"range_std": 50.0, "azimuth_std_deg": 0.2, "clutter_map": True}
+    anywhere = {"births": [], "detection_births.rates": [0.1, 0.1]}
+    radars = of_radars(detection_probability="auto 0.9", **given)
+    found = {}
+    for bound in (8.0, 0.0):
+        speed = of_radars(clutter_map_speed=bound)
+        engine = new_engine(small({"engine": "gaussian", "lag": 0, **anywhere, **radars, **speed}))
+        found[bound] = [engine.step(scan) for scan in scans][-1].figures
+    for radar in RADARS:
+        name = f"{radar}.detection_probability"
+        assert found[8.0][name] == pytest.approx(0.9, abs=0.06)
+        assert found[0.0][name] < 0.75
+
+
 def test_detections_own_noise_is_believed():
     run = run_of(1, range_std=600.0)
     own = np.array([300.0, np.radians(1.0)])
