@@ -2,8 +2,9 @@
 
 The cost of an update grows with the pairs of an engine's rows and detections within the gate. A
 report of 100,000 detections, for example of a jammed radar, would have hundreds of millions of
-pairs. Detections in such numbers are clutter, whatever their amplitudes. If they initiated tracks,
-those at the edge of the coverage would leave it, and no later scan could delete them.
+pairs. Detections in such numbers are clutter, whatever their amplitudes, unless known targets and
+the configured clutter explain them. If they initiated tracks, those at the edge of the coverage
+would leave it, and no later scan could delete them.
 """
 
 from __future__ import annotations
@@ -18,6 +19,10 @@ MAX_CANDIDATES = 1 << 22
 # Largest number of detections of one update: each one can become a newborn target. 5000 targets and
 # their clutter have 7500.
 MAX_DETECTIONS = 1 << 16
+# Largest number of detections that nothing explains.
+MAX_UNEXPLAINED = 1 << 12
+# Number of standard deviations of a Poisson number by which a report may have more than expected.
+EXPLAINED_SIGMA = 5.0
 
 
 def limit_detections(report: Report, predicted: FloatArray, targets: float) -> Report:
@@ -35,16 +40,22 @@ def limit_detections(report: Report, predicted: FloatArray, targets: float) -> R
     Returns
     -------
     Report
-        The same report if it has at most `MAX_DETECTIONS` detections and `MAX_CANDIDATES`
-        candidate pairs. Otherwise the detections with the largest amplitudes; among equal ones, or
-        without amplitudes, an even draw. The sensor's threshold is raised accordingly, and its
-        clutter rate is at least the number of detections beyond the expected targets.
+        The same report if it has at most `MAX_DETECTIONS` detections, or `MAX_UNEXPLAINED` if
+        there are more than the targets and the clutter explain, and `MAX_CANDIDATES` candidate
+        pairs. Otherwise the detections with the largest amplitudes; among equal ones, or without
+        amplitudes, an even draw. The sensor's threshold is raised accordingly, and its clutter
+        rate is at least the number of detections beyond the expected targets.
     """
     detections, sensor, size = report.detections, report.sensor, len(report)
-    if size <= MAX_DETECTIONS and len(predicted) * size <= MAX_CANDIDATES:
+    # The rate is per whole turn, of which the report may cover a part; an unknown part counts as
+    # the whole turn.
+    part = 1.0 if detections.coverage is None else detections.coverage.turns or 1.0
+    explained = targets + sensor.clutter_rate * part + EXPLAINED_SIGMA * np.sqrt(size)
+    most = MAX_DETECTIONS if size <= explained else MAX_UNEXPLAINED
+    if size <= most and len(predicted) * size <= MAX_CANDIDATES:
         return report
     candidates = sensor.candidate_count(predicted, detections)
-    kept = min(MAX_DETECTIONS, int(size * min(MAX_CANDIDATES / max(candidates, 1), 1.0)))
+    kept = min(most, int(size * min(MAX_CANDIDATES / max(candidates, 1), 1.0)))
     if kept >= size:
         return report
     kept = max(kept, 1)
@@ -61,8 +72,5 @@ def limit_detections(report: Report, predicted: FloatArray, targets: float) -> R
         threshold = float(np.fmax(np.fmin.reduce(detections.amplitude[rows]), sensor.threshold))
         fewer = float(np.exp(sensor.clutter_amplitude.log_share(threshold, sensor.threshold)))
         share = 1.0
-    # The rate is per whole turn, of which the report may cover a part; an unknown part counts as
-    # the whole turn.
-    part = 1.0 if detections.coverage is None else detections.coverage.turns or 1.0
     rate = max(sensor.clutter_rate * fewer, (kept - targets) / part)
     return Report(sensor.with_threshold_and_rate(threshold, rate), left, share, complete=False)

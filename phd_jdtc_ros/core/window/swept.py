@@ -58,7 +58,8 @@ def partition_swept(
     swept, remaining = [], []
     by_entry = np.split(near, np.cumsum(sizes)[:-1])
     for rows, extent, near_here in zip(unswept, extents, by_entry, strict=True):
-        if not near_here.any():  # as of most entries, without a look at their rows
+        if len(near_here) and not near_here.any():
+            # Most entries are like this, and need no look at their rows. Empty ones are done.
             remaining.append(rows)
             continue
         inside, outside = rows.split(near_here[extent.target])

@@ -45,6 +45,13 @@ def test_what_can_be_afforded_is_left_as_it_is():
     assert detection_limit.limit_detections(report, PREDICTED, 4.0) is report
 
 
+@pytest.mark.parametrize(("targets", "kept"), [(4.0, 4096), (5990.0, 6000)])
+def test_many_detections_are_used_if_targets_explain_them(monkeypatch, targets, kept):
+    monkeypatch.setattr(detection_limit, "MAX_CANDIDATES", 1 << 22)
+    report = Report(RADAR, crowd(6000, np.full(6000, 30.0)))
+    assert len(detection_limit.limit_detections(report, PREDICTED[:10], targets)) == kept
+
+
 def test_with_amplitudes_the_threshold_is_raised():
     amplitude = AMPLITUDES["noise"]
     many = crowd(20_000, amplitude)
@@ -95,7 +102,9 @@ def test_a_crowd_without_particles_is_bounded_too():
     count = detection_limit.MAX_DETECTIONS + 1000
     many = crowd(count, np.full(count, 30.0))
     kept, crowded, _ = limited(PREDICTED[:0], 0.0, many, RADAR)
-    assert len(kept) == crowded.clutter_rate == detection_limit.MAX_DETECTIONS
+    assert len(kept) == crowded.clutter_rate == detection_limit.MAX_UNEXPLAINED
+    kept, _, _ = limited(PREDICTED[:0], float(count), many, RADAR)
+    assert len(kept) == detection_limit.MAX_DETECTIONS
 
 
 @pytest.mark.parametrize("amplitudes", ["none", "equal"])
