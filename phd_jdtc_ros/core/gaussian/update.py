@@ -141,10 +141,8 @@ class PriorMixture:
         """Factor of earlier sectors, shape (H, R, S); None if they saw none of the targets."""
         if (earlier := self.report.earlier) is None:
             return None
-        share = self._measured_in(earlier.coverage)
-        if not earlier.matters(self.label, share):
-            return None
-        return earlier.factor(self.mixture.row_label, self._in_turn * share)
+        measured = self._measured_in(earlier.coverage)
+        return earlier.factor(self.mixture.row_label, self._in_turn, measured)
 
     @cached_property
     def missed(self) -> FloatArray:

@@ -35,27 +35,21 @@ class EarlierSectors:
     label: IntArray
     unseen: FloatArray
 
-    def matters(self, label: IntArray, share: FloatArray) -> bool:
-        """Return whether these sectors may have detected any target.
-
-        Parameters
-        ----------
-        label : int array of shape (T,)
-        share : array
-            Probabilities that targets are measured in these sectors.
-        """
-        near = share.max(initial=0.0) > LEAST_UNSEEN
-        return bool(near or np.isin(label, self.label).any())
-
-    def factor(self, label: IntArray, detected: FloatArray) -> FloatArray:
+    def factor(
+        self, label: IntArray, in_turn: FloatArray, measured: FloatArray
+    ) -> FloatArray | None:
         """Return the factor on the probability of a detection, shape (N, ...).
+
+        It is None if these sectors can have detected none of the targets.
 
         Parameters
         ----------
         label : int array of shape (N,)
             Label of each row's target.
-        detected : array of shape (N, ...)
-            Probability that the earlier sectors detect a target.
+        in_turn : array of shape (N, ...)
+            Probability that a whole turn detects a target.
+        measured : array of shape (N, ...)
+            Probability that a target is measured in these sectors.
 
         Notes
         -----
@@ -63,13 +57,16 @@ class EarlierSectors:
         the earlier sectors and in this one, it is detected in this one with p_B / (1 - p_A), given
         that the earlier ones have not detected it.
         """
+        near = measured.max(initial=0.0) > LEAST_UNSEEN
+        if not near and not np.isin(label, self.label).any():
+            return None
         unseen = np.ones(len(label))
         if len(self.label):
             place = np.minimum(np.searchsorted(self.label, label), len(self.label) - 1)
             known = self.label[place] == label
             unseen[known] = np.maximum(self.unseen[place[known]], LEAST_UNSEEN)
-        by_row = unseen.reshape(-1, *(1,) * (detected.ndim - 1))
-        factor: FloatArray = by_row / np.maximum(1.0 - detected, LEAST_UNSEEN)
+        by_row = unseen.reshape(-1, *(1,) * (in_turn.ndim - 1))
+        factor: FloatArray = by_row / np.maximum(1.0 - in_turn * measured, LEAST_UNSEEN)
         return factor
 
 

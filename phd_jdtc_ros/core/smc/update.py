@@ -147,10 +147,8 @@ class PriorParticles:
         """Factor of earlier sectors, shape (N,); None if they saw none of the targets."""
         if (earlier := self.report.earlier) is None:
             return None
-        share = self._measured_in(earlier.coverage)
-        if not earlier.matters(self.label, share):
-            return None
-        return earlier.factor(self.particles.row_label, self._in_turn * share)
+        measured = self._measured_in(earlier.coverage)
+        return earlier.factor(self.particles.row_label, self._in_turn, measured)
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs, with the log likelihoods of the measurements."""

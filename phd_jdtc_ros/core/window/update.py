@@ -339,7 +339,7 @@ def update_scan(
                 known.initiate(label, born.report.detections)
             label += len(born)
             newborns.append(born)
-        if passes is not None:
+        if passes is not None and report.detections.coverage is not None:
             every = np.concatenate([updated.label, np.arange(first, label)])
             detected = np.concatenate([updated.detected, np.ones(label - first)])
             passes.learn(report, scan.stamp_ns, every, detected)
