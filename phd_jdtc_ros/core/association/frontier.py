@@ -1,9 +1,10 @@
 """Exact association probabilities in clusters, by a frontier programme.
 
-A table has the weight of all matchings of the edges passed so far, by the set of open nodes that
-are taken: the frontier is all that they have in common with the edges to come. With tables of both
-directions every probability is a sum. Their size is two to the power of the open nodes, which are
-few where targets compete with their neighbours only, however many targets there are.
+The edges are processed in a fixed order, and a node is open from its first edge to its last. A
+table has, for each subset of the open nodes (the frontier), the summed weight of the matchings of
+the edges processed so far that use exactly these nodes. The probability of an edge is a sum of
+products of a forward and a backward table. The size of a table is two to the power of the number of
+open nodes, which are few where targets compete with their neighbours only.
 """
 
 from __future__ import annotations
@@ -15,15 +16,17 @@ from ..compilation import Float1, compiled, inner
 from .clusters import Graph
 from .planning import Plan
 
-# By how much a cluster may be worth more than its heaviest matching; doubles go down to exp(-700).
+# Largest excess of the prices in a cluster over the log weight of its best matching: exp underflows
+# below -700.
 SLACK = 300.0
-# A bid is higher by this at least, so that no cluster takes many: more slack, but not in one place.
+# Smallest increment of a bid, which bounds the number of bids in a large cluster. There the excess
+# may be larger than SLACK, but it is distributed over the targets.
 LEAST_RISE = 2.0
 
 
 @inner
-def _take(table: FloatArray, lower: int, upper: int, weight: float) -> None:
-    """Add the matchings with an edge to a table."""
+def _add_edge(table: FloatArray, lower: int, upper: int, weight: float) -> None:
+    """Add the matchings with an edge to a forward table."""
     for block in range(0, len(table), 2 * upper):
         for base in range(block, block + upper, 2 * lower):
             for state in range(base, base + lower):
@@ -31,8 +34,10 @@ def _take(table: FloatArray, lower: int, upper: int, weight: float) -> None:
 
 
 @inner
-def _give(table: FloatArray, later: FloatArray, lower: int, upper: int, weight: float) -> float:
-    """Add the matchings with an edge to the later ones; return the share of all that they have."""
+def _add_edge_backward(
+    table: FloatArray, later: FloatArray, lower: int, upper: int, weight: float
+) -> float:
+    """Add the matchings with an edge to a backward table; return the edge's probability."""
     total = 0.0
     for block in range(0, len(table), 2 * upper):
         for base in range(block, block + upper, 2 * lower):
@@ -44,9 +49,9 @@ def _give(table: FloatArray, later: FloatArray, lower: int, upper: int, weight: 
 
 
 @inner
-def _closed(table: FloatArray, bit: int, free: float, room: FloatArray) -> FloatArray:
-    """Return a table without one of its nodes, taken or free; both may begin the same array."""
-    rest = room[: len(table) // 2]
+def _close_node(table: FloatArray, bit: int, free: float, buffer: FloatArray) -> FloatArray:
+    """Return a table summed over a node, matched or not; `table` and `buffer` may share memory."""
+    rest = buffer[: len(table) // 2]
     for base in range(0, len(rest), bit):
         for state in range(base, base + bit):
             rest[state] = free * table[base + state] + table[base + state + bit]
@@ -54,9 +59,9 @@ def _closed(table: FloatArray, bit: int, free: float, room: FloatArray) -> Float
 
 
 @inner
-def _reopened(later: FloatArray, bit: int, free: float, room: FloatArray) -> FloatArray:
-    """Return what may come from before a node was closed; both may begin the same array."""
-    whole = room[: 2 * len(later)]
+def _reopen_node(later: FloatArray, bit: int, free: float, buffer: FloatArray) -> FloatArray:
+    """Return the backward table before a node was closed; it may share memory with `buffer`."""
+    whole = buffer[: 2 * len(later)]
     for base in range(len(later) - bit, -1, -bit):
         for state in range(base + bit - 1, base - 1, -1):
             whole[base + state + bit] = later[state]
@@ -65,8 +70,8 @@ def _reopened(later: FloatArray, bit: int, free: float, room: FloatArray) -> Flo
 
 
 @inner
-def _untaken(table: FloatArray, later: FloatArray, bit: int) -> float:
-    """Return the share of the matchings that leave a node free."""
+def _unmatched(table: FloatArray, later: FloatArray, bit: int) -> float:
+    """Return the probability that a node is unmatched."""
     total = 0.0
     for base in range(0, len(table), 2 * bit):
         for state in range(base, base + bit):
@@ -75,80 +80,93 @@ def _untaken(table: FloatArray, later: FloatArray, bit: int) -> float:
 
 
 @inner
-def _before(plan: Plan, steps: tuple[int, int], weight: FloatArray, free: FloatArray) -> FloatArray:
-    """Return the tables of a cluster's steps, one after the other, each after its edges."""
+def _forward_tables(
+    plan: Plan, steps: tuple[int, int], weight: FloatArray, free: FloatArray
+) -> FloatArray:
+    """Return the forward tables of a cluster, one after the other, each after a step's edges."""
     sizes = plan.size[steps[0] : steps[1]]
-    tables, room = np.zeros(sizes.sum()), np.ones(np.max(sizes))
-    table, end = room[:1], 0
+    tables, buffer = np.zeros(sizes.sum()), np.ones(np.max(sizes))
+    table, end = buffer[:1], 0
     for step in range(*steps):
         begin, end = end, end + plan.size[step]
         known = tables[begin : begin + len(table)]
         known += table
         table = tables[begin:end]
         for at in range(plan.passed[step], plan.passed[step + 1]):
-            _take(table, plan.lower[at], plan.upper[at], weight[plan.edge[at]])
+            _add_edge(table, plan.lower[at], plan.upper[at], weight[plan.edge[at]])
         for at in range(plan.closed[step + 1] - 1, plan.closed[step] - 1, -1):
-            table = _closed(table, plan.bit[at], free[plan.node[at]], room)
+            table = _close_node(table, plan.bit[at], free[plan.node[at]], buffer)
         table /= np.max(table)
     return tables
 
 
 @inner
-def _after(
+def _write_probabilities(
     plan: Plan,
     steps: tuple[int, int],
     weight: FloatArray,
     free: FloatArray,
     tables: FloatArray,
     edge: FloatArray,
-    none: FloatArray,
+    unmatched: FloatArray,
 ) -> None:
-    """Write the probabilities of a cluster: what was before each step times what may come after."""
-    room, begin = np.ones(np.max(plan.size[steps[0] : steps[1]])), len(tables)
-    later = room[:1]
+    """Write a cluster's probabilities: products of its forward and backward tables."""
+    buffer, begin = np.ones(np.max(plan.size[steps[0] : steps[1]])), len(tables)
+    later = buffer[:1]
     for step in range(steps[1] - 1, steps[0] - 1, -1):
         begin, end = begin - plan.size[step], begin
         table = tables[begin:end]
         for at in range(plan.closed[step], plan.closed[step + 1]):
-            later = _reopened(later, plan.bit[at], free[plan.node[at]], room)
+            later = _reopen_node(later, plan.bit[at], free[plan.node[at]], buffer)
         later /= np.dot(table, later)
         for at in range(plan.closed[step], plan.closed[step + 1]):
-            none[plan.node[at]] = _untaken(table, later, plan.bit[at])
+            unmatched[plan.node[at]] = _unmatched(table, later, plan.bit[at])
         for at in range(plan.passed[step], plan.passed[step + 1]):
             one = plan.edge[at]
-            edge[one] = _give(table, later, plan.lower[at], plan.upper[at], weight[one])
+            edge[one] = _add_edge_backward(
+                table, later, plan.lower[at], plan.upper[at], weight[one]
+            )
         later = later[: plan.before[step]]
 
 
 @compiled
-def sums(plan: Plan, weight: Float1, free: Float1) -> tuple[FloatArray, FloatArray]:
-    """Return the probabilities of edges, (E,), and of nodes to have none, (N,).
+def matching_probabilities(
+    plan: Plan, weight: Float1, free: Float1
+) -> tuple[FloatArray, FloatArray]:
+    """Return the probabilities that edges are matched, (E,), and that nodes are unmatched, (N,).
 
-    Those of clusters without steps are zero.
+    They are zero in clusters without steps.
 
     Parameters
     ----------
     plan : Plan
     weight, free : arrays of shape (E,) and (N,)
-        Factors of a matching: for each of its edges, and for each node without one.
+        Factors of a matching: for each of its edges, and for each unmatched node.
     """
-    edge, none = np.zeros(len(weight)), np.zeros(len(free))
+    edge, unmatched = np.zeros(len(weight)), np.zeros(len(free))
     for cluster in range(len(plan.first) - 1):
         steps = plan.first[cluster], plan.first[cluster + 1]
         if steps[0] == steps[1]:
             continue
-        _after(plan, steps, weight, free, _before(plan, steps, weight, free), edge, none)
-    return edge, none
+        _write_probabilities(
+            plan, steps, weight, free, _forward_tables(plan, steps, weight, free), edge, unmatched
+        )
+    return edge, unmatched
 
 
 @compiled
-def prices(graph: Graph, log_odds: Float1) -> FloatArray:
-    """Return the logarithms of what nodes are worth, (N,): two together at least as their edge.
+def node_prices(graph: Graph, log_odds: Float1) -> FloatArray:
+    """Return the price (dual variable) of each node, (N,).
 
-    Targets bid for detections as in an auction, so that the nodes of a cluster together are worth
-    little more than its heaviest matching: at most `SLACK`, or `LEAST_RISE` for each target.
+    The prices of an edge's two nodes sum to at least its log odds. Targets bid for detections as in
+    an auction, so that the prices of a cluster exceed the log weight of its best matching by at
+    most `SLACK`, or by `LEAST_RISE` for each target.
 
-    `log_odds`, (E,), are of each edge against both its nodes having none.
+    Parameters
+    ----------
+    graph : Graph
+    log_odds : array of shape (E,)
+        Log odds of each edge against leaving both its nodes unmatched.
 
     References
     ----------

@@ -16,7 +16,7 @@ from ..arrays import FloatArray, IntArray, contiguous
 from ..compilation import Float1, Int1, compiled, inner
 from .belief_propagation import propagate, rounds
 from .clusters import graph_of
-from .frontier import prices, sums
+from .frontier import matching_probabilities, node_prices
 from .planning import plan
 
 # Smallest clutter intensity, in the units of the odds. Larger odds are practically certain.
@@ -79,12 +79,12 @@ def _contested(
 ) -> tuple[FloatArray, FloatArray, int]:
     """Return the columns of `Marginals`; `log_odds` are against both nodes having none of them."""
     order, graph = graph_of(targets, size, target, detection)
-    steps, price = plan(graph, most_work), prices(graph, log_odds)
+    steps, price = plan(graph, most_work), node_prices(graph, log_odds)
     weight = np.empty(len(log_odds))
     for edge in range(len(weight)):
         worth = price[graph.target[edge]] + price[graph.detection[edge]]
         weight[edge] = math.exp(log_odds[edge] - worth)
-    probability, untaken = sums(steps, weight, np.exp(-price))
+    probability, unmatched = matching_probabilities(steps, weight, np.exp(-price))
     none, approximate = np.ones(targets), 0
     left_out = np.zeros(len(order), np.bool_)
     for cluster in range(len(graph.middle)):
@@ -98,7 +98,7 @@ def _contested(
     )
     for node in range(len(order)):
         if order[node] < targets:
-            none[order[node]] = propagated[order[node]] if left_out[node] else untaken[node]
+            none[order[node]] = propagated[order[node]] if left_out[node] else unmatched[node]
     return probability, none, approximate
 
 
