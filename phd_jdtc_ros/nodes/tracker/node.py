@@ -269,7 +269,10 @@ def _source(given: Collection[str], files: Sequence[Path]) -> str:
     if files:
         return f"parameters from {', '.join(map(str, files))}"
     others = f" except {', '.join(given)}" if given else ""
-    return f"default parameters (profile {DEFAULT_PROFILE}){others}: no parameter file was given"
+    return (
+        f"default parameters (profile {DEFAULT_PROFILE}){others}: no parameter file was given; for "
+        "radars of your own start from a copy of config/surveillance.yaml"
+    )
 
 
 def main(argv: Sequence[str]) -> int:
