@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, contiguous
+from ..arrays import BoolArray, FloatArray, IntArray, contiguous
 from ..models.amplitude_model import SnrCells
 from ..models.tracker_model import TrackerModel
 from ..targets.motion import MotionModel
@@ -34,6 +34,8 @@ class Interval(NamedTuple):
         Probability to survive and to change from the one mode of a pair to the other.
     noise : array of shape (R, D, D)
         Process noise, by motion mode after.
+    transition : array of shape (R, D, D)
+        Matrix of each motion mode; of a turn, that of the turn rate 0.
     snr : array of shape (C, S, S) or None
         Matrix of each class's cells of SNR, [from, to]; None if no cell is left.
     """
@@ -41,6 +43,7 @@ class Interval(NamedTuple):
     survival: FloatArray
     change: FloatArray
     noise: FloatArray
+    transition: FloatArray
     snr: FloatArray | None
 
 
@@ -94,6 +97,11 @@ class Dynamics:
         for row, motion in zip(supported, self.motions, strict=True):
             row[list(motion.support)] = 1.0
         return supported
+
+    @cached_property
+    def turns(self) -> BoolArray:
+        """Whether each motion mode is a coordinated turn, shape (R,)."""
+        return self.supported[:, self.model.modes.space.turn_rate] > 0.0
 
     @cached_property
     def spread(self) -> FloatArray:
@@ -169,8 +177,14 @@ class Dynamics:
             of, to = self.pairs
             survival = self.survival(dt)
             change = self.transition(dt)[of, to] * survival[of]
-            known[dt] = Interval(survival, change, self.noise(dt), self.cells.transition(dt))
+            noise, snr = self.noise(dt), self.cells.transition(dt)
+            known[dt] = Interval(survival, change, noise, self._matrices(dt), snr)
         return known[dt]
+
+    def _matrices(self, dt: float) -> FloatArray:
+        """Return the matrix of each motion mode over `dt` seconds at rest, shape (R, D, D)."""
+        rest = np.zeros((1, len(self.model.modes.space)))
+        return np.concatenate([motion.jacobian(rest, dt) for motion in self.motions])
 
     def transition(self, dt: float) -> FloatArray:
         """Return the (R, R) matrix of the motion modes over `dt` seconds, [from, to]."""

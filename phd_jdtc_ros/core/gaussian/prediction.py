@@ -183,11 +183,14 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     row, pair = np.nonzero((before.mode_weight[:, of] > 0.0) & (change > 0.0))
     place = np.full(change.shape, -1)
     place[row, pair] = np.arange(len(row))
-    earlier_mode, later_mode, scan = of[pair], to[pair], source[row]
-    of_pair = before.mean[row, earlier_mode], before.covariance[row, earlier_mode]
-    pair_mean, jacobian, curved = moved(*of_pair, later_mode, dt_of[scan], dynamics.motions)
+    row, earlier_mode, later_mode, scan = contiguous(row, of[pair], to[pair], source[row])
+    transition = np.array([interval.transition for interval in intervals])
+    pair_mean, jacobian, curved = moved(
+        *(before.mean, before.covariance, row, earlier_mode, later_mode, scan),
+        *(dynamics.turns, transition, dt_of),
+    )
     pair_covariance, factor, gain, base = _pairs(
-        *contiguous(before.covariance, row, earlier_mode, later_mode, scan, jacobian, curved, noise)
+        before.covariance, row, earlier_mode, later_mode, scan, jacobian, curved, noise
     )
     weight, mean, covariance = _mixed(
         *contiguous(before.weight, before.mean, before.covariance),
@@ -257,9 +260,12 @@ def _spawned_by(
     mean, covariance = mixture.overall
     mean, covariance = mean[parents], covariance[parents]
     count, (modes, size) = len(parents), dynamics.supported.shape
-    to = np.arange(count * modes) % modes
-    repeated = mean.repeat(modes, axis=0), covariance.repeat(modes, axis=0)
-    found = moved(*repeated, to, np.full(len(to), dt), dynamics.motions)
+    row, to = np.divmod(np.arange(count * modes), modes)
+    nought, transition = np.zeros(len(to), dtype=np.int64), dynamics.over(dt).transition[None]
+    found = moved(
+        *(mean[:, None], covariance[:, None], row, nought, to, nought),
+        *(dynamics.turns, transition, np.array([dt])),
+    )
     later = found[0].reshape(count, modes, -1)
     jacobian, curved = (matrix.reshape(count, modes, size, -1) for matrix in found[1:])
     by_parent, noise = dynamics.spawned
