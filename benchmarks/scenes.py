@@ -157,6 +157,7 @@ def mixture(scene: Scenario, config: TrackerConfig) -> Mixture:
         dynamics.birth_weight[before.class_id],
         _earlier(before, scene, config)[:, None] * supported,
         np.broadcast_to(covariance, (count, *covariance.shape)),
+        dynamics.unknown_snr(count),
     )
 
 

@@ -11,7 +11,6 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement.newborn import newborn_mixture
-from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.sensors.report import Report
@@ -101,8 +100,7 @@ def test_newborn_gaussians_are_one_hypothesis_for_each_fold():
     config = lone({**ROAD, "engine": "gaussian"})
     (radar,), births = config.model.radars, config.model.detection_births
     dynamics = Dynamics(config.model)
-    modes, size = dynamics.supported.shape
-    nothing = Branched(Mixture.empty(modes, len(dynamics.cells), size), np.zeros(0, dtype=int))
+    nothing = Branched(dynamics.nothing, np.zeros(0, dtype=int))
     report = Detections(
         np.array([[60.0, 0.4], [50.0, 0.0], [80.0, -1.0]]),
         None,

@@ -65,7 +65,8 @@ def mixture_of(dynamics, targets):
         np.diag(np.square(std)) * supported[:, :, None] * supported[:, None, :]
         for _, _, std in targets
     ]
-    return Mixture(np.arange(len(targets)), weight, mean, covariance)
+    snr = dynamics.unknown_snr(len(targets))
+    return Mixture(np.arange(len(targets)), weight, mean, covariance, snr)
 
 
 def started(config, *targets):

@@ -1,8 +1,8 @@
 """The motion modes of all classes; classes that move alike share one set of motion modes.
 
 A hypothesis of the Gaussian engine has one Gaussian per motion mode, and weights over motion modes
-and cells of class and signal-to-noise ratio. Classes with equal motions, mode matrices and survival
-probabilities share their Gaussians: only their weights differ.
+and classes. Classes with equal motions, mode matrices and survival probabilities share their
+Gaussians: only their weights differ.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, contiguous
+from ..arrays import BoolArray, FloatArray, IntArray, contiguous
 from ..models.amplitude_model import SnrCells
 from ..models.tracker_model import TrackerModel
 from ..targets.motion import MotionModel
+from .mixture import Mixture
 
 # Antennas turn evenly, so the same intervals come again and again.
 MOST_INTERVALS = 256
@@ -33,14 +34,17 @@ class Interval(NamedTuple):
         Probability to survive and to change from the one mode of a pair to the other.
     noise : array of shape (R, D, D)
         Process noise, by motion mode after.
-    cells : array of shape (S, S) or None
-        Matrix of the cells, [from, to]; None if no cell is left.
+    transition : array of shape (R, D, D)
+        Matrix of each motion mode; of a turn, that of the turn rate 0.
+    snr : array of shape (C, S, S) or None
+        Matrix of each class's cells of SNR, [from, to]; None if no cell is left.
     """
 
     survival: FloatArray
     change: FloatArray
     noise: FloatArray
-    cells: FloatArray | None
+    transition: FloatArray
+    snr: FloatArray | None
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class Dynamics:
 
     @cached_property
     def cells(self) -> SnrCells:
-        """The S cells of class and signal-to-noise ratio."""
+        """The S cells of each class's signal-to-noise ratio."""
         return self.model.amplitudes.cells(self.model.modes)
 
     @cached_property
@@ -95,18 +99,33 @@ class Dynamics:
         return supported
 
     @cached_property
+    def turns(self) -> BoolArray:
+        """Whether each motion mode is a coordinated turn, shape (R,)."""
+        return self.supported[:, self.model.modes.space.turn_rate] > 0.0
+
+    @cached_property
     def spread(self) -> FloatArray:
-        """Weights over (motion mode, cell) of unit mass in each flat mode, shape (O, R, S)."""
-        modes, cells = self.model.modes, self.cells
-        spread = np.zeros((len(modes), len(self.motions), len(cells)))
-        for flat, (mode, class_id) in enumerate(zip(self.mode_of, modes.class_of, strict=True)):
-            own = cells.class_of == class_id
-            spread[flat, mode, own] = 1.0 / own.sum()
+        """Weights over (motion mode, class) of unit mass in each flat mode, shape (O, R, C)."""
+        modes = self.model.modes
+        spread = np.zeros((len(modes), len(self.motions), len(modes.classes)))
+        spread[np.arange(len(modes)), self.mode_of, modes.class_of] = 1.0
         return spread
 
     @cached_property
+    def nothing(self) -> Mixture:
+        """A mixture of no targets."""
+        classes, cells = self.cells.log_snr.shape
+        modes, size = self.supported.shape
+        return Mixture.empty(modes, classes, cells, size)
+
+    def unknown_snr(self, count: int) -> FloatArray:
+        """Return the probabilities of the cells of new targets, shape (count, C, S)."""
+        prior = self.cells.prior
+        return np.broadcast_to(prior, (count, *prior.shape))
+
+    @cached_property
     def birth_weight(self) -> FloatArray:
-        """Weights over (motion mode, cell) of a birth component of each class, shape (C, R, S).
+        """Weights over (motion mode, class) of a birth component of each class, shape (C, R, C).
 
         The motion modes of a class are equally probable at birth.
         """
@@ -118,7 +137,7 @@ class Dynamics:
 
     @cached_property
     def births(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Weights, (B, R, S), means and covariances of the birth terms, over a nominal interval."""
+        """Weights, (B, R, C), means and covariances of the birth terms, over a nominal interval."""
         terms, (modes, size) = self.model.births, self.supported.shape
         weight, mean = np.zeros((len(terms), *self.spread.shape[1:])), np.zeros((len(terms), size))
         covariance = np.zeros((len(terms), modes, size, size))
@@ -129,7 +148,7 @@ class Dynamics:
 
     @cached_property
     def spawned(self) -> tuple[FloatArray, FloatArray]:
-        """Weights of spawned targets by the parent's, (R S, R S), and their noise, (R, D, D)."""
+        """Weights of spawned targets by the parent's, (R C, R C), and their noise, (R, D, D)."""
         spawn, spread = self.model.spawn, self.spread.reshape(len(self.spread), -1)
         weight = (spread > 0.0).T.astype(np.float64) @ spawn.transition @ spread
         return weight, self._diagonal(spawn.std**2)
@@ -141,8 +160,9 @@ class Dynamics:
 
     @cached_property
     def mode_of_cell(self) -> IntArray:
-        """The index of some flat mode of each cell's class, shape (S,)."""
-        return np.searchsorted(self.model.modes.class_of, self.cells.class_of)
+        """The index of some flat mode of each cell's class, shape (C S,)."""
+        classes, cells = self.cells.log_snr.shape
+        return np.searchsorted(self.model.modes.class_of, np.arange(classes)).repeat(cells)
 
     @cached_property
     def _intervals(self) -> dict[float, Interval]:
@@ -157,8 +177,14 @@ class Dynamics:
             of, to = self.pairs
             survival = self.survival(dt)
             change = self.transition(dt)[of, to] * survival[of]
-            known[dt] = Interval(survival, change, self.noise(dt), self.cells.transition(dt))
+            noise, snr = self.noise(dt), self.cells.transition(dt)
+            known[dt] = Interval(survival, change, noise, self._matrices(dt), snr)
         return known[dt]
+
+    def _matrices(self, dt: float) -> FloatArray:
+        """Return the matrix of each motion mode over `dt` seconds at rest, shape (R, D, D)."""
+        rest = np.zeros((1, len(self.model.modes.space)))
+        return np.concatenate([motion.jacobian(rest, dt) for motion in self.motions])
 
     def transition(self, dt: float) -> FloatArray:
         """Return the (R, R) matrix of the motion modes over `dt` seconds, [from, to]."""

@@ -13,6 +13,7 @@ from ..types import Estimates
 from ..window.fixed_lag import Part
 from .algebra import kalman
 from .algebra.blocks import SIZE, add_mean, add_spread
+from .algebra.vectors import add
 from .dynamics import Dynamics
 from .mixture import Mixture
 
@@ -24,17 +25,14 @@ def _class_moments(
     weight: Float3,
     mean: Float3,
     covariance: Float4,
-    class_of: Int1,
-    classes: int,
 ) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
     """Return each target's mass by class, (T, C), its class, and the moments of that class."""
+    count, modes, classes = weight.shape
     class_mass, majority = np.zeros((targets, classes)), np.zeros(targets, np.int64)
     state, spread = np.zeros((targets, SIZE)), np.zeros((targets, SIZE, SIZE))
-    count, modes, cells = weight.shape
     for row in range(count):
         for mode in range(modes):
-            for cell in range(cells):
-                class_mass[target[row], class_of[cell]] += weight[row, mode, cell]
+            add(weight[row, mode], class_mass[target[row]])
     for one in range(targets):
         majority[one] = np.argmax(class_mass[one])
     share = np.zeros((count, modes))
@@ -42,9 +40,8 @@ def _class_moments(
         own = majority[target[row]]
         whole = class_mass[target[row], own]
         for mode in range(modes):
-            for cell in range(cells):
-                if class_of[cell] == own and whole > 0.0:
-                    share[row, mode] += weight[row, mode, cell] / whole
+            if whole > 0.0:
+                share[row, mode] = weight[row, mode, own] / whole
             add_mean(share[row, mode], mean[row, mode], state[target[row]])
     for row in range(count):
         for mode in range(modes):
@@ -62,10 +59,8 @@ def extract(
     A target's class is the one of largest weight. State and covariance are the moments of that
     class over all hypotheses and motion modes. The `track_id` of a target is its label plus one.
     """
-    cells = dynamics.cells
     class_mass, majority, state, covariance = _class_moments(
-        *(mixture.target, len(mixture.label), mixture.weight, mixture.mean, mixture.covariance),
-        *(np.ascontiguousarray(cells.class_of), len(dynamics.model.modes.classes)),
+        mixture.target, len(mixture.label), *mixture.gaussians
     )
     mass = class_mass.sum(axis=1)
     rows = np.flatnonzero(mass > threshold)

@@ -18,7 +18,7 @@ from .algebra.blocks import (
     log_determinant,
     square_distance,
 )
-from .algebra.vectors import add, multiply, multiply_left, sum_of, total_of, write_scaled
+from .algebra.vectors import add, sum_of, total_of, write_scaled
 
 # Smallest log fit of a pair of modes relative to the best pair: no pair is excluded for good.
 LEAST_LOG_FIT = -50.0
@@ -35,13 +35,12 @@ class Gaussians(NamedTuple):
 
 
 class _Moves(NamedTuple):
-    """The predictions of rows; see `prediction.Moves`. `cells` is empty if cells do not change."""
+    """The predictions of rows; see `prediction.Moves`."""
 
     of: IntArray
     to: IntArray
     change: FloatArray
     survival: FloatArray
-    cells: FloatArray
     mean: FloatArray
     factor: FloatArray
     gain: FloatArray
@@ -55,10 +54,10 @@ class _Scratch(NamedTuple):
     Parameters
     ----------
     fit, mass : arrays of shape (K,)
-    joint : array of shape (K, S)
+    joint : array of shape (K, C)
     mean, covariance : arrays of shape (K, D) and (K, D, D)
         The earlier Gaussians of the pairs.
-    vectors : array of shape (2, max(D, S))
+    vector : array of shape (D,)
     """
 
     fit: FloatArray
@@ -66,18 +65,18 @@ class _Scratch(NamedTuple):
     joint: FloatArray
     mean: FloatArray
     covariance: FloatArray
-    vectors: FloatArray
+    vector: FloatArray
 
 
 @inner
-def _scratch(pairs: int, cells: int) -> _Scratch:
+def _scratch(pairs: int, classes: int) -> _Scratch:
     return _Scratch(
         np.empty(pairs),
         np.empty(pairs),
-        np.empty((pairs, cells)),
+        np.empty((pairs, classes)),
         np.empty((pairs, SIZE)),
         np.empty((pairs, SIZE, SIZE)),
-        np.empty((2, max(SIZE, cells))),
+        np.empty(SIZE),
     )
 
 
@@ -91,8 +90,8 @@ def _of_children(
     their moments. The weight of a child that was merged from several parents is divided among
     them in proportion to their filtered weights. A hypothesis without children has no weight.
     """
-    modes, cells = later.weight.shape[1:]
-    weight, total = np.zeros((count, modes, cells)), np.zeros((count, modes))
+    modes, classes = later.weight.shape[1:]
+    weight, total = np.zeros((count, modes, classes)), np.zeros((count, modes))
     mean, covariance = np.zeros((count, modes, SIZE)), np.zeros((count, modes, SIZE, SIZE))
     part = np.zeros((len(child), modes))
     for edge in range(len(child)):
@@ -100,9 +99,9 @@ def _of_children(
         if one < 0:
             continue
         for mode in range(modes):
-            for cell in range(cells):
-                given = later.weight[other, mode, cell] * share[edge, mode, cell]
-                weight[one, mode, cell] += given
+            for class_id in range(classes):
+                given = later.weight[other, mode, class_id] * share[edge, mode, class_id]
+                weight[one, mode, class_id] += given
                 part[edge, mode] += given
             total[one, mode] += part[edge, mode]
     for edge in range(len(child)):
@@ -151,39 +150,19 @@ def _write_fit(
 
 
 @inner
-def _given_later(
-    joint: FloatArray,
-    to: IntArray,
-    cells: FloatArray,
-    row: int,
-    later_weight: FloatArray,
-    scratch: FloatArray,
-) -> None:
-    """Turn the joint weights of pairs (K, S) into those given the later modes' weights (R, S).
-
-    `cells` has the transition matrix of a row's cells, [from, to], empty if cells do not change.
-    """
-    size = joint.shape[1]
+def _given_later(joint: FloatArray, to: IntArray, later_weight: FloatArray) -> None:
+    """Turn the joint weights of pairs (K, C) into those given the later modes' weights (R, C)."""
     for mode in range(len(later_weight)):
-        predicted, back = scratch[0], scratch[1]
-        for cell in range(size):
-            predicted[cell] = 0.0
+        for class_id in range(joint.shape[1]):
+            predicted = 0.0
             for pair in range(len(to)):
                 if to[pair] == mode:
-                    predicted[cell] += joint[pair, cell]
-        if len(cells):
-            multiply_left(predicted, cells[row], back)
-            predicted, back = back, predicted
-        for cell in range(size):
-            some = predicted[cell] > 0.0
-            back[cell] = later_weight[mode, cell] / predicted[cell] if some else 0.0
-        if len(cells):
-            multiply(cells[row], back, predicted)
-            predicted, back = back, predicted
-        for pair in range(len(to)):
-            if to[pair] == mode:
-                for cell in range(size):
-                    joint[pair, cell] *= back[cell]
+                    predicted += joint[pair, class_id]
+            some = predicted > 0.0
+            back = later_weight[mode, class_id] / predicted if some else 0.0
+            for pair in range(len(to)):
+                if to[pair] == mode:
+                    joint[pair, class_id] *= back
 
 
 @inner
@@ -237,11 +216,11 @@ def _write_row(
 ) -> None:
     """Write the joint weights and the earlier Gaussians of a row's pairs, given later modes."""
     of, to, fit, mass = moves.of, moves.to, scratch.fit, scratch.mass
-    _write_fit(moves, row, later, part, scratch.vectors[0], fit)
+    _write_fit(moves, row, later, part, scratch.vector, fit)
     for pair in range(len(of)):
         prior = moves.change[row, pair] * fit[pair]
         write_scaled(prior, own.weight[at, of[pair]], scratch.joint[pair])
-    _given_later(scratch.joint, to, moves.cells, row, later.weight[part], scratch.vectors)
+    _given_later(scratch.joint, to, later.weight[part])
     for pair in range(len(of)):
         mass[pair] = total_of(scratch.joint[pair])
         if mass[pair] > 0.0:
@@ -249,7 +228,7 @@ def _write_row(
             columns = own.mean[at, of[pair]], moves.mean[one], moves.gain[one], moves.base[one]
             given = later.mean[part, to[pair]], later.covariance[part, to[pair]]
             mean, covariance = scratch.mean[pair], scratch.covariance[pair]
-            _earlier(columns, given, scratch.vectors[0], mean, covariance)
+            _earlier(columns, given, scratch.vector, mean, covariance)
 
 
 @inner
@@ -292,8 +271,8 @@ def _add_deaths(
         elif gone > 0.0:
             share = gone / (left + gone)
             _blend(share, own.mean[at, mode], own.covariance[at, mode], apart, mean, covariance)
-        for cell in range(own.weight.shape[2]):
-            smoothed.weight[at, mode, cell] += died * own.weight[at, mode, cell]
+        for class_id in range(own.weight.shape[2]):
+            smoothed.weight[at, mode, class_id] += died * own.weight[at, mode, class_id]
 
 
 @compiled
@@ -308,7 +287,6 @@ def go_back(
     share: Float3,
     change: Float2,
     survival: Float2,
-    cells: Float3,
     pair_mean: Float2,
     factor: Float3,
     gain: Float3,
@@ -333,20 +311,20 @@ def go_back(
         The pairs of motion modes of `prediction.Moves`.
     edges, rows : int arrays of shape (L + 1,)
         Where the edges and the predicted rows of each link begin, and where those of the last end.
-    child, parent, share : arrays of shapes (E,), (E,) and (E, R, S)
+    child, parent, share : arrays of shapes (E,), (E,) and (E, R, C)
         See `reduction.Ancestry`; a parent is counted from the first predicted row of its link.
-    change, survival, cells, pair_mean, factor, gain, base, place
-        See `prediction.Moves`; `cells` is empty if cells do not change.
+    change, survival, pair_mean, factor, gain, base, place
+        See `prediction.Moves`.
     source : int array of shape (P,)
         The filtered row from which each row was predicted; -1 if it has left the window.
     target : int array of shape (N,)
         The target of each filtered row.
-    weight, mean, covariance : arrays of shapes (N, R, S), (N, R, D) and (N, R, D, D)
+    weight, mean, covariance : arrays of shapes (N, R, C), (N, R, D) and (N, R, D, D)
         The filtered rows.
     later_weight, later_mean, later_covariance : arrays
         The later rows.
     """
-    moves = _Moves(of, to, change, survival, cells, pair_mean, factor, gain, base, place)
+    moves = _Moves(of, to, change, survival, pair_mean, factor, gain, base, place)
     own = Gaussians(weight, mean, covariance)
     later = Gaussians(later_weight, later_mean, later_covariance)
     targets = target.max() + 1 if len(target) else 0
@@ -370,4 +348,4 @@ def go_back(
             if at >= 0:
                 one = target[at]
                 death = (1.0 - min(alive[one], 1.0)) / dead[one] if dead[one] > 0.0 else 0.0
-                _add_deaths(death, survival[row], own, at, smoothed, scratch.vectors[0])
+                _add_deaths(death, survival[row], own, at, smoothed, scratch.vector)

@@ -20,29 +20,37 @@ class Mixture:
     """A labelled multi-Bernoulli density whose targets are mixtures of Gaussians.
 
     A hypothesis is the density of a target given one assignment of recent detections to it. It has
-    one Gaussian per motion mode, and a weight for each motion mode and cell of class and
-    signal-to-noise ratio. The weights of a target's hypotheses sum to its existence probability.
+    one Gaussian per motion mode, a weight for each motion mode and class, and the probabilities of
+    the class's signal-to-noise ratios. The weights of a target's hypotheses sum to its existence
+    probability.
 
     Parameters
     ----------
     row_label : int array of shape (H,)
         Label of each hypothesis's target; see `labels`.
-    weight : array of shape (H, R, S)
-        Every class has the same number of cells; cells are ordered by class.
+    weight : array of shape (H, R, C)
     mean : array of shape (H, R, D)
         In the world frame; metres, metres per second, radians per second.
     covariance : array of shape (H, R, D, D)
         Zero on the axes that a motion mode is not defined on.
+    snr : array of shape (H, C, S)
+        Probability of each cell of the signal-to-noise ratio, given the class; see `SnrCells`.
+
+    Notes
+    -----
+    Given its class and its detections, a target's SNR is independent of its motion, apart from
+    missed detections at places of different detection probability. That is neglected.
     """
 
     row_label: Annotated[IntArray, integers("H", 0, key="origin")]
-    weight: Annotated[FloatArray, floats("HOS", 0.0, MAX_MASS)]
+    weight: Annotated[FloatArray, floats("HOC", 0.0, MAX_MASS)]
     mean: Annotated[FloatArray, floats("HOD", -MAX_STATE, MAX_STATE)]
     covariance: Annotated[FloatArray, covariances("HODD", MAX_STATE)]
+    snr: Annotated[FloatArray, floats("HCS", 0.0, 1.0)]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "row_label", read_only(self.row_label, np.int64))
-        for name in ("weight", "mean", "covariance"):
+        for name in ("weight", "mean", "covariance", "snr"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
     def __len__(self) -> int:
@@ -86,15 +94,14 @@ class Mixture:
 
     def take(self, rows: IntArray) -> Mixture:
         """Return the hypotheses of these rows."""
-        return Mixture(
-            self.row_label[rows], self.weight[rows], self.mean[rows], self.covariance[rows]
-        )
+        columns = self.weight, self.mean, self.covariance, self.snr
+        return Mixture(self.row_label[rows], *(column[rows] for column in columns))
 
     def with_gaussians(
         self, weight: FloatArray, mean: FloatArray, covariance: FloatArray
     ) -> Mixture:
         """Return these hypotheses with their weights and Gaussians replaced."""
-        other = Mixture(self.row_label, weight, mean, covariance)
+        other = Mixture(self.row_label, weight, mean, covariance, self.snr)
         other.__dict__["_targets"] = self._targets  # the targets do not change
         return other
 
@@ -103,7 +110,7 @@ class Mixture:
     ) -> FloatArray:
         """Return the expected number of targets of each class, shape (C,); see `Rows`."""
         weight = self.weight if rows is None else self.weight[rows]
-        mass: FloatArray = weight.sum(axis=(0, 1)).reshape(classes, -1).sum(axis=1)
+        mass: FloatArray = weight.sum(axis=(0, 1))
         return mass
 
     @cached_property
@@ -138,13 +145,14 @@ class Mixture:
         )
 
     @staticmethod
-    def empty(modes: int, cells: int, size: int) -> Mixture:
+    def empty(modes: int, classes: int, cells: int, size: int) -> Mixture:
         """Return a mixture of no targets."""
         return Mixture(
             np.zeros(0, dtype=np.int64),
-            np.zeros((0, modes, cells)),
+            np.zeros((0, modes, classes)),
             np.zeros((0, modes, size)),
             np.zeros((0, modes, size, size)),
+            np.zeros((0, classes, cells)),
         )
 
     @staticmethod
@@ -157,4 +165,5 @@ class Mixture:
             np.concatenate([part.weight for part in parts]),
             np.concatenate([part.mean for part in parts]),
             np.concatenate([part.covariance for part in parts]),
+            np.concatenate([part.snr for part in parts]),
         )

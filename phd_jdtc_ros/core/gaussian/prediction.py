@@ -50,8 +50,6 @@ class Moves:
         Probability of survival with a change from the first mode to the second.
     survival : array of shape (H, R)
         Probability of survival until the later scan.
-    cells : array of shape (H, S, S) or None
-        Transition matrix of the cells, [from, to]; None if cells do not change.
     mean : array of shape (A, D)
         Predicted mean of each pair.
     factor : array of shape (A, D, D)
@@ -66,7 +64,6 @@ class Moves:
     pairs: tuple[IntArray, IntArray]
     change: Annotated[FloatArray, floats("PK", 0.0, 1.0)]
     survival: Annotated[FloatArray, floats("PO", 0.0, 1.0)]
-    cells: Annotated[FloatArray | None, floats("PSS", 0.0, 1.0)]
     mean: Annotated[FloatArray, floats("AD", -MAX_STATE, MAX_STATE)]
     factor: Annotated[FloatArray, floats("ADD", -MOST_FACTOR, MOST_FACTOR)]
     gain: Annotated[FloatArray, floats("ADD", -MOST_GAIN, MOST_GAIN)]
@@ -133,7 +130,7 @@ def _mixed(
 
     A mode that cannot be reached has no weight; it keeps its own Gaussian.
     """
-    count, modes, cells = weight.shape
+    count, modes, classes = weight.shape
     later_weight, later_mean = np.zeros(weight.shape), np.zeros(mean.shape)
     later = np.zeros(covariance.shape)
     share, total = np.empty(len(of)), np.empty(modes)
@@ -141,9 +138,9 @@ def _mixed(
         total[:] = 0.0
         for pair in range(len(of)):
             share[pair] = 0.0
-            for cell in range(cells):
-                moved = change[row, pair] * weight[row, of[pair], cell]
-                later_weight[row, to[pair], cell] += moved
+            for class_id in range(classes):
+                moved = change[row, pair] * weight[row, of[pair], class_id]
+                later_weight[row, to[pair], class_id] += moved
                 share[pair] += moved
             total[to[pair]] += share[pair]
         for pair in range(len(of)):
@@ -186,24 +183,32 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     row, pair = np.nonzero((before.mode_weight[:, of] > 0.0) & (change > 0.0))
     place = np.full(change.shape, -1)
     place[row, pair] = np.arange(len(row))
-    earlier_mode, later_mode, scan = of[pair], to[pair], source[row]
-    of_pair = before.mean[row, earlier_mode], before.covariance[row, earlier_mode]
-    pair_mean, jacobian, curved = moved(*of_pair, later_mode, dt_of[scan], dynamics.motions)
+    row, earlier_mode, later_mode, scan = contiguous(row, of[pair], to[pair], source[row])
+    transition = np.array([interval.transition for interval in intervals])
+    pair_mean, jacobian, curved = moved(
+        *(before.mean, before.covariance, row, earlier_mode, later_mode, scan),
+        *(dynamics.turns, transition, dt_of),
+    )
     pair_covariance, factor, gain, base = _pairs(
-        *contiguous(before.covariance, row, earlier_mode, later_mode, scan, jacobian, curved, noise)
+        before.covariance, row, earlier_mode, later_mode, scan, jacobian, curved, noise
     )
     weight, mean, covariance = _mixed(
         *contiguous(before.weight, before.mean, before.covariance),
         *contiguous(of, to, change, place, pair_mean, pair_covariance),
     )
-    cells = None
-    if intervals[0].cells is not None:
-        cells = np.array([interval.cells for interval in intervals])[source]
-        weight = weight @ cells
+    diffused = [
+        _diffused(part.mixture.snr, interval.snr)
+        for part, interval in zip(earlier, intervals, strict=True)
+    ]
     return (
-        Mixture(before.row_label, weight, mean, covariance),
-        Moves(*((of, to), change, survival, cells), *(pair_mean, factor, gain, base), place),
+        Mixture(before.row_label, weight, mean, covariance, np.concatenate(diffused)),
+        Moves((of, to), change, survival, pair_mean, factor, gain, base, place),
     )
+
+
+def _diffused(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
+    """Return the later probabilities of the cells of SNR, (H, C, S); see `Interval.snr`."""
+    return snr if transition is None else (snr.swapaxes(0, 1) @ transition).swapaxes(0, 1)
 
 
 def births(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: int) -> Mixture:
@@ -219,7 +224,8 @@ def births(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: 
     expected = np.array([dt for _, dt in births]) / dynamics.model.modes.interval_s
     weight, mean, covariance = dynamics.births
     weight = expected[:, None, None] * weight[rows]
-    return Mixture(first + rows, weight, mean[rows], covariance[rows])
+    snr = dynamics.unknown_snr(len(rows))
+    return Mixture(first + rows, weight, mean[rows], covariance[rows], snr)
 
 
 def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: float) -> Mixture:
@@ -236,7 +242,7 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
     """
     model = dynamics.model
     label = labels.first_predicted(scan_index) + len(model.births)
-    parts = [Mixture.empty(len(dynamics.motions), len(dynamics.cells), len(model.modes.space))]
+    parts = [dynamics.nothing]
     for mixture, dt in earlier:
         rate = min(model.spawn.rate * dt / model.modes.interval_s, 1.0)
         if rate * mixture.existence.max(initial=0.0) < least:
@@ -254,9 +260,12 @@ def _spawned_by(
     mean, covariance = mixture.overall
     mean, covariance = mean[parents], covariance[parents]
     count, (modes, size) = len(parents), dynamics.supported.shape
-    to = np.arange(count * modes) % modes
-    repeated = mean.repeat(modes, axis=0), covariance.repeat(modes, axis=0)
-    found = moved(*repeated, to, np.full(len(to), dt), dynamics.motions)
+    row, to = np.divmod(np.arange(count * modes), modes)
+    nought, transition = np.zeros(len(to), dtype=np.int64), dynamics.over(dt).transition[None]
+    found = moved(
+        *(mean[:, None], covariance[:, None], row, nought, to, nought),
+        *(dynamics.turns, transition, np.array([dt])),
+    )
     later = found[0].reshape(count, modes, -1)
     jacobian, curved = (matrix.reshape(count, modes, size, -1) for matrix in found[1:])
     by_parent, noise = dynamics.spawned
@@ -266,4 +275,4 @@ def _spawned_by(
     weight = np.zeros((count + 1, len(by_parent)))
     np.add.at(weight, place[mixture.target], mixture.weight.reshape(len(mixture), -1))
     weight = rate * (weight[:count] @ by_parent).reshape(count, modes, -1)
-    return Mixture(label + np.arange(count), weight, later, spread)
+    return Mixture(label + np.arange(count), weight, later, spread, dynamics.unknown_snr(count))

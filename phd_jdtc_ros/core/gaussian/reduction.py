@@ -5,13 +5,13 @@ Each probable motion mode of a remaining hypothesis then becomes a hypothesis of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, contiguous
-from ..compilation import Float1, Float3, Float4, Int1, Int2, compiled, inner
+from ..compilation import Float3, Float4, Int1, Int2, compiled, inner
 from ..snapshot import floats, integers
 from .algebra import kalman
 from .algebra.blocks import SIZE, add_mean, add_spread, factorise, square_distance
@@ -52,70 +52,13 @@ class Ancestry:
         Row of the kept mixture, ascending.
     parent : int array of shape (E,)
         Row of the predicted mixture; -1 for targets born at detections.
-    share : array of shape (E, R, S)
+    share : array of shape (E, R, C)
         Share of the child's weight; sums to one over the rows of a child with positive weight.
     """
 
     child: Annotated[IntArray, integers("E", 0, below="H")]
     parent: Annotated[IntArray, integers("E", -1, below="P")]
-    share: Annotated[FloatArray, floats("EOS", 0.0, 1.0)]
-
-
-@compiled
-def most_probable(
-    most: int, least_share: float, target: Int1, mass: Float1
-) -> tuple[IntArray, FloatArray]:
-    """Return the most probable hypotheses of each target in descending order of probability.
-
-    Parameters
-    ----------
-    most : int
-        Largest number per target.
-    least_share : float
-        Hypotheses with less than this share of their target's existence probability are dropped.
-    target : int array of shape (N,)
-        The target of each hypothesis; every index below the number of targets occurs.
-    mass : array of shape (N,)
-
-    Returns
-    -------
-    kept : int array of shape (K,)
-        Rows of the kept hypotheses, sorted by target.
-    factor : array of shape (K,)
-        Factor on their weights that preserves the existence probability of each target.
-    """
-    targets = target.max() + 1 if len(target) else 0
-    existence, size = np.zeros(targets), np.zeros(targets, np.int64)
-    for row in range(len(target)):
-        existence[target[row]] += mass[row]
-    best, factor = np.empty((targets, most), np.int64), np.empty(targets)
-    for row in range(len(target)):
-        one = target[row]
-        if mass[row] < least_share * existence[one] or not mass[row] > 0.0:
-            continue
-        # Insertion in descending order of mass; of too many, the last one is dropped.
-        place = size[one]
-        while place > 0 and mass[best[one, place - 1]] < mass[row]:
-            if place < most:
-                best[one, place] = best[one, place - 1]
-            place -= 1
-        if place < most:
-            best[one, place] = row
-            size[one] = min(size[one] + 1, most)
-    total = 0
-    for one in range(targets):
-        left = 0.0
-        for place in range(size[one]):
-            left += mass[best[one, place]]
-        factor[one] = existence[one] / left if left > 0.0 else 1.0
-        total += size[one]
-    kept, by_row = np.empty(total, np.int64), np.empty(total)
-    total = 0
-    for one in range(targets):
-        kept[total : total + size[one]] = best[one, : size[one]]
-        by_row[total : total + size[one]] = factor[one]
-        total += size[one]
-    return kept, by_row
+    share: Annotated[FloatArray, floats("EOC", 0.0, 1.0)]
 
 
 @inner
@@ -173,15 +116,41 @@ def _clusters(
     return into
 
 
+@inner
+def _merged_snr(
+    row_of: IntArray,
+    child: IntArray,
+    size: IntArray,
+    weight: FloatArray,
+    found: FloatArray,
+    snr: FloatArray,
+) -> FloatArray:
+    """Return the cells of SNR of each cluster: those of its hypotheses, by the class's weight."""
+    classes, cells = snr.shape[1:]
+    merged = np.zeros((len(found), classes, cells))
+    for edge in range(len(row_of)):
+        row, one = row_of[edge], child[edge]
+        for class_id in range(classes):
+            own, whole = 0.0, 0.0
+            for mode in range(weight.shape[1]):
+                own += weight[row, mode, class_id]
+                whole += found[one, mode, class_id]
+            # A class without weight has the cells of all hypotheses, equally weighted.
+            part = own / whole if whole > 0.0 else 1.0 / size[one + 1]
+            for cell in range(cells):
+                merged[one, class_id, cell] += part * snr[row, class_id, cell]
+    return merged
+
+
 @compiled
 def _merged(
-    into: Int1, parent: Int1, weight: Float3, mean: Float3, covariance: Float4
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray, FloatArray]:
-    """Return the weight, mean and covariance of each cluster, and the columns of `Ancestry`.
+    into: Int1, parent: Int1, weight: Float3, mean: Float3, covariance: Float4, snr: Float3
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray, IntArray, FloatArray]:
+    """Return the columns of each cluster's hypothesis, and the columns of `Ancestry`.
 
     For `into` see `_clusters`.
     """
-    count, modes, cells = weight.shape
+    count, modes, classes = weight.shape
     cluster, size = np.cumsum(into == np.arange(count)) - 1, np.zeros(count + 1, np.int64)
     clusters = cluster[-1] + 1 if count else 0
     for row in range(count):
@@ -192,7 +161,7 @@ def _merged(
         child[start[cluster[into[row]]]] = cluster[into[row]]
         row_of[start[cluster[into[row]]]] = row
         start[cluster[into[row]]] += 1
-    found, share = np.zeros((clusters, modes, cells)), np.zeros((count, modes, cells))
+    found, share = np.zeros((clusters, modes, classes)), np.zeros((count, modes, classes))
     centre, spread = np.zeros((clusters, modes, SIZE)), np.zeros((clusters, modes, SIZE, SIZE))
     for row in range(count):
         for mode in range(modes):
@@ -206,15 +175,17 @@ def _merged(
             some = whole > 0.0
             part[edge, mode] = total_of(weight[row, mode]) / whole if some else 1.0 / size[one + 1]
             add_mean(part[edge, mode], mean[row, mode], centre[one, mode])
-            for cell in range(cells):
-                if found[one, mode, cell] > 0.0:
-                    share[edge, mode, cell] = weight[row, mode, cell] / found[one, mode, cell]
+            for class_id in range(classes):
+                if found[one, mode, class_id] > 0.0:
+                    part_of = weight[row, mode, class_id] / found[one, mode, class_id]
+                    share[edge, mode, class_id] = part_of
     for edge in range(count):
         row, one = row_of[edge], child[edge]
         for mode in range(modes):
             at, around = centre[one, mode], spread[one, mode]
             add_spread(part[edge, mode], mean[row, mode], covariance[row, mode], at, around)
-    return found, centre, spread, child, parent[row_of], share
+    cells = _merged_snr(row_of, child, size, weight, found, snr)
+    return found, centre, spread, cells, child, parent[row_of], share
 
 
 @compiled
@@ -232,7 +203,7 @@ def _split(
     `row` and `mode` are the hypothesis and its mode, ascending, of each result. `stays_with` is the
     mode with which each mode of a hypothesis stays.
     """
-    modes, cells = weight.shape[1:]
+    modes, classes = weight.shape[1:]
     size = np.zeros(len(weight) + 1, np.int64)
     for edge in range(len(child)):
         size[child[edge] + 1] += 1
@@ -240,7 +211,7 @@ def _split(
     edges = 0
     for one in row:
         edges += size[one + 1]
-    found, part = np.zeros((len(row), modes, cells)), np.zeros((edges, modes, cells))
+    found, part = np.zeros((len(row), modes, classes)), np.zeros((edges, modes, classes))
     to, of = np.empty(edges, np.int64), np.empty(edges, np.int64)
     edge = 0
     for new in range(len(row)):
@@ -251,10 +222,10 @@ def _split(
         for other in range(modes):
             if stays_with[old, other] != mode[new]:
                 continue
-            for cell in range(cells):
-                found[new, other, cell] = weight[old, other, cell]
+            for class_id in range(classes):
+                found[new, other, class_id] = weight[old, other, class_id]
                 for at in range(edge - begin):
-                    part[begin + at, other, cell] = share[start[old] + at, other, cell]
+                    part[begin + at, other, class_id] = share[start[old] + at, other, class_id]
     return found, to, of, part
 
 
@@ -293,12 +264,12 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     mixture = branched.mixture
     columns = mixture.weight, mixture.mean, mixture.covariance
     into = _clusters(mixture.target, *columns, bounds.merge_distance)
-    weight, mean, covariance, child, parent, share = _merged(
-        *contiguous(into, branched.parent, *columns)
+    weight, mean, covariance, snr, child, parent, share = _merged(
+        *contiguous(into, branched.parent, *columns, mixture.snr)
     )
     covariance, floored = kalman.floor_eigenvalues(covariance)
     origin = mixture.row_label[np.flatnonzero(into == np.arange(len(into)))]
-    merged = Mixture(origin, weight, mean, covariance)
+    merged = Mixture(origin, weight, mean, covariance, snr)
     return *_by_mode(merged, Ancestry(child, parent, share), bounds), floored
 
 
@@ -323,7 +294,7 @@ def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixt
         *contiguous(row, mode, stays_with, mixture.weight),
         *contiguous(ancestry.child, ancestry.parent, ancestry.share),
     )
-    split = Mixture(mixture.row_label[row], weight, mixture.mean[row], mixture.covariance[row])
+    split = replace(mixture.take(row), weight=weight)
     return split, Ancestry(child, parent, share)
 
 

@@ -43,9 +43,8 @@ class Link:
     def columns(self) -> tuple[Any, ...]:
         """The columns from `child` to `place` as `hindsight.go_back` takes them."""
         one, moves = self.ancestry, self.moves
-        cells = np.zeros((0, 0, 0)) if moves.cells is None else moves.cells
         return contiguous(
-            *(one.child, one.parent, one.share, moves.change, moves.survival, cells),
+            *(one.child, one.parent, one.share, moves.change, moves.survival),
             *(moves.mean, moves.factor, moves.gain, moves.base, moves.place),
         )
 

@@ -50,7 +50,8 @@ def entry_from_snapshot(
         If the entry does not fit the tracker or the earlier entries.
     """
     modes, size = dynamics.supported.shape
-    sizes = {"O": modes, "D": size, "S": len(dynamics.cells), "K": len(dynamics.pairs[0])}
+    classes, cells = dynamics.cells.log_snr.shape
+    sizes = {"O": modes, "C": classes, "S": cells, "D": size, "K": len(dynamics.pairs[0])}
     stamp_ns, sources = sources_from_snapshot(snapshot, name, most)
     if snapshot.array(f"{name}.origin").size > most:
         raise ValueError(f"{name}.origin: more than {most} hypotheses")

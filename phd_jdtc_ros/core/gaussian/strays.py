@@ -33,6 +33,7 @@ def with_reacquired(predicted: Branched, lost: OutOfGate, model: TrackerModel) -
         share[:, None, None] * mixture.weight[row],
         mixture.mean[row],
         mixture.covariance[row] + spread[:, None] * used[..., :, None] * used[..., None, :],
+        mixture.snr[row],
     )
     return Branched(
         Mixture.concatenate(

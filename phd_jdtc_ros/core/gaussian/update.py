@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, contiguous
 from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
 from ..attributes.uniqueness import OutOfGate
@@ -20,10 +20,12 @@ from .algebra.kalman import TINY
 from .bounds import Bounds
 from .dynamics import Dynamics
 from .measurement.amplitude import (
+    Amplitudes,
+    DetectionProbability,
     detection_probability,
-    log_amplitude,
     sector_probability,
     slower,
+    snr_after,
 )
 from .measurement.gating import Expected, gate_pairs
 from .measurement.iterated_update import PairUpdate, coarse_rates, iterated_update
@@ -117,20 +119,21 @@ class PriorMixture:
 
     @cached_property
     def detectable(self) -> FloatArray:
-        """Probability that each Gaussian is detected, shape (H, R, S)."""
+        """Probability that each Gaussian is detected, shape (H, R, C)."""
         detectable, sector = self._in_turn, self.report.detections.coverage
         if sector is not None:
             detectable = detectable * self._measured_in(sector)
         return detectable if self._unseen is None else detectable * self._unseen
 
     @cached_property
+    def _probability(self) -> DetectionProbability:
+        sensor, dynamics = self.report.sensor, self.steps.dynamics
+        return detection_probability(self.expected, self.mixture.snr, sensor, dynamics)
+
+    @cached_property
     def _in_turn(self) -> FloatArray:
-        """Probability that each Gaussian is detected in a whole turn, shape (H, R, S)."""
-        report, dynamics = self.report, self.steps.dynamics
-        detected: FloatArray = report.share * detection_probability(
-            self.expected, report.sensor, dynamics
-        )
-        return detected
+        """Probability that each Gaussian is detected in a whole turn, shape (H, R, C)."""
+        return self.report.share * self._probability.by_class
 
     def _measured_in(self, sector: Coverage) -> FloatArray:
         """Return the probability that a target is measured in a sector, shape (H, R, 1)."""
@@ -138,7 +141,7 @@ class PriorMixture:
 
     @cached_property
     def _unseen(self) -> FloatArray | None:
-        """Factor of earlier sectors, shape (H, R, S); None if they saw none of the targets."""
+        """Factor of earlier sectors, shape (H, R, C); None if they saw none of the targets."""
         if (earlier := self.report.earlier) is None:
             return None
         measured = self._measured_in(earlier.coverage)
@@ -146,15 +149,14 @@ class PriorMixture:
 
     @cached_property
     def missed(self) -> FloatArray:
-        """Weights times the probability of a missed detection, shape (H, R, S)."""
+        """Weights times the probability of a missed detection, shape (H, R, C)."""
         missed: FloatArray = self.mixture.weight * (1.0 - self.detectable)
         return missed
 
     @cached_property
-    def log_amplitude(self) -> FloatArray:
-        """Log p_D g(a) of every detection and cell, shape (M, S)."""
-        by_detection: FloatArray = log_amplitude(self.report, self.steps.dynamics).T
-        return by_detection
+    def amplitudes(self) -> Amplitudes:
+        """Likelihoods of the amplitudes."""
+        return Amplitudes.of(self.report, self.steps.dynamics)
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the gated pairs; see `gating.gate_pairs`."""
@@ -183,19 +185,19 @@ class PriorMixture:
         p(z) / psi(z).
         """
         readings = self.report.project_as(pairs.projected)
-        likelihoods = self._likelihoods(pairs, evidence, self._coarse(pairs, readings), log_other)
-        counted = likely(self.mixture, self.missed, likelihoods)
+        gated = self._likelihoods(pairs, evidence, self._coarse(pairs, readings), log_other)
+        counted = likely(self.mixture, self.missed, gated)
         pairs = pairs.take(counted)
         evidence = None if evidence is None else evidence.take(counted)
 
         found = iterated_update(self.mixture, pairs.row, pairs.projected_index, readings)
         located = found.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
-        likelihoods = self._likelihoods(pairs, evidence, located, log_other)
+        likelihoods = gated.take(counted)._replace(measurement=located)
         association = associate(
             self.mixture, self.missed, self.detectable, likelihoods, self.steps.bounds
         )
         return Posterior(
-            rows=self._branch(association, pairs.row, found),
+            rows=self._branch(association, pairs, found),
             claims=association.claims,
             sources=association.sources,
             claimed_probability=association.claimed,
@@ -227,17 +229,19 @@ class PriorMixture:
         if self._unseen is not None:
             mean = sum_modes(self.mixture.weight * self._unseen) / np.maximum(self.mass, TINY)
             factor = factor + np.log(np.maximum(mean, TINY)).take(pairs.row)
+        by_class = self.amplitudes.by_class(self.mixture.snr, pairs.row, pairs.column)
         return PairLikelihoods(
-            pairs.row, pairs.column, log_likelihood, self.log_amplitude, factor, log_other
+            *(pairs.row, pairs.column, log_likelihood, self.amplitudes.largest, by_class),
+            *(factor, log_other),
         )
 
-    def _branch(self, association: Association, row: IntArray, found: PairUpdate) -> Branched:
+    def _branch(self, association: Association, pairs: Paired, found: PairUpdate) -> Branched:
         """Return the kept hypotheses: those without a detection, and those of the pairs.
 
-        Only the Gaussians of kept hypotheses are updated. `row` is the hypothesis of each pair.
+        Only the Gaussians of kept hypotheses are updated.
         """
         mixture, kept = self.mixture, association.kept
-        source = np.append(np.arange(len(mixture)), row)[kept]
+        source = np.append(np.arange(len(mixture)), pairs.row)[kept]
         pair = np.maximum(kept - len(mixture), -1)
         gaussians = found.updated(mixture, source, pair)
         moved = after_miss(mixture, self.expected, self.report.sensor, self.detectable)
@@ -245,5 +249,18 @@ class PriorMixture:
             missed = pair < 0
             for own, later in zip(gaussians, moved, strict=True):
                 own[missed] = later[source[missed]]
-        updated = Mixture(mixture.row_label[source], association.weight, *gaussians)
+        column = np.append(np.full(len(mixture), -1), pairs.column)[kept]
+        snr = snr_after(
+            *contiguous(mixture.snr, self._missed_snr, self.amplitudes.relative, source, column)
+        )
+        updated = Mixture(mixture.row_label[source], association.weight, *gaussians, snr)
         return Branched(updated, self.branched.parent[source])
+
+    @property
+    def _missed_snr(self) -> FloatArray:
+        """Probability of a missed detection of each cell, averaged over the modes, (H, C, S)."""
+        weight = self.mixture.weight
+        total = np.maximum(np.einsum("hrc->hc", weight), TINY)
+        detected = np.einsum("hrc,hrc->hc", weight, self.detectable) / total
+        missed: FloatArray = 1.0 - detected[..., None] * self._probability.by_cell
+        return np.maximum(missed, 0.0)

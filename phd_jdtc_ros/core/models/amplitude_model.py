@@ -5,8 +5,8 @@ hypothesis of a target (a particle, for example) has its own ln(1 + SNR), drawn 
 band at birth, so that a target's SNR is estimated from scan to scan. `Ignored` uses positions only.
 
 Engines have a flat mode and a log_snr for each of N hypotheses, arrays of shape (N,). Without a
-memory log_snr is zero. An engine with weighted hypotheses distributes their weights over
-`SnrCells`.
+memory log_snr is zero. An engine with weighted hypotheses distributes the weight of each class
+over its `SnrCells`.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ class Band(AmplitudeModel):
     def cells(self, modes: ModeSpace) -> SnrCells:
         """Return one cell a class."""
         classes = len(modes.classes)
-        return SnrCells(np.arange(classes), np.zeros(classes), np.zeros((classes, classes)))
+        return SnrCells(np.zeros((classes, 1)), np.zeros((classes, 1, 1)))
 
 
 @dataclass(frozen=True)
@@ -230,30 +230,28 @@ class Memory(AmplitudeModel):
         rate = 0.5 * (self.jitter / width) ** 2
         step = np.eye(CELLS, k=1) + np.eye(CELLS, k=-1)
         step -= np.diag(step.sum(axis=1))
-        generator = np.asarray(np.kron(np.diag(rate), step) / modes.interval_s, dtype=np.float64)
-        return SnrCells(np.arange(len(edges)).repeat(CELLS), centre.ravel(), generator)
+        return SnrCells(centre, rate[:, None, None] * step / modes.interval_s)
 
 
 @dataclass(frozen=True)
 class SnrCells:
-    """Cells of class and signal-to-noise ratio, over which a hypothesis distributes its weight.
+    """Cells of the signal-to-noise ratio of each class, in which a hypothesis has probabilities.
 
     Parameters
     ----------
-    class_of : int array of shape (K,)
-        Class of each cell, ascending.
-    log_snr : array of shape (K,)
-        ln(1 + d) at the cell's centre; 0 in models without a memory.
-    generator : array of shape (K, K)
+    log_snr : array of shape (C, S)
+        ln(1 + d) at the centre of each cell; 0 in models without a memory.
+    generator : array of shape (C, S, S)
         Rates of change from cell to cell per second, symmetric; rows sum to 0.
     """
 
-    class_of: IntArray
     log_snr: FloatArray
     generator: FloatArray
 
-    def __len__(self) -> int:
-        return len(self.class_of)
+    @property
+    def prior(self) -> FloatArray:
+        """Probability of each cell of a class before any detection, shape (C, S)."""
+        return np.full(self.log_snr.shape, 1.0 / self.log_snr.shape[1])
 
     @cached_property
     def _eigen(self) -> tuple[FloatArray, FloatArray]:
@@ -261,12 +259,13 @@ class SnrCells:
         return values, vectors
 
     def transition(self, dt: float) -> FloatArray | None:
-        """Return the (K, K) matrix over `dt` seconds; None if no cell is ever left."""
+        """Return the (C, S, S) matrices over `dt` seconds; None if no cell is ever left."""
         if not self.generator.any():
             return None
         values, vectors = self._eigen
-        matrix = np.maximum((vectors * np.exp(values * dt)) @ vectors.T, 0.0)
-        normalised: FloatArray = matrix / matrix.sum(axis=1, keepdims=True)
+        diffused = (vectors * np.exp(values * dt)[:, None]) @ vectors.swapaxes(1, 2)
+        matrix = np.maximum(diffused, 0.0)
+        normalised: FloatArray = matrix / matrix.sum(axis=2, keepdims=True)
         return normalised
 
 

@@ -10,6 +10,7 @@ The state is ``[x, vx, y, vy, omega]`` in the world frame, `state_space.PLANAR`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,6 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from ..arrays import FloatArray, read_only
+from ..compilation import inner
 from ..state_space import OMEGA, PLANAR, VX, VY, StateSpace, X, Y
 
 # Turn angle below which a series is more accurate than quotients that cancel, radians.
@@ -33,7 +35,10 @@ class MotionModel(Hashable, Protocol):
 
     @property
     def support(self) -> tuple[int, ...]:
-        """Indices of the state on which the mode's densities are defined; the others are zero."""
+        """Indices of the state on which the mode's densities are defined; the others are zero.
+
+        The mean is a matrix times the state, or with a turn rate that of `CoordinatedTurn`.
+        """
 
     def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return each row's state after `dt` seconds without noise; (N, D) to (N, D).
@@ -100,6 +105,19 @@ class ConstantVelocity:
     def noise_covariance(self, dt: float) -> FloatArray:
         """Return Q(dt) over (x, vx, y, vy), shape (4, 4)."""
         return _planar_noise(dt, self.noise_density)
+
+
+@inner
+def write_turn(omega: float, dt: float, matrix: FloatArray) -> None:
+    """Write F(omega, dt) of a coordinated turn into zeros of shape (5, 5); see its class."""
+    half = 0.5 * dt * omega
+    cos_half, sin_half = math.cos(half), math.sin(half)
+    chord = dt * sin_half / half if half != 0.0 else dt
+    along, across = chord * cos_half, chord * sin_half
+    cos, sin = 1.0 - 2.0 * sin_half * sin_half, 2.0 * sin_half * cos_half
+    matrix[X, X] = matrix[Y, Y] = matrix[OMEGA, OMEGA] = 1.0
+    matrix[X, VX], matrix[Y, VY], matrix[Y, VX], matrix[X, VY] = along, along, across, -across
+    matrix[VX, VX], matrix[VY, VY], matrix[VY, VX], matrix[VX, VY] = cos, cos, sin, -sin
 
 
 @dataclass(frozen=True)

@@ -74,6 +74,20 @@ def test_missed_detections_speak_for_the_weaker_class():
         np.testing.assert_allclose(found.class_probability[0], expected, rtol=1e-6)
 
 
+def test_missed_detections_speak_for_the_cells_of_weak_targets():
+    config = classes({"amplitude": "memory", "memory.jitter": 0.3})
+    (radar,), engine = config.model.radars, started(config)
+    cells = engine.forward.dynamics.cells
+    chain = cells.transition(6.0)
+    missed = radar.miss_probability(cells.log_snr)
+    weight = 0.5 * cells.prior
+    for count in range(1, 4):
+        (found,) = engine.step(scan_at(6.0 * count, [])).filtered
+        weight = np.einsum("cs,cst->ct", weight, chain) * missed
+        weight /= weight.sum()
+        np.testing.assert_allclose(found.class_probability[0], weight.sum(axis=1), rtol=1e-6)
+
+
 def fine_grid(config, told, jitter, size=1500):
     """Return the class probabilities of a target whose SNR is on a fine grid, shape (K, C)."""
     modes = config.model.modes

@@ -71,6 +71,7 @@ def hypotheses(dynamics, rng):
         weight[:, None, None],
         mean[:, None],
         size[:, None, None, None] * single.covariance,
+        dynamics.unknown_snr(6),
     )
 
 

@@ -37,7 +37,7 @@ def test_births_are_the_terms_in_every_mode_with_their_rates(amplitude):
     assert found.row_label.tolist() == [first, first + 2]
     np.testing.assert_allclose(found.existence, [0.01, 0.02])
     np.testing.assert_allclose(
-        found.class_mass(dynamics.cells.class_of, len(model.modes.classes)), [0.015, 0.015]
+        found.class_mass(model.modes.class_of, len(model.modes.classes)), [0.015, 0.015]
     )
     for row, term in enumerate((model.births[0], model.births[2])):
         for mode in range(2):
@@ -104,7 +104,7 @@ def test_extraction_reports_the_majority_class_of_targets_above_the_threshold():
     weight[0, [0, 1], 0], weight[0, 2, 1] = [0.1, 0.2], 0.6
     mean = np.array(mixture.mean)
     mean[0, :2, 0] += 1e3
-    changed = type(mixture)(mixture.row_label, weight, mean, mixture.covariance)
+    changed = mixture.with_gaussians(weight, mean, mixture.covariance)
     found = extract(changed, dynamics, 7, 2, 0.5)
     assert found.track_id.tolist() == [1, 3]
     assert (found.stamp_ns, found.lag) == (7, 2)

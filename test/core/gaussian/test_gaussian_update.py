@@ -146,7 +146,7 @@ def test_newborn_has_the_cells_of_its_class_that_its_amplitude_tells():
         }
     )
     dynamics = Dynamics(config.model)
-    assert len(dynamics.cells) > 5
+    assert dynamics.cells.log_snr.shape[1] > 5
     amplitude = np.array([5.0, 20.0])
     report = Detections(np.array([[7e3, 0.8], [4e3, -2.0]]), amplitude)
     found = scan_update(config, report).mixture
@@ -154,7 +154,7 @@ def test_newborn_has_the_cells_of_its_class_that_its_amplitude_tells():
     power = np.exp(dynamics.cells.log_snr)
     density = amplitude[:, None] / power * np.exp(-(amplitude[:, None] ** 2) / (2.0 * power))
     share = density / density.sum(axis=1, keepdims=True)
-    np.testing.assert_allclose(found.weight[:, 0] / found.mass[:, None], share, rtol=1e-6)
+    np.testing.assert_allclose(found.snr[:, 0], share, rtol=1e-6)
     assert abs(share.argmax(axis=1)[0] - share.argmax(axis=1)[1]) > 2
 
 
@@ -384,7 +384,7 @@ def test_likely_pairs_are_those_of_a_share_of_all_that_may_be(
     row, column, none = np.zeros(2, dtype=int), np.arange(2), np.zeros(2)
     log_likelihood = np.log(np.array(odds) / existence)[:, None]
     likelihoods = pairs.PairLikelihoods(
-        row, column, log_likelihood, none[:, None], none, none[None]
+        row, column, log_likelihood, none, np.ones((2, 1)), none, none[None]
     )
     found = pairs.likely(mixture, np.full((1, 1, 1), missed), likelihoods)
     np.testing.assert_array_equal(found, kept)
@@ -403,6 +403,7 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
         rng.uniform(0.1, 0.45, 4)[:, None, None],
         single.mean[0 * rows],
         single.covariance[0 * rows],
+        single.snr[0 * rows],
     )
     row, column = np.nonzero(rng.random((4, count)) < 0.9)
     weight = rng.exponential(1.0, len(row)) * 10.0 ** rng.uniform(-3, 0.5, len(row))
@@ -410,8 +411,8 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
     total = np.array([0.3, 1e-12, 2.0])[:count]
     log_likelihood = np.log(weight / mixture.mass[row])
     likelihoods = pairs.PairLikelihoods(
-        *(row, column, log_likelihood[:, None], np.zeros((count, 1)), np.zeros(len(row))),
-        np.log(total)[None],
+        *(row, column, log_likelihood[:, None], np.zeros(count), np.ones((len(row), 1))),
+        *(np.zeros(len(row)), np.log(total)[None]),
     )
     found = pairs.likely(mixture, missed, likelihoods)
 

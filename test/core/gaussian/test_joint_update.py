@@ -67,6 +67,7 @@ def hypotheses(dynamics, targets, rng):
         weight * (existence / mass)[target][:, None, None],
         mean,
         size[:, None, None, None] * single.covariance,
+        dynamics.unknown_snr(len(row_label)),
     )
 
 

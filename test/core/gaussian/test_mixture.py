@@ -7,14 +7,15 @@ from phd_jdtc_ros.core.state_space import PLANAR
 RNG = np.random.default_rng(0)
 
 
-def mixture(row_label, modes=2, cells=3):
+def mixture(row_label, modes=2, classes=3):
     count = len(row_label)
     factor = RNG.normal(0.0, 1.0, (count, modes, 5, 5))
     return Mixture(
         np.array(row_label),
-        RNG.uniform(0.0, 0.05, (count, modes, cells)),
+        RNG.uniform(0.0, 0.05, (count, modes, classes)),
         RNG.normal(0.0, 100.0, (count, modes, 5)),
         factor @ factor.swapaxes(-1, -2),
+        RNG.dirichlet(np.ones(4), (count, classes)),
     )
 
 
@@ -26,12 +27,12 @@ def test_weights_of_hypotheses_sum_to_the_existence_of_their_target():
     np.testing.assert_allclose(found.mode_weight.sum(axis=1), found.mass)
 
 
-def test_class_mass_sums_the_cells_of_each_class():
-    found = mixture([7, 7, 9], cells=4)
-    expected = [found.weight[..., :2].sum(), found.weight[..., 2:].sum()]
+def test_class_mass_sums_the_modes_and_hypotheses_of_each_class():
+    found = mixture([7, 7, 9], classes=2)
+    expected = [found.weight[..., 0].sum(), found.weight[..., 1].sum()]
     np.testing.assert_allclose(found.class_mass(np.array([0, 0, 1, 1]), 2), expected)
     some = found.class_mass(np.array([0, 0, 1, 1]), 2, np.array([2]))
-    np.testing.assert_allclose(some, [found.weight[2, :, :2].sum(), found.weight[2, :, 2:].sum()])
+    np.testing.assert_allclose(some, found.weight[2].sum(axis=0))
 
 
 def test_overall_and_extents_are_the_moments_of_each_target():
@@ -56,7 +57,7 @@ def test_overall_and_extents_are_the_moments_of_each_target():
 
 def test_joined_and_taken_rows_are_the_same_hypotheses():
     one, other = mixture([1, 2]), mixture([5])
-    whole = Mixture.concatenate([one, other, Mixture.empty(2, 3, 5)])
+    whole = Mixture.concatenate([one, other, Mixture.empty(2, 3, 4, 5)])
     assert whole.row_label.tolist() == [1, 2, 5]
     np.testing.assert_array_equal(whole.take(np.array([2])).mean, other.mean)
 
@@ -67,7 +68,7 @@ def test_mixture_is_read_only():
 
 
 def test_empty_mixture_has_no_targets():
-    found = Mixture.empty(2, 3, 5)
+    found = Mixture.empty(2, 1, 4, 5)
     assert len(found) == len(found.label) == len(found.existence) == 0
     assert found.class_mass(np.array([0, 0, 0]), 1).tolist() == [0.0]
     assert len(found.extents(PLANAR).label) == 0

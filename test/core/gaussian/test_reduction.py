@@ -1,9 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.gaussian.bounds import Bounds
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
-from phd_jdtc_ros.core.gaussian.reduction import Branched, most_probable, reduce_hypotheses
+from phd_jdtc_ros.core.gaussian.reduction import Branched, reduce_hypotheses
 
 BOUNDS = Bounds(
     hypotheses=5,
@@ -22,8 +24,8 @@ def bounds(**changed):
 def branched(rng, sizes, spread=30.0):
     """Return targets of some hypotheses, by target, the most probable first."""
     row_label = np.arange(len(sizes)).repeat(sizes) * 10
-    count, modes, cells = len(row_label), 2, 2
-    weight = rng.exponential(1.0, (count, modes, cells))
+    count, modes, classes = len(row_label), 2, 2
+    weight = rng.exponential(1.0, (count, modes, classes))
     total = np.bincount(row_label // 10, weight.sum(axis=(1, 2)))
     weight *= (rng.uniform(0.2, 1.0, len(sizes)) / total)[row_label // 10][:, None, None]
     order = np.lexsort((-weight.sum(axis=(1, 2)), row_label))
@@ -34,6 +36,7 @@ def branched(rng, sizes, spread=30.0):
             weight[order],
             rng.normal(0.0, spread, (count, modes, 5)),
             factor @ factor.swapaxes(-1, -2) + 100.0 * np.eye(5),
+            rng.dirichlet(np.ones(3), (count, classes)),
         ),
         np.arange(count),
     )
@@ -67,7 +70,7 @@ def test_merging_conserves_weight_mean_and_covariance_of_each_mode(seed, distanc
         ):
             for part, other in zip(ours, theirs, strict=True):
                 np.testing.assert_allclose(part, other, rtol=1e-8, atol=1e-7)
-    # Cells' weights are summed too.
+    # The weights of classes are summed too.
     np.testing.assert_allclose(after.weight.sum(axis=0), before.mixture.weight.sum(axis=0))
     if distance == 0.0:
         assert len(after) == len(before.mixture)
@@ -110,7 +113,7 @@ def test_hypotheses_within_the_distance_are_merged_and_no_others():
     part = branched(rng, [3]).mixture
     mean = np.zeros((3, 2, 5))
     mean[1, :, 0], mean[2, :, 0] = 0.6, 0.9
-    whole = Mixture(part.row_label, part.weight, mean, np.broadcast_to(np.eye(5), (3, 2, 5, 5)))
+    whole = replace(part, mean=mean, covariance=np.broadcast_to(np.eye(5), (3, 2, 5, 5)))
     after, ancestry, _ = reduce_hypotheses(
         Branched(whole, np.arange(3)), bounds(merge_distance=0.5)
     )
@@ -123,35 +126,15 @@ def test_hypotheses_within_the_distance_are_merged_and_no_others():
 def test_targets_are_never_merged_with_each_other():
     rng = np.random.default_rng(0)
     part = branched(rng, [1, 1]).mixture
-    same = Mixture(part.row_label, part.weight, part.mean[[0, 0]], part.covariance[[0, 0]])
+    same = replace(part, mean=part.mean[[0, 0]], covariance=part.covariance[[0, 0]])
     after, _, _ = reduce_hypotheses(Branched(same, np.arange(2)), bounds(merge_distance=100.0))
     assert after.row_label.tolist() == [0, 10]
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_existence_is_unchanged_by_pruning_and_bounds_hold(seed):
-    rng = np.random.default_rng(seed)
-    target = rng.integers(0, 6, 80)
-    target[:6] = np.arange(6)
-    mass = rng.exponential(1.0, 80) ** 6
-    mass /= np.bincount(target, mass)[target]
-    mass *= rng.uniform(0.1, 1.0, 6)[target]
-    kept, factor = most_probable(BOUNDS.hypotheses, BOUNDS.least_share, target, mass)
-    existence = np.bincount(target, mass)
-    np.testing.assert_allclose(np.bincount(target[kept], mass[kept] * factor), existence)
-    assert np.bincount(target[kept]).max() <= BOUNDS.hypotheses
-    assert (mass[kept] >= BOUNDS.least_share * existence[target[kept]]).all()
-    for one in range(6):
-        own = kept[target[kept] == one]
-        assert (np.diff(mass[own]) <= 0.0).all()
-        dropped = np.setdiff1d(np.flatnonzero(target == one), own)
-        assert mass[dropped].max(initial=0.0) <= mass[own].min()
 
 
 def test_targets_that_hardly_exist_are_dropped():
     part = branched(np.random.default_rng(0), [2, 2]).mixture
     weight = part.weight * np.array([1e-6, 1e-6, 1.0, 1.0])[:, None, None]
-    faint = Mixture(part.row_label, weight, part.mean, part.covariance)
+    faint = replace(part, weight=weight)
     after, _, _ = reduce_hypotheses(Branched(faint, np.arange(4)), BOUNDS)
     assert after.label.tolist() == [10]
 
@@ -176,6 +159,17 @@ def test_modes_that_go_on_apart_cost_no_target(most, apart):
 
 
 def test_nothing_is_reduced_to_nothing():
-    none = Mixture.empty(2, 2, 5)
+    none = Mixture.empty(2, 2, 3, 5)
     after, ancestry, floored = reduce_hypotheses(Branched(none, np.zeros(0, dtype=int)), BOUNDS)
     assert (len(after), len(ancestry.child), floored) == (0, 0, 0)
+
+
+def test_merged_hypotheses_have_the_mean_snr_of_each_class():
+    before = branched(np.random.default_rng(2), [1, 4, 7, 2])
+    after, _, _ = reduce_hypotheses(before, bounds(merge_distance=100.0))
+    for target in range(len(after.label)):
+        own, found = before.mixture.target == target, after.target == target
+        weight = before.mixture.weight[own].sum(axis=1)
+        expected = (weight[..., None] * before.mixture.snr[own]).sum(axis=0)
+        merged = (after.weight[found].sum(axis=1)[..., None] * after.snr[found]).sum(axis=0)
+        np.testing.assert_allclose(merged, expected, rtol=1e-9)

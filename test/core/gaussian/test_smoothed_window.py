@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import textbook
 from lone import GIVEN, MEAN, STD, TWO_MOTIONS, lone, path, scan_at, started
+from scipy.linalg import block_diag
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 
@@ -100,7 +101,7 @@ def test_smoothed_states_are_those_of_least_squares_over_all_scans():
         )
 
 
-def test_smoothed_cells_are_those_of_a_hidden_markov_chain():
+def test_smoothed_classes_are_those_of_a_hidden_markov_chain_over_their_cells():
     names = ("weak", "strong")
     given = {
         "classes": list(names),
@@ -118,13 +119,13 @@ def test_smoothed_cells_are_those_of_a_hidden_markov_chain():
     engine = started(config)
     dynamics = engine.forward.dynamics
     amplitudes = np.random.default_rng(3).uniform(4.0, 15.0, len(EVEN))
-    begin = dynamics.spread.mean(axis=0)[0]  # as `started` has it
-    forward, chain, likelihoods = [], dynamics.cells.transition(6.0), []
+    begin = 0.5 * dynamics.cells.prior.ravel()  # as `started` has it
+    forward, chain, likelihoods = [], block_diag(*dynamics.cells.transition(6.0)), []
     for index, second in enumerate(EVEN):
         place = radar.measure(path([second]))
         engine.step(scan_at(second, place, amplitudes[index : index + 1]))
         # The density of a Rayleigh envelope, times what is the same in all cells.
-        power = np.exp(dynamics.cells.log_snr)
+        power = np.exp(dynamics.cells.log_snr.ravel())
         likelihoods.append(np.exp(-0.5 * amplitudes[index] ** 2 / power) / power)
         prior = begin if not forward else forward[-1]
         forward.append(prior @ chain * likelihoods[-1])
@@ -132,7 +133,7 @@ def test_smoothed_cells_are_those_of_a_hidden_markov_chain():
     for likelihood in likelihoods[:0:-1]:
         backward.insert(0, chain @ (likelihood * backward[0]))
     for mixture, before, after in zip(smoothed(engine), forward, backward, strict=True):
-        expected = before * after
+        expected = (before * after).reshape(len(names), -1).sum(axis=1)
         np.testing.assert_allclose(mixture.weight[0, 0], expected / expected.sum(), rtol=1e-7)
 
 

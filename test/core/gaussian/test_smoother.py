@@ -49,11 +49,10 @@ def alone(entries, label):
         kept = np.concatenate([np.zeros(0, dtype=np.int64), *kept])
         if found and len(kept) and entry.link is not None:
             moves, ancestry = entry.link.moves, entry.link.ancestry
-            cells = None if moves.cells is None else moves.cells[kept]
             columns = {name: getattr(moves, name)[kept] for name in ("change", "survival", "place")}
             edges = np.flatnonzero(np.isin(ancestry.parent, kept))
             link = smoother.Link(
-                replace(moves, cells=cells, **columns),
+                replace(moves, **columns),
                 replace(
                     ancestry,
                     child=np.searchsorted(rows, ancestry.child[edges]),

@@ -1,5 +1,7 @@
 """Hypotheses of lost targets: those of a manoeuvre of constant acceleration."""
 
+from dataclasses import replace
+
 import numpy as np
 from lone import MEAN, STD, TWO_MOTIONS, lone, mixture_of
 
@@ -21,7 +23,7 @@ def predicted():
     more = mixture_of(dynamics, [(0.5, MEAN + 10.0, STD)])
     other = mixture_of(dynamics, [(0.9, MEAN - 500.0, STD)])
     whole = Mixture.concatenate([one, more, other])
-    mixture = Mixture(np.array([4, 4, 6]), whole.weight, whole.mean, whole.covariance)
+    mixture = replace(whole, row_label=np.array([4, 4, 6]))
     return model, Branched(mixture, np.array([2, 1, 0]))
 
 

@@ -93,10 +93,12 @@ class Clutter:
 
 def hypotheses(config, rng):
     """Return the three targets, near each other."""
-    single = mixture_of(Dynamics(config.model), [(1.0, MEAN, STD)])
+    dynamics = Dynamics(config.model)
+    single = mixture_of(dynamics, [(1.0, MEAN, STD)])
     mean = single.mean + rng.normal(0.0, [200.0, 10.0, 200.0, 10.0, 0.0], (4, 1, 5))
     weight = np.array([0.9, 0.3, 0.4, 0.5])[:, None, None]
-    return Mixture(ORIGIN, weight, mean, np.repeat(single.covariance, 4, axis=0))
+    covariance = np.repeat(single.covariance, 4, axis=0)
+    return Mixture(ORIGIN, weight, mean, covariance, dynamics.unknown_snr(4))
 
 
 def report(radar, rng, **more):

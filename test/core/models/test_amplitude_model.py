@@ -137,15 +137,14 @@ def test_likelihood_without_amplitudes_is_the_detection_probability(model):
 @pytest.mark.parametrize("model", [Band(), Ignored()])
 def test_models_without_memory_have_one_cell_a_class_that_is_never_left(model):
     cells = model.cells(MODES)
-    assert cells.class_of.tolist() == [0, 1]
+    assert cells.log_snr.shape == (2, 1)
     assert cells.transition(MODES.interval_s) is None
 
 
 def test_memory_cells_cut_each_band_into_equal_parts():
     cells = Memory(0.1).cells(MODES)
-    assert (np.bincount(cells.class_of) == CELLS).all()
-    for class_id, (low, high) in enumerate(BANDS):
-        centre = cells.log_snr[cells.class_of == class_id]
+    assert cells.log_snr.shape == (len(BANDS), CELLS)
+    for centre, (low, high) in zip(cells.log_snr, BANDS, strict=True):
         np.testing.assert_allclose(np.diff(centre), (high - low) / CELLS)
         assert centre.mean() == pytest.approx((low + high) / 2.0)
 
@@ -154,23 +153,19 @@ def test_memory_cells_cut_each_band_into_equal_parts():
 def test_diffusion_over_the_cells_has_the_variance_of_the_jitter(intervals):
     jitter = 0.05
     cells = Memory(jitter).cells(MODES)
-    matrix = cells.transition(intervals * MODES.interval_s)
-    for class_id in (0, 1):
+    matrices = cells.transition(intervals * MODES.interval_s)
+    for log_snr, matrix in zip(cells.log_snr, matrices, strict=True):
         # The row is that of the middle cell, so that the edges of the band are far.
-        row = matrix[class_id * CELLS + CELLS // 2]
-        away = cells.log_snr - cells.log_snr[class_id * CELLS + CELLS // 2]
+        row, away = matrix[CELLS // 2], log_snr - log_snr[CELLS // 2]
         assert row @ away == pytest.approx(0.0, abs=1e-9)
         assert row @ away**2 == pytest.approx(intervals * jitter**2, rel=1e-6)
 
 
 @pytest.mark.parametrize("dt", [1e-3, 6.0, 900.0, 1e6])
-def test_diffusion_over_the_cells_is_a_stochastic_matrix_within_each_class(dt):
-    cells = Memory(0.3).cells(MODES)
-    matrix = cells.transition(dt)
+def test_diffusion_over_the_cells_is_a_stochastic_matrix_of_each_class(dt):
+    matrix = Memory(0.3).cells(MODES).transition(dt)
     assert (matrix >= 0.0).all()
-    np.testing.assert_allclose(matrix.sum(axis=1), 1.0, rtol=1e-12)
-    other = cells.class_of[:, None] != cells.class_of
-    assert matrix[other].max() < 1e-12
+    np.testing.assert_allclose(matrix.sum(axis=2), 1.0, rtol=1e-12)
 
 
 def test_diffusion_over_two_intervals_is_that_over_one_twice():

@@ -7,13 +7,14 @@ a covariance that is too small.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray, contiguous
-from ...compilation import Float1, Float2, Float3, Float4, compiled, inner
-from ...targets.motion import MotionModel
+from ...arrays import FloatArray
+from ...compilation import Bool1, Float1, Float3, Float4, Int1, compiled, inner
+from ...state_space import OMEGA
+from ...targets.motion import write_turn
 from .blocks import SIZE, dot
 
 # Nodes of the quadrature over the turn rate, in standard deviations, and their weights.
@@ -21,29 +22,102 @@ NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 WEIGHTS = WEIGHTS / WEIGHTS.sum()
 
 
-def moved(
+@inner
+def _multiply(matrix: FloatArray, vector: FloatArray, product: FloatArray) -> None:
+    """Write a matrix times a vector."""
+    for i in range(SIZE):
+        product[i] = dot(matrix[i], vector)
+
+
+@inner
+def _add_moved(
+    share: float, matrix: FloatArray, covariance: FloatArray, cross: FloatArray, total: FloatArray
+) -> None:
+    """Add a share of a covariance that a matrix has transformed; `cross` is a row of scratch."""
+    for i in range(SIZE):
+        for k in range(SIZE):
+            cross[k] = dot(matrix[i], covariance[k])
+        for k in range(SIZE):
+            total[i, k] += share * dot(cross, matrix[k])
+
+
+@inner
+def _write_turned(
     mean: FloatArray,
     covariance: FloatArray,
-    to: IntArray,
-    dt: FloatArray,
-    motions: Sequence[MotionModel],
+    dt: float,
+    scratch: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
+    later: FloatArray,
+    jacobian: FloatArray,
+    curved: FloatArray,
+) -> None:
+    """Write the results of `moved` for a Gaussian that turns at an uncertain rate."""
+    given, matrix, each, slope, at = scratch
+    std = math.sqrt(covariance[OMEGA, OMEGA])
+    # Change of the state by one standard deviation of the turn rate.
+    for i in range(SIZE):
+        slope[i], later[i] = covariance[i, OMEGA] / std, 0.0
+    for i in range(SIZE):
+        for k in range(SIZE):
+            given[i, k] = covariance[i, k] - slope[i] * slope[k]
+            jacobian[i, k] = 0.0
+    for node in range(len(NODES)):
+        for i in range(SIZE):
+            at[i] = mean[i] + NODES[node] * slope[i]
+        write_turn(at[OMEGA], dt, matrix)
+        _multiply(matrix, at, each[node])
+        for i in range(SIZE):
+            later[i] += WEIGHTS[node] * each[node, i]
+            for k in range(SIZE):
+                jacobian[i, k] += WEIGHTS[node] * matrix[i, k]
+        _add_moved(WEIGHTS[node], matrix, given, at, curved)
+    # The column of the turn rate follows from the covariance of the states before and after.
+    for i in range(SIZE):
+        total = 0.0
+        for node in range(len(NODES)):
+            total += WEIGHTS[node] * NODES[node] * each[node, i]
+        rest = dot(jacobian[i], slope) - jacobian[i, OMEGA] * slope[OMEGA]
+        jacobian[i, OMEGA] = (total - rest) / slope[OMEGA]
+    for node in range(len(NODES)):
+        for i in range(SIZE):
+            apart = WEIGHTS[node] * (each[node, i] - later[i])
+            for k in range(SIZE):
+                curved[i, k] += apart * (each[node, k] - later[k])
+    _add_moved(-1.0, jacobian, covariance, at, curved)
+
+
+@compiled
+def moved(
+    mean: Float3,
+    covariance: Float4,
+    row: Int1,
+    of: Int1,
+    to: Int1,
+    source: Int1,
+    turns: Bool1,
+    transition: Float4,
+    dt: Float1,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the moments of Gaussians that have moved, without process noise.
 
     Parameters
     ----------
-    mean, covariance : arrays of shape (A, D) and (A, D, D)
-    to : int array of shape (A,)
-        Index of each one's motion.
-    dt : array of shape (A,)
+    mean, covariance : arrays of shape (H, R, D) and (H, R, D, D)
+    row, of, to, source : int arrays of shape (A,)
+        Row and mode of each Gaussian, the mode with which it moves, and the index of its interval.
+    turns : bool array of shape (R,)
+        Whether a mode is a coordinated turn. Others are linear.
+    transition : array of shape (I, R, D, D)
+        Matrix of each linear mode over each interval.
+    dt : array of shape (I,)
         Seconds.
-    motions : sequence of R MotionModel
 
     Returns
     -------
     mean : array of shape (A, D)
     jacobian : array of shape (A, D, D)
-        Mean J of the Jacobian: the covariance of the states before and after is P J'.
+        Mean J of the Jacobian: the covariance of the states before and after is P J'. Derivatives
+        by a turn rate that is known are left out.
     curved : array of shape (A, D, D)
         Difference of the later covariance and J P J'.
 
@@ -57,92 +131,22 @@ def moved(
     ----------
     Sarkka, "Bayesian Filtering and Smoothing", Cambridge University Press, 2013, chapters 5 and 9.
     """
-    later, jacobian = np.empty_like(mean), np.empty_like(covariance)
-    curved = np.zeros_like(covariance)
-    for mode, motion in enumerate(motions):
-        own = np.flatnonzero(to == mode)
-        turn = motion.space.turn_rate
-        variance = covariance[own, turn, turn]
-        if turn not in motion.support or not (variance > 0.0).any():
-            later[own] = motion.mean(mean[own], dt[own])
-            jacobian[own] = motion.jacobian(mean[own], dt[own])
+    count = len(row)
+    later, jacobian = np.empty((count, SIZE)), np.zeros((count, SIZE, SIZE))
+    curved = np.zeros((count, SIZE, SIZE))
+    given, matrix = np.empty((SIZE, SIZE)), np.zeros((SIZE, SIZE))
+    scratch = given, matrix, np.empty((len(NODES), SIZE)), np.empty(SIZE), np.empty(SIZE)
+    for pair in range(count):
+        own, spread = mean[row[pair], of[pair]], covariance[row[pair], of[pair]]
+        time, mode = dt[source[pair]], to[pair]
+        if turns[mode] and spread[OMEGA, OMEGA] > 0.0:
+            _write_turned(own, spread, time, scratch, later[pair], jacobian[pair], curved[pair])
             continue
-        before = mean[own], covariance[own]
-        later[own], jacobian[own], curved[own] = _turned(*before, variance, dt[own], motion)
+        if turns[mode]:
+            write_turn(own[OMEGA], time, jacobian[pair])
+        else:
+            for i in range(SIZE):
+                for k in range(SIZE):
+                    jacobian[pair, i, k] = transition[source[pair], mode, i, k]
+        _multiply(jacobian[pair], own, later[pair])
     return later, jacobian, curved
-
-
-def _turned(
-    mean: FloatArray,
-    covariance: FloatArray,
-    variance: FloatArray,
-    dt: FloatArray,
-    motion: MotionModel,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the results of `moved` for a motion that turns; `variance` is the turn rate's."""
-    count, size = mean.shape
-    std = np.sqrt(variance)
-    # Change of the state by one standard deviation of the turn rate.
-    slope = covariance[:, :, motion.space.turn_rate] / np.where(std > 0.0, std, 1.0)[:, None]
-    at = (mean + NODES[:, None, None] * slope).reshape(-1, size)
-    times = np.tile(dt, len(NODES))
-    each = motion.mean(at, times).reshape(-1, count, size)
-    jacobian = motion.jacobian(at, times).reshape(-1, count, size, size)
-    columns = contiguous(each, jacobian, covariance, slope)
-    return _averaged(motion.space.turn_rate, NODES, WEIGHTS, *columns)
-
-
-@inner
-def _add_moved(share: float, matrix: FloatArray, covariance: FloatArray, total: FloatArray) -> None:
-    """Add a share of a covariance that a matrix has transformed."""
-    cross = np.empty(SIZE)
-    for i in range(SIZE):
-        for k in range(SIZE):
-            cross[k] = dot(matrix[i], covariance[k])
-        for k in range(SIZE):
-            total[i, k] += share * dot(cross, matrix[k])
-
-
-@compiled
-def _averaged(
-    turn: int,
-    nodes: Float1,
-    weights: Float1,
-    each: Float3,
-    jacobian: Float4,
-    covariance: Float3,
-    slope: Float2,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the results of `moved`, given means and Jacobians at the nodes of the turn rate.
-
-    `slope` is the change of the state before by one standard deviation of the turn rate.
-    """
-    count = each.shape[1]
-    later, average = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
-    curved, given = np.zeros((count, SIZE, SIZE)), np.empty((SIZE, SIZE))
-    for row in range(count):
-        for i in range(SIZE):
-            for k in range(SIZE):
-                given[i, k] = covariance[row, i, k] - slope[row, i] * slope[row, k]
-        for node in range(len(nodes)):
-            for i in range(SIZE):
-                later[row, i] += weights[node] * each[node, row, i]
-                for k in range(SIZE):
-                    average[row, i, k] += weights[node] * jacobian[node, row, i, k]
-        if slope[row, turn] > 0.0:
-            # The column of the turn rate follows from the covariance of the states before and
-            # after, which the nodes give more exactly than the mean of the derivatives.
-            for i in range(SIZE):
-                total = 0.0
-                for node in range(len(nodes)):
-                    total += weights[node] * nodes[node] * each[node, row, i]
-                rest = dot(average[row, i], slope[row]) - average[row, i, turn] * slope[row, turn]
-                average[row, i, turn] = (total - rest) / slope[row, turn]
-        for node in range(len(nodes)):
-            _add_moved(weights[node], jacobian[node, row], given, curved[row])
-            for i in range(SIZE):
-                apart = weights[node] * (each[node, row, i] - later[row, i])
-                for k in range(SIZE):
-                    curved[row, i, k] += apart * (each[node, row, k] - later[row, k])
-        _add_moved(-1.0, average[row], covariance[row], curved[row])
-    return later, average, curved

@@ -36,21 +36,3 @@ def sum_of(matrix: FloatArray) -> float:
     for i in range(len(matrix)):
         total += total_of(matrix[i])
     return total
-
-
-@inner
-def multiply(matrix: FloatArray, vector: FloatArray, product: FloatArray) -> None:
-    """Write a matrix times a vector; both vectors may be longer."""
-    for i in range(len(matrix)):
-        product[i] = 0.0
-        for k in range(len(matrix)):
-            product[i] += matrix[i, k] * vector[k]
-
-
-@inner
-def multiply_left(vector: FloatArray, matrix: FloatArray, product: FloatArray) -> None:
-    """Write a vector times a matrix; both vectors may be longer."""
-    for i in range(len(matrix)):
-        product[i] = 0.0
-        for k in range(len(matrix)):
-            product[i] += vector[k] * matrix[k, i]

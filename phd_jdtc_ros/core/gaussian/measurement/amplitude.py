@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ...arrays import FloatArray
+from ...arrays import FloatArray, IntArray, contiguous
+from ...compilation import Float3, Int1, compiled
 from ...models import stationary
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
 from ...state_space import StateSpace
 from ...types import Coverage
+from ..algebra.kalman import TINY
 from ..dynamics import Dynamics
 from ..mixture import Mixture
 from .gating import Expected
@@ -18,26 +22,51 @@ from .gating import Expected
 LEAST_VARIANCE = 1e-12
 
 
-def detection_probability(expected: Expected, sensor: Sensor, dynamics: Dynamics) -> FloatArray:
-    """Return p_D of a target with each Gaussian's density in a whole turn, (H, R, S).
+class DetectionProbability(NamedTuple):
+    """Probabilities of detection of H hypotheses.
 
-    It is the mean over the density, so that a target near a limit of the field of view may be
-    missed because it is outside.
+    Parameters
+    ----------
+    by_class : array of shape (H, R, C)
+        Probability of each Gaussian and class.
+    by_cell : array of shape (H, C, S)
+        Probability of each cell of SNR as a factor on its class's.
     """
-    model, cells = dynamics.model, dynamics.cells
+
+    by_class: FloatArray
+    by_cell: FloatArray
+
+
+def detection_probability(
+    expected: Expected, snr: FloatArray, sensor: Sensor, dynamics: Dynamics
+) -> DetectionProbability:
+    """Return the probability that a target is detected in a whole turn.
+
+    It is the mean over each Gaussian's density, so that a target near a limit of the field of view
+    may be missed because it is outside.
+
+    Parameters
+    ----------
+    snr : array of shape (H, C, S)
+        See `Mixture`.
+    """
+    log_snr, model, by_cell = dynamics.cells.log_snr, dynamics.model, np.ones(snr.shape)
     flat = expected.measured.reshape(-1, expected.measured.shape[-1])
     std = _std(expected)
     seen = sensor.coverage_probability(flat, None, std)
     given = sensor.given_detection_probability(flat, std)
+    shape = *expected.measured.shape[:2], snr.shape[1]
     if given is None:
         own = model.amplitudes.detection_probability(
-            dynamics.mode_of_cell, cells.log_snr, sensor, model.modes
-        )
-        given = own[:, None].repeat(len(flat), axis=1)
+            dynamics.mode_of_cell, log_snr.ravel(), sensor, model.modes
+        ).reshape(log_snr.shape)
+        mean = np.einsum("hcs,cs->hc", snr, own)
+        by_cell = own / np.maximum(mean, TINY)[..., None]
+        given = mean.T.repeat(shape[1], axis=1)
     probability = sensor.learned_detection_probability(given, flat)
-    seen_and_detected = np.empty((len(flat), len(cells)))
+    seen_and_detected = np.empty((len(flat), shape[2]))
     np.multiply(seen, probability, out=seen_and_detected.T)
-    return seen_and_detected.reshape(*expected.measured.shape[:2], len(cells))
+    return DetectionProbability(seen_and_detected.reshape(shape), by_cell)
 
 
 def sector_probability(expected: Expected, sensor: Sensor, sector: Coverage) -> FloatArray:
@@ -55,17 +84,93 @@ def _std(expected: Expected) -> FloatArray:
 
 
 def log_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
-    """Return log p_D g(a) of every cell and detection, shape (S, M)."""
-    cells, count = len(dynamics.cells), len(report)
-    cell, detection = np.divmod(np.arange(cells * count), max(count, 1))
-    likelihood = dynamics.model.amplitudes.log_likelihood(
-        dynamics.mode_of_cell,
-        dynamics.cells.log_snr,
-        report,
-        (cell, detection),
-        dynamics.model.modes,
+    """Return log p_D g(a) of every detection and cell, shape (M, C, S)."""
+    log_snr, count, model = dynamics.cells.log_snr, len(report), dynamics.model
+    cell, detection = np.divmod(np.arange(log_snr.size * count), max(count, 1))
+    likelihood = model.amplitudes.log_likelihood(
+        dynamics.mode_of_cell, log_snr.ravel(), report, (cell, detection), model.modes
     )
-    return likelihood.reshape(cells, count)
+    by_detection = likelihood.reshape(log_snr.size, count).T
+    return np.ascontiguousarray(by_detection).reshape(count, *log_snr.shape)
+
+
+def relative(
+    log_likelihood: FloatArray, axis: int | tuple[int, int]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the largest log likelihoods over some axes, and the likelihoods relative to them."""
+    largest = log_likelihood.max(axis=axis, keepdims=True)
+    return largest, np.exp(log_likelihood - np.where(largest > -np.inf, largest, 0.0))
+
+
+class Amplitudes(NamedTuple):
+    """Likelihoods of the amplitudes of M detections.
+
+    Parameters
+    ----------
+    largest : array of shape (M,)
+        The largest log p_D g(a) of all cells.
+    relative : array of shape (M, C, S)
+        p_D g(a) of each cell relative to the largest one; 0 where all are.
+    """
+
+    largest: FloatArray
+    relative: FloatArray
+
+    @staticmethod
+    def of(report: Report, dynamics: Dynamics) -> Amplitudes:
+        """Return the likelihoods of a report's amplitudes."""
+        largest, likelihood = relative(log_amplitude(report, dynamics), axis=(1, 2))
+        return Amplitudes(largest.ravel(), likelihood)
+
+    def by_class(self, snr: FloatArray, row: IntArray, column: IntArray) -> FloatArray:
+        """Return the relative likelihood of pairs of hypothesis and detection by class, (P, C)."""
+        return _by_class(*contiguous(snr, row, column, self.relative))
+
+
+@compiled
+def _by_class(snr: Float3, row: Int1, column: Int1, relative: Float3) -> FloatArray:
+    """Return the results of `Amplitudes.by_class`."""
+    classes, cells = snr.shape[1:]
+    found = np.zeros((len(row), classes))
+    for pair in range(len(row)):
+        for class_id in range(classes):
+            for cell in range(cells):
+                likelihood = relative[column[pair], class_id, cell]
+                found[pair, class_id] += snr[row[pair], class_id, cell] * likelihood
+    return found
+
+
+@compiled
+def snr_after(
+    snr: Float3, missed: Float3, relative: Float3, source: Int1, column: Int1
+) -> FloatArray:
+    """Return the probabilities of the cells of SNR after an update, by Bayes' rule, (K, C, S).
+
+    Parameters
+    ----------
+    snr, missed : arrays of shape (H, C, S)
+        The probabilities before, and the probability of a missed detection of each cell.
+    relative : array of shape (M, C, S)
+        See `Amplitudes`.
+    source, column : int arrays of shape (K,)
+        Hypothesis before the update, and its detection; -1 for a missed detection.
+    """
+    classes, cells = snr.shape[1:]
+    later = np.empty((len(source), classes, cells))
+    for row in range(len(source)):
+        one, z = source[row], column[row]
+        for class_id in range(classes):
+            total = 0.0
+            for cell in range(cells):
+                likelihood = missed[one, class_id, cell] if z < 0 else relative[z, class_id, cell]
+                later[row, class_id, cell] = snr[one, class_id, cell] * likelihood
+                total += later[row, class_id, cell]
+            for cell in range(cells):
+                if total > 0.0:
+                    later[row, class_id, cell] /= total
+                else:  # the class has no weight
+                    later[row, class_id, cell] = snr[one, class_id, cell]
+    return later
 
 
 def slower(mixture: Mixture, bound: float, space: StateSpace) -> FloatArray:

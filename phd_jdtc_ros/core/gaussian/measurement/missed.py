@@ -22,7 +22,7 @@ def after_miss(
 
     Parameters
     ----------
-    detectable : array of shape (H, R, S)
+    detectable : array of shape (H, R, C)
         Probability that each Gaussian is detected.
 
     Returns

@@ -9,10 +9,12 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...models.detection_birth import Newborn
 from ...sensors.range_rate import Rates
+from ...sensors.report import Report
 from ..algebra import range_rate
+from ..algebra.kalman import TINY
 from ..dynamics import Dynamics
 from ..mixture import Mixture
-from .amplitude import log_amplitude
+from .amplitude import log_amplitude, relative
 
 # Folds of a range rate beyond this many standard deviations of the birth velocity are left out.
 BIRTH_SIGMA = 5.0
@@ -48,9 +50,10 @@ def newborn_mixture(newborn: Newborn, dynamics: Dynamics, label: int) -> Mixture
         np.tensordot(newborn.mass, dynamics.birth_weight, axes=1),
         mean[:, None] * dynamics.supported,
         covariance[:, None] * supported,
+        dynamics.unknown_snr(len(row)),
     )
     if newborn.report.detections.amplitude is not None:
-        added = _weighed_by_amplitude(added, newborn, dynamics)
+        added = replace(added, snr=_given_amplitude(newborn.report, dynamics))
     return added
 
 
@@ -112,14 +115,9 @@ def _by_fold(
     return row, share[row, fold], means[fold, row], covariances[fold, row]
 
 
-def _weighed_by_amplitude(added: Mixture, newborn: Newborn, dynamics: Dynamics) -> Mixture:
-    """Return newborn targets with each class's weight divided among its cells by amplitude."""
-    cells = dynamics.cells
-    if len(cells) == len(dynamics.model.modes.classes):
-        return added
-    log_likelihood = log_amplitude(newborn.report, dynamics).T
-    likelihood = np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))
-    of_class = (cells.class_of[:, None] == cells.class_of).astype(float)
-    mean = likelihood @ of_class / of_class.sum(axis=1)
-    factor = likelihood / np.where(mean > 0.0, mean, 1.0)
-    return replace(added, weight=added.weight * factor[:, None, :])
+def _given_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
+    """Return the probabilities of the cells of SNR, given each detection's amplitude, (M, C, S)."""
+    likelihood = relative(log_amplitude(report, dynamics), axis=2)[1]
+    total = likelihood.sum(axis=2, keepdims=True)
+    share = likelihood / np.maximum(total, TINY)
+    return np.where(total > 0.0, share, dynamics.cells.prior)

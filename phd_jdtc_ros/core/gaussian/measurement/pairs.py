@@ -17,7 +17,7 @@ from ...models.competing_sources import CompetingSources
 from ..algebra.vectors import sum_of
 from ..bounds import Bounds
 from ..mixture import Mixture
-from ..reduction import most_probable
+from .pruning import most_probable
 
 # A pair with less than this share of its detection's sources, or of its target's hypotheses, is
 # left out before the iterated update.
@@ -27,7 +27,8 @@ LEAST_SHARE = 1e-4
 class PairLikelihoods(NamedTuple):
     """Log likelihoods of the P pairs of hypotheses and detections.
 
-    log(p_D L_z) is `measurement` + `amplitude` + `evidence`, broadcast over modes and cells.
+    p_D L_z is exp(`measurement` + `largest` + `evidence`) times `amplitude`, broadcast over modes
+    and classes.
 
     Parameters
     ----------
@@ -35,8 +36,10 @@ class PairLikelihoods(NamedTuple):
         Hypothesis and detection of each pair.
     measurement : array of shape (P, R)
         Log likelihood of the measurement for each motion mode; -inf outside its gate.
-    amplitude : array of shape (M, S)
-        Log p_D g(a) of each detection and cell.
+    largest : array of shape (M,)
+        Scale of each detection's amplitude likelihoods; see `amplitude.Amplitudes`.
+    amplitude : array of shape (P, C)
+        p_D g(a) of each class relative to that scale.
     evidence : array of shape (P,)
         Log likelihood of the identity and the height.
     other : array of shape (1 + C, M)
@@ -46,9 +49,15 @@ class PairLikelihoods(NamedTuple):
     row: IntArray
     column: IntArray
     measurement: FloatArray
+    largest: FloatArray
     amplitude: FloatArray
     evidence: FloatArray
     other: FloatArray
+
+    def take(self, pairs: IntArray) -> PairLikelihoods:
+        """Return these pairs alone."""
+        own = ("row", "column", "measurement", "amplitude", "evidence")
+        return self._replace(**{name: getattr(self, name)[pairs] for name in own})
 
 
 class Association(NamedTuple):
@@ -67,7 +76,7 @@ class Association(NamedTuple):
     kept : int array of shape (K,)
         The kept hypotheses, by target and descending probability: below H, the prior hypothesis of
         this row with a missed detection; from H on, the pairs.
-    weight : array of shape (K, R, S)
+    weight : array of shape (K, R, C)
         Their weights.
     approximate : int
         Number of clusters of targets too large for exact association probabilities.
@@ -84,7 +93,7 @@ class Association(NamedTuple):
 
 
 def sum_modes(weight: FloatArray) -> FloatArray:
-    """Return the sums over modes and cells, (N,), three times as fast as sums of short axes."""
+    """Return the sums over modes and classes, (N,), three times as fast as sums of short axes."""
     total: FloatArray = np.einsum("hrs->h", weight)
     return total
 
@@ -93,23 +102,15 @@ def sum_modes(weight: FloatArray) -> FloatArray:
 def _sources(
     column: IntArray,
     measurement: FloatArray,
-    amplitude: FloatArray,
+    largest: FloatArray,
     evidence: FloatArray,
     other: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the log scale, the intensities and their sum, as of `CompetingSources`.
-
-    Also return the largest log amplitude likelihood of each detection, (M,), and all likelihoods
-    relative to it, (M, S).
-    """
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the log scale, the intensities and their sum, as of `CompetingSources`."""
     kinds, size = other.shape
     scale, intensity, total = np.empty(size), np.empty((kinds, size)), np.zeros(size)
-    largest, relative = np.empty(size), np.zeros(amplitude.shape)
     for z in range(size):
-        scale[z], largest[z] = np.max(other[:, z]), np.max(amplitude[z])
-        if largest[z] > -np.inf:
-            for cell in range(amplitude.shape[1]):
-                relative[z, cell] = math.exp(amplitude[z, cell] - largest[z])
+        scale[z] = np.max(other[:, z])
     for pair in range(len(column)):
         z = column[pair]
         scale[z] = max(scale[z], np.max(measurement[pair]) + largest[z] + evidence[pair])
@@ -117,7 +118,7 @@ def _sources(
         for z in range(size):
             intensity[kind, z] = math.exp(other[kind, z] - scale[z])
             total[z] += intensity[kind, z]
-    return scale, intensity, total, largest, relative
+    return scale, intensity, total
 
 
 @inner
@@ -128,7 +129,7 @@ def _write_pair_weight(
     log_factor: float,
     weight: FloatArray,
 ) -> None:
-    """Write the weight of a pair, p_D L_z w relative to the scale of its detection, (R, S).
+    """Write the weight of a pair, p_D L_z w relative to the scale of its detection, (R, C).
 
     `log_factor` is the log of all factors besides the measurement and the relative amplitude.
     """
@@ -136,8 +137,8 @@ def _write_pair_weight(
         weight[mode] = 0.0
         if log_measurement[mode] > -np.inf and log_factor > -np.inf:
             likelihood = math.exp(log_measurement[mode] + log_factor)
-            for cell in range(prior.shape[1]):
-                weight[mode, cell] = prior[mode, cell] * likelihood * amplitude[cell]
+            for class_id in range(prior.shape[1]):
+                weight[mode, class_id] = prior[mode, class_id] * likelihood * amplitude[class_id]
 
 
 @compiled
@@ -150,19 +151,20 @@ def _likely(
     row: Int1,
     column: Int1,
     measurement: Float2,
+    largest: Float1,
     amplitude: Float2,
     evidence: Float1,
     other: Float2,
 ) -> IntArray:
     """Return the results of `likely`; for the parameters see `PairLikelihoods`."""
     count, targets, size = len(row), len(existence), other.shape[1]
-    scale, _, total, largest, relative = _sources(column, measurement, amplitude, evidence, other)
+    scale, _, total = _sources(column, measurement, largest, evidence, other)
     odds, wanted = np.empty(count), np.zeros(size)
     start, each = np.zeros(targets + 1, np.int64), np.empty(weight.shape[1:])
     for pair in range(count):
         one, z = row[pair], column[pair]
         factor = evidence[pair] + largest[z] - scale[z]
-        _write_pair_weight(weight[one], measurement[pair], relative[z], factor, each)
+        _write_pair_weight(weight[one], measurement[pair], amplitude[pair], factor, each)
         odds[pair] = sum_of(each) / max(total[z], LEAST_CLUTTER)
         wanted[z] += odds[pair]
         start[target[one] + 1] += 1
@@ -198,7 +200,7 @@ def likely(mixture: Mixture, missed: FloatArray, pairs: PairLikelihoods) -> IntA
 
     Parameters
     ----------
-    missed : array of shape (H, R, S)
+    missed : array of shape (H, R, C)
         Weights times the probability of a missed detection.
     """
     return _likely(
@@ -220,6 +222,7 @@ def _associate(
     row: Int1,
     column: Int1,
     measurement: Float2,
+    largest: Float1,
     amplitude: Float2,
     evidence: Float1,
     other: Float2,
@@ -241,23 +244,21 @@ def _associate(
     These are mass, total and detection probability of the claims, log scale and intensity of the
     sources, and then the others in their order.
     """
-    rows, modes, cells = weight.shape
+    rows, modes, classes = weight.shape
     count = rows + len(row)
-    scale, intensity, total, largest, relative = _sources(
-        column, measurement, amplitude, evidence, other
-    )
-    later, mass = np.empty((count, modes, cells)), np.empty(count)
+    scale, intensity, total = _sources(column, measurement, largest, evidence, other)
+    later, mass = np.empty((count, modes, classes)), np.empty(count)
     target_of, prior, probability = np.empty(count, np.int64), np.empty(rows), np.empty(rows)
     for one in range(rows):
         target_of[one], prior[one], detected = target[one], sum_of(weight[one]), 0.0
         for mode in range(modes):
-            for cell in range(cells):
-                detected += weight[one, mode, cell] * detectable[one, mode, cell]
+            for class_id in range(classes):
+                detected += weight[one, mode, class_id] * detectable[one, mode, class_id]
         probability[one] = detected / prior[one] if prior[one] > 0.0 else detected
     for pair in range(len(row)):
         one, z = row[pair], column[pair]
         factor, each = evidence[pair] + largest[z] - scale[z], later[rows + pair]
-        _write_pair_weight(weight[one], measurement[pair], relative[z], factor, each)
+        _write_pair_weight(weight[one], measurement[pair], amplitude[pair], factor, each)
         target_of[rows + pair], mass[rows + pair] = target[one], sum_of(each)
     claim = mass[rows:].copy()
     scaled, unseen, share, claimed, approximate = posterior_shares(
@@ -267,8 +268,8 @@ def _associate(
     for one in range(rows):
         factor = unseen[target[one]] * (scaled[one] / prior[one] if prior[one] > 0.0 else 1.0)
         for mode in range(modes):
-            for cell in range(cells):
-                later[one, mode, cell] = factor * missed[one, mode, cell]
+            for class_id in range(classes):
+                later[one, mode, class_id] = factor * missed[one, mode, class_id]
         mass[one] = sum_of(later[one])
     for pair in range(len(row)):
         later[rows + pair] *= share[pair]
@@ -276,11 +277,11 @@ def _associate(
     for one in range(count):
         existence[target_of[one]] += mass[one]
     kept, factors = most_probable(most, least_share, target_of, mass)
-    found = np.empty((len(kept), modes, cells))
+    found = np.empty((len(kept), modes, classes))
     for place in range(len(kept)):
         for mode in range(modes):
-            for cell in range(cells):
-                found[place, mode, cell] = factors[place] * later[kept[place], mode, cell]
+            for class_id in range(classes):
+                found[place, mode, class_id] = factors[place] * later[kept[place], mode, class_id]
     associated = mass[rows:].copy()
     claims = claim, total, probability
     return *claims, scale, intensity, claimed, associated, existence, kept, found, approximate
@@ -297,7 +298,7 @@ def associate(
 
     Parameters
     ----------
-    missed, detectable : arrays of shape (H, R, S)
+    missed, detectable : arrays of shape (H, R, C)
         Weights times the probability of a missed detection, and the probability of detection.
     """
     mass, total, probability, scale, intensity, claimed, pair, existence, kept, weight, count = (

@@ -25,7 +25,8 @@ def a_mixture(rng, count=80):
     root = rng.normal(size=(count, 2, 5, 5)) * SCALE[:, None]
     weight = rng.random((count, 2, 2))
     weight[::3, 1] = 0.0
-    return Mixture(np.arange(count), weight, mean, root @ root.swapaxes(-1, -2))
+    covariance = root @ root.swapaxes(-1, -2)
+    return Mixture(np.arange(count), weight, mean, covariance, np.ones((count, 2, 1)))
 
 
 def by_brute_force(mixture, expected, detections):

@@ -36,7 +36,7 @@ def at_range(distance):
 @pytest.mark.parametrize("inside", [400.0, 10.0, -250.0])
 def test_gaussian_after_a_miss_at_the_largest_range_has_the_moments_of_drawn_states(inside):
     mean, mixture, expected = at_range(20e3 - inside)
-    detectable = detection_probability(expected, RADAR, DYNAMICS)
+    detectable = detection_probability(expected, mixture.snr, RADAR, DYNAMICS).by_class
     found, covariance = after_miss(mixture, expected, RADAR, detectable)
 
     drawn = mean + np.random.default_rng(6).standard_normal((10**6, 5)) @ ROOT.T
@@ -53,5 +53,5 @@ def test_gaussian_after_a_miss_at_the_largest_range_has_the_moments_of_drawn_sta
 def test_gaussians_away_from_the_largest_range_do_not_change():
     for distance in (15e3, 24e3):
         _, mixture, expected = at_range(distance)
-        detectable = detection_probability(expected, RADAR, DYNAMICS)
+        detectable = detection_probability(expected, mixture.snr, RADAR, DYNAMICS).by_class
         assert after_miss(mixture, expected, RADAR, detectable) is None

@@ -138,15 +138,9 @@ def test_amplitude_tells_the_cells_of_a_class_and_not_its_probability():
     seen = Detections(PLACES[[0, 1, 2, 0]], amplitude)
     found = born(config, seen, mass)
     np.testing.assert_array_equal(found.row_label, [100, 101, 102, 103])
-    weight = found.weight.sum(axis=1)
-    by_class = weight @ (dynamics.cells.class_of[:, None] == np.arange(2))
-    np.testing.assert_allclose(by_class[:2], mass[:2], rtol=1e-9)
-    np.testing.assert_allclose(by_class[2:, 1], 0.3, rtol=1e-9)
-    # The lower class's density of such a detection is zero in doubles, and so is what it is in all.
-    np.testing.assert_array_equal(by_class[2:, 0], 0.0)
-    power = np.exp(dynamics.cells.log_snr)
-    log_density = np.log(amplitude[:, None] / power) - amplitude[:, None] ** 2 / (2.0 * power)
-    own = dynamics.cells.class_of == 1
-    share = np.exp(log_density[:, own] - log_density[:, own].max(axis=1, keepdims=True))
-    share /= share.sum(axis=1, keepdims=True)
-    np.testing.assert_allclose(weight[:, own], 0.3 * share, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(found.weight.sum(axis=1), mass, rtol=1e-9)
+    power, of_each = np.exp(dynamics.cells.log_snr), amplitude[:, None, None]
+    log_density = np.log(of_each / power) - of_each**2 / (2.0 * power)
+    share = np.exp(log_density - log_density.max(axis=2, keepdims=True))
+    share /= share.sum(axis=2, keepdims=True)
+    np.testing.assert_allclose(found.snr, share, rtol=1e-6, atol=1e-12)
