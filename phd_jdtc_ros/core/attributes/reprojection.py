@@ -52,10 +52,10 @@ class Paired(NamedTuple):
     def take(self, pairs: IntArray) -> Paired:
         """Return these pairs alone."""
         return self._replace(
-            row=self.row[pairs],
-            column=self.column[pairs],
-            log_likelihood=self.log_likelihood[pairs],
-            projected_index=self.projected_index[pairs],
+            row=self.row.take(pairs),
+            column=self.column.take(pairs),
+            log_likelihood=self.log_likelihood.take(pairs, axis=0),
+            projected_index=self.projected_index.take(pairs),
         )
 
 

@@ -95,7 +95,7 @@ class Mixture:
     def take(self, rows: IntArray) -> Mixture:
         """Return the hypotheses of these rows."""
         columns = self.weight, self.mean, self.covariance, self.snr
-        return Mixture(self.row_label[rows], *(column[rows] for column in columns))
+        return Mixture(self.row_label[rows], *(column.take(rows, axis=0) for column in columns))
 
     def with_gaussians(
         self, weight: FloatArray, mean: FloatArray, covariance: FloatArray

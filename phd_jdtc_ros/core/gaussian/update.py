@@ -250,17 +250,7 @@ class PriorMixture:
             for own, later in zip(gaussians, moved, strict=True):
                 own[missed] = later[source[missed]]
         column = np.append(np.full(len(mixture), -1), pairs.column)[kept]
-        snr = snr_after(
-            *contiguous(mixture.snr, self._missed_snr, self.amplitudes.relative, source, column)
-        )
+        columns = mixture.snr, mixture.weight, self.detectable, self._probability.by_cell
+        snr = snr_after(*contiguous(*columns, self.amplitudes.relative, source, column))
         updated = Mixture(mixture.row_label[source], association.weight, *gaussians, snr)
         return Branched(updated, self.branched.parent[source])
-
-    @property
-    def _missed_snr(self) -> FloatArray:
-        """Probability of a missed detection of each cell, averaged over the modes, (H, C, S)."""
-        weight = self.mixture.weight
-        total = np.maximum(np.einsum("hrc->hc", weight), TINY)
-        detected = np.einsum("hrc,hrc->hc", weight, self.detectable) / total
-        missed: FloatArray = 1.0 - detected[..., None] * self._probability.by_cell
-        return np.maximum(missed, 0.0)

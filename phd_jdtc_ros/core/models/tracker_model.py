@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from ..attributes.records import AttributeModel
 from ..sensors.report import Report
@@ -49,9 +50,19 @@ class TrackerModel:
         """Return the reports of a scan, each with its sensor at its pose, in the configured order.
 
         Detections of one object are merged, and amplitudes are dropped if the model ignores them.
+        The reports of the latest scan are made once.
         """
-        return [
+        for known, reports in self._latest:
+            if known is scan:
+                return reports
+        reports = [
             Report(sensor.at(each.pose), self.amplitudes.select(merge_clusters(each, sensor)))
             for sensor, each in zip(self.radars, scan.detections, strict=True)
             if each is not None
         ]
+        self._latest[:] = [(scan, reports)]
+        return reports
+
+    @cached_property
+    def _latest(self) -> list[tuple[Scan, list[Report]]]:
+        return []

@@ -142,14 +142,24 @@ def _by_class(snr: Float3, row: Int1, column: Int1, relative: Float3) -> FloatAr
 
 @compiled
 def snr_after(
-    snr: Float3, missed: Float3, relative: Float3, source: Int1, column: Int1
+    snr: Float3,
+    weight: Float3,
+    detectable: Float3,
+    by_cell: Float3,
+    relative: Float3,
+    source: Int1,
+    column: Int1,
 ) -> FloatArray:
     """Return the probabilities of the cells of SNR after an update, by Bayes' rule, (K, C, S).
 
     Parameters
     ----------
-    snr, missed : arrays of shape (H, C, S)
-        The probabilities before, and the probability of a missed detection of each cell.
+    snr : array of shape (H, C, S)
+        The probabilities before.
+    weight, detectable : arrays of shape (H, R, C)
+        Weights before, and probabilities of detection, of each Gaussian and class.
+    by_cell : array of shape (H, C, S)
+        See `DetectionProbability`.
     relative : array of shape (M, C, S)
         See `Amplitudes`.
     source, column : int arrays of shape (K,)
@@ -160,9 +170,16 @@ def snr_after(
     for row in range(len(source)):
         one, z = source[row], column[row]
         for class_id in range(classes):
-            total = 0.0
+            mass, detected, total = 0.0, 0.0, 0.0
+            for mode in range(weight.shape[1]):
+                mass += weight[one, mode, class_id]
+                detected += weight[one, mode, class_id] * detectable[one, mode, class_id]
+            detected /= mass if mass > 0.0 else 1.0
             for cell in range(cells):
-                likelihood = missed[one, class_id, cell] if z < 0 else relative[z, class_id, cell]
+                if z < 0:
+                    likelihood = max(1.0 - detected * by_cell[one, class_id, cell], 0.0)
+                else:
+                    likelihood = relative[z, class_id, cell]
                 later[row, class_id, cell] = snr[one, class_id, cell] * likelihood
                 total += later[row, class_id, cell]
             for cell in range(cells):

@@ -152,7 +152,9 @@ def _gate_pairs(
         begin = np.searchsorted(azimuth, low)
         for step in range(len(order)):
             place = (begin + step) % len(order)
-            if half < math.pi and (azimuth[place] - low) % FULL_TURN > 2.0 * half:
+            beyond = azimuth[place] - low
+            beyond += FULL_TURN if beyond < 0.0 else 0.0
+            if half < math.pi and beyond > 2.0 * half:
                 break
             one = order[place]
             if not box[0] <= detection[one, 0] <= box[1]:

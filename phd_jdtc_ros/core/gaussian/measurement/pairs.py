@@ -57,7 +57,7 @@ class PairLikelihoods(NamedTuple):
     def take(self, pairs: IntArray) -> PairLikelihoods:
         """Return these pairs alone."""
         own = ("row", "column", "measurement", "amplitude", "evidence")
-        return self._replace(**{name: getattr(self, name)[pairs] for name in own})
+        return self._replace(**{name: getattr(self, name).take(pairs, axis=0) for name in own})
 
 
 class Association(NamedTuple):
