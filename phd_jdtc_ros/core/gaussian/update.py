@@ -126,11 +126,26 @@ class PriorMixture:
     @cached_property
     def _in_turn(self) -> FloatArray:
         """Probability that each Gaussian is detected in a whole turn, shape (H, R, S)."""
+        remembered = self.report.last_looks
+        if remembered is None:
+            return self._usual
+        return self._detected(remembered.of(self.mixture.row_label))
+
+    @cached_property
+    def _usual(self) -> FloatArray:
+        """The same, whatever the last look has seen."""
+        return self._detected(None)
+
+    def _detected(self, remembered: tuple[FloatArray, FloatArray] | None) -> FloatArray:
         report, dynamics = self.report, self.steps.dynamics
         detected: FloatArray = report.share * detection_probability(
-            self.expected, report.sensor, dynamics
+            self.expected, report.sensor, dynamics, remembered
         )
         return detected
+
+    def _mean(self, of_cells: FloatArray) -> FloatArray:
+        """Return the mean of each hypothesis's values, (H, R, S) to (H,)."""
+        return sum_modes(self.mixture.weight * of_cells) / np.maximum(self.mass, TINY)
 
     def _measured_in(self, sector: Coverage) -> FloatArray:
         """Return the probability that a target is measured in a sector, shape (H, R, 1)."""
@@ -225,8 +240,11 @@ class PriorMixture:
         """Return the log likelihoods of pairs, given those of the measurement alone, (P, R)."""
         factor = np.zeros(len(pairs.row)) if evidence is None else evidence.log_factor
         if self._unseen is not None:
-            mean = sum_modes(self.mixture.weight * self._unseen) / np.maximum(self.mass, TINY)
+            mean = self._mean(self._unseen)
             factor = factor + np.log(np.maximum(mean, TINY)).take(pairs.row)
+        if self.report.last_looks is not None:
+            ratio = self._mean(self._in_turn) / np.maximum(self._mean(self._usual), TINY)
+            factor = factor + np.log(np.maximum(ratio, TINY)).take(pairs.row)
         return PairLikelihoods(
             pairs.row, pairs.column, log_likelihood, self.log_amplitude, factor, log_other
         )

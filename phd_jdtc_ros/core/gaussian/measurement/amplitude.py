@@ -18,11 +18,22 @@ from .gating import Expected
 LEAST_VARIANCE = 1e-12
 
 
-def detection_probability(expected: Expected, sensor: Sensor, dynamics: Dynamics) -> FloatArray:
+def detection_probability(
+    expected: Expected,
+    sensor: Sensor,
+    dynamics: Dynamics,
+    remembered: tuple[FloatArray, FloatArray] | None = None,
+) -> FloatArray:
     """Return p_D of a target with each Gaussian's density in a whole turn, (H, R, S).
 
     It is the mean over the density, so that a target near a limit of the field of view may be
     missed because it is outside.
+
+    Parameters
+    ----------
+    remembered : tuple of two arrays of shape (H,), or None
+        What the sensor's last look implies for each hypothesis, as in `Remembered`; None for p_D
+        whatever that saw.
     """
     model, cells = dynamics.model, dynamics.cells
     flat = expected.measured.reshape(-1, expected.measured.shape[-1])
@@ -35,6 +46,9 @@ def detection_probability(expected: Expected, sensor: Sensor, dynamics: Dynamics
         )
         given = own[:, None].repeat(len(flat), axis=1)
     probability = sensor.learned_detection_probability(given, flat)
+    if remembered is not None:
+        looked, detected = (each.repeat(expected.measured.shape[1]) for each in remembered)
+        probability = probability * (1.0 - looked) + detected
     seen_and_detected = np.empty((len(flat), len(cells)))
     np.multiply(seen, probability, out=seen_and_detected.T)
     return seen_and_detected.reshape(*expected.measured.shape[:2], len(cells))
