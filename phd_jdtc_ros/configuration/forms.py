@@ -114,37 +114,86 @@ def _read_table(given: list[float]) -> float | list[float] | None:
     return given if sound and rising else None
 
 
+# The word between a probability and the correlation of detections in consecutive looks, and the
+# largest one: at 1, a target that is missed once would never be detected again.
+CORRELATED, MOST_CORRELATION = "correlated", 0.98
+
+
+class Detectability(NamedTuple):
+    """A sensor's detection probability, and its correlation from look to look.
+
+    Parameters
+    ----------
+    start : tuple of pairs of float
+        Range, m, and probability; empty if it follows from the SNR bands.
+    learned : bool
+        Whether the probability is learned while the tracker runs.
+    correlation : Learnable or None
+        None for independent looks.
+    """
+
+    start: tuple[tuple[float, float], ...]
+    learned: bool
+    correlation: Learnable | None
+
+
 def _read_probability(value: Any) -> float | list[float] | str | None:
+    head, found, tail = value.partition(CORRELATED) if isinstance(value, str) else (value, "", "")
+    if found:
+        return _read_correlated(head.split(), tail.split())
     after = _after_auto(value)
     if after is None:
         plain = number(value, 0.0, MOST_PROBABILITY)
         return _read_table(numbers(value) or []) if plain is None else plain
     if after and _read_table(after) is None:
         return None
-    return " ".join([AUTO, *(f"{each:.10g}" for each in after)])
+    return " ".join([AUTO, *_words(after)])
 
 
-def probability_numbers(given: float | list[float] | str) -> list[float]:
-    """Return the numbers in a detection probability's notation, without the word auto."""
-    if isinstance(given, str):
-        return _after_auto(given) or []
-    return given if isinstance(given, list) else [given]
+def _read_correlated(head: list[str], tail: list[str]) -> str | None:
+    """Return the notation of a probability and a correlation, given as words."""
+    learned = [AUTO] if head[:1] == [AUTO] else []
+    try:
+        given, of_looks = ([float(word) for word in w] for w in (head[len(learned) :], tail))
+    except ValueError:
+        return None
+    sound = all(number(each, 0.0, MOST_CORRELATION) is not None for each in of_looks)
+    if not sound or len(of_looks) > 1 or (given and _read_table(given) is None):
+        return None
+    return " ".join([*learned, *_words(given), CORRELATED, *_words(of_looks)])
 
 
-def _over_range(given: float | list[float] | str) -> Learnable:
+def _words(given: list[float]) -> list[str]:
+    return [f"{each:.10g}" for each in given]
+
+
+def _detectability(given: float | list[float] | str) -> Detectability:
+    """Return the value of a notation that `_read_probability` has returned."""
+    if not isinstance(given, str):
+        return Detectability(
+            _over_range(given if isinstance(given, list) else [given]), False, None
+        )
+    head, found, tail = given.partition(CORRELATED)
+    learned = head.split()[:1] == [AUTO]
+    values = [float(word) for word in head.split()[learned:]]
+    of_looks = Learnable(float(tail), False) if tail.split() else Learnable(0.0, True)
+    return Detectability(_over_range(values), learned, of_looks if found else None)
+
+
+def _over_range(values: list[float]) -> tuple[tuple[float, float], ...]:
     """Return pairs of range and probability; none if the probability is not given."""
-    values, learned = probability_numbers(given), isinstance(given, str)
     if len(values) > 1:
-        return Learnable(tuple(zip(values[::2], values[1::2], strict=True)), learned)
-    return Learnable(((0.0, values[0]),) if any(values) else (), learned)
+        return tuple(zip(values[::2], values[1::2], strict=True))
+    return ((0.0, values[0]),) if any(values) else ()
 
 
 PROBABILITY = Form(
     f"a number from 0 to {MOST_PROBABILITY}, or pairs of range (m, ascending) and probability "
     f"(above 0 and at most {MOST_PROBABILITY}) in one list, or {AUTO}, with or without such "
-    "numbers after it in one string",
+    f"numbers after it in one string; {CORRELATED} may follow in the string, with or without a "
+    f"number from 0 to {MOST_CORRELATION}",
     _read_probability,
-    _over_range,
+    _detectability,
 )
 
 # The value of a radar's parameter `pose` if the radar does not move.

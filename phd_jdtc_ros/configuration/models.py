@@ -18,6 +18,7 @@ from phd_jdtc_ros.core.clutter.map import ClutterMap
 from phd_jdtc_ros.core.clutter.rate import START_RATE, ClutterCount
 from phd_jdtc_ros.core.intake.input_checks import FAR, SLOW_TURN, ReportWatch
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
+from phd_jdtc_ros.core.learned.correlation import Correlation
 from phd_jdtc_ros.core.learned.detection_factor import DetectionFactor
 from phd_jdtc_ros.core.learned.noise_factor import NoiseFactor
 from phd_jdtc_ros.core.models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
@@ -237,6 +238,7 @@ def radar_model(radar: RadarInput) -> RadarModel:
         if radar.detection_probability.learned
         else None,
         noise_factor=_noise_factor(radar),
+        correlation=_correlation(radar),
         range_rate=RangeRateModel(radar.range_rate_std, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
         if fields.range_rate
         else None,
@@ -253,6 +255,11 @@ def _noise_factor(radar: RadarInput) -> NoiseFactor | None:
     """Return the prior of the noise, in the order of a measurement's components."""
     learned = radar.range_std.learned, radar.azimuth_std_deg.learned
     return NoiseFactor(np.array(learned)) if any(learned) else None
+
+
+def _correlation(radar: RadarInput) -> Correlation | None:
+    given = radar.detection_probability.correlation
+    return None if given is None else Correlation(given.start, given.learned)
 
 
 def _clutter_map(radar: RadarInput, range_std: float, azimuth_std: float) -> ClutterMap:

@@ -35,12 +35,14 @@ LIDAR: Mapping[str, Any] = {
     "lag": "5 s",
     "lidar.pose": f"/{OWN_SHIP}/odometry",
     "lidar.fields.amplitude": "",
-    "lidar.range_std": 2.0,
-    "lidar.azimuth_std_deg": 2.0,
+    # A vessel returns several detections, and the radar and the lidar see different parts of it.
+    "lidar.cluster_distance": 15.0,
+    "lidar.range_std": 4.0,
+    "lidar.azimuth_std_deg": 3.0,
     "lidar.min_range": 5.0,
     "lidar.max_range": 150.0,
-    # A vessel beyond about 80 m reflects too little, whatever the water does.
-    "lidar.detection_probability": [0.0, 0.7, 50.0, 0.6, 100.0, 0.2, 150.0, 0.05],
+    # A vessel beyond about 80 m reflects too little, whatever the water does. Misses go together.
+    "lidar.detection_probability": "0 0.7 50 0.6 100 0.2 150 0.05 correlated 0.4",
     "lidar.clutter_rate": 2.0,
     "lidar.clutter_max_range": 150.0,
 }

@@ -44,6 +44,33 @@ def test_detection_probability_is_a_number_a_table_or_is_learned_from_them(
     assert (radar.detection_factor is not None) == learned
 
 
+@pytest.mark.parametrize(
+    ("value", "probability", "learned", "correlation"),
+    [
+        ("0.8 correlated 0.5", 0.8, False, (0.5, False)),
+        ("0.8 correlated", 0.8, False, (0.0, True)),
+        ("auto 0.8 correlated", 0.8, True, (0.0, True)),
+        ("0 0.9 1e4 0.7 correlated 0.5", 0.8, False, (0.5, False)),
+    ],
+)
+def test_detections_may_be_correlated_from_look_to_look(value, probability, learned, correlation):
+    radar = radar_of(detection_probability=value)
+    found = radar.given_detection_probability(np.array([[5e3, 0.0]]))
+    np.testing.assert_allclose(found, [probability])
+    assert (radar.detection_factor is not None) == learned
+    assert (radar.correlation.start, radar.correlation.learned) == correlation
+
+
+def test_looks_are_independent_unless_they_are_said_to_be_correlated():
+    assert radar_of(detection_probability="auto 0.8").correlation is None
+
+
+def test_correlated_detections_may_follow_from_the_snr_bands():
+    radar = radar_of(detection_probability="correlated 0.5")
+    assert radar.given_detection_probability(np.zeros((1, 2))) is None
+    assert radar.correlation.start == 0.5
+
+
 @pytest.mark.parametrize("value", [0.0, "auto"])
 def test_detection_probability_may_follow_from_the_snr_bands(value):
     radar = radar_of(detection_probability=value)
@@ -54,6 +81,12 @@ def test_detection_probability_may_follow_from_the_snr_bands(value):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
+        ("detection_probability", "0.8 correlated 0.99"),
+        ("detection_probability", "0.8 correlated -0.1"),
+        ("detection_probability", "0.8 correlated 0.5 0.6"),
+        ("detection_probability", "1.2 correlated 0.5"),
+        ("detection_probability", "often correlated 0.5"),
+        ("detection_probability", "0.8 correlated correlated"),
         ("range_std", "auto 0"),
         ("range_std", "auto 45 60"),
         ("range_std", "auto many"),

@@ -127,13 +127,29 @@ class PriorMixture:
 
     @cached_property
     def _probability(self) -> DetectionProbability:
+        """Probability that each Gaussian is detected, as it follows from the last look."""
+        remembered = self.report.last_looks
+        if remembered is None:
+            return self._usual
+        return self._detected(remembered.of(self.mixture.row_label))
+
+    @cached_property
+    def _usual(self) -> DetectionProbability:
+        """The same, whatever the last look has seen."""
+        return self._detected(None)
+
+    def _detected(self, remembered: tuple[FloatArray, FloatArray] | None) -> DetectionProbability:
         sensor, dynamics = self.report.sensor, self.steps.dynamics
-        return detection_probability(self.expected, self.mixture.snr, sensor, dynamics)
+        return detection_probability(self.expected, self.mixture.snr, sensor, dynamics, remembered)
 
     @cached_property
     def _in_turn(self) -> FloatArray:
         """Probability that each Gaussian is detected in a whole turn, shape (H, R, C)."""
         return self.report.share * self._probability.by_class
+
+    def _mean(self, by_class: FloatArray) -> FloatArray:
+        """Return the mean of each hypothesis's values, (H, R, C) to (H,)."""
+        return sum_modes(self.mixture.weight * by_class) / np.maximum(self.mass, TINY)
 
     def _measured_in(self, sector: Coverage) -> FloatArray:
         """Return the probability that a target is measured in a sector, shape (H, R, 1)."""
@@ -227,9 +243,13 @@ class PriorMixture:
         """Return the log likelihoods of pairs, given those of the measurement alone, (P, R)."""
         factor = np.zeros(len(pairs.row)) if evidence is None else evidence.log_factor
         if self._unseen is not None:
-            mean = sum_modes(self.mixture.weight * self._unseen) / np.maximum(self.mass, TINY)
+            mean = self._mean(self._unseen)
             factor = factor + np.log(np.maximum(mean, TINY)).take(pairs.row)
         by_class = self.amplitudes.by_class(self.mixture.snr, pairs.row, pairs.column)
+        if self.report.last_looks is not None:
+            own, usual = self._mean(self._probability.by_class), self._mean(self._usual.by_class)
+            ratio = np.maximum(own / np.maximum(usual, TINY), TINY)
+            factor = factor + np.log(ratio).take(pairs.row)
         return PairLikelihoods(
             *(pairs.row, pairs.column, log_likelihood, self.amplitudes.largest, by_class),
             *(factor, log_other),

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..learned.correlation import Correlation
 from ..learned.detection_factor import CELLS, DetectionFactor
+from ..learned.last_looks import LastLooks, Look
 from ..learned.noise_factor import NoiseEvidence, NoiseFactor
 from ..learned.open_looks import Looks, OpenLooks
 from ..sensors.report import Report
@@ -22,7 +24,7 @@ LEAST_EXPECTED = 0.01
 # Number of open looks below which those of targets that have ended are kept.
 FEW_LOOKS = 256
 # A configured sensor, what was learned of it, and the sensor with that.
-_Learned = tuple[Sensor, DetectionFactor | None, NoiseFactor | None, Sensor]
+_Learned = tuple[Sensor, DetectionFactor | None, NoiseFactor | None, Correlation | None, Sensor]
 
 
 @dataclass
@@ -41,6 +43,10 @@ class SensorMemory:
         Looks that do not count yet.
     settled : int
         Number of open looks when those of ended targets were last dropped.
+    correlation : dict of name to Correlation
+        By sensor with correlated misses, after its first report.
+    last : dict of name to LastLooks
+        By sensor, likewise.
     """
 
     sensors: tuple[str, ...]
@@ -48,26 +54,29 @@ class SensorMemory:
     noise: dict[str, NoiseFactor] = field(default_factory=dict)
     looks: OpenLooks = field(default_factory=OpenLooks)
     settled: int = 0
+    correlation: dict[str, Correlation] = field(default_factory=dict)
+    last: dict[str, LastLooks] = field(default_factory=dict)
     _latest: dict[str, _Learned] = field(default_factory=dict, init=False, repr=False)
 
     def learned(self, sensor: Sensor) -> Sensor:
         """Return a sensor with what was learned of it."""
-        detection = noise = None
+        detection = noise = correlation = None
         if sensor.detection_factor is not None:
             detection = self.detection.get(sensor.name)
         if sensor.noise_factor is not None:
             noise = self.noise.get(sensor.name)
-        if detection is None and noise is None:
+        if sensor.correlation is not None:
+            correlation = self.correlation.get(sensor.name)
+        found = detection, noise, correlation
+        if all(each is None for each in found):
             return sensor
         # A scan ends with the sensors that the next one begins with.
         latest = self._latest.get(sensor.name)
-        if latest is not None:
-            before = zip(latest, (sensor, detection, noise), strict=False)
-            if all(one is other for one, other in before):
-                return latest[-1]
-        found = sensor.with_learned(detection, noise)
-        self._latest[sensor.name] = sensor, detection, noise, found
-        return found
+        if latest is not None and latest[:-1] == (sensor, *found):
+            return latest[-1]
+        learned = sensor.with_learned(*found)
+        self._latest[sensor.name] = sensor, *found, learned
+        return learned
 
     def with_learned_sensor(self, report: Report) -> Report:
         """Return a report whose sensor has what was learned of it."""
@@ -76,7 +85,7 @@ class SensorMemory:
 
     def with_learned_sensors(self, model: TrackerModel) -> TrackerModel:
         """Return a tracker's model whose sensors have what was learned of them."""
-        if not (self.detection or self.noise):
+        if not (self.detection or self.noise or self.correlation):
             return model
         return replace(model, radars=tuple(map(self.learned, model.radars)))
 
@@ -84,8 +93,8 @@ class SensorMemory:
         """Return what was learned of configured sensors, by dotted name.
 
         For each sensor that learns: the mean detection probability of the targets, with its
-        standard deviation and the configured one, and the ratios of the standard deviations of
-        measurements to the configured ones.
+        standard deviation and the configured one, the ratios of the standard deviations of
+        measurements to the configured ones, and the correlation of detections from look to look.
         """
         found: dict[str, float] = {}
         for sensor in sensors:
@@ -100,6 +109,10 @@ class SensorMemory:
                     if learned:
                         name = f"{sensor.name}.{component}_noise_ratio"
                         found[name], found[f"{name}_std"] = float(ratio), float(error)
+            own = self.correlation.get(sensor.name)
+            if own is not None and own.learned and own.sums[0] > 0.0:
+                name = f"{sensor.name}.detection_correlation"
+                found[name], found[f"{name}_std"] = own.value, own.std
         return found
 
     def learns(self, report: Report) -> bool:
@@ -159,6 +172,48 @@ class SensorMemory:
         if factor is not None and report.complete:
             self.noise = {**self.noise, report.sensor.name: factor.after(evidence)}
 
+    def with_last_looks(self, report: Report, stamp_ns: int) -> Report:
+        """Return a report with what its sensor's last look at each target implies."""
+        correlation = self._correlation(report.sensor)
+        if correlation is None:
+            return report
+        last = self.last.get(report.sensor.name, LastLooks())
+        remembered = last.remembered(stamp_ns, _sector_turn_ns(report), correlation.value)
+        return replace(report, remembered=remembered)
+
+    def _correlation(self, sensor: Sensor) -> Correlation | None:
+        own = sensor.correlation
+        if own is None or not own.learned:
+            return own
+        return self.correlation.get(sensor.name, own)
+
+    def remembers(self, report: Report) -> bool:
+        """Return whether `learn_looks` needs the look of a report."""
+        return report.remembered is not None or len(self.correlation) > 0
+
+    def learn_looks(self, report: Report, stamp_ns: int, look: Look) -> None:
+        """Remember a sensor's look at targets, and learn how misses are correlated.
+
+        Parameters
+        ----------
+        report : Report
+            As `with_last_looks` returns it.
+        """
+        for name, correlation in self.correlation.items():
+            last, sums = self.last[name].counted(look)
+            self.last = {**self.last, name: last}
+            if sums[0] > 0.0:
+                self.correlation = {**self.correlation, name: correlation.after(sums)}
+        own = self._correlation(report.sensor)
+        if report.remembered is None or own is None:
+            return
+        name = report.sensor.name
+        last = self.last.get(name, LastLooks())
+        last = last.after(look, report.remembered, stamp_ns, _sector_turn_ns(report))
+        self.last = {**self.last, name: last}
+        if own.learned:
+            self.correlation = {**self.correlation, name: own}
+
     def forget_ended(self, labels: Iterable[IntArray]) -> None:
         """Drop the open looks at targets that have ended, when there are twice as many as before.
 
@@ -167,6 +222,46 @@ class SensorMemory:
         labels : iterable of int arrays
             Labels of the living targets.
         """
-        if len(self.looks) > 2 * self.settled + FEW_LOOKS:
-            self.looks = self.looks.of(np.unique(np.concatenate(list(labels))))
-            self.settled = len(self.looks)
+        remembered = len(self.looks) + sum(map(len, self.last.values()))
+        if remembered > 2 * self.settled + FEW_LOOKS:
+            living = np.unique(np.concatenate(list(labels)))
+            self.looks = self.looks.of(living)
+            self.last = {name: last.of(living) for name, last in self.last.items()}
+            self.settled = len(self.looks) + sum(map(len, self.last.values()))
+
+
+def look_at(
+    report: Report,
+    label: IntArray,
+    measured: FloatArray,
+    before: FloatArray,
+    probability: FloatArray,
+    detected: FloatArray,
+    after: FloatArray,
+) -> Look:
+    """Return a report as a look at T targets, whose misses may be correlated.
+
+    Parameters
+    ----------
+    report : Report
+        As `SensorMemory.with_last_looks` returns it.
+    label, measured, probability, after
+        See `SensorMemory.learn_detections`.
+    before : array of shape (T,)
+        Existence probability of each target before the report.
+    detected : array of shape (T,)
+        Probability that each target was detected, given that it exists.
+    """
+    covered = report.sensor.coverage_probability(measured, report.detections.coverage)
+    expected = np.zeros(len(label))
+    if report.remembered is not None and report.complete:
+        expected = report.remembered.usual(probability, label)
+    known = before >= KNOWN_EXISTENCE
+    return Look(label, covered, detected, expected, np.minimum(after, 1.0), known)
+
+
+def _sector_turn_ns(report: Report) -> float:
+    """Return the duration of a turn if a report is of a sector, nanoseconds; otherwise 0."""
+    sector = report.detections.coverage
+    turns = sector is not None and sector.turns
+    return 1e9 * report.sensor.rotation_s if turns else 0.0

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..learned.last_looks import Remembered
 from ..types import Coverage, Detections
 from .gaussians import PlanePlots
 from .range_rate import Rates
@@ -86,6 +87,8 @@ class Report:
         Whether the report has all detections of the sensor.
     earlier : EarlierSectors or None
         The sectors before it; None if they have nothing in common with it.
+    remembered : Remembered or None
+        What the sensor's last look at each target has seen; None if its misses are independent.
     """
 
     sensor: Sensor
@@ -93,6 +96,7 @@ class Report:
     share: float = 1.0
     complete: bool = True
     earlier: EarlierSectors | None = None
+    remembered: Remembered | None = None
 
     def __len__(self) -> int:
         return len(self.detections)
@@ -104,6 +108,12 @@ class Report:
     def project_as(self, detections: Detections) -> Report:
         """Return the report with other projections of its detections."""
         return self if detections is self.detections else replace(self, detections=detections)
+
+    @cached_property
+    def last_looks(self) -> Remembered | None:
+        """What last looks imply; None if detections do not depend on them."""
+        remembered = self.remembered
+        return remembered if remembered is not None and remembered.some else None
 
     @cached_property
     def detection_std(self) -> FloatArray:

@@ -19,6 +19,7 @@ from ..arrays import BoolArray, FloatArray, IntArray
 from ..clutter.amplitude_law import NOISE, ClutterAmplitude
 from ..clutter.map import ClutterMap
 from ..clutter.rate import ClutterCount
+from ..learned.correlation import Correlation
 from ..learned.detection_factor import DetectionFactor
 from ..learned.noise_factor import NoiseFactor
 from ..state_space import PLANAR, StateSpace
@@ -78,6 +79,8 @@ class Sensor(ABC):
         Learned factor of its detection probability; None if the probability is known.
     noise_factor : NoiseFactor or None
         Learned factors that its noise contains; None if the noise is known.
+    correlation : Correlation or None
+        Correlation of detections of a target in consecutive looks; None if they are independent.
     """
 
     # Whether it measures range and azimuth from its position, for which there are compiled loops.
@@ -102,6 +105,7 @@ class Sensor(ABC):
     clutter_map_speed: float = 0.0
     detection_factor: DetectionFactor | None = None
     noise_factor: NoiseFactor | None = None
+    correlation: Correlation | None = None
 
     def at(self: SensorT, pose: Pose | None) -> SensorT:
         """Return the sensor at a pose; None keeps its pose."""
@@ -129,13 +133,17 @@ class Sensor(ABC):
         )
 
     def with_learned(
-        self: SensorT, detection: DetectionFactor | None, noise: NoiseFactor | None
+        self: SensorT,
+        detection: DetectionFactor | None,
+        noise: NoiseFactor | None,
+        correlation: Correlation | None = None,
     ) -> SensorT:
-        """Return the configured sensor with learned factors; None keeps a model."""
+        """Return the configured sensor with what was learned of it; None keeps a model."""
         return replace(
             self,
             detection_factor=detection or self.detection_factor,
             noise_factor=noise or self.noise_factor,
+            correlation=correlation or self.correlation,
             **({} if noise is None else self._noise_times(noise)),
         )
 

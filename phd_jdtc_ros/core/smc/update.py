@@ -30,6 +30,9 @@ from .noise import noise_evidence
 from .particle_set import ParticleSet
 from .reacquisition import with_reacquired
 
+# Lower bound of probabilities by which others are divided, and of which the log is taken.
+TINY = float(np.finfo(float).tiny)
+
 
 @dataclass(frozen=True)
 class ParticleSteps:
@@ -129,14 +132,29 @@ class PriorParticles:
     @cached_property
     def _in_turn(self) -> FloatArray:
         """Probability that each particle is detected in a whole turn, shape (N,)."""
+        seen = self.report.sensor.coverage_probability(self._everywhere, None) * self.report.share
+        remembered = self.report.last_looks
+        if remembered is None:
+            return seen * self._usual
+        return seen * remembered.probability(self._usual, self.particles.row_label)
+
+    @cached_property
+    def _usual(self) -> FloatArray:
+        """Detection probability of each particle, if covered, whatever the last look saw, (N,)."""
         report, model, particles = self.report, self.steps.model, self.particles
-        seen = report.sensor.coverage_probability(self._everywhere, None) * report.share
         probability = report.sensor.given_detection_probability(self._everywhere)
         if probability is None:
             probability = model.amplitudes.detection_probability(
                 particles.mode, particles.log_snr, report.sensor, model.modes
             )
-        return seen * report.sensor.learned_detection_probability(probability, self._everywhere)
+        return report.sensor.learned_detection_probability(probability, self._everywhere)
+
+    def _mean(self, values: FloatArray) -> FloatArray:
+        """Return the mean of each target's values, (N,) to (T,)."""
+        mass = sum_by(self.target, self.particles.weight, len(self.label))
+        whole = sum_by(self.target, self.particles.weight * values, len(self.label))
+        mean: FloatArray = whole / np.where(mass > 0.0, mass, 1.0)
+        return mean
 
     def _measured_in(self, sector: Coverage) -> FloatArray:
         """Return the probability that a target is measured in a sector, shape (N,)."""
@@ -186,10 +204,12 @@ class PriorParticles:
         if self._unseen is not None:
             # The mean of each target: a factor of each particle would raise the few that the miss
             # in the earlier sectors has left there.
-            mass = sum_by(self.target, particles.weight, len(self.label))
-            whole = sum_by(self.target, particles.weight * self._unseen, len(self.label))
-            mean = whole / np.where(mass > 0.0, mass, 1.0)
+            mean = self._mean(self._unseen)
             log_likelihood += np.log(np.maximum(mean, LEAST_UNSEEN)).take(self.target.take(row))
+        if report.last_looks is not None:
+            later = report.last_looks.probability(self._usual, particles.row_label)
+            ratio = self._mean(later) / np.maximum(self._mean(self._usual), TINY)
+            log_likelihood += np.log(np.maximum(ratio, TINY)).take(self.target.take(row))
         sources = competing_sources(log_other, column, log_likelihood)
         scaled = np.exp(log_likelihood - sources.log_scale.take(column))
         claims = Claims(

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
+from ..learned.correlation import SUMS, Correlation
 from ..learned.detection_factor import CELLS, DetectionFactor
+from ..learned.last_looks import LastLooks
 from ..learned.noise_factor import NoiseFactor
 from ..learned.open_looks import OpenLooks
 from ..models.sensor_learning import SensorMemory
@@ -12,6 +14,7 @@ from ..sensors.sensor import Sensor
 from ..snapshot import Snapshot, from_snapshot, to_snapshot
 
 DETECTION, NOISE, LOOKS = "detection_factor", "noise_factor", "open_looks"
+CORRELATION, LAST = "correlation", "last_looks"
 
 
 def sensors_to_snapshot(memory: SensorMemory, snapshot: Snapshot) -> None:
@@ -20,6 +23,10 @@ def sensors_to_snapshot(memory: SensorMemory, snapshot: Snapshot) -> None:
         to_snapshot(detection, snapshot, f"{DETECTION}.{name}")
     for name, noise in memory.noise.items():
         to_snapshot(noise, snapshot, f"{NOISE}.{name}")
+    for name, correlation in memory.correlation.items():
+        to_snapshot(correlation, snapshot, f"{CORRELATION}.{name}")
+    for name, last in memory.last.items():
+        to_snapshot(last, snapshot, f"{LAST}.{name}")
     if memory.detection:
         to_snapshot(memory.looks, snapshot, LOOKS)
 
@@ -46,6 +53,20 @@ def sensors_from_snapshot(snapshot: Snapshot, sensors: Sequence[Sensor]) -> Sens
         if (own := known[name].noise_factor) is not None:
             part = snapshot, f"{NOISE}.{name}", {"Z": len(own.learned)}
             memory.noise[name] = from_snapshot(NoiseFactor, *part, learned=own.learned)
+    for name in _sensors(snapshot, LAST, known):
+        if (first := known[name].correlation) is None:
+            continue
+        memory.last[name] = from_snapshot(LastLooks, snapshot, f"{LAST}.{name}", {"B": SUMS})
+        if first.learned and snapshot.names_below(f"{CORRELATION}.{name}"):
+            sums = from_snapshot(
+                Correlation,
+                snapshot,
+                f"{CORRELATION}.{name}",
+                {"B": SUMS},
+                start=first.start,
+                learned=True,
+            )
+            memory.correlation[name] = sums
     learning = [name for name in known if known[name].detection_factor is not None]
     if snapshot.names_below(LOOKS) and set(learning) <= memory.detection.keys():
         memory.looks = from_snapshot(OpenLooks, snapshot, LOOKS, {"K": CELLS * len(known)})

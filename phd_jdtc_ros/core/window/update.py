@@ -19,12 +19,13 @@ from ..attributes.evidence import Evidence
 from ..attributes.memory import AttributeMemory, AttributesAt
 from ..attributes.reprojection import Paired, plain
 from ..attributes.uniqueness import OutOfGate
+from ..learned.last_looks import Look
 from ..learned.noise_factor import NoiseEvidence
 from ..models import detection_limit
 from ..models.clutter_learning import ClutterMemory
 from ..models.competing_sources import CompetingSources, log_intensities
 from ..models.detection_birth import Newborn
-from ..models.sensor_learning import SensorMemory
+from ..models.sensor_learning import SensorMemory, look_at
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
 from ..tracks import labels
@@ -162,10 +163,13 @@ class Updated(UpdatedScan[RowsT]):
         Label of each target before the report, ascending.
     detected : array of shape (T,)
         Probability that the report detected each target, given that it exists.
+    look : Look or None
+        The report as a look at these targets; None if no sensor's misses are correlated.
     """
 
     label: IntArray
     detected: FloatArray
+    look: Look | None = None
 
 
 def update(
@@ -227,7 +231,22 @@ def update(
     newborn = posterior.sources.newborn(posterior.claimed_probability, report, model)
     newborns = () if newborn is None else (newborn,)
     detected = _detected(prior, posterior)
-    return Updated(posterior.rows, newborns, posterior.approximate, prior.label, detected)
+    look = None
+    if sensors is not None and sensors.remembers(report):
+        look = _look(report, prior, posterior, detected)
+    return Updated(posterior.rows, newborns, posterior.approximate, prior.label, detected, look)
+
+
+def _look(
+    report: Report, prior: Prior[RowsT], posterior: Posterior[RowsT], detected: FloatArray
+) -> Look:
+    """Return a report as a look at the prior's targets."""
+    before, missed = (
+        sum_by(prior.target, mass, len(prior.label)) for mass in (prior.mass, prior.missed_mass)
+    )
+    probability = 1.0 - missed / np.where(before > 0.0, before, 1.0)
+    known = before, probability, detected, posterior.existence
+    return look_at(report, prior.label, prior.measured_by_target, *known)
 
 
 def _detected(prior: Prior[RowsT], posterior: Posterior[RowsT]) -> FloatArray:
@@ -330,6 +349,8 @@ def update_scan(
     newborns: list[Newborn] = []
     for own in steps.model.reports(scan):
         report = own if passes is None else passes.with_earlier_sectors(own, scan.stamp_ns)
+        if sensors is not None:
+            report = sensors.with_last_looks(report, scan.stamp_ns)
         updated = update(rows, report, steps, dt, clutter, known, newborns, sensors)
         rows, approximate = updated.rows, approximate + updated.approximate
         first = label
@@ -339,6 +360,9 @@ def update_scan(
                 known.initiate(label, born.report.detections)
             label += len(born)
             newborns.append(born)
+        if sensors is not None and updated.look is not None:
+            look = updated.look.with_born(np.arange(first, label))
+            sensors.learn_looks(report, scan.stamp_ns, look)
         if passes is not None and report.detections.coverage is not None:
             every = np.concatenate([updated.label, np.arange(first, label)])
             detected = np.concatenate([updated.detected, np.ones(label - first)])

@@ -38,7 +38,11 @@ class DetectionProbability(NamedTuple):
 
 
 def detection_probability(
-    expected: Expected, snr: FloatArray, sensor: Sensor, dynamics: Dynamics
+    expected: Expected,
+    snr: FloatArray,
+    sensor: Sensor,
+    dynamics: Dynamics,
+    remembered: tuple[FloatArray, FloatArray] | None = None,
 ) -> DetectionProbability:
     """Return the probability that a target is detected in a whole turn.
 
@@ -49,6 +53,9 @@ def detection_probability(
     ----------
     snr : array of shape (H, C, S)
         See `Mixture`.
+    remembered : tuple of two arrays of shape (H,), or None
+        What the sensor's last look implies for each hypothesis, as in `Remembered`; None for p_D
+        whatever that saw.
     """
     log_snr, model, by_cell = dynamics.cells.log_snr, dynamics.model, np.ones(snr.shape)
     flat = expected.measured.reshape(-1, expected.measured.shape[-1])
@@ -64,6 +71,9 @@ def detection_probability(
         by_cell = own / np.maximum(mean, TINY)[..., None]
         given = mean.T.repeat(shape[1], axis=1)
     probability = sensor.learned_detection_probability(given, flat)
+    if remembered is not None:
+        looked, detected = (each.repeat(shape[1]) for each in remembered)
+        probability = probability * (1.0 - looked) + detected
     seen_and_detected = np.empty((len(flat), shape[2]))
     np.multiply(seen, probability, out=seen_and_detected.T)
     return DetectionProbability(seen_and_detected.reshape(shape), by_cell)

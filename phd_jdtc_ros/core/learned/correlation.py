@@ -1,0 +1,123 @@
+"""Correlation of a sensor's detections of a target in consecutive looks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+
+from ..arrays import FloatArray, read_only
+from ..snapshot import floats
+from .prior import combine
+
+# Bounds of the correlation; at 1, a target that is missed once would never be detected again.
+LEAST, MOST = 0.0, 0.98
+# Scale of the prior of its difference from the value that learning starts from.
+PRIOR_SCALE = 0.05
+# Weight of that value, as a number of pairs of looks, that keeps the first ones from counting
+# alone.
+PRIOR_WEIGHT = 4.0
+# Memory, as a number of pairs of looks.
+MEMORY = 1000.0
+# Largest number of remembered pairs accepted in a snapshot.
+MAX_REMEMBERED = 1e7
+# Sums over pairs of looks: their number; detections in both; the mean of both looks' detections,
+# and of both expectations; detections of one look times the expectation of the other, mean of both
+# orders; the product of both expectations.
+SUMS = 6
+
+
+def sums_of(
+    detected: FloatArray, before: FloatArray, expected: FloatArray, expected_before: FloatArray
+) -> FloatArray:
+    """Return the sums of single pairs of looks, (P,) each, as rows (P, B)."""
+    return np.stack(
+        [
+            np.ones(len(detected)),
+            detected * before,
+            0.5 * (detected + before),
+            0.5 * (expected + expected_before),
+            0.5 * (detected * expected_before + before * expected),
+            expected * expected_before,
+        ],
+        axis=1,
+    )
+
+
+def _nothing() -> FloatArray:
+    return np.zeros(SUMS)
+
+
+@dataclass(frozen=True, eq=False)
+class Correlation:
+    """Correlation of the detections of a target in consecutive looks of a sensor.
+
+    Parameters
+    ----------
+    start : float
+        The correlation, or the one that learning starts from.
+    learned : bool
+        Whether it is learned.
+    sums : array of shape (B,)
+        Sums over the remembered pairs of looks; see `sums_of`.
+
+    Notes
+    -----
+    The detections of a target are a Markov chain: with the detection probability p and the
+    correlation c it is detected with p + c (1 - p) after a detection and with p (1 - c) after a
+    miss, so that p is its stationary mean. The correlation of pairs (x, y) with the expectations
+    (p, q) is the mean of (x - f p)(y - f q) relative to that of f p (1 - f q), where the factor f
+    brings the expectations to the mean of the detections. With a = p + c (1 - p) and b = p (1 - c),
+    its variance is [a (1 - a) / p + b (1 - b) / (1 - p)] / n after n pairs.
+
+    References
+    ----------
+    Klotz, "Statistical inference in Bernoulli trials with dependence", Annals of Statistics 1(2),
+    1973.
+    """
+
+    start: float
+    learned: bool
+    sums: Annotated[FloatArray, floats("B", 0.0, MAX_REMEMBERED)] = field(default_factory=_nothing)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sums", read_only(self.sums))
+
+    @cached_property
+    def value(self) -> float:
+        """The correlation."""
+        shown, precision = self._shown
+        found = combine(np.array(shown - self.start), np.array(precision), PRIOR_SCALE)[0]
+        return min(max(self.start + float(found), LEAST), MOST)
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of `value`, given by the pairs alone; infinite without any."""
+        precision = self._shown[1]
+        return 1.0 / math.sqrt(precision) if precision else math.inf
+
+    @cached_property
+    def _shown(self) -> tuple[float, float]:
+        """The correlation that the pairs show, and the inverse of its variance."""
+        pairs, both, detected, expected, crossed, square = self.sums.tolist()
+        if not self.learned or expected <= 0.0 or not 0.0 < detected < pairs:
+            return self.start, 0.0
+        factor = detected / expected
+        covariance = both - 2.0 * factor * crossed + factor**2 * square
+        variance = max(detected - factor**2 * square, 1e-9)
+        prior = PRIOR_WEIGHT * variance / pairs
+        shown = (covariance + self.start * prior) / (variance + prior)
+        shown = min(max(shown, -MOST), MOST)
+        # Half a detection and half a miss more, so that pairs without either show little.
+        mean, positive = (detected + 0.5) / (pairs + 1.0), max(shown, 0.0)
+        hit, miss = mean + positive * (1.0 - mean), mean * (1.0 - positive)
+        spread = hit * (1.0 - hit) / mean + miss * (1.0 - miss) / (1.0 - mean)
+        return shown, pairs / spread
+
+    def after(self, counted: FloatArray) -> Correlation:
+        """Return the correlation after further pairs, given their sums, (B,)."""
+        kept = math.exp(-float(counted[0]) / MEMORY)
+        return replace(self, sums=kept * self.sums + counted)

@@ -1,0 +1,260 @@
+"""What the last look of a sensor at each target has seen.
+
+With correlated misses a target that was missed is probably missed again. The detections of a target
+are a Markov chain from look to look, whose state is known as far as the association is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from ..arrays import BoolArray, FloatArray, IntArray, contains, read_only
+from ..snapshot import MAX_INDEX, MAX_STAMP_NS, floats, integers
+from .correlation import MAX_REMEMBERED, SUMS, sums_of
+
+# Sectors of one turn belong to the same look for this share of the turn.
+SAME_LOOK = 0.5
+# Looks that cover less than this of a target show nothing of the correlation.
+WHOLE = 0.99
+# Columns of `LastLooks` that are no integers.
+_NUMBERS = (
+    *("covered", "detected", "before_covered", "before_detected"),
+    *("expected", "pairs"),
+)
+
+
+class Look(NamedTuple):
+    """A look of a sensor at T targets, arrays of shape (T,).
+
+    Parameters
+    ----------
+    label : int array
+        Ascending.
+    covered : array
+        Probability that the look covers each target, if it exists.
+    detected : array
+        Probability that the look detected each target, if it exists.
+    expected : array
+        Detection probability, whatever earlier looks saw; 0 if nothing is to be learned from it.
+    existence : array
+        Existence probability after the look.
+    known : bool array
+        Whether each target was sure to exist before the look.
+    """
+
+    label: IntArray
+    covered: FloatArray
+    detected: FloatArray
+    expected: FloatArray
+    existence: FloatArray
+    known: BoolArray
+
+    def with_born(self, label: IntArray) -> Look:
+        """Return the look with targets of larger labels, born at its detections."""
+        one, nothing = np.ones(len(label)), np.zeros(len(label))
+        return Look(
+            np.concatenate([self.label, label]),
+            np.concatenate([self.covered, one]),
+            np.concatenate([self.detected, one]),
+            np.concatenate([self.expected, nothing]),
+            np.concatenate([self.existence, nothing]),
+            np.concatenate([self.known, nothing > 0.0]),
+        )
+
+
+@dataclass(frozen=True)
+class Remembered:
+    """What the previous look implies for the next one, arrays of shape (K,).
+
+    Parameters
+    ----------
+    label : int array
+        Ascending.
+    looked : array
+        Correlation of the next detection with the previous look, if that covered the target.
+    detected : array
+        The same, if that detected the target.
+
+    Notes
+    -----
+    With the detection probability p, the correlation c, and the probabilities L and D that the
+    previous look covered the target and detected it, the target is detected with
+    p (1 - c L) + c D. The columns are c L and c D.
+    """
+
+    label: IntArray
+    looked: FloatArray
+    detected: FloatArray
+
+    @property
+    def some(self) -> bool:
+        """Whether the next look depends on the previous one."""
+        return bool(self.looked.any())
+
+    def of(self, label: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return the columns for the targets of some labels, 0 for unknown ones."""
+        if not len(self.label):
+            return np.zeros(len(label)), np.zeros(len(label))
+        place = np.minimum(np.searchsorted(self.label, label), len(self.label) - 1)
+        known = self.label[place] == label
+        return np.where(known, self.looked[place], 0.0), np.where(known, self.detected[place], 0.0)
+
+    def probability(self, usual: FloatArray, label: IntArray) -> FloatArray:
+        """Return the detection probabilities, given the usual ones, of rows; (..., N).
+
+        `label` has the label of each row's target, (N,).
+        """
+        looked, detected = self.of(label)
+        return usual * (1.0 - looked) + detected
+
+    def usual(self, probability: FloatArray, label: IntArray) -> FloatArray:
+        """Return the probabilities from which `probability` computes these, (N,)."""
+        looked, detected = self.of(label)
+        return np.clip((probability - detected) / (1.0 - looked), 0.0, 1.0)
+
+
+def _numbers() -> FloatArray:
+    return np.zeros(0)
+
+
+def _integers() -> IntArray:
+    return np.zeros(0, dtype=np.int64)
+
+
+def _sums() -> FloatArray:
+    return np.zeros((0, SUMS))
+
+
+@dataclass(frozen=True, eq=False)
+class LastLooks:
+    """The last look of one sensor at each of K targets.
+
+    Parameters
+    ----------
+    label : int array of shape (K,)
+        Ascending.
+    stamp_ns : int array of shape (K,)
+        Stamp of the look, of its first sector.
+    covered, detected : arrays of shape (K,)
+        Probability that it covered each target, and that it detected it.
+    before_covered, before_detected : arrays of shape (K,)
+        The columns of `Remembered` at the look.
+    expected : array of shape (K,)
+        See `Look`.
+    pairs : array of shape (K, B)
+        Sums over the pairs of looks that do not count yet; see `correlation.sums_of`. As with
+        `open_looks`, they count when the target is detected again.
+    """
+
+    label: Annotated[IntArray, integers("K", 0, MAX_INDEX, ascending=True)] = field(
+        default_factory=_integers
+    )
+    stamp_ns: Annotated[IntArray, integers("K", 0, MAX_STAMP_NS)] = field(default_factory=_integers)
+    covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
+    detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
+    before_covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
+    before_detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
+    expected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
+    pairs: Annotated[FloatArray, floats("KB", 0.0, MAX_REMEMBERED)] = field(default_factory=_sums)
+
+    def __post_init__(self) -> None:
+        for name in ("label", "stamp_ns"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
+        for name in _NUMBERS:
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def __len__(self) -> int:
+        return len(self.label)
+
+    def of(self, labels: IntArray) -> LastLooks:
+        """Return the looks at the targets of ascending labels."""
+        return self._take(np.flatnonzero(contains(labels, self.label)))
+
+    def _take(self, rows: IntArray) -> LastLooks:
+        columns = (getattr(self, name)[rows] for name in _NUMBERS)
+        return LastLooks(self.label[rows], self.stamp_ns[rows], *columns)
+
+    def remembered(self, stamp_ns: int, turn_ns: float, correlation: float) -> Remembered:
+        """Return what these looks imply for a look at a stamp.
+
+        Parameters
+        ----------
+        turn_ns : float
+            Duration of a turn in nanoseconds, if the look is at a sector; otherwise 0.
+        """
+        new, looks = self._new(stamp_ns, turn_ns)
+        factor = correlation**looks
+        rest = 1.0 - self.covered
+        covered = factor * (self.covered + rest * self.before_covered)
+        detected = factor * (self.detected + rest * self.before_detected)
+        return Remembered(
+            self.label,
+            np.where(new, covered, self.before_covered),
+            np.where(new, detected, self.before_detected),
+        )
+
+    def _new(self, stamp_ns: int, turn_ns: float) -> tuple[BoolArray, FloatArray]:
+        """Return which looks are before a new one at a stamp, and by how many looks."""
+        if not turn_ns:
+            return np.ones(len(self.label), dtype=np.bool_), np.ones(len(self.label))
+        since = stamp_ns - self.stamp_ns
+        return since >= SAME_LOOK * turn_ns, np.maximum(np.rint(since / turn_ns), 1.0)
+
+    def after(self, look: Look, remembered: Remembered, stamp_ns: int, turn_ns: float) -> LastLooks:
+        """Return the last looks after a further one, for which `remembered` is."""
+        known = self._extended(look.label)
+        own = known._take(np.searchsorted(known.label, look.label))
+        new, looks = own._new(stamp_ns, turn_ns)
+        covered = np.where(new, 0.0, own.covered) + look.covered
+        detected = np.minimum(np.where(new, 0.0, own.detected) + look.detected, 1.0)
+        # Misses lower the existence probability, so that a known target stays a known one.
+        known_now = look.known | (own.expected > 0.0)
+        learned = new & known_now & (look.covered > WHOLE)
+        expected = np.where(learned, look.expected, 0.0)
+        paired = (looks == 1.0) & (own.expected > 0.0) & (expected > 0.0)
+        sums = sums_of(look.detected, own.detected, expected, own.expected)
+        before_covered, before_detected = remembered.of(look.label)
+        return known._with(
+            LastLooks(
+                label=look.label,
+                stamp_ns=np.where(new, stamp_ns, own.stamp_ns),
+                covered=np.clip(covered, detected, 1.0),
+                detected=detected,
+                before_covered=before_covered,
+                before_detected=before_detected,
+                expected=expected,
+                pairs=own.pairs + np.where(paired[:, None], sums, 0.0),
+            )
+        )
+
+    def counted(self, look: Look) -> tuple[LastLooks, FloatArray]:
+        """Return the last looks after any sensor's look, and the sums of pairs that count, (B,).
+
+        If a target is detected with probability d, given that it exists, the share d of its pairs
+        counts, times its existence probability, and the share 1 - d stays open.
+        """
+        place = np.searchsorted(look.label, self.label)
+        known = np.flatnonzero(contains(look.label, self.label))
+        detected, existence = look.detected[place[known]], look.existence[place[known]]
+        sums: FloatArray = (detected * existence) @ self.pairs[known]
+        pairs = self.pairs.copy()
+        pairs[known] *= 1.0 - detected[:, None]
+        return replace(self, pairs=pairs), sums
+
+    def _extended(self, label: IntArray) -> LastLooks:
+        """Return these looks with empty ones for further labels."""
+        every = np.union1d(self.label, label)
+        size = len(every)
+        columns = (np.zeros((size, *getattr(self, name).shape[1:])) for name in _NUMBERS)
+        return LastLooks(every, np.zeros(size, dtype=np.int64), *columns)._with(self)
+
+    def _with(self, other: LastLooks) -> LastLooks:
+        """Return these looks with those of another value, whose labels are all among these."""
+        rows, columns = np.searchsorted(self.label, other.label), {}
+        for name in ("stamp_ns", *_NUMBERS):
+            columns[name] = getattr(self, name).copy()
+            columns[name][rows] = getattr(other, name)
+        return replace(self, **columns)

@@ -1,0 +1,115 @@
+"""What the last look of a sensor at each target implies for the next one."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core.learned.last_looks import LastLooks, Look
+
+CORRELATION = 0.7
+USUAL = 0.6
+TURN_NS = 4e9
+LABEL = np.array([3])
+
+
+def look(detected=0.0, covered=1.0, expected=0.0, label=LABEL, existence=1.0):
+    every = [np.broadcast_to(float(x), len(label)) for x in (covered, detected, expected)]
+    existence = np.broadcast_to(existence, len(label))
+    return Look(label, *every, existence, existence >= 0.7)
+
+
+def after(looks, stamps=None, turn_ns=0.0):
+    """Return the last looks after these."""
+    last = LastLooks()
+    for number, each in enumerate(looks):
+        stamp_ns = number if stamps is None else round(stamps[number])
+        remembered = last.remembered(stamp_ns, turn_ns, CORRELATION)
+        last = last.after(each, remembered, stamp_ns, turn_ns)
+    return last
+
+
+def next_probability(last, stamp_ns=10, turn_ns=0.0, label=LABEL):
+    remembered = last.remembered(stamp_ns, turn_ns, CORRELATION)
+    return remembered.probability(np.full(len(label), USUAL), label)
+
+
+HIT, MISS = USUAL + CORRELATION * (1.0 - USUAL), USUAL * (1.0 - CORRELATION)
+
+
+@pytest.mark.parametrize(("detected", "expected"), [(1.0, HIT), (0.0, MISS), (0.25, None)])
+def test_probability_is_that_of_the_chain_after_the_last_look(detected, expected):
+    mixed = 0.25 * HIT + 0.75 * MISS
+    found = next_probability(after([look(1.0 - detected), look(detected)]))
+    np.testing.assert_allclose(found, [mixed if expected is None else expected])
+
+
+def test_unknown_targets_are_detected_as_usual():
+    found = next_probability(after([look(1.0)]), label=np.array([1, 3, 5]))
+    np.testing.assert_allclose(found, [USUAL, HIT, USUAL])
+
+
+def test_looks_that_do_not_cover_the_target_are_looks_of_the_chain():
+    """The sum over what the looks would have seen, from a detection before them."""
+    expected = 0.0
+    for seen in itertools.product([0, 1], repeat=3):
+        probability, before = 1.0, 1
+        for one in (*seen, 1):
+            own = HIT if before else MISS
+            probability *= own if one else 1.0 - own
+            before = one
+        expected += probability
+    found = next_probability(after([look(1.0), *[look(0.0, covered=0.0)] * 3]))
+    np.testing.assert_allclose(found, [expected])
+
+
+def test_usual_probability_is_recovered():
+    last = after([look(0.3)])
+    remembered = last.remembered(9, 0.0, CORRELATION)
+    usual = np.array([0.45])
+    np.testing.assert_allclose(remembered.usual(remembered.probability(usual, LABEL), LABEL), usual)
+
+
+def test_sectors_of_a_turn_are_one_look():
+    """A target at the edge of two sectors is looked at once per turn."""
+    stamps = np.array([0.0, 0.1, 1.0, 1.1]) * TURN_NS
+    parts = [look(1.0), look(0.0, covered=0.0), look(0.0, covered=0.5), look(0.0, covered=0.5)]
+    last = after(parts, stamps, TURN_NS)
+    within = next_probability(after(parts[:3], stamps, TURN_NS), round(stamps[3]), TURN_NS)
+    np.testing.assert_allclose(within, [HIT])
+    np.testing.assert_allclose(next_probability(last, round(2.0 * TURN_NS), TURN_NS), [MISS])
+
+
+def test_turns_without_a_look_weaken_the_memory():
+    last = after([look(1.0)], [0.0], TURN_NS)
+    found = next_probability(last, round(3.0 * TURN_NS), TURN_NS)
+    np.testing.assert_allclose(found, [USUAL + CORRELATION**3 * (1.0 - USUAL)])
+
+
+def test_pairs_count_when_the_target_is_detected_again():
+    expected = {"expected": USUAL}
+    last = after([look(1.0, **expected), look(0.0, **expected), look(0.0, **expected)])
+    unchanged, none = last.counted(look(0.0))
+    np.testing.assert_allclose(none, 0.0)
+    open_pairs, sums = unchanged.counted(look(0.5, existence=0.8))
+    np.testing.assert_allclose(sums[:2], [0.5 * 0.8 * 2.0, 0.0])
+    np.testing.assert_allclose(open_pairs.pairs[0, 0], 1.0)
+
+
+def test_looks_that_do_not_cover_a_target_are_no_pair():
+    expected = {"expected": USUAL}
+    last = after([look(1.0, **expected), look(0.0, 0.5, **expected), look(1.0, **expected)])
+    np.testing.assert_allclose(last.pairs, 0.0)
+
+
+def test_looks_at_a_target_count_although_misses_make_it_uncertain():
+    parts = [look(one, existence=r, expected=USUAL) for one, r in ((1, 1.0), (0, 0.5), (0, 0.2))]
+    assert after(parts).pairs[0, 0] == 2.0
+    assert after(parts[1:]).pairs[0, 0] == 0.0
+
+
+def test_looks_of_ended_targets_are_forgotten():
+    label = np.array([2, 4, 6])
+    kept = after([look(1.0, label=label)]).of(np.array([1, 4, 6, 7]))
+    assert kept.label.tolist() == [4, 6]
+    assert len(kept.detected) == len(kept.pairs) == 2
