@@ -77,6 +77,11 @@ def _after_auto(value: Any) -> list[float] | None:
         return None
 
 
+def learned_from(start: Sequence[float]) -> str:
+    """Return the notation of a value that is learned from these numbers."""
+    return " ".join([AUTO, *(f"{each:.10g}" for each in start)])
+
+
 def std(start: float, low: float, high: float = math.inf) -> Form:
     """Return the form of a standard deviation from `low` to `high` that can be learned.
 
@@ -88,7 +93,7 @@ def std(start: float, low: float, high: float = math.inf) -> Form:
         if plain is not None or after is None:
             return plain
         given = number((after or [start])[0], low, high) if len(after) <= 1 else None
-        return None if given is None else f"{AUTO} {given:.10g}"
+        return None if given is None else learned_from([given])
 
     def learnable(given: float | str) -> Learnable:
         if isinstance(given, str):
@@ -121,7 +126,7 @@ def _read_probability(value: Any) -> float | list[float] | str | None:
         return _read_table(numbers(value) or []) if plain is None else plain
     if after and _read_table(after) is None:
         return None
-    return " ".join([AUTO, *(f"{each:.10g}" for each in after)])
+    return learned_from(after)
 
 
 def probability_numbers(given: float | list[float] | str) -> list[float]:
