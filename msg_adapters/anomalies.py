@@ -11,6 +11,8 @@ from phd_jdtc_ros.configuration.radar_input import RadarInput
 # A radar is worse than it was set if it detects targets with less than this share of the set
 # probability, or if its noise is larger by this factor, each by so many standard deviations.
 WORSE_DETECTION, WORSE_NOISE, SURE = 0.75, 1.5, 3.0
+# The warning ends beyond these bounds, so that it does not come and go with chance.
+MENDED_DETECTION, MENDED_NOISE = 0.85, 1.3
 
 
 def of(radar: RadarInput, counts: Mapping[str, int]) -> Iterator[str]:
@@ -60,25 +62,30 @@ def of_noise(fit: Fit) -> str | None:
     )
 
 
-def of_learned(radar: str, figures: Mapping[str, float]) -> str | None:
+def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -> str | None:
     """Return the warning about a radar that is learned to be worse than it was set, or None.
 
     Parameters
     ----------
+    warned : bool
+        Whether the radar was worse until now.
     figures : mapping of name to number
         The figures of a step; see `SensorMemory.figures`.
     """
     worse = []
+    least, most, sure = WORSE_DETECTION, WORSE_NOISE, SURE
+    if warned:
+        least, most, sure = MENDED_DETECTION, MENDED_NOISE, 0.0
     found = figures.get(name := f"{radar}.detection_probability")
     if found is not None:
         given, std = figures[f"{name}_set"], figures[f"{name}_std"]
-        if found < WORSE_DETECTION * given and given - found > SURE * std:
+        if found < least * given and given - found > sure * std:
             worse.append(f"it detects targets with probability {found:.2f}, set is {given:.2f}")
     for component in ("range", "azimuth"):
         ratio = figures.get(name := f"{radar}.{component}_noise_ratio")
         if ratio is None:
             continue
-        if ratio > WORSE_NOISE and ratio - 1.0 > SURE * figures[f"{name}_std"]:
+        if ratio > most and ratio - 1.0 > sure * figures[f"{name}_std"]:
             worse.append(f"its {component} noise is {ratio:.2g} times the one that is set")
     if not worse:
         return None

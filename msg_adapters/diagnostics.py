@@ -55,6 +55,11 @@ def step_to_msg(
         "unresolved": sum(found.unresolved for found in step.filtered),
         "step_ms": step_ms,
     }
+    return figures_to_msg(stamp_ns, values)
+
+
+def figures_to_msg(stamp_ns: int, values: Mapping[str, object]) -> DiagnosticArray:
+    """Return a tracker's figures by name."""
     return array(stamp_ns, [status("tracker/cardinality", values)])
 
 

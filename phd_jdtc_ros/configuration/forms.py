@@ -77,6 +77,11 @@ def _after_auto(value: Any) -> list[float] | None:
         return None
 
 
+def learned_from(start: Sequence[float]) -> str:
+    """Return the notation of a value that is learned from these numbers."""
+    return " ".join([AUTO, *_words(start)])
+
+
 def std(start: float, low: float, high: float = math.inf) -> Form:
     """Return the form of a standard deviation from `low` to `high` that can be learned.
 
@@ -88,7 +93,7 @@ def std(start: float, low: float, high: float = math.inf) -> Form:
         if plain is not None or after is None:
             return plain
         given = number((after or [start])[0], low, high) if len(after) <= 1 else None
-        return None if given is None else f"{AUTO} {given:.10g}"
+        return None if given is None else learned_from([given])
 
     def learnable(given: float | str) -> Learnable:
         if isinstance(given, str):
@@ -147,7 +152,7 @@ def _read_probability(value: Any) -> float | list[float] | str | None:
         return _read_table(numbers(value) or []) if plain is None else plain
     if after and _read_table(after) is None:
         return None
-    return " ".join([AUTO, *_words(after)])
+    return learned_from(after)
 
 
 def _read_correlated(head: list[str], tail: list[str]) -> str | None:
@@ -163,21 +168,25 @@ def _read_correlated(head: list[str], tail: list[str]) -> str | None:
     return " ".join([*learned, *_words(given), CORRELATED, *_words(of_looks)])
 
 
-def _words(given: list[float]) -> list[str]:
+def _words(given: Sequence[float]) -> list[str]:
     return [f"{each:.10g}" for each in given]
+
+
+def probability_numbers(given: float | list[float] | str) -> list[float]:
+    """Return the numbers of a detection probability in a notation of `PROBABILITY`."""
+    if isinstance(given, str):
+        return [float(word) for word in given.partition(CORRELATED)[0].split() if word != AUTO]
+    return given if isinstance(given, list) else [given]
 
 
 def _detectability(given: float | list[float] | str) -> Detectability:
     """Return the value of a notation that `_read_probability` has returned."""
-    if not isinstance(given, str):
-        return Detectability(
-            _over_range(given if isinstance(given, list) else [given]), False, None
-        )
-    head, found, tail = given.partition(CORRELATED)
-    learned = head.split()[:1] == [AUTO]
-    values = [float(word) for word in head.split()[learned:]]
+    text = given if isinstance(given, str) else ""
+    _, found, tail = text.partition(CORRELATED)
     of_looks = Learnable(float(tail), False) if tail.split() else Learnable(0.0, True)
-    return Detectability(_over_range(values), learned, of_looks if found else None)
+    return Detectability(
+        _over_range(probability_numbers(given)), text.startswith(AUTO), of_looks if found else None
+    )
 
 
 def _over_range(values: list[float]) -> tuple[tuple[float, float], ...]:

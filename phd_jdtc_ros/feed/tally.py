@@ -79,6 +79,11 @@ class Tally:
         self._overdue = event.scans_without_targets or self._overdue
         self._figures = event.step.figures
 
+    @property
+    def learned(self) -> dict[str, float]:
+        """Return what was learned of the sensors, by dotted name; see `SensorMemory.figures`."""
+        return {name: value for name, value in self._figures.items() if "." in name}
+
     def about_radars(self) -> Iterator[tuple[int, str]]:
         """Yield each contradiction of the configuration once, with the radar's index."""
         for index, radar in enumerate(self._config.inputs):

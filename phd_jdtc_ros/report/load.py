@@ -28,6 +28,7 @@ from phd_jdtc_ros.core.intake.posed_reports import PosedReport, PosedReports
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
+from . import learned
 from .record import RadarPlots, RadarSite, Record
 
 
@@ -61,6 +62,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
     intact = Intact(bag)
     radars = polar_radars(config.model.radars)
     parts: dict[str, list[Any]] = defaultdict(list)
+    latest: dict[str, str] = {}
     classes = 0
     try:
         for entry in intact.messages([*sources, names.TRUTH, figures, clutter]):
@@ -70,8 +72,8 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
             elif topic == clutter:
                 parts["clutter"] = [clutter_maps.from_msg(message)]
             elif topic == figures:
-                values = [diagnostics.values_of(status) for status in message.status]
-                parts["step_ms"] += [v["step_ms"] for v in values if "step_ms" in v]
+                for latest in map(diagnostics.values_of, message.status):
+                    parts["step_ms"] += [latest["step_ms"]] if "step_ms" in latest else []
             else:
                 classes = max(classes, estimates.class_count(message))
                 parts[sources[topic]].append(estimates.from_msg(message))
@@ -81,6 +83,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
             parts["plots"] += _plots(report, radars[report.radar])
     except RejectedMessageError as error:
         raise BagError(f"{path}: {error}") from error
+    numbers = {name: float(value) for name, value in latest.items() if "." in name}
     return Record(
         truth=by_stamp(parts["truth"]),
         plots=by_stamp(parts["plots"]),
@@ -98,6 +101,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         class_names=tuple(kind.name for kind in config.model.modes.classes),
         plane=config.plane,
         least_speed=config.least_speed,
+        learned=tuple(learned.values(config.inputs, numbers)),
     )
 
 

@@ -14,6 +14,7 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Trut
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
+from .learned import LearnedValue
 from .sets import Sets
 
 
@@ -74,6 +75,8 @@ class Record:
         The world frame's map projection; None if its position on the earth is unknown.
     least_speed : float
         Least speed of the targets that the tracker had to report, metres per second.
+    learned : tuple of LearnedValue
+        What was learned of the sensors by the end of the run.
     """
 
     truth: tuple[Truth, ...]
@@ -88,6 +91,7 @@ class Record:
     clutter: ClutterRaster | None = None
     plane: Plane | None = None
     least_speed: float = 0.0
+    learned: tuple[LearnedValue, ...] = ()
 
     @cached_property
     def sets(self) -> Sets:

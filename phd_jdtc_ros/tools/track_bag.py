@@ -15,7 +15,16 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from msg_adapters import clutter_maps, estimates, interfaces, names, navsat, platform_poses, truth
+from msg_adapters import (
+    clutter_maps,
+    diagnostics,
+    estimates,
+    interfaces,
+    names,
+    navsat,
+    platform_poses,
+    truth,
+)
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import output_files, resources
@@ -96,13 +105,17 @@ class OfflineTracker:
         return self._feed.pose(entry.topic, pose) or ()
 
     def finish(self) -> None:
-        """Close all scans, and write the learned clutter and the pending estimates."""
+        """Close all scans, and write what was learned and the pending estimates."""
         with self._step_clock:
             self._write(self._feed.close_scans())
         shown = self._feed.pipeline.engine.clutter_raster()
         if shown is not None:
             message = clutter_maps.to_msg(shown, self._last_ns, self._config.world_frame)
             self._bag.write(names.clutter_map(), interfaces.encode(message), self._last_ns)
+        learned = self.tally.learned
+        if learned:
+            message = diagnostics.figures_to_msg(self._last_ns, learned)
+            self._bag.write(names.cardinality(), interfaces.encode(message), self._last_ns)
         self._write(self._feed.flush())
 
     def record(self) -> Record:
@@ -179,6 +192,8 @@ def track_bag(
             bag.add_topic(Topic(names.fixes(), names.FIX))
         if any(radar.clutter_map is not None for radar in config.model.radars):
             bag.add_topic(Topic(names.clutter_map(), names.GRID, depth=1, transient_local=True))
+        if any(sensor.detection_factor or sensor.noise_factor for sensor in config.model.radars):
+            bag.add_topic(Topic(names.cardinality(), names.FIGURES))
         tracker = OfflineTracker(config, bag)
         total = sum(source.counts[topic] for topic in copied)
         console = Console(stderr=True)

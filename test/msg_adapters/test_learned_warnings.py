@@ -32,5 +32,16 @@ def test_radar_that_is_as_set_or_not_known_well_gives_none(figures):
     assert anomalies.of_learned("radar", figures) is None
 
 
+@pytest.mark.parametrize("figures", [detection(0.72), detection(0.5, std=0.2), noise(1.4)])
+def test_warning_stays_until_the_radar_is_clearly_better(figures):
+    assert anomalies.of_learned("radar", figures) is None
+    assert anomalies.of_learned("radar", figures, warned=True) is not None
+
+
+@pytest.mark.parametrize("figures", [{}, detection(0.8), noise(1.2)])
+def test_warning_ends_when_the_radar_is_clearly_better(figures):
+    assert anomalies.of_learned("radar", figures, warned=True) is None
+
+
 def test_other_radars_figures_do_not_matter():
     assert anomalies.of_learned("other", {**detection(0.5), **noise(2.0)}) is None

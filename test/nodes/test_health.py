@@ -138,6 +138,10 @@ def test_what_was_learned_is_shown_and_a_warning_if_it_is_worse_than_set():
     health.learned = {"range_noise_ratio": 2.0, "range_noise_ratio_std": 0.05}
     assert status(health).level == WARN
     assert status(health).message.startswith("worse than set, and tracked as found: its range")
+    health.learned = {"range_noise_ratio": 1.4, "range_noise_ratio_std": 0.05}
+    assert status(health).level == WARN
+    health.learned = {"range_noise_ratio": 1.2, "range_noise_ratio_std": 0.05}
+    assert status(health).level == OK
 
 
 def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():

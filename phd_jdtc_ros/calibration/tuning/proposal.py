@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.forms import AUTO
+from phd_jdtc_ros.configuration.forms import AUTO, probability_numbers
 from phd_jdtc_ros.configuration.schema import Value
 
 from .findings import MOST_LAND, Findings
@@ -137,17 +137,25 @@ def _clutter(found: Findings, now: Now, max_range: Any) -> Iterator[Row]:
 
 
 def _detection(found: Findings, now: Now, by_band: bool) -> Row:
-    """Return the detection probability; SNR bands or a configured table that agrees are kept."""
+    """Return the detection probability; SNR bands or a configured table that agrees are kept.
+
+    One that is learned is replaced by a number, or by the table that it starts from.
+    """
     rate, name = found.detection, "detection_probability"
     value = min(rounded(rate.value, 0.01), MOST_PROBABILITY)
-    given, proposed = now(name), not by_band
-    if isinstance(given, list):
-        shares = given[1::2]
-        proposed = not min(shares) - SAME_PROBABILITY <= value <= max(shares) + SAME_PROBABILITY
+    given = now(name)
+    numbers = [] if given is None else probability_numbers(given)
+    learned, source = isinstance(given, str), f"{rate.count} looks"
+    if len(numbers) > 1:
+        shares = numbers[1::2]
+        agrees = min(shares) - SAME_PROBABILITY <= value <= max(shares) + SAME_PROBABILITY
+        if agrees and learned:
+            return Row(name, numbers, f"{source} agree with the table", given)
         given = f"table, {np.mean(shares):.3g}"
-    elif by_band:
+        return Row(name, value, source, given, rate.std, not agrees)
+    if by_band and not learned:
         given = "from SNR bands"
-    return Row(name, value, f"{rate.count} looks", given, rate.std, proposed)
+    return Row(name, value, source, given, rate.std, learned or not by_band)
 
 
 def _amplitudes(found: Findings, now: Now) -> Iterator[Row]:

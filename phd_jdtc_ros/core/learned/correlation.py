@@ -11,12 +11,12 @@ import numpy as np
 
 from ..arrays import FloatArray, read_only
 from ..snapshot import floats
-from .prior import combine
+from .prior import RatioPrior
 
 # Bounds of the correlation; at 1, a target that is missed once would never be detected again.
 LEAST, MOST = 0.0, 0.98
-# Scale of the prior of its difference from the value that learning starts from.
-PRIOR_SCALE = 0.05
+# Prior of its difference from the value that learning starts from.
+PRIOR = RatioPrior(right=0.5, scale=0.02, wide=0.4)
 # Weight of that value, as a number of pairs of looks, that keeps the first ones from counting
 # alone.
 PRIOR_WEIGHT = 4.0
@@ -90,7 +90,7 @@ class Correlation:
     def value(self) -> float:
         """The correlation."""
         shown, precision = self._shown
-        found = combine(np.array(shown - self.start), np.array(precision), PRIOR_SCALE)[0]
+        found, _ = PRIOR.posterior(np.array(shown - self.start), np.array(precision))
         return min(max(self.start + float(found), LEAST), MOST)
 
     @property

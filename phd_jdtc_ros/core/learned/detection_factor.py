@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, read_only
 from ..snapshot import floats
-from .prior import combine
+from .prior import RatioPrior
 
 # Number of cells in range, in equal parts of the largest range, and in azimuth.
 RANGES, AZIMUTHS = 8, 8
@@ -19,9 +19,11 @@ CELLS = RANGES * AZIMUTHS
 # Weight of the configured probability, in expected detections, that keeps the first looks from
 # counting alone.
 PRIOR_WEIGHT = 4.0
-# Scale of the priors of log ratios: of the sensor's probability to the configured one, and of a
-# cell's to the sensor's.
-PRIOR_SCALE = 0.03
+# Priors of the sensor's probability relative to the configured one, and of a cell's relative to the
+# sensor's. Of many cells some differ by chance, and a probability that is a little too high doubles
+# the evidence of a miss.
+SENSOR_PRIOR = RatioPrior(0.5, 0.02, 0.5)
+CELL_PRIOR = RatioPrior(0.9, 0.01, 0.5)
 # Memory, in expected detections: of the sensor's mean, and of each cell.
 MEMORY = 300.0
 # Bounds of the learned probability: at 1, a target would be deleted at its first miss.
@@ -72,8 +74,8 @@ class DetectionFactor:
     The true probability is the configured one times a factor. h detections where e were expected
     show the factor (k + h) / (k + e), with k = `PRIOR_WEIGHT`: for a constant probability this is
     the mean of a Beta distribution, scaled. Its log has the precision n p / (1 - p) after n looks
-    at targets that are detected with probability p; see `prior.combine`. A cell's factor is learned
-    in the same way relative to the sensor's. All counts fade with exp(-e / MEMORY).
+    at targets that are detected with probability p; see `RatioPrior`. A cell's factor is learned in
+    the same way relative to the sensor's. All counts fade with exp(-e / MEMORY).
     """
 
     max_range: float
@@ -92,10 +94,21 @@ class DetectionFactor:
         object.__setattr__(self, "detected", read_only(self.detected))
 
     @cached_property
+    def _of_sensor(self) -> tuple[float, float]:
+        """Factor of the sensor as a whole, and its standard deviation."""
+        every = np.array([self.all_expected]), np.array([self.all_detected])
+        factor, std = _factor(*every, self._set, SENSOR_PRIOR)
+        return float(factor[0]), float(std[0])
+
+    @property
     def mean(self) -> float:
         """Factor of the sensor as a whole."""
-        found = _factor(np.array([self.all_expected]), np.array([self.all_detected]), self._set)
-        return float(found[0])
+        return self._of_sensor[0]
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of `mean`."""
+        return self._of_sensor[1]
 
     @property
     def configured(self) -> float:
@@ -107,19 +120,11 @@ class DetectionFactor:
         """The configured probability, if there were looks."""
         return self.configured if self.all_looks else MOST_PROBABILITY
 
-    @property
-    def std(self) -> float:
-        """Standard deviation of `mean`, given by the looks alone; infinite without any."""
-        if not self.all_looks:
-            return math.inf
-        missed = max(1.0 - self.configured * self.mean, 0.0)
-        return math.sqrt(self.mean * missed / self.all_expected)
-
     @cached_property
     def by_cell(self) -> FloatArray:
         """Factor of each cell, shape (K,)."""
         expected = self.mean * self.expected
-        return self.mean * _factor(expected, self.detected, self.mean * self._set)
+        return self.mean * _factor(expected, self.detected, self.mean * self._set, CELL_PRIOR)[0]
 
     def cell(self, measured: FloatArray) -> IntArray:
         """Return the cells of (range, azimuth) rows, (N, 2) to (N,); ranges may be infinite."""
@@ -156,11 +161,17 @@ class DetectionFactor:
         )
 
 
-def _factor(expected: FloatArray, detected: FloatArray, probability: float) -> FloatArray:
-    """Return the factors of a probability that expected and actual detections show."""
+def _factor(
+    expected: FloatArray, detected: FloatArray, probability: float, prior: RatioPrior
+) -> tuple[FloatArray, FloatArray]:
+    """Return the factors of a probability that expected and actual detections show.
+
+    With their standard deviations, arrays of the same shape.
+    """
     shown = (PRIOR_WEIGHT + detected) / (PRIOR_WEIGHT + expected)
     # With the smaller of both probabilities, a few looks are not taken for certain.
     found = np.minimum(probability * np.minimum(shown, 1.0), MOST_PROBABILITY)
     precision = expected / probability * found / (1.0 - found)
-    factor: FloatArray = np.exp(combine(np.log(shown), precision, PRIOR_SCALE)[0])
-    return factor
+    mean, variance = prior.posterior(np.log(shown), precision)
+    factor = np.exp(mean)
+    return factor, factor * np.sqrt(variance)

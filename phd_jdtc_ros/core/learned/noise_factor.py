@@ -10,13 +10,13 @@ import numpy as np
 
 from ..arrays import BoolArray, FloatArray, read_only
 from ..snapshot import floats
-from .prior import combine
+from .prior import RatioPrior
 
 # Weight of the configured variance, as a number of innovations, that keeps the first ones from
 # counting alone.
 PRIOR_WEIGHT = 4.0
-# Scale of the prior of the log ratio of variances.
-PRIOR_SCALE = 0.1
+# Prior of the ratio of variances.
+PRIOR = RatioPrior(0.5, 0.1, 1.4)
 # Memory, as a number of innovations of targets whose predicted measurement is certain.
 MEMORY = 400.0
 # Bounds of the factor of the standard deviation.
@@ -66,7 +66,7 @@ class NoiseFactor:
 
     Notes
     -----
-    The log of a variance that n innovations show has the precision n / 2; see `prior.combine`.
+    The log of a variance that n innovations show has the precision n / 2; see `RatioPrior`.
     """
 
     learned: BoolArray = field(default_factory=_every)
@@ -82,10 +82,10 @@ class NoiseFactor:
 
     @cached_property
     def _posterior(self) -> tuple[FloatArray, FloatArray]:
-        """Mean and precision of the log of each ratio of variances, shapes (Z,)."""
+        """Mean and variance of the log of each ratio of variances, shapes (Z,)."""
         shown = (PRIOR_WEIGHT + self.ratio) / (PRIOR_WEIGHT + self.weight)
         log_ratio = np.log(np.clip(shown, LEAST**2, MOST**2))
-        return combine(log_ratio, 0.5 * self.weight, PRIOR_SCALE)
+        return PRIOR.posterior(log_ratio, 0.5 * self.weight)
 
     @cached_property
     def variance(self) -> FloatArray:
@@ -101,7 +101,7 @@ class NoiseFactor:
     @property
     def error(self) -> FloatArray:
         """Standard deviation of `of_std`, shape (Z,)."""
-        error: FloatArray = 0.5 * self.of_std / np.sqrt(self._posterior[1])
+        error: FloatArray = 0.5 * self.of_std * np.sqrt(self._posterior[1])
         return error
 
     def after(self, evidence: NoiseEvidence) -> NoiseFactor:

@@ -2,29 +2,58 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+
 from ..arrays import FloatArray
 
 
-def combine(
-    log_ratio: FloatArray, precision: FloatArray, scale: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the log ratio of a learned value to the configured one, and its precision.
+class RatioPrior(NamedTuple):
+    """Prior of the log ratio of a learned value to the configured one.
 
     Parameters
     ----------
-    log_ratio : array
-        As the data show it.
-    precision : array
-        Inverse of its variance; 0 without data.
+    right : float
+        Probability that the configured value is right.
     scale : float
-        Scale of the prior.
+        Standard deviation of the log ratio about 0, if it is right.
+    wide : float
+        Standard deviation, if it is wrong.
 
     Notes
     -----
-    The prior is a Cauchy distribution about 0, which leaves small differences alone until they are
-    certain, and follows large ones at once. As a scale mixture of normal distributions it has the
-    precision 2 / (s^2 + x^2) at a log ratio x.
+    A mixture of two normal distributions leaves differences that chance explains to the configured
+    value, and follows what it does not explain at once. The likelihood of the data is normal, so
+    that the posterior is such a mixture too.
     """
-    prior = 2.0 / (scale**2 + log_ratio**2)
-    total = precision + prior
-    return log_ratio * precision / total, total
+
+    right: float
+    scale: float
+    wide: float
+
+    def posterior(
+        self, log_ratio: FloatArray, precision: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the mean and the variance of log ratios, elementwise.
+
+        Parameters
+        ----------
+        log_ratio : array
+            As the data show it.
+        precision : array
+            Inverse of its variance; 0 without data.
+        """
+        means, variances, log_weights = [], [], []
+        for share, std in ((self.right, self.scale), (1.0 - self.right, self.wide)):
+            # Variance of the shown log ratio relative to that of its error.
+            spread = 1.0 + precision * std**2
+            log_weights.append(
+                np.log(share) - 0.5 * np.log(spread) - 0.5 * precision * log_ratio**2 / spread
+            )
+            means.append(log_ratio * (1.0 - 1.0 / spread))
+            variances.append(std**2 / spread)
+        wrong = 1.0 / (1.0 + np.exp(np.minimum(log_weights[0] - log_weights[1], 500.0)))
+        mean = means[0] + wrong * (means[1] - means[0])
+        apart = wrong * (1.0 - wrong) * (means[1] - means[0]) ** 2
+        return mean, variances[0] + wrong * (variances[1] - variances[0]) + apart

@@ -83,6 +83,7 @@ class InputHealth:
     _listed_since_s: dict[Hashable, float] = field(default_factory=dict)
     _warnings: int = 0
     _warning: str = ""
+    _worse: bool = False
     _rises: Rises = field(default_factory=Rises)
 
     def arrived(self, now_s: float, sequence: int | None, worked_s: float) -> None:
@@ -197,7 +198,8 @@ class InputHealth:
             where = "the tracker is too slow, see its step time"
         noise = None if self.fit is None else anomalies.of_noise(self.fit)
         learned = {f"{self.name}.{key}": value for key, value in self.learned.items()}
-        worse = anomalies.of_learned(self.name, learned)
+        worse = anomalies.of_learned(self.name, learned, self._worse)
+        self._worse = worse is not None
         return first(
             (ERROR, shared, f"several publishers on {self.topic}, must be one"),
             (ERROR, publishers.incompatible, incompatible),

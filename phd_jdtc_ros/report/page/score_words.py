@@ -55,13 +55,13 @@ def _engines(summary: Mapping[str, Any]) -> str:
         for name, *cells in engine_rows(dict(summary), compared)
     ]
     return (
-        f"<h2>Both engines</h2>\n{_narrow(headings, rows)}<p>All targets; CPU time per scan, the "
+        f"<h2>Both engines</h2>\n{narrow(headings, rows)}<p>All targets; CPU time per scan, the "
         f"median. The rest of this page is of the engine {escape(summary['engine'])}, which ran "
         "live. The other has tracked the same detections offline.</p>"
     )
 
 
-def _narrow(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def narrow(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a table that is no wider than its texts, with a title in each row."""
     lines = (
         f'<tr><th scope="row">{escape(title)}</th>'
@@ -120,7 +120,7 @@ def _confusion(matrix: Sequence[Sequence[int]] | None, sets: Sets) -> str:
     """Return the table of the confusion matrix; empty without one."""
     if matrix is None:
         return ""
-    table = _narrow(*confusion_rows(matrix, sets, "false"))
+    table = narrow(*confusion_rows(matrix, sets, "false"))
     return f"{table}<p>Targets of all scans by true class (rows) and smoothed class.</p>"
 
 

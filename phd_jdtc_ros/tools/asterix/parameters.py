@@ -20,6 +20,7 @@ from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
+from phd_jdtc_ros.configuration.forms import learned_from, probability_numbers
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, proposed_file, tracker_params
@@ -140,7 +141,7 @@ def measure(proposed: Proposal, bag: Path) -> None:
 
 
 def _set_detection_probability(proposed: Proposal, radar: str, measured: float) -> None:
-    """Set detection probabilities that fall with the range from a measured mean.
+    """Set detection probabilities that fall with the range from a measured mean, to learn from.
 
     A constant probability would be too high at long ranges, where misses are correlated, and lose
     tracks.
@@ -150,7 +151,8 @@ def _set_detection_probability(proposed: Proposal, radar: str, measured: float) 
     near = min(max(measured, least), most)
     table = [0.0, round(near, 3), far, round(max(near - PROBABILITY_SLOPE * far, least), 3)]
     name = f"{radar}.detection_probability"
-    proposed.set(name, table, f"measured mean: {measured:.3f}; its decrease with range is assumed")
+    origin = f"measured mean: {measured:.3f}; its decrease with range is assumed"
+    proposed.set(name, learned_from(table), origin)
 
 
 def write(path: Path, head: str, proposed: Proposal) -> None:
@@ -206,10 +208,10 @@ def _set_ranges(proposed: Proposal, state: RadarState, own: dict[str, Any]) -> N
     scale = most / own["max_range"]
     proposed.set(f"{radar}.max_range", most, f"its farthest plot is at {seen.farthest:.0f} m")
     proposed.set(f"{radar}.clutter_max_range", most, "as max_range")
-    pairs = own["detection_probability"]
+    pairs = probability_numbers(own["detection_probability"])
     scaled = [round(v * scale) * 1.0 if k % 2 == 0 else v for k, v in enumerate(pairs)]
     origin = "assumed: the profile's values, with their ranges scaled to max_range"
-    proposed.set(f"{radar}.detection_probability", scaled, origin)
+    proposed.set(f"{radar}.detection_probability", learned_from(scaled), origin)
     least = min(own["min_range"], float(math.floor(seen.nearest * MIN_RANGE_FACTOR)))
     origin = "the profile's value; " if least == own["min_range"] else ""
     proposed.set(

@@ -339,6 +339,25 @@ def test_a_rate_that_is_learned_stays_so(estimated):
     assert (row.now, row.proposed) == ("auto", False)
 
 
+@pytest.mark.parametrize("start", ["auto", "auto 0.5"])
+def test_a_learned_detection_probability_becomes_what_was_found(estimated, start):
+    row = rows_of(estimated, detection_probability=start)["detection_probability"]
+    assert row.proposed
+    assert row.value == pytest.approx(0.85, abs=0.06)
+
+
+def test_a_learned_table_that_agrees_stays_without_learning(estimated):
+    given = {"detection_probability": "auto 0 0.9 80000 0.8"}
+    row = rows_of(estimated, **given)["detection_probability"]
+    assert (row.proposed, row.value) == (True, [0.0, 0.9, 8e4, 0.8])
+
+
+def test_learned_noise_becomes_what_was_found(estimated):
+    row = rows_of(estimated, range_std="auto 70")["range_std"]
+    assert row.proposed
+    assert isinstance(row.value, float)
+
+
 def test_a_table_that_agrees_stays_and_another_is_replaced(estimated):
     table = "detection_probability"
     near = {"detection_probability": 0.0, table: [0.0, 0.9, 8e4, 0.8]}

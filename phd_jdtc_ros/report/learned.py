@@ -1,0 +1,59 @@
+"""What a tracker has learned of its sensors, beside what was set."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
+
+from phd_jdtc_ros.configuration.radar_input import RadarInput
+
+# Components of a measurement, with the parameter and the unit of their noise.
+NOISE = {
+    "range": ("range_std", "m"),
+    "azimuth": ("azimuth_std_deg", "\N{DEGREE SIGN}"),
+}
+
+
+class LearnedValue(NamedTuple):
+    """One learned value of a sensor.
+
+    Parameters
+    ----------
+    quantity : str
+        Name of the parameter.
+    given, found : float
+        The configured value and the learned one.
+    std : float
+        Standard deviation of the learned one.
+    unit : str
+        Unit of all three; empty for a probability.
+    """
+
+    sensor: str
+    quantity: str
+    given: float
+    found: float
+    std: float
+    unit: str
+
+
+def values(inputs: Iterable[RadarInput], figures: Mapping[str, float]) -> Iterator[LearnedValue]:
+    """Yield the values that are learned of each sensor.
+
+    Parameters
+    ----------
+    figures : mapping of dotted name to number
+        The figures of a step; see `SensorMemory.figures`.
+    """
+    for radar in inputs:
+        quantity = "detection_probability"
+        name = f"{radar.name}.{quantity}"
+        if name in figures:
+            given, std = figures[f"{name}_set"], figures[f"{name}_std"]
+            yield LearnedValue(radar.name, quantity, given, figures[name], std, "")
+        for component, (quantity, unit) in NOISE.items():
+            name = f"{radar.name}.{component}_noise_ratio"
+            if name in figures:
+                given = getattr(radar, quantity).start
+                found, std = given * figures[name], given * figures[f"{name}_std"]
+                yield LearnedValue(radar.name, quantity, given, found, std, unit)

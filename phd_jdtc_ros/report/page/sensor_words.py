@@ -1,0 +1,31 @@
+"""What was learned of the sensors, as a table on the report's page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..learned import LearnedValue
+from . import score_words
+
+
+def section(learned: Sequence[LearnedValue]) -> str:
+    """Return the table of what was set and what was found; empty if nothing is learned."""
+    if not learned:
+        return ""
+    rows = [
+        [
+            value.sensor,
+            value.quantity,
+            *(
+                f"{each:.3g} {value.unit}".rstrip()
+                for each in (value.given, value.found, value.std)
+            ),
+        ]
+        for value in learned
+    ]
+    headings = ("sensor", "parameter", "set", "found", "deviation")
+    return (
+        f"<h2>Sensors</h2>\n{score_words.narrow(headings, rows)}<p>What the tracker had learned of "
+        "its sensors by the end of the run, and the standard deviation of what it found. The "
+        "detection probabilities are means over the targets.</p>"
+    )

@@ -1,0 +1,50 @@
+"""What was learned of sensors, on the report's page."""
+
+from dataclasses import replace
+
+import pytest
+from records import record_of
+
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.report import learned
+from phd_jdtc_ros.report.page import sensor_words
+
+INPUTS = resolve(
+    {
+        "sensors": ["mast"],
+        "mast.range_std": "auto 50",
+        "mast.azimuth_std_deg": "auto 0.2",
+        "mast.detection_probability": "auto 0.9",
+    }
+).inputs
+FIGURES = {
+    "mast.detection_probability": 0.6,
+    "mast.detection_probability_std": 0.02,
+    "mast.detection_probability_set": 0.9,
+    "mast.range_noise_ratio": 2.0,
+    "mast.range_noise_ratio_std": 0.1,
+    "mast.azimuth_noise_ratio": 0.5,
+    "mast.azimuth_noise_ratio_std": 0.05,
+}
+
+
+def test_values_are_in_the_units_of_the_parameters():
+    found = {each.quantity: each for each in learned.values(INPUTS, FIGURES)}
+    assert found["detection_probability"][2:] == (0.9, 0.6, 0.02, "")
+    assert found["range_std"][2:] == (50.0, 100.0, 5.0, "m")
+    assert found["azimuth_std_deg"][2:5] == pytest.approx((0.2, 0.1, 0.01))
+
+
+def test_values_that_are_not_learned_are_left_out():
+    assert not list(learned.values(INPUTS, {"other.range_noise_ratio": 2.0}))
+
+
+def test_page_shows_what_was_set_and_found():
+    record = replace(record_of(), learned=tuple(learned.values(INPUTS, FIGURES)))
+    text = sensor_words.section(record.learned)
+    cells = ("mast", "range_std", "50 m", "100 m", "5 m")
+    assert "".join(f"<td>{cell}</td>" for cell in cells[1:]) in text
+
+
+def test_page_has_no_table_if_nothing_is_learned():
+    assert sensor_words.section(()) == ""
