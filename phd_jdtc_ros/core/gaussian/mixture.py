@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, factorize, read_only, sum_by
-from ..snapshot import MAX_MASS, MAX_STATE, covariances, floats, integers
+from ..snapshot import MAX_MASS, MAX_STATE, ROUNDING, covariances, floats, integers
 from ..state_space import StateSpace
 from ..window.entries import Extents
 from .algebra.moments import merge_moments
@@ -46,7 +46,8 @@ class Mixture:
     weight: Annotated[FloatArray, floats("HOC", 0.0, MAX_MASS)]
     mean: Annotated[FloatArray, floats("HOD", -MAX_STATE, MAX_STATE)]
     covariance: Annotated[FloatArray, covariances("HODD", MAX_STATE)]
-    snr: Annotated[FloatArray, floats("HCS", 0.0, 1.0)]
+    # A sum of shares may exceed 1 by rounding.
+    snr: Annotated[FloatArray, floats("HCS", 0.0, 1.0 + ROUNDING)]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "row_label", read_only(self.row_label, np.int64))
