@@ -162,6 +162,15 @@ def _clutter_map(radar: RadarInput, parts: Parts) -> Faults:
         )
 
 
+def _outliers(radar: RadarInput, parts: Parts) -> Faults:
+    engine = parts.tracking.engine
+    if radar.range_std.outliers and engine != "gaussian":
+        yield (
+            f"{radar.name}.range_std: outliers given with engine {engine}, must be without them: "
+            "only engine gaussian uses them"
+        )
+
+
 def _fields(radar: RadarInput, parts: Parts) -> Faults:
     """Yield a fault for each quantity of a cloud whose field another quantity has too."""
     taken: dict[str, str] = {}
@@ -221,7 +230,7 @@ def _place(radar: RadarInput, parts: Parts) -> Faults:
 
 _CHECKS: tuple[Callable[[Parts], Faults], ...] = (_names, _classes, _tracking, _births, _addresses)
 _OF_RADARS: tuple[Callable[[RadarInput, Parts], Faults], ...] = (
-    *(_visibility, _turns, _clutter_map, _fields, _range_rates, _pose, _place),
+    *(_visibility, _turns, _clutter_map, _outliers, _fields, _range_rates, _pose, _place),
 )
 
 

@@ -108,6 +108,57 @@ def std(start: float, low: float, high: float = math.inf) -> Form:
     )
 
 
+# The word after a standard deviation if some measurements have a larger noise.
+OUTLIERS = "outliers"
+
+
+class Noise(NamedTuple):
+    """The standard deviation of a measurement's first component.
+
+    Parameters
+    ----------
+    start, learned
+        See `Learnable`.
+    outliers : bool
+        Whether some detections have a larger noise in all components.
+    """
+
+    start: float
+    learned: bool
+    outliers: bool
+
+
+def noise(usual: Form) -> Form:
+    """Return the form of a standard deviation that the word outliers may follow."""
+
+    def read(value: Any) -> float | str | None:
+        if not isinstance(value, str) or not value.endswith(f" {OUTLIERS}"):
+            own: float | str | None = usual.read(value)
+            return own
+        head = value.removesuffix(OUTLIERS).strip()
+        try:
+            found = usual.read(head if head.startswith(AUTO) else float(head))
+        except ValueError:
+            return None
+        return None if found is None else f"{_text(found)} {OUTLIERS}"
+
+    def value(given: float | str) -> Noise:
+        if not isinstance(given, str) or not given.endswith(OUTLIERS):
+            return of_usual(given, outliers=False)
+        head = given.removesuffix(OUTLIERS).strip()
+        return of_usual(head if head.startswith(AUTO) else float(head), outliers=True)
+
+    def of_usual(given: float | str, outliers: bool) -> Noise:
+        own: Learnable = usual.value(given)
+        return Noise(own.start, own.learned, outliers)
+
+    return Form(f"{usual.allowed}; {OUTLIERS} may follow", read, value)
+
+
+def _text(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.10g}"
+
+
 def _read_table(given: list[float]) -> float | list[float] | None:
     """Return a probability, or pairs of range and probability; None if they are not allowed."""
     if len(given) == 1:

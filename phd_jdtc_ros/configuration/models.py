@@ -24,6 +24,7 @@ from phd_jdtc_ros.core.learned.noise_factor import NoiseFactor
 from phd_jdtc_ros.core.models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.sensors.outliers import Outliers
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.sensors.sensor import Sensor
@@ -239,6 +240,7 @@ def radar_model(radar: RadarInput) -> RadarModel:
         else None,
         noise_factor=_noise_factor(radar),
         correlation=_correlation(radar),
+        outliers=Outliers() if radar.range_std.outliers else None,
         range_rate=RangeRateModel(radar.range_rate_std, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
         if fields.range_rate
         else None,

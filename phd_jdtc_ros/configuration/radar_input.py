@@ -93,11 +93,13 @@ class RadarInput:
         "and detections wait for a pose for at most this long.",
         (0.0, 60.0),
     )
-    range_std: forms.Learnable = parameter(
+    range_std: forms.Noise = parameter(
         300.0,
         "Standard deviation of measured ranges, m. auto, or auto with a value, such as auto 45, "
-        "learns it from the targets, within a factor of 4.",
-        form=forms.std(300.0, SMALL),
+        "learns it from the targets, within a factor of 4. Add outliers, as in 45 outliers, if one "
+        "detection in twenty has several times this noise and that of the azimuth (engine: "
+        "gaussian).",
+        form=forms.noise(forms.std(300.0, SMALL)),
         mutable=True,
     )
     azimuth_std_deg: forms.Learnable = parameter(

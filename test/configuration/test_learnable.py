@@ -61,6 +61,27 @@ def test_detections_may_be_correlated_from_look_to_look(value, probability, lear
     assert (radar.correlation.start, radar.correlation.learned) == correlation
 
 
+@pytest.mark.parametrize(
+    ("value", "std", "learned", "outliers"),
+    [
+        (45.0, 45.0, False, False),
+        ("45 outliers", 45.0, False, True),
+        ("auto 45 outliers", 45.0, True, True),
+        ("auto outliers", 300.0, True, True),
+    ],
+)
+def test_noise_may_have_outliers(value, std, learned, outliers):
+    radar = radar_of(range_std=value)
+    assert radar.range_std == std
+    assert (radar.noise_factor is not None) == learned
+    assert (radar.outliers is not None) == outliers
+
+
+def test_particles_refuse_outliers():
+    with pytest.raises(ConfigError, match=r"radar_1.range_std: outliers given with engine partic"):
+        resolve({"engine": "particles", "radar_1.range_std": "45 outliers"})
+
+
 def test_looks_are_independent_unless_they_are_said_to_be_correlated():
     assert radar_of(detection_probability="auto 0.8").correlation is None
 
@@ -87,6 +108,10 @@ def test_detection_probability_may_follow_from_the_snr_bands(value):
         ("detection_probability", "1.2 correlated 0.5"),
         ("detection_probability", "often correlated 0.5"),
         ("detection_probability", "0.8 correlated correlated"),
+        ("range_std", "45 outliers 0.1"),
+        ("range_std", "outliers"),
+        ("range_std", "auto many outliers"),
+        ("azimuth_std_deg", "1 outliers"),
         ("range_std", "auto 0"),
         ("range_std", "auto 45 60"),
         ("range_std", "auto many"),

@@ -27,6 +27,7 @@ from ..targets import amplitude_density
 from ..targets.modes import ClassModel
 from ..types import Coverage, Detections, Pose
 from .gaussians import PlanePlots
+from .outliers import Outliers
 from .polar_geometry import MIN_RANGE, line_of_sight
 from .range_rate import RangeRateModel, Rates
 from .slant_range import HeightProjection
@@ -81,6 +82,8 @@ class Sensor(ABC):
         Learned factors that its noise contains; None if the noise is known.
     correlation : Correlation or None
         Correlation of detections of a target in consecutive looks; None if they are independent.
+    outliers : Outliers or None
+        Outliers among its ranges and azimuths; None without any. The Gaussian engine uses them.
     """
 
     # Whether it measures range and azimuth from its position, for which there are compiled loops.
@@ -106,6 +109,7 @@ class Sensor(ABC):
     detection_factor: DetectionFactor | None = None
     noise_factor: NoiseFactor | None = None
     correlation: Correlation | None = None
+    outliers: Outliers | None = None
 
     def at(self: SensorT, pose: Pose | None) -> SensorT:
         """Return the sensor at a pose; None keeps its pose."""

@@ -10,7 +10,7 @@ from ...arrays import FloatArray, IntArray
 from ...sensors.range_rate import Rates
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
-from ..algebra import kalman, range_rate
+from ..algebra import heavy_tails, kalman, range_rate
 from ..mixture import Mixture
 
 
@@ -20,7 +20,9 @@ class PairUpdate(NamedTuple):
     Parameters
     ----------
     innovation : kalman.Innovation
-        Innovation of the measurement without range rate.
+        Innovation of the measurement without range rate, with the sensor's usual noise.
+    matched : kalman.Innovation
+        The same, or that of the mixture with outliers; see `heavy_tails.mixed`.
     rated : range_rate.Rated or None
         The Gaussians updated with range rates; None if the report has none.
     row, column : int arrays of shape (P,)
@@ -28,6 +30,7 @@ class PairUpdate(NamedTuple):
     """
 
     innovation: kalman.Innovation
+    matched: kalman.Innovation
     rated: range_rate.Rated | None
     row: IntArray
     column: IntArray
@@ -37,8 +40,8 @@ class PairUpdate(NamedTuple):
     def log_likelihood(self) -> FloatArray:
         """Log likelihood of the measurement, including any range rate, shape (P R,)."""
         if self.rated is None:
-            return self.innovation.log_likelihood
-        return self.innovation.log_likelihood + self.rated.log_likelihood
+            return self.matched.log_likelihood
+        return self.matched.log_likelihood + self.rated.log_likelihood
 
     def updated(
         self, mixture: Mixture, row: IntArray, pair: IntArray
@@ -61,7 +64,7 @@ class PairUpdate(NamedTuple):
             times = self.report.detections.time_s
             time_s = None if times is None else times[self.column].repeat(modes)
             later = kalman.updated(
-                mean, covariance, self.report.sensor, self.innovation, time_s, (gaussian, at)
+                mean, covariance, self.report.sensor, self.matched, time_s, (gaussian, at)
             )
         else:
             later = mean[gaussian], covariance[gaussian]
@@ -91,12 +94,15 @@ def iterated_update(
         # Modes without weight, half of all, are left out.
         pairs=(np.where(mixture.mode_weight[row].ravel() > 0.0, gaussian, -1), each),
     )
+    matched = innovation
+    if sensor.outliers is not None and sensor.polar:
+        matched = heavy_tails.mixed(innovation, sensor.outliers, report.detection_std, each)
     rated = None
     if rates is not None:
         time_s = None if detections.time_s is None else detections.time_s[each]
-        later = kalman.updated(mean[gaussian], covariance[gaussian], sensor, innovation, time_s)
+        later = kalman.updated(mean[gaussian], covariance[gaussian], sensor, matched, time_s)
         rated = range_rate.update_rates(*later, sensor, rates.take(each), time_s)
-    return PairUpdate(innovation, rated, row, column, report)
+    return PairUpdate(innovation, matched, rated, row, column, report)
 
 
 def coarse_rates(

@@ -1,0 +1,87 @@
+"""Innovations whose measurement noise has heavy tails: a mixture of a usual and a larger noise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...arrays import FloatArray, IntArray, contiguous
+from ...compilation import Float1, Float2, Float3, Int1, compiled
+from ...sensors.outliers import Outliers
+from .kalman import TINY, Innovation
+
+
+def mixed(
+    innovation: Innovation, outliers: Outliers, noise_std: FloatArray, column: IntArray
+) -> Innovation:
+    """Return the innovations of a radar's detections of which some are outliers.
+
+    Parameters
+    ----------
+    innovation : Innovation
+        With the usual noise, (P,).
+    noise_std : array of shape (M, 2)
+        Usual standard deviations of the detections.
+    column : int array of shape (P,)
+        Detection of each innovation.
+
+    Notes
+    -----
+    With the shares c_k of both components, their innovation covariances S_k and the innovation v,
+    the likelihood is l = sum c_k N(v; 0, S_k), and component k has the posterior probability
+    q_k = c_k N(v; 0, S_k) / l. With w_k = S_k^-1 v, the mean of the posterior mixture is the prior
+    mean plus P H' w, w = sum q_k w_k, and its covariance is
+    P - P H' [sum q_k S_k^-1 - sum q_k (w_k - w)(w_k - w)'] H P. So w takes the place of the
+    weighted innovation, and the bracket that of the inverse: a Gaussian stays a Gaussian.
+    """
+    weighted, inverse, log_likelihood = _mixed(
+        *(outliers.share, outliers.ratio),
+        *contiguous(innovation.weighted, innovation.inverse, innovation.log_likelihood),
+        *contiguous(noise_std, column),
+    )
+    return innovation._replace(weighted=weighted, inverse=inverse, log_likelihood=log_likelihood)
+
+
+@compiled
+def _mixed(
+    share: float,
+    ratio: float,
+    weighted: Float2,
+    inverse: Float3,
+    log_likelihood: Float1,
+    noise_std: Float2,
+    column: Int1,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the columns of `Innovation` that change."""
+    count = len(column)
+    later, matched, log = np.zeros((count, 2)), np.zeros((count, 2, 2)), np.full(count, -np.inf)
+    more = ratio * ratio - 1.0
+    for row in range(count):
+        if log_likelihood[row] == -np.inf:
+            continue
+        i, k, n = inverse[row, 0, 0], inverse[row, 0, 1], inverse[row, 1, 1]
+        u, v = weighted[row, 0], weighted[row, 1]
+        determinant = max(i * n - k * k, TINY)
+        a, b, d = n / determinant, -k / determinant, i / determinant
+        along, across = a * u + b * v, b * u + d * v
+        wide_a = a + more * noise_std[column[row], 0] ** 2
+        wide_d = d + more * noise_std[column[row], 1] ** 2
+        wide = max(wide_a * wide_d - b * b, TINY)
+        wide_u = (wide_d * along - b * across) / wide
+        wide_v = (wide_a * across - b * along) / wide
+        square = along * wide_u + across * wide_v
+        usual = log_likelihood[row] + math.log(1.0 - share)
+        outlier = -0.5 * (square + math.log(wide)) - math.log(2.0 * math.pi) + math.log(share)
+        largest = max(usual, outlier)
+        log[row] = largest + math.log(math.exp(usual - largest) + math.exp(outlier - largest))
+        q = math.exp(outlier - log[row])
+        p = 1.0 - q
+        later[row, 0], later[row, 1] = p * u + q * wide_u, p * v + q * wide_v
+        # The spread of two components is q (1 - q) times the square of their difference.
+        east, north = u - wide_u, v - wide_v
+        matched[row, 0, 0] = p * i + q * wide_d / wide - p * q * east * east
+        matched[row, 1, 1] = p * n + q * wide_a / wide - p * q * north * north
+        off = p * k - q * b / wide - p * q * east * north
+        matched[row, 0, 1] = matched[row, 1, 0] = off
+    return later, matched, log

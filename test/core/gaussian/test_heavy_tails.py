@@ -1,0 +1,82 @@
+"""Radars with heavy-tailed noise, which the tests draw: Student's t with outliers."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.evaluation.metrics import ospa
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
+
+RADARS = ("radar_1", "radar_2")
+STD = np.array([300.0, np.radians(1.0)])
+# Detections of the simulation are where the targets are.
+EXACT = {
+    f"{radar}.{name}": value
+    for radar in RADARS
+    for name, value in (("range_std", 1e-2), ("azimuth_std_deg", 1e-4))
+}
+
+
+def heavy_tailed(rng, count):
+    """Return noise in standard deviations: Student's t, and outliers in one of twenty."""
+    noise = rng.standard_t(3, (count, 2)) / np.sqrt(3.0)
+    outlier = rng.random(count) < 0.05
+    noise[outlier] = 5.0 * rng.standard_normal((outlier.sum(), 2))
+    return noise
+
+
+def normal(rng, count):
+    return rng.standard_normal((count, 2))
+
+
+def run_of(seed, noise):
+    """Return the truth and the scans of the paper's scenario with other noise."""
+    rng, found = np.random.default_rng(seed), []
+    for truth, scan in simulate(paper_scenario(resolve(EXACT).model.radars), seed):
+        detections = []
+        for each in scan.detections:
+            measured = each.measurement + STD * noise(rng, len(each))
+            measured[:, 0] = np.abs(measured[:, 0])
+            measured[:, 1] = np.arctan2(np.sin(measured[:, 1]), np.cos(measured[:, 1]))
+            detections.append(replace(each, measurement=measured))
+        found.append((truth, replace(scan, detections=tuple(detections))))
+    return found
+
+
+def mean_ospa(run, range_std):
+    """Return the mean OSPA distance, filtered and smoothed, metres."""
+    given = {f"{radar}.range_std": range_std for radar in RADARS}
+    engine = new_engine(resolve({"engine": "gaussian", **given}))
+    truth = {targets.stamp_ns: targets.position for targets, _ in run}
+    steps = [engine.step(scan) for _, scan in run]
+    filtered = [each for step in steps for each in step.filtered]
+    smoothed = [*(each for step in steps for each in step.smoothed), *engine.flush()]
+    return np.array(
+        [
+            np.mean([ospa(truth[e.stamp_ns], e.position, 1000.0, 2.0).distance for e in found])
+            for found in (filtered, smoothed)
+        ]
+    )
+
+
+def distances(noise, runs):
+    """Return the mean distances without and with outliers in the model, filtered and smoothed."""
+    runs = [run_of(seed, noise) for seed in range(300, 300 + runs)]
+    return [
+        np.mean([mean_ospa(run, std) for run in runs], axis=0) for std in (300.0, "300 outliers")
+    ]
+
+
+def test_outliers_in_the_model_help_where_there_are_some():
+    plain, tails = distances(heavy_tailed, runs=6)
+    assert tails[0] < 0.93 * plain[0]
+    assert tails[1] < plain[1]
+
+
+def test_outliers_in_the_model_do_no_harm_where_there_are_none():
+    # The difference of a run's smoothed distances has a standard deviation of 1.6 %.
+    plain, tails = distances(normal, runs=16)
+    assert (tails < 1.01 * plain).all()
