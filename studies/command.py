@@ -33,6 +33,7 @@ STUDIES = {
     "autoferry": "autoferry.study.STUDY",
     "misspecified": "misspecified.STUDY",
     "calibration": "calibration.study.STUDY",
+    "hard_traffic": "hard_traffic.STUDY",
     "tuning_truth": "tuning_truth.STUDY",
 }
 # Studies that run one after the other in a second process, in parallel to the Monte Carlo study.
