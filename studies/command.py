@@ -32,10 +32,12 @@ STUDIES = {
     "hour_of_bag": "hours.study.OF_BAG",
     "autoferry": "autoferry.study.STUDY",
     "misspecified": "misspecified.STUDY",
+    "calibration": "calibration.study.STUDY",
+    "hard_traffic": "hard_traffic.STUDY",
     "tuning_truth": "tuning_truth.STUDY",
 }
 # Studies that run one after the other in a second process, in parallel to the Monte Carlo study.
-REST = ("madap", "registration", "handover", "hours", "misspecified")
+REST = ("madap", "registration", "handover", "hours", "misspecified", "calibration")
 RUNS = 50
 
 

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
@@ -59,6 +61,11 @@ class Study:
         Whether its goals are added to the Monte Carlo study's.
     add_arguments : callable
         Adds the study's own arguments.
+    combined : callable or None
+        Combines the figures of all seeds, for tables and for goals that single seeds cannot have.
+        None for means of figures and of the seeds' goals.
+    pictures : callable
+        Returns pictures by file name.
     """
 
     name: str
@@ -73,6 +80,8 @@ class Study:
     has_parameters: bool = False
     joins_summary: bool = False
     add_arguments: Callable[[ArgumentParser], None] = lambda _: None
+    combined: Callable[[Sequence[Figures]], Figures] | None = None
+    pictures: Callable[[Figures], Mapping[str, Figure]] = lambda _: {}
 
 
 def goal(name: str, value: float | None, bound: float, at_most: bool = True) -> Goal:
@@ -122,11 +131,16 @@ def _work(study: Study, arguments: argparse.Namespace) -> int:
     except StudyError as error:
         console.print(f"{study.name}: {error}", style="red", markup=False)
         return FAILED
-    figures = mean(found)
-    goals = _mean_goals([study.goals(each) for each in found])
+    if study.combined is None:
+        figures, goals = mean(found), _mean_goals([study.goals(each) for each in found])
+    else:
+        figures = study.combined(found)
+        goals = study.goals(figures)
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / f"{study.name}.json"
     _write(path, {**({"seeds": list(seeds)} if study.runs else {}), **figures, "goals": goals})
+    for name, picture in study.pictures(figures).items():
+        FigureCanvasAgg(picture).print_png(arguments.out / name)
     if study.joins_summary:
         join(arguments.out, goals)
     for shown in [*study.tables(figures), *([_goals_table(goals)] if goals else [])]:

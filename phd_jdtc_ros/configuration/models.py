@@ -173,12 +173,11 @@ def _class(name: str, own: TargetClass, motions: Mapping[str, MotionModel]) -> C
 
 
 def _birth(name: str, own: Birth, modes: ModeSpace) -> BirthTerm:
-    motions_of_class = np.bincount(modes.class_of)
     return BirthTerm(
         name=name,
         mean=modes.space.state(own.position, own.velocity, 0.0),
         std=modes.space.state(own.position_std, own.velocity_std, own.turn_rate_std),
-        rate=(np.array(own.rates) / motions_of_class)[modes.class_of],
+        rate=np.array(own.rates)[modes.class_of] * modes.motion_share,
     )
 
 

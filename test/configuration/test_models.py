@@ -29,8 +29,8 @@ def test_resolve_of_nothing_is_the_reference_scene():
     )
     assert len(model.births) == 4
     for birth in model.births:
-        # Both classes with mass 0.005, modes half and half.
-        np.testing.assert_allclose(birth.rate, 0.0025)
+        # Both classes with mass 0.005; targets fly straight for twice as long as they turn.
+        np.testing.assert_allclose(birth.rate, np.array([2.0, 1.0, 2.0, 1.0]) * 0.005 / 3.0)
         np.testing.assert_allclose(birth.std, [200.0, 40.0, 200.0, 40.0, 1e-3])
     assert resolved.lag.scans == 5
     assert resolved.lag.seconds is None
@@ -89,7 +89,8 @@ def test_resolve_builds_three_classes_of_different_motions():
     model = build.resolve(given).model
     np.testing.assert_array_equal(model.modes.class_of, [0, 0, 1, 2, 2, 2])
     assert model.modes.motions[5] == ConstantVelocity(50.0)
-    np.testing.assert_allclose(model.births[0].rate, [0.002, 0.002, 0.003, 0.0, 0.0, 0.0])
+    rates = np.array([8.0, 4.0, 9.0, 0.0, 0.0, 0.0]) * 1e-3 / 3.0
+    np.testing.assert_allclose(model.births[0].rate, rates)
 
 
 def test_resolve_builds_a_plain_filter():

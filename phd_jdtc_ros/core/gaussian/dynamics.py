@@ -125,14 +125,10 @@ class Dynamics:
 
     @cached_property
     def birth_weight(self) -> FloatArray:
-        """Weights over (motion mode, class) of a birth component of each class, shape (C, R, C).
-
-        The motion modes of a class are equally probable at birth.
-        """
+        """Weights over (motion mode, class) of a birth component of each class, (C, R, C)."""
         modes = self.model.modes
         of_class = modes.class_of == np.arange(len(modes.classes))[:, None]
-        share = of_class / of_class.sum(axis=1, keepdims=True)
-        weight: FloatArray = np.tensordot(share, self.spread, axes=1)
+        weight: FloatArray = np.tensordot(of_class * modes.motion_share, self.spread, axes=1)
         return weight
 
     @cached_property

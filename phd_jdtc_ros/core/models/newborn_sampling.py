@@ -196,6 +196,5 @@ def _log_rate_factor(
 
 
 def _mode_mass(newborn: Newborn, modes: ModeSpace) -> FloatArray:
-    """Return each detection's newborn mass by flat mode, uniform over a class's motions; (M, O)."""
-    motions_of_class = np.bincount(modes.class_of)
-    return (newborn.mass / motions_of_class)[:, modes.class_of]
+    """Return each detection's newborn mass by flat mode, (M, O)."""
+    return newborn.mass[:, modes.class_of] * modes.motion_share

@@ -81,6 +81,19 @@ def _generator_of(rows: tuple[tuple[float, ...], ...]) -> FloatArray | None:
     return np.ascontiguousarray(np.real(generator))
 
 
+def _stationary_distribution(transition: FloatArray) -> FloatArray:
+    """Return p with ``p transition = p``, shape (R,); the one of least norm if there are several.
+
+    That is uniform for an identity.
+    """
+    size = len(transition)
+    equations = np.vstack([transition.T - np.eye(size), np.ones(size)])
+    solution = np.linalg.lstsq(equations, np.eye(size + 1)[size], rcond=None)[0]
+    found = np.maximum(solution, 0.0)
+    share: FloatArray = found / found.sum()
+    return share
+
+
 @dataclass(frozen=True)
 class ModeSpace:
     """The flat mode space of a set of classes.
@@ -117,6 +130,17 @@ class ModeSpace:
         velocity = set(self.space.velocity)
         able = [any(velocity & set(m.support) for m in model.motions) for model in self.classes]
         return np.array(able)
+
+    @cached_property
+    def motion_share(self) -> FloatArray:
+        """The share of each motion mode in its class in the long run, shape (O,).
+
+        It is the stationary distribution of the class's mode matrix, and the probability that a
+        target of unknown history is in the mode.
+        """
+        parts = [_stationary_distribution(np.asarray(c.mode_transition)) for c in self.classes]
+        share: FloatArray = read_only(np.concatenate(parts))
+        return share
 
     def __len__(self) -> int:
         return len(self.motions)

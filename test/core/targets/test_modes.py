@@ -132,3 +132,13 @@ def test_mode_space_flattens_classes_in_order():
     np.testing.assert_array_equal(TWO_CLASSES.class_of, [0, 0, 1, 1, 1])
     assert TWO_CLASSES.motions == (CV, CT, CV, CT, CV)
     assert len(TWO_CLASSES) == 5
+
+
+def test_motion_share_is_that_of_a_long_run():
+    modes = space([[0.95, 0.05], [0.1, 0.9]], [[1.0]])
+    after = np.linalg.matrix_power(modes.transition(modes.interval_s), 2000)
+    np.testing.assert_allclose(modes.motion_share, [*after[0, :2], 1.0], rtol=1e-9)
+
+
+def test_motion_share_is_uniform_if_no_motion_ever_changes():
+    np.testing.assert_allclose(space([[1.0, 0.0], [0.0, 1.0]]).motion_share, 0.5)
