@@ -25,7 +25,7 @@ PRIOR_WEIGHT = 4.0
 SENSOR_PRIOR = RatioPrior(0.5, 0.02, 0.5)
 CELL_PRIOR = RatioPrior(0.9, 0.01, 0.5)
 # Memory, in expected detections: of the sensor's mean, and of each cell.
-MEMORY = 300.0
+MEMORY = 1000.0
 # Bounds of the learned probability: at 1, a target would be deleted at its first miss.
 LEAST_PROBABILITY, MOST_PROBABILITY = 0.02, 0.995
 # Largest number of remembered detections accepted in a snapshot; a report may add many at once.
