@@ -17,6 +17,11 @@ from ..clutter.rate import ClutterCount
 from ..sensors.report import Report
 from .tracker_model import TrackerModel
 
+# Turns after which the usual number of detections is known.
+USUAL_TURNS = 5.0
+# Number of standard deviations of a Poisson number by which a report may have more than usual.
+USUAL_SIGMA = 5.0
+
 
 @dataclass
 class ClutterMemory:
@@ -30,11 +35,14 @@ class ClutterMemory:
         Clutter maps by radar, after the first report.
     counts : dict of name to ClutterCount
         Clutter rate estimates by radar, after the first report.
+    usual : dict of name to ClutterCount
+        Number of all detections in a turn by radar, after the first report.
     """
 
     laws: dict[str, Learned] = field(default_factory=dict)
     maps: dict[str, ClutterMap] = field(default_factory=dict)
     counts: dict[str, ClutterCount] = field(default_factory=dict)
+    usual: dict[str, ClutterCount] = field(default_factory=dict)
 
     def with_learned_clutter(self, report: Report) -> Report:
         """Return a report whose sensor has the learned clutter."""
@@ -48,6 +56,30 @@ class ClutterMemory:
         if law is None and places is None and count is None:
             return report
         return replace(report, sensor=sensor.with_clutter(law, places, count))
+
+    def with_surplus(self, report: Report) -> Report:
+        """Return a report whose sensor has the clutter of a burst.
+
+        Detections far beyond the usual number are clutter that no configured or learned rate
+        expects: jamming, rain, a faulty plot extractor. Targets do not appear in such numbers
+        at once, except at the start, when nothing is usual yet.
+        """
+        usual, part = self.usual.get(report.sensor.name), _part_of_turn(report)
+        if usual is None or usual.turns < USUAL_TURNS or not part:
+            return report
+        size = len(report)
+        surplus = size - usual.rate * part - USUAL_SIGMA * np.sqrt(size)
+        if surplus <= 0.0:
+            return report
+        sensor, rate = report.sensor, report.sensor.clutter_rate + float(surplus) / part
+        return replace(report, sensor=sensor.with_threshold_and_rate(sensor.threshold, rate))
+
+    def count(self, report: Report) -> None:
+        """Count a report's detections towards the usual number."""
+        name, part = report.sensor.name, _part_of_turn(report)
+        if part:
+            usual = self.usual.get(name, ClutterCount()).after(len(report), part)
+            self.usual = {**self.usual, name: usual}
 
     def with_learned_maps(self, model: TrackerModel) -> TrackerModel:
         """Return a tracker's model whose radars have the learned maps."""
@@ -81,12 +113,12 @@ class ClutterMemory:
             velocities are unknown, see `stationary`.
         """
         radar, detections = report.sensor, report.detections
-        law, places, coverage = radar.clutter_amplitude, radar.clutter_map, detections.coverage
+        law, places = radar.clutter_amplitude, radar.clutter_map
         if isinstance(law, Learned) and detections.amplitude is not None:
             law = law.after(detections.amplitude, 1.0 - claimed)
             self.laws = {**self.laws, radar.name: law}
-        turns = 1.0 if coverage is None else coverage.turns
-        if not turns:  # the extent of the covered sector is unknown
+        turns = _part_of_turn(report)
+        if not turns:
             return
         if radar.clutter_count is not None:
             # Unclaimed detections that the clutter map does not explain.
@@ -99,3 +131,9 @@ class ClutterMemory:
             seen = detections.measurement
             world = radar.to_world(seen)
             self.maps = {**self.maps, radar.name: places.after(seen, world, weight, turns)}
+
+
+def _part_of_turn(report: Report) -> float:
+    """Return the part of a turn that a report covers; 0 if it is unknown."""
+    coverage = report.detections.coverage
+    return 1.0 if coverage is None else coverage.turns

@@ -16,7 +16,7 @@ from ..models.clutter_learning import ClutterMemory
 from ..sensors.sensor import Sensor
 from ..snapshot import MAX_STATE, Snapshot, floats, from_snapshot, to_snapshot
 
-NAME, MAP, RATE = "clutter", "clutter_map", "clutter_rate"
+NAME, MAP, RATE, USUAL = "clutter", "clutter_map", "clutter_rate", "usual_detections"
 
 
 class Place(NamedTuple):
@@ -34,9 +34,11 @@ class Place(NamedTuple):
 def clutter_to_snapshot(
     memory: ClutterMemory, radars: Sequence[Sensor], snapshot: Snapshot
 ) -> None:
-    """Store the learned clutter of these radars; nothing if none of them learns."""
+    """Store the learned clutter of these radars, and their usual numbers of detections."""
     for name, law in memory.laws.items():
         to_snapshot(law, snapshot, f"{NAME}.{name}")
+    for name, usual in memory.usual.items():
+        to_snapshot(usual, snapshot, f"{USUAL}.{name}")
     for radar in radars:
         if radar.clutter_count is not None and radar.name in memory.counts:
             to_snapshot(memory.counts[radar.name], snapshot, f"{RATE}.{radar.name}")
@@ -72,7 +74,11 @@ def clutter_from_snapshot(snapshot: Snapshot, radars: Sequence[Sensor]) -> Clutt
     }
     # A rate learned before the snapshot is dropped if the configuration sets it now.
     counts = {name: own for name, own in counts.items() if known[name].clutter_count is not None}
-    return ClutterMemory(laws, maps, counts)
+    usual = {
+        name: from_snapshot(ClutterCount, snapshot, f"{USUAL}.{name}", {})
+        for name in _radars(snapshot, USUAL, known, "of this tracker")
+    }
+    return ClutterMemory(laws, maps, counts, usual)
 
 
 def _radars(snapshot: Snapshot, part: str, allowed: Collection[str], which: str) -> list[str]:

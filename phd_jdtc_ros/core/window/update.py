@@ -207,6 +207,10 @@ def update(
         report = sensors.with_learned_sensor(report)
     prior = steps.prior(rows, report)
     limited = detection_limit.limit_detections(report, prior.measured, float(prior.mass.sum()))
+    if clutter is not None:
+        if limited is report:
+            limited = clutter.with_surplus(report)
+        clutter.count(report)
     if limited is not report:
         report, prior = limited, steps.prior(rows, limited)
 

@@ -1,0 +1,107 @@
+"""Reports with far more detections than usual: jamming, rain, a faulty plot extractor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from runs import ENGINES, restored_after
+from scenes import small
+
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.models.clutter_learning import USUAL_TURNS, ClutterMemory
+from phd_jdtc_ros.core.sensors.report import Report
+from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections
+from phd_jdtc_ros.core.types.detections import UNKNOWN_COVERAGE
+from phd_jdtc_ros.evaluation.metrics import ospa
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
+
+RADAR = small().model.radars[0]
+USUAL, FEW_TURNS = 30, int(USUAL_TURNS)
+
+
+def report_of(count, coverage=None):
+    return Report(RADAR, Detections(np.full((count, 2), [5e3, 0.0]), None, coverage=coverage))
+
+
+def after(*numbers):
+    """Return the memory after reports of so many detections."""
+    memory = ClutterMemory()
+    for number in numbers:
+        memory.count(report_of(number))
+    return memory
+
+
+def clutter_rate(memory, count, coverage=None):
+    return memory.with_surplus(report_of(count, coverage)).sensor.clutter_rate
+
+
+def test_detections_far_beyond_the_usual_number_are_clutter():
+    memory = after(*[USUAL] * 20)
+    expected = RADAR.clutter_rate + 1000 - USUAL - 5.0 * np.sqrt(1000)
+    assert clutter_rate(memory, 1000) == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("usual", [2.0, 40.0, 900.0])
+def test_usual_numbers_change_nothing(usual):
+    rng, memory = np.random.default_rng(3), ClutterMemory()
+    for number in rng.poisson(usual, 500):
+        assert clutter_rate(memory, number) == RADAR.clutter_rate
+        memory.count(report_of(number))
+
+
+@pytest.mark.parametrize(("turns", "known"), [(0, False), (1, False), (FEW_TURNS + 1, True)])
+def test_nothing_is_usual_at_the_start(turns, known):
+    assert (clutter_rate(after(*[USUAL] * turns), 1000) > RADAR.clutter_rate) == known
+
+
+def test_crowd_that_stays_becomes_usual():
+    memory = after(*[USUAL] * 20, *[1000] * 200)
+    assert clutter_rate(memory, 1000) == RADAR.clutter_rate
+
+
+def test_sector_is_compared_with_its_part_of_a_turn():
+    sector = Coverage(0.0, FULL_TURN / 16.0)
+    memory = ClutterMemory()
+    for _ in range(16 * 20):
+        memory.count(report_of(2, sector))
+    assert clutter_rate(memory, 4, sector) == RADAR.clutter_rate
+    expected = RADAR.clutter_rate + 16.0 * (100 - 2 - 5.0 * np.sqrt(100))
+    assert clutter_rate(memory, 100, sector) == pytest.approx(expected, rel=0.01)
+
+
+def test_sector_of_unknown_extent_is_neither_counted_nor_judged():
+    memory = after(*[USUAL] * 20)
+    memory.count(report_of(1000, UNKNOWN_COVERAGE))
+    assert memory.usual == after(*[USUAL] * 20).usual
+    assert clutter_rate(memory, 1000, UNKNOWN_COVERAGE) == RADAR.clutter_rate
+
+
+def bursting(count, burst):
+    """Return truth and scans of the reference scenario with a burst at these scans."""
+    radars = small().model.radars
+    loud = tuple(replace(radar, clutter_rate=600.0) for radar in radars)
+    quiet, crowded = (simulate(paper_scenario(each), 5)[:count] for each in (radars, loud))
+    return [crowded[k] if k in burst else quiet[k] for k in range(count)]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_targets_are_tracked_through_a_burst_without_false_ones(engine):
+    burst = range(24, 30)
+    births = {"detection_births.rates": [0.01, 0.01]}
+    tracker = new_engine(small({"engine": engine, "lag": 0, **births}))
+    distances = []
+    for index, (truth, scan) in enumerate(bursting(30, burst)):
+        (found,) = tracker.step(scan).filtered
+        if index in burst:
+            distances.append(ospa(truth.position, found.position, 1000.0, 2.0).distance)
+    # With a false target beside the four true ones the distance is above 447 m.
+    assert max(distances) < 447.0
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_restored_engine_knows_what_is_usual(engine):
+    run = [scan for _, scan in bursting(12, ())]
+    first, second = restored_after(8, lambda: new_engine(small({"engine": engine})), run)
+    assert first.forward.clutter.usual == second.forward.clutter.usual
+    assert set(first.forward.clutter.usual) == {"radar_1", "radar_2"}
