@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from .forms import AUTO
 from .parameters import GROUPS, name_or
 from .radar_input import QUANTITIES, Fields
 
@@ -41,7 +42,8 @@ def differences(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> list[s
     -------
     list of str
         A line per parameter: its name, the recorded and the given value. Parameters that `given`
-        lacks are not compared, and neither are birth places with births at detections.
+        lacks are not compared, and neither are values that the tracker learns, and birth places
+        with births at detections.
     """
     pairs = [(name, recorded[name], given.get(name, recorded[name])) for name in OF_ALL]
     for group, members in PARTS.items():
@@ -58,7 +60,7 @@ def differences(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> list[s
     return [
         f"{name}: {_text(before)} recorded, {_text(now)} given"
         for name, before, now in pairs
-        if before != now
+        if before != now and not _is_learned(now)
     ]
 
 
@@ -81,6 +83,10 @@ def _value(values: Mapping[str, Any], part: str, member: str) -> Any:
         return name_or(values, part, member)
     default = getattr(Fields(), member.removeprefix("fields."), "")
     return values.get(f"{part}.{member}", default)
+
+
+def _is_learned(value: Any) -> bool:
+    return isinstance(value, str) and value.split()[:1] == [AUTO]
 
 
 def _text(value: Any) -> str:

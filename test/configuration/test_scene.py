@@ -63,3 +63,10 @@ def test_other_places_are_those_recorded_of_radars_that_both_have():
         "a.pose": "/ship",
     }
     assert other_places(recorded, recorded) == {}
+
+
+def test_value_that_the_tracker_learns_is_no_difference():
+    recorded = resolve({"radar_1.range_std": 100.0}).values
+    learned = {"radar_1.range_std": "auto 300", "radar_1.detection_probability": "auto 0.5"}
+    assert differences(recorded, resolve(learned).values) == []
+    assert differences(recorded, resolve({"radar_1.range_std": 300.0}).values) != []

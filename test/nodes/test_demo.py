@@ -78,7 +78,6 @@ def test_phd_filter_does_not_reach_the_promised_figures(tmp_path):
     assert broken(metrics) == {
         "filtered OSPA",
         "filtered cardinality",
-        "smoothed OSPA",
         "smoothed number of targets",
         "tracks",
     }

@@ -10,7 +10,6 @@ The state is ``[x, vx, y, vy, omega]`` in the world frame, `state_space.PLANAR`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,7 +18,6 @@ from typing import Protocol
 import numpy as np
 
 from ..arrays import FloatArray, read_only
-from ..compilation import inner
 from ..state_space import OMEGA, PLANAR, VX, VY, StateSpace, X, Y
 
 # Turn angle below which a series is more accurate than quotients that cancel, radians.
@@ -105,19 +103,6 @@ class ConstantVelocity:
     def noise_covariance(self, dt: float) -> FloatArray:
         """Return Q(dt) over (x, vx, y, vy), shape (4, 4)."""
         return _planar_noise(dt, self.noise_density)
-
-
-@inner
-def write_turn(omega: float, dt: float, matrix: FloatArray) -> None:
-    """Write F(omega, dt) of a coordinated turn into zeros of shape (5, 5); see its class."""
-    half = 0.5 * dt * omega
-    cos_half, sin_half = math.cos(half), math.sin(half)
-    chord = dt * sin_half / half if half != 0.0 else dt
-    along, across = chord * cos_half, chord * sin_half
-    cos, sin = 1.0 - 2.0 * sin_half * sin_half, 2.0 * sin_half * cos_half
-    matrix[X, X] = matrix[Y, Y] = matrix[OMEGA, OMEGA] = 1.0
-    matrix[X, VX], matrix[Y, VY], matrix[Y, VX], matrix[X, VY] = along, along, across, -across
-    matrix[VX, VX], matrix[VY, VY], matrix[VY, VX], matrix[VX, VY] = cos, cos, sin, -sin
 
 
 @dataclass(frozen=True)

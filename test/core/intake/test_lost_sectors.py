@@ -12,7 +12,13 @@ TURNS = 6
 NONE = Detections(np.zeros((0, 2)), None, np.zeros(0))
 # The sector in which the second target is, in the last turn and the one before.
 PASSED = 8
-GIVEN = {"lag": "4 s", "radar.clutter_rate": 48.0, "estimates_period_s": 3.9}
+GIVEN = {
+    "lag": "4 s",
+    "radar.clutter_rate": 48.0,
+    "estimates_period_s": 3.9,
+    # With 200, one of three runs loses a target.
+    "particles_per_target": 500,
+}
 
 
 def found_of(engine, reports, numbered):

@@ -13,10 +13,11 @@ import numpy as np
 
 from ...arrays import FloatArray
 from ...compilation import Bool1, Float1, Float3, Float4, Int1, compiled, inner
-from ...state_space import OMEGA
-from ...targets.motion import write_turn
+from ...state_space import PLANAR
+from ...targets.turn_matrix import write_turn
 from .blocks import SIZE, dot
 
+OMEGA = PLANAR.turn_rate
 # Nodes of the quadrature over the turn rate, in standard deviations, and their weights.
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 WEIGHTS = WEIGHTS / WEIGHTS.sum()
