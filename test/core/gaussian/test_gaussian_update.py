@@ -17,6 +17,7 @@ from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.models import detection_limit
+from phd_jdtc_ros.core.models.clutter_learning import ClutterMemory
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
@@ -298,10 +299,11 @@ def test_existence_is_kept_when_only_the_best_hypotheses_are():
     )
 
 
-class Notebook:
-    """Stands for what is known of clutter: it makes a radar of more, and notes what it is told."""
+class Notebook(ClutterMemory):
+    """Knows another rate of clutter, and notes what it is told."""
 
     def __init__(self, rate):
+        super().__init__()
         self.rate, self.told = rate, []
 
     def with_learned_clutter(self, report):

@@ -16,6 +16,7 @@ from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
+from phd_jdtc_ros.core.models.clutter_learning import ClutterMemory
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Detections, Scan
@@ -77,8 +78,8 @@ class Register:
         self.newborn.append((label, detections))
 
 
-class Clutter:
-    """Stands for what is known of clutter: there is a hundred times as much."""
+class Clutter(ClutterMemory):
+    """Knows of a hundred times as much clutter."""
 
     def with_learned_clutter(self, report):
         radar = report.sensor
