@@ -59,3 +59,13 @@ def restored_after(stop, new, scans, same=equal):
         assert same(one.smoothed, other.smoothed)
         np.testing.assert_array_equal(one.class_mass, other.class_mass)
     return first, second
+
+
+def step_and_reprocess(tracker, scans, first):
+    """Step through scans, and then once more through those from `first` on, as if one was late."""
+    states = []
+    for index, scan in enumerate(scans):
+        if index >= first:
+            states.append((tracker.save_state(), scan))
+        tracker.step(scan)
+    tracker.reprocess(states)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from operator import is_
 
 import numpy as np
 
@@ -72,7 +73,7 @@ class SensorMemory:
             return sensor
         # A scan ends with the sensors that the next one begins with.
         latest = self._latest.get(sensor.name)
-        if latest is not None and latest[:-1] == (sensor, *found):
+        if latest is not None and all(map(is_, latest, (sensor, *found))):
             return latest[-1]
         learned = sensor.with_learned(*found)
         self._latest[sensor.name] = sensor, *found, learned

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lone import INTERVAL_S, MEAN, STD, UNREDUCED, lone, scan_at, started
-from runs import ENGINES, restored_after, stepped
+from runs import ENGINES, restored_after, step_and_reprocess, stepped
 from scenes import small
 
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -193,12 +193,7 @@ def test_reprocessed_scans_have_the_last_looks_of_their_order():
     scans = scans_of_two(3, 16)
     straight, late = two_radars("gaussian", "auto"), two_radars("gaussian", "auto")
     stepped(straight, scans)
-    stepped(late, scans[:10])
-    states = []
-    for scan in scans[10:]:
-        states.append((late.save_state(), scan))
-        late.step(scan)
-    late.reprocess(states)
+    step_and_reprocess(late, scans, 10)
     assert late.forward.learned_figures == straight.forward.learned_figures
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runs import ENGINES, restored_after, stepped
+from runs import ENGINES, restored_after, step_and_reprocess, stepped
 from scenes import small
 
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -171,12 +171,7 @@ def test_reprocessed_scans_teach_what_they_would_have_in_order():
     scans = [scan for _, scan in run_of(3, scans=16, **TRUTH)]
     straight, late = engine_of(**AUTO), engine_of(**AUTO)
     stepped(straight, scans)
-    stepped(late, scans[:10])
-    states = []
-    for scan in scans[10:]:
-        states.append((late.save_state(), scan))
-        late.step(scan)
-    late.reprocess(states)
+    step_and_reprocess(late, scans, 10)
     expected = straight.forward.learned_figures
     assert late.forward.learned_figures == expected
 
