@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+import math
+import time
 from array import array
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.task import Future
 
 from .callbacks import steady_timer
 
-# Interval between searches for the tracker's services, seconds.
-PERIOD_S = 0.1
+# Interval between searches for the tracker's services, and time after which a request is repeated,
+# seconds. The tracker drops a reply if it has not discovered this client's reader yet.
+PERIOD_S, PATIENCE_S = 0.1, 2.0
 
 
 class TrackerParameters:
-    """Requests a tracker's parameters once, as soon as its services are there.
+    """Requests a tracker's parameters as soon as its services are there, until it has replied.
 
-    `on_values` receives all values by dotted name. Without a reply it is never called.
+    `on_values` receives all values by dotted name, once. Without a reply it is never called.
     """
 
     def __init__(
@@ -30,23 +35,39 @@ class TrackerParameters:
         self._list = node.create_client(ListParameters, f"{tracker}/list_parameters")
         self._get = node.create_client(GetParameters, f"{tracker}/get_parameters")
         self._on_all = on_values
+        self._requested_at = -math.inf
+        self._pending: tuple[Client, Future] | None = None
         self._timer = steady_timer(node, PERIOD_S, self._look)
 
     def _look(self) -> None:
+        """Request the names once the services are there, again if there was no reply."""
+        if time.monotonic() < self._requested_at + PATIENCE_S:
+            return
         if self._list.service_is_ready() and self._get.service_is_ready():
-            self._timer.cancel()
-            self._list.call_async(ListParameters.Request()).add_done_callback(self._on_names)
+            self._requested_at = time.monotonic()
+            self._request(self._list, ListParameters.Request(), self._on_names)
 
-    def _on_names(self, future: Future) -> None:
-        names = list(future.result().result.names)
-        request = GetParameters.Request(names=names)
-        self._get.call_async(request).add_done_callback(lambda reply: self._on_values(names, reply))
+    def _request(self, client: Client, request: Any, on_reply: Callable[[Any], None]) -> None:
+        """Send a request in the place of the one before, whose reply is not waited for any more."""
+        if self._pending is not None:
+            before, future = self._pending
+            before.remove_pending_request(future)
+        future = client.call_async(request)
+        self._pending = client, future
+        future.add_done_callback(lambda reply: on_reply(reply.result()))
 
-    def _on_values(self, names: list[str], future: Future) -> None:
-        values = future.result().values
-        # The reply is empty if a parameter was removed after it was listed.
-        if len(values) == len(names):
-            self._on_all({name: _plain(value) for name, value in zip(names, values, strict=True)})
+    def _on_names(self, reply: ListParameters.Response) -> None:
+        names = list(reply.result.names)
+        self._request(
+            self._get, GetParameters.Request(names=names), partial(self._on_values, names)
+        )
+
+    def _on_values(self, names: list[str], reply: GetParameters.Response) -> None:
+        # The reply is empty if a parameter was removed after it was listed; they are listed again.
+        if len(reply.values) != len(names):
+            return
+        self._timer.cancel()
+        self._on_all({name: _plain(v) for name, v in zip(names, reply.values, strict=True)})
 
 
 def _plain(value: ParameterValue) -> Any:

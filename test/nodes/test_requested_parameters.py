@@ -1,0 +1,72 @@
+"""Requests of a tracker's parameters whose reply is lost or empty."""
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+
+from phd_jdtc_ros.nodes.common.tracker_parameters import TrackerParameters
+
+
+class Tracker:
+    """A node with parameters that replies only while it is served."""
+
+    def __init__(self, peer):
+        self.node = rclpy.create_node("tracker", context=peer.context)
+        self._peer = peer
+        self._executor = SingleThreadedExecutor(context=peer.context)
+        self._executor.add_node(self.node)
+
+    def serve_until(self, condition, timeout=20.0):
+        def served():
+            self._executor.spin_once(timeout_sec=0.0)
+            return condition()
+
+        return self._peer.spin_until(served, timeout)
+
+    def close(self):
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+
+@pytest.fixture
+def received(peer):
+    """Return the parameters that the test's node receives."""
+    found = []
+    TrackerParameters(peer.node, "/tracker", found.append)
+    return found
+
+
+@pytest.fixture
+def tracker(peer):
+    node = Tracker(peer)
+    yield node
+    node.close()
+
+
+def test_request_to_a_tracker_that_went_away_is_repeated(peer, received):
+    killed = Tracker(peer)
+    # The request is sent as soon as the services are found; nobody takes it.
+    peer.pace(1.0)
+    killed.close()
+    successor = Tracker(peer)
+    successor.node.declare_parameter("lag", "5")
+    try:
+        assert successor.serve_until(lambda: received)
+    finally:
+        successor.close()
+    assert received[0]["lag"] == "5"
+
+
+def test_empty_reply_is_repeated(peer, received, tracker):
+    """A listed parameter without a value makes the whole reply empty."""
+    tracker.node.declare_parameter("lag", Parameter.Type.STRING)
+    assert not tracker.serve_until(lambda: received, 1.0)
+    tracker.node.set_parameters([Parameter("lag", value="5")])
+    assert tracker.serve_until(lambda: received)
+    assert received[0]["lag"] == "5"
+
+
+def test_parameters_are_received_once(peer, received, tracker):
+    assert tracker.serve_until(lambda: received)
+    assert not tracker.serve_until(lambda: len(received) > 1, 3.0)
