@@ -12,7 +12,7 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import detections, diagnostics, names, stamps
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.types import Scan
 from robustness.radars import SETTLE_S, Peer
 
@@ -49,11 +49,11 @@ class Radars(Peer):
 
     Parameters
     ----------
-    inputs : sequence of RadarInput
+    inputs : sequence of RadarParameters
         Topics and layouts of the clouds, one per radar.
     """
 
-    def __init__(self, inputs: Sequence[RadarInput]) -> None:
+    def __init__(self, inputs: Sequence[RadarParameters]) -> None:
         super().__init__("benchmark_radars")
         self._inputs = tuple(inputs)
         self._outputs = [

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 
 from phd_jdtc_ros.calibration.innovations import Fit
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 
 # A radar is worse than it was set if it detects targets with less than this share of the set
 # probability, or if its noise is larger by this factor, each by so many standard deviations.
@@ -15,13 +15,13 @@ WORSE_DETECTION, WORSE_NOISE, SURE = 0.75, 1.5, 3.0
 MENDED_DETECTION, MENDED_NOISE = 0.85, 1.3
 
 
-def of(radar: RadarInput, counts: Mapping[str, int]) -> Iterator[str]:
+def of(radar: RadarParameters, counts: Mapping[str, int]) -> Iterator[str]:
     """Yield a warning for each kind of anomaly in a radar's reports."""
     for what, count in counts.items():
         yield _TEXTS[what](radar, count)
 
 
-def no_amplitude(radar: RadarInput) -> str:
+def no_amplitude(radar: RadarParameters) -> str:
     """Return the warning about a radar whose messages have no amplitudes."""
     return (
         f"{radar.topic}: no field {radar.fields.amplitude!r}; "
@@ -29,7 +29,7 @@ def no_amplitude(radar: RadarInput) -> str:
     )
 
 
-def turn_found(radar: RadarInput, turn_s: float) -> str:
+def turn_found(radar: RadarParameters, turn_s: float) -> str:
     """Return the warning about a radar whose time of a turn, s, is estimated and not configured."""
     return (
         f"{radar.topic}: the estimated time of a turn is {turn_s:.3f} s; set "
@@ -92,7 +92,7 @@ def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -
     return f"worse than set, and tracked as found: {'; '.join(worse)}"
 
 
-def _beyond_a_turn(radar: RadarInput, count: int) -> str:
+def _beyond_a_turn(radar: RadarParameters, count: int) -> str:
     """Return the warning about azimuths beyond one turn in radians."""
     cause = (
         f"the driver sends degrees, but {radar.message} is defined in radians"
@@ -102,24 +102,24 @@ def _beyond_a_turn(radar: RadarInput, count: int) -> str:
     return f"{count} azimuths beyond 2 pi rad; probably {cause}"
 
 
-def _missing(parameter: str, consequence: str) -> Callable[[RadarInput, int], str]:
+def _missing(parameter: str, consequence: str) -> Callable[[RadarParameters, int], str]:
     """Return the function that words the warning about a missing field."""
 
-    def text(radar: RadarInput, count: int) -> str:
+    def text(radar: RadarParameters, count: int) -> str:
         return f"the field named by {radar.name}.{parameter} is missing; {consequence}"
 
     return text
 
 
-def _unknown_heights(radar: RadarInput, count: int) -> str:
+def _unknown_heights(radar: RadarParameters, count: int) -> str:
     return f"{count} detections without a height; {_without_height(radar)}"
 
 
-def _height_missing(radar: RadarInput, count: int) -> str:
+def _height_missing(radar: RadarParameters, count: int) -> str:
     return _missing("fields.height", _without_height(radar))(radar, count)
 
 
-def _without_height(radar: RadarInput) -> str:
+def _without_height(radar: RadarParameters) -> str:
     """Return the treatment of slant ranges without a height."""
     if radar.site is None:
         return "slant ranges are used as ground ranges"
@@ -128,7 +128,7 @@ def _without_height(radar: RadarInput) -> str:
     return f"{radar.name}.assumed_height, {radar.assumed_height:g} m, is assumed"
 
 
-_TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
+_TEXTS: Mapping[str, Callable[[RadarParameters, int], str]] = {
     "azimuths_beyond_a_turn": _beyond_a_turn,
     "detections_repeated": lambda radar, count: (
         f"{count} detections that repeat another one of their report in every field; each is used "

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.types import Detections
 
 from . import point_cloud, sent_columns, stamps
@@ -35,17 +35,17 @@ SYNONYMS = {
     "amplitude": ("snr", "snr_db"),
 }
 # Default layout of written clouds.
-OWN_LAYOUT = RadarInput()
+OWN_LAYOUT = RadarParameters()
 
 
 def to_msg(
-    detections: Detections, stamp_ns: int, frame: str, radar: RadarInput = OWN_LAYOUT
+    detections: Detections, stamp_ns: int, frame: str, radar: RadarParameters = OWN_LAYOUT
 ) -> PointCloud2:
     """Encode a planar radar's detections as the cloud that the radar's driver would publish.
 
     Parameters
     ----------
-    radar : RadarInput
+    radar : RadarParameters
         Field names, units and conventions; by default those of the package.
 
     Returns
@@ -73,7 +73,7 @@ def to_msg(
     return point_cloud.encode(stamp_ns, frame, columns, wide)
 
 
-def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
+def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     """Decode the detections of a cloud.
 
     Parameters
@@ -82,7 +82,7 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
         Range, azimuth, elevation, times, heights, range rates and standard deviations are floats;
         amplitude, sector, code, address and kind may also be integers. If the cloud lacks a
         configured field that is not a coordinate, its quantity is unknown: an anomaly.
-    radar : RadarInput
+    radar : RadarParameters
         Field names, units and conventions. With an elevation or a height field, ranges are slant
         ranges.
 
@@ -110,7 +110,7 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     return replace(report, anomalies=report.anomalies + lacking) if lacking else report
 
 
-def _recognised(radar: RadarInput, there: Collection[str]) -> RadarInput:
+def _recognised(radar: RadarParameters, there: Collection[str]) -> RadarParameters:
     """Return a radar's layout with the names that a cloud uses for missing fields."""
     lacking = {
         quantity: names
@@ -130,7 +130,7 @@ def _recognised(radar: RadarInput, there: Collection[str]) -> RadarInput:
     return replace(radar, fields=replace(radar.fields, **found), amplitude_unit=unit)
 
 
-def _wanted_fields(radar: RadarInput) -> dict[str, tuple[str, Sequence[str]]]:
+def _wanted_fields(radar: RadarParameters) -> dict[str, tuple[str, Sequence[str]]]:
     """Return the name and the allowed types of every field of a radar, by its column."""
     types: dict[str, Sequence[str]] = dict.fromkeys(WHOLE, NUMBERS)
     if radar.time_since_epoch:
@@ -141,7 +141,7 @@ def _wanted_fields(radar: RadarInput) -> dict[str, tuple[str, Sequence[str]]]:
     }
 
 
-def require_frame(frame: str, radar: RadarInput) -> None:
+def require_frame(frame: str, radar: RadarParameters) -> None:
     """Raise `RejectedMessageError` if a message is not in its radar's frame."""
     if frame != radar.frame:
         raise RejectedMessageError("frame", f"frame_id {quote(frame)}, must be {radar.frame!r}")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.slant_range import (
     MAX_HEIGHT,
@@ -23,7 +23,7 @@ def read(
     azimuth: FloatArray,
     elevation: FloatArray | None,
     height: FloatArray | None,
-    radar: RadarInput,
+    radar: RadarParameters,
 ) -> Ground:
     """Return the ranges and azimuths of points over ground.
 
@@ -88,7 +88,7 @@ class Slant(NamedTuple):
     azimuth: FloatArray
 
 
-def measure(detections: Detections, radar: RadarInput) -> Slant:
+def measure(detections: Detections, radar: RadarParameters) -> Slant:
     """Return ranges and azimuths as the radar measures them: the inverse of `read`.
 
     An unknown height is replaced by the height that `read` assumes.
@@ -104,14 +104,14 @@ def measure(detections: Detections, radar: RadarInput) -> Slant:
     return Slant(*slant_of(site, radar.assumed_height, distance, azimuth, known))
 
 
-def message_height(detections: Detections, radar: RadarInput) -> FloatArray:
+def message_height(detections: Detections, radar: RadarParameters) -> FloatArray:
     """Return heights in the messages' convention; the antenna's if the detections have none."""
     above = detections.height
     counted: FloatArray = np.full(len(detections), radar.height) if above is None else above
     return counted + radar.datum
 
 
-def measure_at_antenna_height(detections: Detections, radar: RadarInput) -> FloatArray:
+def measure_at_antenna_height(detections: Detections, radar: RadarParameters) -> FloatArray:
     """Return ranges, azimuths and elevations of detections at the antenna's height, shape (M, 3).
 
     Radars whose messages have elevations and no heights measure these.

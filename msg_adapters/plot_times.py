@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray
 
 # This is defined here, because `stamps` imports ROS.
 NS_PER_S = 1_000_000_000
 
 
-def relative(sent: FloatArray, stamp_ns: int, radar: RadarInput) -> FloatArray:
+def relative(sent: FloatArray, stamp_ns: int, radar: RadarParameters) -> FloatArray:
     """Convert times from the radar's convention to seconds from the stamp.
 
     Times since the epoch keep the resolution of doubles, 0.24 us today.
@@ -22,7 +22,7 @@ def relative(sent: FloatArray, stamp_ns: int, radar: RadarInput) -> FloatArray:
     return since_second - nanoseconds * 1e-9
 
 
-def encode(time_s: FloatArray, stamp_ns: int, radar: RadarInput) -> FloatArray:
+def encode(time_s: FloatArray, stamp_ns: int, radar: RadarParameters) -> FloatArray:
     """Convert seconds from the stamp to the radar's convention: the inverse of `relative`."""
     per_second = _per_second(radar)
     if not radar.time_since_epoch:
@@ -31,6 +31,6 @@ def encode(time_s: FloatArray, stamp_ns: int, radar: RadarInput) -> FloatArray:
     return (time_s + nanoseconds * 1e-9) * per_second + float(seconds) * per_second
 
 
-def _per_second(radar: RadarInput) -> float:
+def _per_second(radar: RadarParameters) -> float:
     """Return the number of the radar's time units per second."""
     return float(round(1.0 / radar.time_unit_s))

@@ -14,7 +14,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Detections
 
@@ -51,7 +51,7 @@ uint32 nanosec
 RETURN_FIELDS = 5
 
 
-def from_msg(scan: Any, radar: RadarInput) -> Report:
+def from_msg(scan: Any, radar: RadarParameters) -> Report:
     """Return the detections of a scan.
 
     This message has a fixed convention, in contrast to a point cloud: azimuths are
@@ -60,7 +60,7 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
 
     Parameters
     ----------
-    radar : RadarInput
+    radar : RadarParameters
         Its `frame`, `max_range` and `amplitude_offset_db` are used; the offset converts amplitudes
         to SNRs. Amplitudes are ignored without an `fields.amplitude`, and Doppler velocities (m/s,
         positive for a receding target) without a `fields.range_rate`.
@@ -80,7 +80,7 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
     return _report(scan.header, every, radar)
 
 
-def from_cdr(data: bytes, radar: RadarInput) -> Report:
+def from_cdr(data: bytes, radar: RadarParameters) -> Report:
     """Decode the detections of a serialised scan; parameters and errors as in `from_msg`.
 
     Raises
@@ -105,7 +105,7 @@ def from_cdr(data: bytes, radar: RadarInput) -> Report:
     return _report(Header(stamp=Time(sec=sec, nanosec=nanosec), frame_id=frame), rows, radar)
 
 
-def to_cdr(detections: Detections, stamp_ns: int, radar: RadarInput) -> bytes:
+def to_cdr(detections: Detections, stamp_ns: int, radar: RadarParameters) -> bytes:
     """Serialise a planar radar's detections as a scan.
 
     Elevations are 0, or for a radar with a site those of targets at the antenna's height. Doppler
@@ -123,7 +123,7 @@ def to_cdr(detections: Detections, stamp_ns: int, radar: RadarInput) -> bytes:
     return cdr.ENCAPSULATION + bytes(scan.data) + returns.tobytes()
 
 
-def _fixed_convention(radar: RadarInput) -> RadarInput:
+def _fixed_convention(radar: RadarParameters) -> RadarParameters:
     """Return a radar's input with the units and conventions of the message."""
     return replace(radar, amplitude_unit="db", azimuth_convention="enu_ccw", azimuth_unit="rad")
 
@@ -133,7 +133,7 @@ def _require_size(count: int) -> None:
         raise RejectedMessageError("oversize", f"{count} returns, at most {MAX_POINTS} are allowed")
 
 
-def _report(header: Header, rows: FloatArray, radar: RadarInput) -> Report:
+def _report(header: Header, rows: FloatArray, radar: RadarParameters) -> Report:
     """Return the detections of rows of a return's fields, (M, 5)."""
     require_frame(header.frame_id, radar)
     return select(

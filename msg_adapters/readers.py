@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.types import Detections
 
 from . import detections, interfaces, names, radar_scan
@@ -32,9 +32,9 @@ class Reader:
     """
 
     type_name: str
-    from_msg: Callable[[Any, RadarInput], Report]
-    from_cdr: Callable[[bytes, RadarInput], Report]
-    to_cdr: Callable[[Detections, int, RadarInput], bytes]
+    from_msg: Callable[[Any, RadarParameters], Report]
+    from_cdr: Callable[[bytes, RadarParameters], Report]
+    to_cdr: Callable[[Detections, int, RadarParameters], bytes]
     definition: str = ""
     type_hash: str = ""
 
@@ -43,11 +43,11 @@ class Reader:
         return interfaces.installed_class(self.type_name)
 
 
-def _cloud_from_cdr(data: bytes, radar: RadarInput) -> Report:
+def _cloud_from_cdr(data: bytes, radar: RadarParameters) -> Report:
     return detections.from_msg(interfaces.decode(data, names.CLOUD), radar)
 
 
-def _cloud_to_cdr(found: Detections, stamp_ns: int, radar: RadarInput) -> bytes:
+def _cloud_to_cdr(found: Detections, stamp_ns: int, radar: RadarParameters) -> bytes:
     return interfaces.encode(detections.to_msg(found, stamp_ns, radar.frame, radar))
 
 
@@ -64,6 +64,6 @@ READERS = {
 }
 
 
-def reader_of(radar: RadarInput) -> Reader:
+def reader_of(radar: RadarParameters) -> Reader:
     """Return the decoder and encoder of a radar's messages."""
     return READERS[radar.message]

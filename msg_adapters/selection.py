@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
@@ -101,12 +101,12 @@ class Columns:
     range_rate_std: FloatArray | None = None
 
 
-def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
+def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     """Return the valid detections of a message in the core's units, and count the other points.
 
     Parameters
     ----------
-    radar : RadarInput
+    radar : RadarParameters
         Units, conventions and the maximum range.
 
     Notes
@@ -215,7 +215,7 @@ def _finite(columns: Columns, azimuth: FloatArray) -> BoolArray:
     return finite
 
 
-def _within_a_turn(time: FloatArray | None, count: int, radar: RadarInput) -> BoolArray:
+def _within_a_turn(time: FloatArray | None, count: int, radar: RadarParameters) -> BoolArray:
     """Return which times, seconds, are as near to the stamp as a turn allows."""
     if time is None:
         return np.ones(count, dtype=bool)
@@ -233,7 +233,7 @@ def _possible(amplitude: FloatArray | None, count: int) -> BoolArray:
 
 
 def _noise_std(
-    columns: Columns, kept: BoolArray, radar: RadarInput
+    columns: Columns, kept: BoolArray, radar: RadarParameters
 ) -> tuple[FloatArray | None, int]:
     """Return the own standard deviations, (M, 2), NaN if unknown, and the unusable count.
 
@@ -252,7 +252,7 @@ def _noise_std(
 
 
 def _range_rate(
-    column: FloatArray | None, kept: BoolArray, radar: RadarInput
+    column: FloatArray | None, kept: BoolArray, radar: RadarParameters
 ) -> tuple[FloatArray | None, dict[str, int]]:
     """Return the range rates, NaN if unknown, and the numbers of doubtful ones."""
     if column is None:
@@ -276,7 +276,7 @@ def _range_rate_std(column: FloatArray | None, kept: BoolArray) -> tuple[FloatAr
     return np.where(usable, own, np.nan), int(np.count_nonzero(~usable & ~np.isnan(own)))
 
 
-def _sector(column: FloatArray | None, radar: RadarInput) -> tuple[int | None, int]:
+def _sector(column: FloatArray | None, radar: RadarParameters) -> tuple[int | None, int]:
     """Return the number of the sector, None if unknown, and 1 if it is invalid, else 0."""
     if column is None or not len(column):
         return None, 0
@@ -296,7 +296,7 @@ def _sorted_out(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str
     return kept, +dropped
 
 
-def _linear_amplitude(raw: FloatArray, radar: RadarInput) -> FloatArray:
+def _linear_amplitude(raw: FloatArray, radar: RadarParameters) -> FloatArray:
     """Convert amplitudes to envelopes in units of the noise's standard deviation per quadrature.
 
     An envelope a has the SNR a^2 / 2.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.sectors import sector_of
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
@@ -16,7 +16,7 @@ from phd_jdtc_ros.core.types import FULL_TURN, Detections
 from . import ground_ranges, identities, plot_times
 
 
-def names_of(radar: RadarInput) -> dict[str, str]:
+def names_of(radar: RadarParameters) -> dict[str, str]:
     """Return the radar's names of its columns, by their names in `Columns`."""
     names = {
         "distance": radar.fields.range,
@@ -37,14 +37,16 @@ def names_of(radar: RadarInput) -> dict[str, str]:
     return {what: name for what, name in names.items() if name}
 
 
-def of(detections: Detections, stamp_ns: int, radar: RadarInput) -> dict[str, npt.NDArray[Any]]:
+def of(
+    detections: Detections, stamp_ns: int, radar: RadarParameters
+) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of a planar radar's detections, under the radar's names.
 
     Parameters
     ----------
     stamp_ns : int
         Stamp of the report.
-    radar : RadarInput
+    radar : RadarParameters
         Names, units and conventions.
 
     Returns
@@ -68,7 +70,7 @@ def of(detections: Detections, stamp_ns: int, radar: RadarInput) -> dict[str, np
 
 
 def _particulars(
-    detections: Detections, stamp_ns: int, radar: RadarInput
+    detections: Detections, stamp_ns: int, radar: RadarParameters
 ) -> Iterator[tuple[str, npt.NDArray[Any]]]:
     """Yield the radar's optional columns besides range, azimuth and elevation."""
     count = len(detections)
@@ -106,13 +108,13 @@ def _particulars(
             yield name, np.full(count, np.nan) if known is None else known
 
 
-def azimuth(angle: FloatArray, radar: RadarInput) -> FloatArray:
+def azimuth(angle: FloatArray, radar: RadarParameters) -> FloatArray:
     """Convert azimuths, radians from the sensor's x axis, to the radar's convention."""
     converted = np.mod(np.pi / 2.0 - angle, FULL_TURN) if radar.compass else angle
     return np.degrees(converted) if radar.azimuth_in_degrees else converted
 
 
-def level(detections: Detections, radar: RadarInput) -> FloatArray:
+def level(detections: Detections, radar: RadarParameters) -> FloatArray:
     """Convert amplitudes to the radar's convention: the inverse of `select`.
 
     Raises

@@ -13,7 +13,7 @@ import numpy as np
 from msg_adapters import selection, sent_columns
 from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_geometry import MIN_RANGE
 
@@ -91,7 +91,7 @@ def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int
     return read.report(stamp_ns, read.columns(columns), np.arange(count))
 
 
-def _rows_of_radars(columns: Columns, radars: Sequence[RadarInput]) -> Iterator[IntArray]:
+def _rows_of_radars(columns: Columns, radars: Sequence[RadarParameters]) -> Iterator[IntArray]:
     """Yield the rows of each radar's detections."""
     count = len(columns[TIME])
     if len(radars) == 1 and "radar" not in columns:
@@ -109,12 +109,12 @@ def _rows_of_radars(columns: Columns, radars: Sequence[RadarInput]) -> Iterator[
         yield np.flatnonzero(name == each)
 
 
-def _step_ns(radar: RadarInput) -> int:
+def _step_ns(radar: RadarParameters) -> int:
     """Return the duration of a part of a turn, ns."""
     return round((radar.rotation_s / PARTS_OF_A_TURN or USUAL_S) * 1e9)
 
 
-def _ends_ns(time_ns: IntArray, radar: RadarInput) -> IntArray:
+def _ends_ns(time_ns: IntArray, radar: RadarParameters) -> IntArray:
     """Return the end of the part of a turn of each detection time."""
     ends: IntArray = (time_ns // _step_ns(radar) + 1) * _step_ns(radar)
     return ends
@@ -143,7 +143,7 @@ class _Reader:
     """
 
     def __init__(
-        self, radar: RadarInput, position: tuple[float, float], yaw: float, range_std: float
+        self, radar: RadarParameters, position: tuple[float, float], yaw: float, range_std: float
     ) -> None:
         self._radar, self._range_std = radar, range_std
         self._position, self._yaw = position, yaw

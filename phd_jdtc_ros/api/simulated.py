@@ -13,7 +13,7 @@ import numpy as np
 from msg_adapters import identities, sent_columns
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Truth
@@ -122,7 +122,7 @@ def _reports(seen: Sequence[tuple[Truth, Any]]) -> Iterator[tuple[int, int, Dete
 
 
 def _detections(
-    reports: Sequence[tuple[int, int, Detections]], inputs: Sequence[RadarInput]
+    reports: Sequence[tuple[int, int, Detections]], inputs: Sequence[RadarParameters]
 ) -> Column:
     """Return reports as a table with the columns of all radars."""
     own = [sent_columns.names_of(radar).values() for radar in inputs]

@@ -4,7 +4,7 @@
 
     dotted names and values
       |  type and bounds of each             schema (a parameter), forms (its notation)
-      |  dataclasses that declare them       parameters, radar_input
+      |  dataclasses that declare them       parameters, radar_parameters
       |  consistency with each other         checks
       |  units, matrices, models             models
     TrackerConfig                            build

@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule, rule_of
 from . import checks, replaced
 from .models import on_earth, platform_of, tracker_model, watch_of
 from .parameters import LABELLED, Parts, Tracking, engine_of, entries, parts_of, schema
-from .radar_input import RadarInput
+from .radar_parameters import RadarParameters
 from .schema import ConfigError, build, check
 from .schema import name_faults as schema_faults
 
@@ -92,7 +92,7 @@ class TrackerConfig(Tracking):
     ----------
     values : dict
         Value of every parameter, given or default, by dotted name in the order of the table.
-    inputs : tuple of RadarInput
+    inputs : tuple of RadarParameters
         In the configured order.
     recursion : Recursion
         Filter of the particle engine.
@@ -107,7 +107,7 @@ class TrackerConfig(Tracking):
     """
 
     values: dict[str, Any]
-    inputs: tuple[RadarInput, ...]
+    inputs: tuple[RadarParameters, ...]
     model: TrackerModel
     recursion: Recursion
     bounds: Bounds

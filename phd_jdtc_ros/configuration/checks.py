@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.targets import amplitude_density
 
 from .forms import FIXED
 from .parameters import GROUPS, LABELLED, REFERENCE, TOP, Parts
-from .radar_input import QUANTITIES, RadarInput
+from .radar_parameters import QUANTITIES, RadarParameters
 
 # Fewer particles do not represent a target.
 LEAST_PER_TARGET = 10
@@ -125,7 +125,7 @@ def _addresses(parts: Parts) -> Faults:
                 yield f"{name}.{key}: {own!r} given, another radar has it too"
 
 
-def _visibility(radar: RadarInput, parts: Parts) -> Faults:
+def _visibility(radar: RadarParameters, parts: Parts) -> Faults:
     name, (begin, end), edges = radar.name, radar.fov_deg, radar.blind_sectors_deg
     if begin == end or abs(end - begin) > 360.0:
         yield f"{name}.fov_deg: [{begin}, {end}] given, must be two azimuths at most a turn apart"
@@ -141,7 +141,7 @@ def _visibility(radar: RadarInput, parts: Parts) -> Faults:
         )
 
 
-def _turns(radar: RadarInput, parts: Parts) -> Faults:
+def _turns(radar: RadarParameters, parts: Parts) -> Faults:
     name, engine = radar.name, parts.tracking.engine
     if radar.sectors and not radar.rotation_s:
         yield f"{name}.rotation_s: 0 given, must be above 0 with sectors"
@@ -154,7 +154,7 @@ def _turns(radar: RadarInput, parts: Parts) -> Faults:
         )
 
 
-def _clutter_map(radar: RadarInput, parts: Parts) -> Faults:
+def _clutter_map(radar: RadarParameters, parts: Parts) -> Faults:
     if radar.clutter_map and radar.pose.topic and parts.tracking.engine != "gaussian":
         yield (
             f"{radar.name}.clutter_map: true given, must be false for a moving radar with engine "
@@ -162,7 +162,7 @@ def _clutter_map(radar: RadarInput, parts: Parts) -> Faults:
         )
 
 
-def _outliers(radar: RadarInput, parts: Parts) -> Faults:
+def _outliers(radar: RadarParameters, parts: Parts) -> Faults:
     engine = parts.tracking.engine
     if radar.range_std.outliers and engine != "gaussian":
         yield (
@@ -171,7 +171,7 @@ def _outliers(radar: RadarInput, parts: Parts) -> Faults:
         )
 
 
-def _fields(radar: RadarInput, parts: Parts) -> Faults:
+def _fields(radar: RadarParameters, parts: Parts) -> Faults:
     """Yield a fault for each quantity of a cloud whose field another quantity has too."""
     taken: dict[str, str] = {}
     for quantity in QUANTITIES if radar.message == "point_cloud" else ():
@@ -182,7 +182,7 @@ def _fields(radar: RadarInput, parts: Parts) -> Faults:
             taken[field] = key
 
 
-def _range_rates(radar: RadarInput, parts: Parts) -> Faults:
+def _range_rates(radar: RadarParameters, parts: Parts) -> Faults:
     interval, std, rated = radar.range_rate_ambiguity, radar.range_rate_std, radar.fields.range_rate
     if rated and 0.0 < interval < LEAST_INTERVAL * std:
         yield (
@@ -193,7 +193,7 @@ def _range_rates(radar: RadarInput, parts: Parts) -> Faults:
         yield f"{radar.name}.fields.range_rate: '' given, must be a name with range_rate_std"
 
 
-def _pose(radar: RadarInput, parts: Parts) -> Faults:
+def _pose(radar: RadarParameters, parts: Parts) -> Faults:
     key, (topic, message, _) = f"{radar.name}.pose", radar.pose
     detections = {other.topic: other.name for other in parts.radars.values()}
     first = next((other for other in parts.radars.values() if other.pose.topic), radar)
@@ -203,7 +203,7 @@ def _pose(radar: RadarInput, parts: Parts) -> Faults:
         yield f"{key}: {message} given, must be {first.pose.message} as that of {first.name}"
 
 
-def _place(radar: RadarInput, parts: Parts) -> Faults:
+def _place(radar: RadarParameters, parts: Parts) -> Faults:
     """Yield the faults of a place on the earth in combination with other parameters."""
     name, place, origin = radar.name, radar.geodetic, parts.tracking.world_origin
     if not place:
@@ -229,7 +229,7 @@ def _place(radar: RadarInput, parts: Parts) -> Faults:
 
 
 _CHECKS: tuple[Callable[[Parts], Faults], ...] = (_names, _classes, _tracking, _births, _addresses)
-_OF_RADARS: tuple[Callable[[RadarInput, Parts], Faults], ...] = (
+_OF_RADARS: tuple[Callable[[RadarParameters, Parts], Faults], ...] = (
     *(_visibility, _turns, _clutter_map, _outliers, _fields, _range_rates, _pose, _place),
 )
 

@@ -40,7 +40,7 @@ from phd_jdtc_ros.core.types import FULL_TURN, Coverage
 
 from .forms import AUTO
 from .parameters import LABELLED, Birth, Motion, Parts, TargetClass
-from .radar_input import RadarInput
+from .radar_parameters import RadarParameters
 
 # Standard deviation of the level of log-normal clutter, dB: sea and land at low grazing angles.
 CLUTTER_STD_DB = 6.0
@@ -75,7 +75,7 @@ SPAWN_SAME_MOTION, SPAWN_OTHER_MOTION = 0.9, 0.1
 
 
 def tracker_model(
-    parts: Parts, inputs: Sequence[RadarInput], per_detection: int, most: int
+    parts: Parts, inputs: Sequence[RadarParameters], per_detection: int, most: int
 ) -> TrackerModel:
     """Return the models of targets and radars.
 
@@ -143,7 +143,7 @@ def _attributes(parts: Parts) -> AttributeModel | None:
     )
 
 
-def _amplitudes(parts: Parts, inputs: Sequence[RadarInput]) -> AmplitudeModel:
+def _amplitudes(parts: Parts, inputs: Sequence[RadarParameters]) -> AmplitudeModel:
     use = parts.tracking.amplitude
     if use == "auto":
         # Particles are too few for an SNR of each, and without amplitudes nothing shows the SNR.
@@ -204,7 +204,7 @@ def _spawn(rate: float, modes: ModeSpace) -> SpawnModel:
 # --- radars ---------------------------------------------------------------------------------------
 
 
-def on_earth(radar: RadarInput, plane: Plane | None) -> RadarInput:
+def on_earth(radar: RadarParameters, plane: Plane | None) -> RadarParameters:
     """Return a radar with its place on the earth, if the world has a map projection."""
     if plane is None:
         return radar
@@ -213,7 +213,7 @@ def on_earth(radar: RadarInput, plane: Plane | None) -> RadarInput:
     return replace(radar, site=site, datum=plane.origin[2])
 
 
-def radar_model(radar: RadarInput) -> RadarModel:
+def radar_model(radar: RadarParameters) -> RadarModel:
     """Return the model of a radar's detections and measurements."""
     threshold = amplitude_density.threshold_for(radar.false_alarm_probability)
     range_std, azimuth_std = radar.range_std.start, math.radians(radar.azimuth_std_deg.start)
@@ -252,24 +252,24 @@ def radar_model(radar: RadarInput) -> RadarModel:
     )
 
 
-def _noise_factor(radar: RadarInput) -> NoiseFactor | None:
+def _noise_factor(radar: RadarParameters) -> NoiseFactor | None:
     """Return the prior of the noise, in the order of a measurement's components."""
     learned = radar.range_std.learned, radar.azimuth_std_deg.learned
     return NoiseFactor(np.array(learned)) if any(learned) else None
 
 
-def _correlation(radar: RadarInput) -> Correlation | None:
+def _correlation(radar: RadarParameters) -> Correlation | None:
     given = radar.detection_probability.correlation
     return None if given is None else Correlation(given.start, given.learned)
 
 
-def _clutter_map(radar: RadarInput, range_std: float, azimuth_std: float) -> ClutterMap:
+def _clutter_map(radar: RadarParameters, range_std: float, azimuth_std: float) -> ClutterMap:
     if not radar.pose.topic:
         return ClutterMap(PolarGrid.of_noise(range_std, azimuth_std))
     return ClutterMap(GroundGrid.of_noise(range_std, azimuth_std, radar.max_range))
 
 
-def _clutter_amplitude(radar: RadarInput, threshold: float) -> ClutterAmplitude:
+def _clutter_amplitude(radar: RadarParameters, threshold: float) -> ClutterAmplitude:
     law, level_db = radar.clutter_amplitude
     if law == "learned":
         return Learned(threshold)
@@ -278,7 +278,7 @@ def _clutter_amplitude(radar: RadarInput, threshold: float) -> ClutterAmplitude:
     return Rayleigh(amplitude_density.snr_from_db(level_db))
 
 
-def _visibility(radar: RadarInput) -> Visibility:
+def _visibility(radar: RadarParameters) -> Visibility:
     edges, table = radar.blind_sectors_deg, radar.detection_probability.start
     return Visibility(
         max_range=radar.max_range,
@@ -302,7 +302,7 @@ def _sector(begin_deg: float, end_deg: float, compass: bool) -> Coverage:
     return Coverage(math.radians(start), min(math.radians(width), FULL_TURN))
 
 
-def platform_of(radar: RadarInput, model: Sensor, reset_threshold_s: float) -> Platform | None:
+def platform_of(radar: RadarParameters, model: Sensor, reset_threshold_s: float) -> Platform | None:
     """Return the platform of a radar; None if the radar does not move."""
     if not radar.pose.topic:
         return None
@@ -310,7 +310,7 @@ def platform_of(radar: RadarInput, model: Sensor, reset_threshold_s: float) -> P
     return Platform(track, Mount(model.position, model.yaw))
 
 
-def watch_of(radar: RadarInput, model: Sensor) -> ReportWatch:
+def watch_of(radar: RadarParameters, model: Sensor) -> ReportWatch:
     """Return the checks of a radar's reports against its configuration; none for other kinds."""
     if not isinstance(model, RadarModel):
         return ReportWatch()

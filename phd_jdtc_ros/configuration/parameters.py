@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.targets.motion import MOTIONS
 from phd_jdtc_ros.core.tracks.region import Region
 
 from . import forms
-from .radar_input import RadarInput
+from .radar_parameters import RadarParameters
 from .schema import INFINITY, POSITIVE, SMALL, Parameter, build, expand, parameter, table
 
 # Largest numbers of names: every class needs a matrix logarithm and every name has parameters, so
@@ -276,7 +276,7 @@ class Parts(NamedTuple):
     """The parameters of the tracker and of its parts, by name."""
 
     tracking: Tracking
-    radars: dict[str, RadarInput]
+    radars: dict[str, RadarParameters]
     classes: dict[str, TargetClass]
     motions: dict[str, Motion]
     births: dict[str, Birth]
@@ -284,7 +284,7 @@ class Parts(NamedTuple):
 
 TOP = table(Tracking)
 GROUPS = {
-    "sensors": table(RadarInput),
+    "sensors": table(RadarParameters),
     "classes": table(TargetClass),
     "motions": table(Motion),
     "births": table(Birth),
@@ -325,9 +325,9 @@ def parts_of(values: Mapping[str, Any]) -> Parts:
     )
 
 
-def _radar(values: Mapping[str, Any], name: str) -> RadarInput:
+def _radar(values: Mapping[str, Any], name: str) -> RadarParameters:
     addresses = {key: name_or(values, name, key) for key in ("topic", "frame")}
-    return build(RadarInput, values, f"{name}.", name=name, **addresses)
+    return build(RadarParameters, values, f"{name}.", name=name, **addresses)
 
 
 def name_or(values: Mapping[str, Any], radar: str, key: str) -> str:

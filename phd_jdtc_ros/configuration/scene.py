@@ -11,7 +11,7 @@ from typing import Any
 
 from .forms import AUTO
 from .parameters import GROUPS, name_or
-from .radar_input import QUANTITIES, Fields
+from .radar_parameters import QUANTITIES, Fields
 
 # Scene parameters of the whole tracker, and the parameters that place a radar.
 OF_ALL = ("world_origin",)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 
 # Components of a measurement, with the parameter and the unit of their noise.
 NOISE = {
@@ -37,7 +37,9 @@ class LearnedValue(NamedTuple):
     unit: str
 
 
-def values(inputs: Iterable[RadarInput], figures: Mapping[str, float]) -> Iterator[LearnedValue]:
+def values(
+    inputs: Iterable[RadarParameters], figures: Mapping[str, float]
+) -> Iterator[LearnedValue]:
     """Yield the values that are learned of each sensor.
 
     Parameters

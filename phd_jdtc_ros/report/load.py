@@ -23,7 +23,7 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.intake.posed_reports import PosedReport, PosedReports
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
@@ -136,7 +136,7 @@ def input_types(config: TrackerConfig) -> dict[str, str]:
 def posed_reports(
     intact: Intact,
     config: TrackerConfig,
-    inputs: Sequence[RadarInput],
+    inputs: Sequence[RadarParameters],
     dropped: Sequence[Counter[str]],
     until_ns: int | None = None,
 ) -> Iterator[PosedReport]:
@@ -144,7 +144,7 @@ def posed_reports(
 
     Parameters
     ----------
-    inputs : sequence of RadarInput
+    inputs : sequence of RadarParameters
         Layouts of the radars' messages.
     dropped : sequence of Counter
         By radar, counts of rejected messages and points are added here.

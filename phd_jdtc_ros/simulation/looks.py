@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.slant_range import MIN_SLANT_RANGE
@@ -89,7 +89,7 @@ def passes(
     return time[np.diff(time, prepend=-np.inf) > SAME_PASS_S]
 
 
-def looks(scenario: Scenario, index: int, layout: RadarInput | None = None) -> Looks:
+def looks(scenario: Scenario, index: int, layout: RadarParameters | None = None) -> Looks:
     """Return the passes of one radar's beam over all targets; see `plots_of` for the layout.
 
     Targets in gaps are left out; targets outside the radar's ranges and azimuths are not.
@@ -107,7 +107,7 @@ def looks(scenario: Scenario, index: int, layout: RadarInput | None = None) -> L
 def looks_beside(
     scenario: Scenario,
     index: int,
-    layout: RadarInput | None,
+    layout: RadarParameters | None,
     number: int,
     place: tuple[float, float],
 ) -> Looks:
@@ -131,7 +131,7 @@ def looks_beside(
 
 
 def _looks_at(
-    scenario: Scenario, index: int, layout: RadarInput | None, number: int, time_s: FloatArray
+    scenario: Scenario, index: int, layout: RadarParameters | None, number: int, time_s: FloatArray
 ) -> Looks:
     """Return a radar's looks at a target at given times, without those outside its elevations."""
     state = scenario.flights[number - 1].states(time_s)
@@ -148,7 +148,7 @@ def _looks_at(
     return Looks(*(column[inside] for column in found))
 
 
-def slant(layout: RadarInput | None, measured: FloatArray, height: FloatArray) -> FloatArray:
+def slant(layout: RadarParameters | None, measured: FloatArray, height: FloatArray) -> FloatArray:
     """Return (range, azimuth) as measured by a radar on the round earth; others unchanged.
 
     Parameters

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.types import FULL_TURN
 
@@ -56,7 +56,7 @@ class SimulatedPlots(NamedTuple):
 
 
 def plots_of(
-    scenario: Scenario, index: int, rng: np.random.Generator, layout: RadarInput | None = None
+    scenario: Scenario, index: int, rng: np.random.Generator, layout: RadarParameters | None = None
 ) -> SimulatedPlots:
     """Return the plots of one radar, with clutter, ordered by time.
 
@@ -125,7 +125,7 @@ def _reflector_plots(
 
 
 def _mirror_plots(
-    scenario: Scenario, index: int, layout: RadarInput | None, rng: np.random.Generator
+    scenario: Scenario, index: int, layout: RadarParameters | None, rng: np.random.Generator
 ) -> Iterator[SimulatedPlots]:
     """Yield a radar's plots of each target's replies by each mirror."""
     radar, antenna = scenario.radars[index], scenario.antennas[index]

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.slant_range import HeightProjection, over_ground
@@ -56,13 +56,13 @@ class SimulatedReport(NamedTuple):
 
 
 def simulate_reports(
-    scenario: Scenario, inputs: Sequence[RadarInput], seed: int
+    scenario: Scenario, inputs: Sequence[RadarParameters], seed: int
 ) -> list[SimulatedReport]:
     """Return the reports of all radars, ordered by stamp and then by radar.
 
     Parameters
     ----------
-    inputs : sequence of RadarInput
+    inputs : sequence of RadarParameters
         One per radar: number of sectors per turn, and whether its messages have times and
         amplitudes. Detections have only the fields of the messages.
     """
@@ -78,7 +78,7 @@ def simulate_reports(
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
 
 
-def check_sites(inputs: Sequence[RadarInput]) -> None:
+def check_sites(inputs: Sequence[RadarParameters]) -> None:
     """Refuse staring radars on the round earth, which are simulated over a plane only."""
     faults = [
         f"{radar.name}.rotation_s: 0 given, must be above 0 to simulate a radar with geodetic"
@@ -90,7 +90,7 @@ def check_sites(inputs: Sequence[RadarInput]) -> None:
 
 
 def plots_with_replies(
-    scenario: Scenario, index: int, layout: RadarInput, seed: int
+    scenario: Scenario, index: int, layout: RadarParameters, seed: int
 ) -> tuple[SimulatedPlots, Detections]:
     """Return the plots of a turning radar from scan 0 on, and the same as detections.
 
@@ -120,7 +120,7 @@ def _add_bias(report: SimulatedReport, scenario: Scenario) -> SimulatedReport:
 
 
 def reports_of(
-    scenario: Scenario, index: int, plots: SimulatedPlots, layout: RadarInput, seed: int = 0
+    scenario: Scenario, index: int, plots: SimulatedPlots, layout: RadarParameters, seed: int = 0
 ) -> list[SimulatedReport]:
     """Return one report per turn or sector of a radar, also without plots.
 
@@ -168,7 +168,7 @@ def _to_detections(
     rows: slice,
     time_s: FloatArray,
     coverage: Coverage | None,
-    layout: RadarInput,
+    layout: RadarParameters,
 ) -> Detections:
     """Return some plots as detections with the fields of the radar's messages."""
     return Detections(
@@ -194,7 +194,9 @@ def _heights_at(scenario: Scenario, source: IntArray, time_s: FloatArray) -> Flo
     return height
 
 
-def _with_decoded_ranges(found: Detections, true: FloatArray, layout: RadarInput) -> Detections:
+def _with_decoded_ranges(
+    found: Detections, true: FloatArray, layout: RadarParameters
+) -> Detections:
     """Return detections over a plane with ranges as a reader converts them, given their heights.
 
     Parameters
@@ -210,7 +212,7 @@ def _with_decoded_ranges(found: Detections, true: FloatArray, layout: RadarInput
     return replace(found, measurement=reading.at(found.measurement, true, found.height))
 
 
-def to_plane(found: Detections, layout: RadarInput) -> Detections:
+def to_plane(found: Detections, layout: RadarParameters) -> Detections:
     """Return detections with ranges and azimuths in the plane, as a reader converts them.
 
     Parameters
@@ -236,7 +238,7 @@ def _replies(scenario: Scenario, index: int, plots: SimulatedPlots, seed: int) -
     return scenario.with_replies(found, plots.answering, time_s, (seed, index))
 
 
-def _with_replies(found: Detections, replies: Detections, layout: RadarInput) -> Detections:
+def _with_replies(found: Detections, replies: Detections, layout: RadarParameters) -> Detections:
     """Return detections with the replies that the radar's messages contain."""
     return replace(
         found,
@@ -264,7 +266,7 @@ def _coverage(antenna: Antenna, sector: int, sectors: int) -> Coverage:
 
 
 def _staring_reports(
-    scenario: Scenario, index: int, layout: RadarInput, rng: np.random.Generator, seed: int
+    scenario: Scenario, index: int, layout: RadarParameters, rng: np.random.Generator, seed: int
 ) -> list[SimulatedReport]:
     """Return the reports of a staring radar, one per scan."""
     snr_of = np.array([target.snr for target in scenario.targets])

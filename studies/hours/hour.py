@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.slant_range import Ground
@@ -97,9 +97,9 @@ class Reader:
         `msg_adapters.ground_ranges.read`.
     """
 
-    layout: RadarInput
+    layout: RadarParameters
     radar: RadarModel
-    read: Callable[[FloatArray, FloatArray, None, FloatArray | None, RadarInput], Ground]
+    read: Callable[[FloatArray, FloatArray, None, FloatArray | None, RadarParameters], Ground]
 
     def ground(
         self, distance: FloatArray, azimuth: FloatArray, height: FloatArray
@@ -124,12 +124,12 @@ class Hour:
 
     Parameters
     ----------
-    layout : RadarInput
+    layout : RadarParameters
         Site and message layout of the radar.
     """
 
     scenario: Scenario
-    layout: RadarInput
+    layout: RadarParameters
     seed: int
 
     @property

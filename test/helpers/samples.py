@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 from msg_adapters import stamps
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.types import UNKNOWN, Attributes, Detections, Estimates, Truth
 
 STAMP_NS = 1_700_000_000_123_456_789
@@ -76,7 +76,7 @@ def layout(usual, **changes):
 
 def radar(**changes):
     """Return how the reference radar's clouds are read, with some of it changed."""
-    usual = RadarInput(name="radar_1", topic="/radar_1/detections", frame=FRAME)
+    usual = RadarParameters(name="radar_1", topic="/radar_1/detections", frame=FRAME)
     return layout(usual, **changes)
 
 

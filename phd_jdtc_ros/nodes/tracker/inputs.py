@@ -16,7 +16,7 @@ from msg_adapters import anomalies, interfaces, platform_poses
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import Reader, reader_of
 from msg_adapters.selection import Report
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.intake.poses import PoseFault
@@ -260,13 +260,13 @@ class Inputs:
         return (*self.radars, *self.platforms.values())
 
 
-def clouds_of_a_second(radar: RadarInput) -> int:
+def clouds_of_a_second(radar: RadarParameters) -> int:
     """Return the depth of a radar's queue: the messages of a second, or more."""
     clouds = radar.sectors / radar.rotation_s if radar.rotation_s else 0.0
     return max(math.ceil(clouds), endpoints.INPUT_DEPTH)
 
 
-def _message_class(radar: RadarInput, reader: Reader) -> Any:
+def _message_class(radar: RadarParameters, reader: Reader) -> Any:
     message_class = reader.message_class()
     if message_class is None:
         package = reader.type_name.split("/")[0]

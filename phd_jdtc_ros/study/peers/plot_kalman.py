@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.evaluation.comparison import PointSet
@@ -254,14 +254,16 @@ def follow(
     return found
 
 
-def plot_kalman(run: SimulatedRun, inputs: Sequence[RadarInput], lags: Sequence[int]) -> Tracked:
+def plot_kalman(
+    run: SimulatedRun, inputs: Sequence[RadarParameters], lags: Sequence[int]
+) -> Tracked:
     """Return the tracker's filtered estimates of a run of turning radars.
 
     Parameters
     ----------
     run : SimulatedRun
         Result of `turning.turning_run`.
-    inputs : sequence of RadarInput
+    inputs : sequence of RadarParameters
         Message layouts: whether plots have times.
     lags : sequence of int
         Lags; all get the filtered estimates, since the tracker has no smoother.

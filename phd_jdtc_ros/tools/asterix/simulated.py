@@ -17,7 +17,7 @@ from phd_jdtc_ros.asterix.messages import Plot
 from phd_jdtc_ros.asterix.transport import pcap_out
 from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 from phd_jdtc_ros.simulation.plots import plot_times
@@ -74,7 +74,7 @@ def write(
 
 
 def _blocks(
-    run: Scenario, index: int, layout: RadarInput, sending: Sending, seed: int
+    run: Scenario, index: int, layout: RadarParameters, sending: Sending, seed: int
 ) -> Iterator[tuple[int, bytes]]:
     """Yield time of receipt, nanoseconds since the epoch, and bytes of a radar's data blocks."""
     radar, antenna = run.radars[index], run.antennas[index]
@@ -104,7 +104,7 @@ def _blocks(
                 yield passed_ns + round(sending.delay_s * 1e9), block
 
 
-def _plots(found: Detections, layout: RadarInput, number: int) -> list[Plot]:
+def _plots(found: Detections, layout: RadarParameters, number: int) -> list[Plot]:
     """Return plots as a radar measures and sends them, without amplitudes."""
     above = filled_column(found.height, len(found), math.nan)
     distance, azimuth = found.measurement.T

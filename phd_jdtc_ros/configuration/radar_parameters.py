@@ -40,7 +40,7 @@ QUANTITIES = tuple(entry.name for entry in fields(Fields))
 
 
 @dataclass(frozen=True)
-class RadarInput:
+class RadarParameters:
     """The parameters of a radar, with its name and its place on the earth.
 
     Parameters
