@@ -55,7 +55,9 @@ class Part:
 
 
 UPDATE = (
+    "gaussian/test_gaussian_births.py",
     "gaussian/test_gaussian_update.py",
+    "gaussian/measurement/test_pairs.py",
     "gaussian/test_update_with_rates_and_replies.py",
     "gaussian/test_joint_update.py",
 )
@@ -81,6 +83,7 @@ PARTS = {
     "gaussian births": Part(
         ("gaussian/measurement/iterated_update.py", "gaussian/measurement/newborn.py"),
         (
+            "gaussian/test_gaussian_births.py",
             "gaussian/test_gaussian_update.py",
             "gaussian/measurement/test_iterated_update.py",
             "gaussian/measurement/test_newborn_gaussians.py",

@@ -8,7 +8,7 @@ from pyproj import Geod
 from phd_jdtc_ros.earth import SystemPlane
 
 ORIGINS = [(52.3, 4.8), (-33.9, 179.6), (0.0, -60.0), (78.2, 15.5), (90.0, 0.0), (-90.0, 0.0)]
-# Of WGS84, metres.
+# Semi-axes of WGS84, metres.
 SEMI_MAJOR, SEMI_MINOR = 6378137.0, 6356752.314245
 GEOD = Geod(ellps="WGS84")
 

@@ -15,8 +15,8 @@ from phd_jdtc_ros.core.sensors import wgs84
 from phd_jdtc_ros.core.sensors.site import MAX_SITE_DISTANCE
 from phd_jdtc_ros.core.targets import amplitude_density
 
-from .forms import FIXED
 from .parameters import GROUPS, LABELLED, REFERENCE, TOP, Parts
+from .place_forms import FIXED
 from .radar_parameters import QUANTITIES, RadarParameters
 
 # Fewer particles do not represent a target.

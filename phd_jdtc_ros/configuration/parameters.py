@@ -16,7 +16,7 @@ from phd_jdtc_ros.core.engine import Lag
 from phd_jdtc_ros.core.targets.motion import MOTIONS
 from phd_jdtc_ros.core.tracks.region import Region
 
-from . import forms
+from . import forms, place_forms
 from .radar_parameters import RadarParameters
 from .schema import INFINITY, POSITIVE, SMALL, Parameter, build, expand, parameter, table
 
@@ -38,7 +38,7 @@ class Tracking:
         "Latitude and longitude of the world frame's origin (WGS84, degrees) and height of its "
         "zero (m): x and y are then in the stereographic plane about it. Empty for a world frame "
         "without a position on the earth.",
-        form=forms.PLACE,
+        form=place_forms.PLACE,
     )
     sensors: list[str] = parameter(
         ["radar_1", "radar_2"],
@@ -87,7 +87,7 @@ class Tracking:
         "Region of a tracker that shares an area with others: [x_min, y_min, x_max, y_max, margin] "
         "in the world frame, m. Detections and tracks beyond the margin are ignored; empty for no "
         "bounds.",
-        form=forms.REGION,
+        form=place_forms.REGION,
     )
     estimates_period_s: float = parameter(
         0.0,

@@ -10,7 +10,7 @@ from phd_jdtc_ros.core.clutter.rate import START_RATE
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.site import Site
 
-from . import forms
+from . import forms, place_forms
 from .schema import NOT_NEGATIVE, POSITIVE, SMALL, parameter
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -65,14 +65,14 @@ class RadarParameters:
         [0.0, 0.0],
         "Position of the radar in the world frame, x and y, and optionally the height of its "
         "antenna above the world's zero, m.",
-        form=forms.POSITION,
+        form=place_forms.POSITION,
     )
     geodetic: list[float] = parameter(
         [],
         "Latitude and longitude of the radar (WGS84, degrees) and height of its antenna (m), "
         "instead of position. Set it, with world_origin, for slant ranges over the round earth and "
         "azimuths from true north.",
-        form=forms.PLACE,
+        form=place_forms.PLACE,
     )
     yaw_deg: float = parameter(
         0.0,
@@ -80,12 +80,12 @@ class RadarParameters:
         "frame, or from true east with geodetic.",
         (-360.0, 360.0),
     )
-    pose: forms.PoseSource = parameter(
-        forms.FIXED,
+    pose: place_forms.PoseSource = parameter(
+        place_forms.FIXED,
         "Topic of the poses of a moving radar's platform in the world frame; position and yaw_deg "
         "are then in the platform's frame. Add stabilised if azimuths do not turn with the "
         "platform.",
-        form=forms.POSE,
+        form=place_forms.POSE,
     )
     pose_max_age_s: float = parameter(
         1.0,
@@ -219,7 +219,7 @@ class RadarParameters:
         [],
         "Height of targets without a measured height, m, counted as in world_origin; only with "
         "geodetic. Empty for the antenna's height.",
-        form=forms.HEIGHT,
+        form=place_forms.HEIGHT,
     )
     range_rate_std: float = parameter(
         0.1, "Standard deviation of range rates, m/s.", (1e-3, 1e3), mutable=True
@@ -254,7 +254,7 @@ class RadarParameters:
         [0.0, 0.0, 0.0, 0.0],
         "Biases that are subtracted from range (m), range per range, azimuth (degrees, in the "
         "radar's direction) and time (s; positive for late stamps). register estimates them.",
-        form=forms.BIASES,
+        form=place_forms.BIASES,
     )
     name: str = ""
     site: Site | None = None

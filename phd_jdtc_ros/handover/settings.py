@@ -9,7 +9,7 @@ from typing import Any
 
 from msg_adapters import names
 from phd_jdtc_ros.configuration import replaced
-from phd_jdtc_ros.configuration.forms import is_region
+from phd_jdtc_ros.configuration.place_forms import is_region
 from phd_jdtc_ros.configuration.schema import (
     NOT_NEGATIVE,
     ConfigError,

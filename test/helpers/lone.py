@@ -1,11 +1,18 @@
 """A target alone in the field of one radar, and Gaussian engines with a prior at its start."""
 
+from dataclasses import replace
+
 import inner
 import numpy as np
 
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.gaussian.reduction import Branched
+from phd_jdtc_ros.core.gaussian.update import GaussianSteps
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections, Scan
+from phd_jdtc_ros.core.window.update import update
 
 START_NS = 10**12
 INTERVAL_S = 6.0
@@ -38,6 +45,12 @@ TWO_MOTIONS = {
     "ct.model": "coordinated_turn",
     "ct.noise_density": 2.0,
     "ct.turn_noise_density": 1e-5,
+}
+BIRTHS = {
+    "detection_births.rates": [0.05],
+    "detection_births.velocity_std": 35.0,
+    "detection_births.turn_rate_std": 2e-3,
+    "radar.clutter_rate": 2.0,
 }
 # Nothing is dropped or merged.
 UNREDUCED = {"bounds.hypotheses": 1000, "bounds.least_share": 0.0, "bounds.merge_distance": 0.0}
@@ -75,6 +88,16 @@ def started(config, *targets):
     stored = mixture_of(engine.forward.dynamics, targets or [(1.0, MEAN, STD)])
     engine.forward.start_from(START_NS, stored)
     return engine
+
+
+def updated(config, mixture, detections, clutter=None, attributes=None, **bounds):
+    """Return what one radar's detections make of a mixture, and the births."""
+    (radar,) = config.model.radars
+    limits = replace(new_engine(config).forward.bounds, **bounds)
+    predicted = Branched(mixture, np.arange(len(mixture)))
+    steps = GaussianSteps(Dynamics(config.model), limits)
+    found = update(predicted, Report(radar, detections), steps, INTERVAL_S, clutter, attributes)
+    return found.rows, next(iter(found.newborns), None)
 
 
 def scan_at(seconds, measurement, amplitude=None, **more):

@@ -7,9 +7,9 @@ import tower
 import yaml
 from bag_content import messages, write
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from refusals import faults_of
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
+from two_regions import MARGIN, REGIONS, given
 
 from msg_adapters import detections as plots
 from msg_adapters import diagnostics, estimates, names
@@ -21,8 +21,6 @@ from phd_jdtc_ros.parameter_files import bag_parameters
 
 NS = 10**9
 START_S, PERIOD_S, SCANS = 1_700_000_000, round(tower.PERIOD_S), 16
-MARGIN = 4e3
-REGIONS = {"west": [-60e3, -60e3, 0.0, 60e3], "east": [0.0, -60e3, 60e3, 60e3]}
 # East, north and velocities at the start: one that crosses the seam each way, and one that stays.
 AIRCRAFT = np.array([[-8e3, 12e3, 220.0, 0.0], [9e3, -14e3, -230.0, 0.0], [30e3, 20e3, 0.0, 150.0]])
 CODES = np.array([0o4521, 0o7000, 0o1234])
@@ -35,16 +33,8 @@ def parameters(tracker):
     return {**TOWER, "region": [*REGIONS[tracker], MARGIN]}
 
 
-def given(**more):
-    """Return the parameters of the hand-over of both regions."""
-    found = {"trackers": list(REGIONS)}
-    for name, region in REGIONS.items():
-        found[f"{name}.region"] = [*region, MARGIN]
-    return {**found, **more}
-
-
 def joining(**more):
-    """Return them as ROS arguments."""
+    """Return the parameters of the hand-over as ROS arguments."""
     words = (word for name, value in given(**more).items() for word in ("-p", f"{name}:={value}"))
     return ["--ros-args", *words]
 
@@ -351,52 +341,12 @@ def test_one_wrong_stamp_of_a_tracker_that_dies_does_not_end_the_picture(process
     assert rig.until("east", DiagnosticStatus.WARN, "silent for")
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"trackers": ["west"]}, "trackers: ['west'] given, must be two names or more"),
-        (
-            {"west.region": []},
-            "west.region: [] given, must be [x_min, y_min, x_max, y_max, margin]",
-        ),
-        ({"east.region": [1.0, 0.0, 0.0, 1.0]}, "east.region: [1.0, 0.0, 0.0, 1.0] given"),
-        ({"hysteresis": 5e3}, "hysteresis: 5000.0 given, must be from 0 to the margin, 4000"),
-        ({"west.node": "/east/tracker"}, "east.node: /east/tracker given, west has it too"),
-        ({"west.speed": 1.0}, "west.speed: unknown parameter"),
-        ({"west.region": REGIONS["west"]}, "west.region: margin 0 given, must be above 0"),
-        (
-            {"east.region": [-1e3, 0.0, 60e3, 60e3, MARGIN]},
-            "east.region: [-1000, 0, 60000, 60000] given, must not overlap west.region",
-        ),
-    ],
-)
-def test_parameters_that_do_not_fit_are_reported(changes, words):
-    assert any(fault.startswith(words) for fault in faults_of(settings.resolve, given(**changes)))
-
-
-def test_two_trackers_of_one_name_are_one_fault():
-    assert faults_of(settings.resolve, given(trackers=["west", "west"])) == [
-        "trackers: ['west', 'west'] given, must be a list of distinct names, at most 50"
-    ]
-
-
 def test_invalid_node_name_is_reported_with_its_parameter(processes):
     status, text = processes.run("hand_over", *joining(**{"west.node": "/9west"}))
     assert status == 2
     assert text.strip() == "hand_over: west.node: '/9west' given, must be a node's name"
     found = settings.resolve(given())
     assert found.origin(0) == ("trackers", "west")
-
-
-def test_target_changes_over_a_fifth_of_the_margin_behind_the_seam_by_default():
-    assert settings.resolve(given()).hysteresis == pytest.approx(0.2 * MARGIN)
-    assert settings.resolve(given(hysteresis=100.0)).hysteresis == 100.0
-
-
-def test_trackers_are_in_namespaces_of_their_names_by_default():
-    found = settings.resolve(given(**{"east.node": "/site_b/fusion"}))
-    assert found.topic(0, FILTERED) == "/west/tracker/filtered/estimates"
-    assert found.topic(1, SMOOTHED) == "/site_b/fusion/smoothed/estimates"
 
 
 def test_executable_without_parameters_is_the_node_and_lists_what_it_needs(processes):

@@ -1,8 +1,10 @@
 """The report's page in a real browser: it draws, moves, complains of nothing and loads nothing."""
 
+import json
 import re
 import subprocess
 from dataclasses import replace
+from html import unescape
 
 import numpy as np
 import pytest
@@ -21,12 +23,17 @@ DARK = "--blink-settings=preferredColorScheme=0"
 pytestmark = pytest.mark.skipif(BROWSER is None, reason=f"none of {', '.join(NAMES)} is installed")
 
 
-@pytest.fixture
-def opened(tmp_path):
-    """Return a function that opens a record's page; it returns the DOM and the console's lines."""
+class Opener:
+    """Writes a record's page into a directory and opens it; returns DOM and console's lines."""
 
-    def shown(address, *flags):
-        profile = f"--user-data-dir={tmp_path / 'profile'}"
+    def __init__(self, directory):
+        self.directory = directory
+
+    def __call__(self, record=None, *flags, at="", then=""):
+        return self.shown(self.write(record, then).as_uri() + at, *flags)
+
+    def shown(self, address, *flags):
+        profile = f"--user-data-dir={self.directory / 'profile'}"
         done = subprocess.run(
             [BROWSER, *FLAGS, *DUMPING, *flags, profile, address],
             check=False,
@@ -36,11 +43,11 @@ def opened(tmp_path):
         )
         return done.stdout, [line for line in done.stderr.splitlines() if ":CONSOLE" in line]
 
-    def write(record=None, then=""):
+    def write(self, record=None, then=""):
         record = record_of(3) if record is None else record
         evaluation = record.evaluate(1000.0, 2.0)
         path = write_report(
-            tmp_path / "report.html",
+            self.directory / "report.html",
             "A run",
             evaluation.summary(),
             record,
@@ -50,11 +57,16 @@ def opened(tmp_path):
         path.write_text(path.read_text().replace("</body>", f"<script>{then}</script></body>"))
         return path
 
-    def open_page(record=None, *flags, at="", then=""):
-        return shown(write(record, then).as_uri() + at, *flags)
 
-    open_page.shown, open_page.write = shown, write
-    return open_page
+@pytest.fixture
+def opened(tmp_path):
+    return Opener(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    """Return the DOM and the console's lines of the page of a whole record."""
+    return Opener(tmp_path_factory.mktemp("drawn"))()
 
 
 def part(dom, name):
@@ -62,8 +74,8 @@ def part(dom, name):
     return re.search(rf'<div id="{name}".*?</figure>', dom, re.DOTALL).group()
 
 
-def test_page_draws_every_chart_and_complains_of_nothing(opened):
-    dom, console = opened()
+def test_page_draws_every_chart_and_complains_of_nothing(drawn):
+    dom, console = drawn
 
     assert console == []
     assert 'data-drawn="yes"' in dom
@@ -120,86 +132,102 @@ def air_picture():
     return record_of(2, filtered=sets, smoothed=(), truth=truth)
 
 
-def result_of(opened, script):
-    """Return a script's result on the drawn page of `air_picture`, by the page's title."""
-    then = (
-        # The browser's clock is virtual and jumps from timer to timer: real work gives real time.
-        "const waiting = setInterval(() => {"
-        'if (!document.querySelector("#tracks tr")) {'
-        "for (let k = 0; k < 1e7; k += 1) window.worked = Math.sqrt(k); return; }"
-        f"clearInterval(waiting); document.title = (() => {{ {script} }})(); }}, 100);"
-    )
-    dom, console = opened(air_picture(), at=f"#scan={SCANS}", then=then)
-    assert console == []
-    return re.search("<title>(.*?)</title>", dom)[1]
-
-
-def test_list_shows_identity_height_and_speed_of_the_tracks(opened):
-    rows = (
+# Scripts that return a text each. One page runs them in this order: what a script chooses it takes
+# back, except for the selected track.
+LEFT = (
+    "const left = () => { picture.draw();"
+    'return [...document.querySelectorAll("#tracks tr")].map((row) => '
+    "row.cells[0].textContent.match(/\\((\\d+)\\)/)[1]).join(); };"
+)
+SCRIPTS = {
+    "list": (
         'return [...document.querySelectorAll("#tracks tr")].map((row) => '
         '[...row.cells].map((cell) => cell.textContent).join(" ")).join(", ");'
-    )
-    assert result_of(opened, rows) == (
-        "4217 (7) FL050\N{UPWARDS ARROW} 110 kt 045°, 3C6555 (9) FL300 110 kt 045°"
-    )
-
-
-def test_track_of_the_list_is_selected_on_the_picture(opened):
-    click = (
-        'document.querySelectorAll("#tracks button")[1].click(); picture.draw();'
-        'const pressed = document.querySelector("[aria-pressed=true]").textContent;'
-        'return [picture.selected, pressed, document.getElementById("details").textContent].join();'
-    )
-    assert result_of(opened, click).startswith(
-        "9,3C6555 (9),Track 9, address 3C6555, class 1 (100 %)"
-    )
-
-
-@pytest.mark.parametrize(
-    ("choose", "left"),
-    [
-        ('document.getElementById("low").value = "100"', "9"),
-        ('document.getElementById("high").value = "100"', "7"),
-        ('document.getElementById("class1").checked = false', "7"),
-    ],
-)
-def test_tracks_are_filtered_by_level_and_class(opened, choose, left):
-    script = (
-        f"{choose}; picture.draw();"
-        'return [...document.querySelectorAll("#tracks tr")].map((row) => '
-        "row.cells[0].textContent.match(/\\((\\d+)\\)/)[1]).join();"
-    )
-    assert result_of(opened, script) == left
-
-
-def test_lines_have_gaps_where_a_target_was_not_there(opened):
-    script = (
+    ),
+    "gaps": (
         "const { truth } = picture.groups; let begun = 0;"
         "picture.brush.moveTo = () => { begun += 1; };"
         "picture.trace(truth, truth.start[0], truth.start[1] - 1, -1, 1); const whole = begun;"
         "picture.trace(truth, truth.start[1], truth.frame.length - 1, -1, 1);"
-        "return [whole, begun - whole].join();"
-    )
-    assert result_of(opened, script) == "1,2"
-
-
-def test_trails_are_of_the_time_that_is_chosen(opened):
-    script = (
+        "delete picture.brush.moveTo; return [whole, begun - whole].join();"
+    ),
+    "trails": (
         'return ["0", "30", "all"].map((seconds) => picture.frame - picture.since(seconds)).join();'
-    )
-    # Scans 6 s apart, with the shown one.
-    assert result_of(opened, script) == f"1,6,{SCANS}"
-
-
-def test_picture_is_moved_and_zoomed_by_keys(opened):
-    script = (
+    ),
+    "keys": (
         "const { scale, centre } = picture; const press = (key) => "
         'picture.canvas.dispatchEvent(new KeyboardEvent("keydown", { key }));'
         'press("+"); press("ArrowRight");'
         "const moved = [picture.scale > scale, picture.centre[0] > centre[0]];"
         'press("0"); return [...moved, picture.scale === scale].join();'
+    ),
+    **{
+        name: (
+            f'{LEFT} const level = document.getElementById("{name}"); level.value = "100";'
+            'const found = left(); level.value = ""; return found;'
+        )
+        for name in ("low", "high")
+    },
+    "class": (
+        f'{LEFT} const shown = document.getElementById("class1"); shown.checked = false;'
+        "const found = left(); shown.checked = true; return found;"
+    ),
+    "all": f"{LEFT} return left();",
+    "selected": (
+        'document.querySelectorAll("#tracks button")[1].click(); picture.draw();'
+        'const pressed = document.querySelector("[aria-pressed=true]").textContent;'
+        'return [picture.selected, pressed, document.getElementById("details").textContent].join();'
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Return the results of the scripts on the drawn page of `air_picture`, by the page's title."""
+    functions = ",".join(f'"{name}": () => {{ {script} }}' for name, script in SCRIPTS.items())
+    then = (
+        # The browser's clock is virtual and jumps from timer to timer: real work gives real time.
+        "const waiting = setInterval(() => {"
+        'if (!document.querySelector("#tracks tr")) {'
+        "for (let k = 0; k < 1e7; k += 1) window.worked = Math.sqrt(k); return; }"
+        f"clearInterval(waiting); const scripts = {{ {functions} }}; document.title = "
+        "JSON.stringify(Object.fromEntries(Object.entries(scripts).map(([name, run]) => "
+        "[name, run()]))); }, 100);"
     )
-    assert result_of(opened, script) == "true,true,true"
+    directory = tmp_path_factory.mktemp("results")
+    dom, console = Opener(directory)(air_picture(), at=f"#scan={SCANS}", then=then)
+    assert console == []
+    return json.loads(unescape(re.search("<title>(.*?)</title>", dom)[1]))
+
+
+def test_list_shows_identity_height_and_speed_of_the_tracks(results):
+    assert results["list"] == (
+        "4217 (7) FL050\N{UPWARDS ARROW} 110 kt 045°, 3C6555 (9) FL300 110 kt 045°"
+    )
+
+
+def test_track_of_the_list_is_selected_on_the_picture(results):
+    assert results["selected"].startswith("9,3C6555 (9),Track 9, address 3C6555, class 1 (100 %)")
+
+
+@pytest.mark.parametrize(
+    ("choice", "left"), [("low", "9"), ("high", "7"), ("class", "7"), ("all", "7,9")]
+)
+def test_tracks_are_filtered_by_level_and_class(results, choice, left):
+    assert results[choice] == left
+
+
+def test_lines_have_gaps_where_a_target_was_not_there(results):
+    assert results["gaps"] == "1,2"
+
+
+def test_trails_are_of_the_time_that_is_chosen(results):
+    # Scans 6 s apart, with the shown one.
+    assert results["trails"] == f"1,6,{SCANS}"
+
+
+def test_picture_is_moved_and_zoomed_by_keys(results):
+    assert results["keys"] == "true,true,true"
 
 
 def test_play_goes_on_from_the_scan_asked_for_to_the_last_one(opened):
@@ -226,8 +254,8 @@ def test_a_click_on_a_time_shows_its_scan(opened):
     assert console == []
 
 
-def test_page_is_light_or_dark_as_the_reader_has_it(opened):
-    light, _ = opened()
+def test_page_is_light_or_dark_as_the_reader_has_it(opened, drawn):
+    light, _ = drawn
     dark, console = opened(None, DARK)
 
     assert "fill: rgb(28, 33, 38)" in part(light, "ospa")

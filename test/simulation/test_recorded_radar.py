@@ -28,7 +28,7 @@ PARAMETERS = {
     "births": [],
 }
 MIRROR = {"position": [3000.0, 4000.0], "probability": 1.0}
-# Of the target above the antenna.
+# Height of the target above the antenna, metres.
 ABOVE = 100.0 + 5000.0 - 130.0
 # From the south over the radar to the north, at 5 km.
 OVERHEAD = {

@@ -141,7 +141,7 @@ def test_truth_is_where_a_flat_earth_puts_it(hour, reader):
     _, there = hour.truth(300.0, reader)
     np.testing.assert_allclose(there, truth.position, atol=0.01)
     off = np.hypot(*(position - [500.0, -200.0] - truth.position).T)
-    # Of 105 km some 30 m, and of nothing nothing.
+    # The projections differ by some 30 m at 105 km, and not at the origin.
     assert 5.0 < off.max() < 80.0
     assert off[np.hypot(*truth.position.T) < 10e3].max() < 5.0
 

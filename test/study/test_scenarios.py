@@ -19,7 +19,7 @@ from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.simulate import simulate, simulate_with_sources
 
 ROOT = Path(__file__).parents[2]
-# Of the studies alone: they simulate these, and no bag of them is shipped.
+# Only the studies simulate these, and no bag of them is shipped.
 OF_STUDIES = {
     "joining_aircraft",
     "loud_clutter",

@@ -35,7 +35,7 @@ FILES = ("setup.py", "setup.cfg", "pyproject.toml", "package.xml", "README.md")
 def installed(tmp_path_factory):
     """Return a directory that the package is installed into; not editable."""
     home = tmp_path_factory.mktemp("installed")
-    # Of a copy, because a build leaves files among its sources.
+    # It is built from a copy, because a build leaves files among its sources.
     for name in SOURCES:
         shutil.copytree(ROOT / name, home / "source" / name)
     for name in FILES:

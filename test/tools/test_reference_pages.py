@@ -139,7 +139,7 @@ def test_page_of_metrics_defines_every_one(metric):
 def test_page_lists_what_the_node_declares(node, declared):
     listed = rows(node, declared)
 
-    # Of a mapping those entries are declared that are given.
+    # The given entries of a mapping are declared, and the mapping itself is not.
     assert {name for name in listed if not name.endswith(".fields")} == {*declared}
     for name, (descriptor, _) in declared.items():
         mutable, text = listed[name]

@@ -117,7 +117,7 @@ def test_simulate_writes_in_the_layout_of_the_radar_so_that_the_tracker_reads_it
         found.append([estimates.from_msg(cloud) for cloud in clouds_of])
     assert sum(len(one) for one in found[0]) > 5
     for one, other in zip(*found, strict=True):
-        # Of what differs in the last digit of a float, the same targets come.
+        # Inputs that differ in the last digit of a float give the same targets.
         np.testing.assert_allclose(one.state, other.state, rtol=0.0, atol=1.0)
 
 

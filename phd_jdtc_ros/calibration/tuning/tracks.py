@@ -179,8 +179,10 @@ class _Linker:
         self._end(float(self._plots.time_s[batch].min()), float(self._plots.cloud[batch].min()))
         confirmed = self._tracks.hits >= LEAST_HITS
         for rows in (np.flatnonzero(confirmed), np.flatnonzero(~confirmed)):
-            batch = np.setdiff1d(batch, self._assign(rows, batch))
-        self._tracks = self._tracks.append(self._new(batch))
+            if len(rows) and len(batch):
+                batch = np.setdiff1d(batch, self._assign(rows, batch))
+        if len(batch):
+            self._tracks = self._tracks.append(self._new(batch))
 
     def finish(self) -> Tracks:
         """End all tracks and return the accepted ones."""

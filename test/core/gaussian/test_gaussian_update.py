@@ -5,50 +5,15 @@ from functools import partial
 
 import numpy as np
 import pytest
-from lone import MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of
+from lone import BIRTHS, MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of, updated
 from scipy.stats import norm
 
-from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.association.marginals import LEAST_CLUTTER
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.gaussian.measurement import pairs
-from phd_jdtc_ros.core.gaussian.mixture import Mixture
-from phd_jdtc_ros.core.gaussian.reduction import Branched
-from phd_jdtc_ros.core.gaussian.update import GaussianSteps
-from phd_jdtc_ros.core.models import detection_limit
 from phd_jdtc_ros.core.models.clutter_learning import ClutterMemory
-from phd_jdtc_ros.core.sensors.report import Report
-from phd_jdtc_ros.core.tracks import labels
-from phd_jdtc_ros.core.types import Coverage, Detections, Scan
-from phd_jdtc_ros.core.window.update import update, update_scan
+from phd_jdtc_ros.core.types import Coverage, Detections
 
 NOTHING = Detections(np.zeros((0, 2)), None)
-BIRTHS = {
-    "detection_births.rates": [0.05],
-    "detection_births.velocity_std": 35.0,
-    "detection_births.turn_rate_std": 2e-3,
-    "radar.clutter_rate": 2.0,
-}
-
-
-def updated(config, mixture, detections, clutter=None, **bounds):
-    """Return what one radar's detections make of a mixture, and the births."""
-    (radar,) = config.model.radars
-    limits = replace(new_engine(config).forward.bounds, **bounds)
-    predicted = Branched(mixture, np.arange(len(mixture)))
-    steps = GaussianSteps(Dynamics(config.model), limits)
-    found = update(predicted, Report(radar, detections), steps, 6.0, clutter)
-    return found.rows, next(iter(found.newborns), None)
-
-
-def scan_update(config, *reports, scan_index=4):
-    """Return what the radars' reports make of nothing."""
-    dynamics = Dynamics(config.model)
-    nothing = mixture_of(dynamics, [(0.5, MEAN, STD)]).take(np.zeros(0, dtype=int))
-    steps = GaussianSteps(dynamics, new_engine(config).forward.bounds)
-    predicted = Branched(nothing, np.zeros(0, dtype=int))
-    return update_scan(predicted, Scan(1, reports), steps, 6.0, scan_index).rows
 
 
 # Limits of the field of view near a target in the direction 0.8 rad at 7 km.
@@ -81,90 +46,12 @@ def test_existence_after_a_miss_at_a_limit_is_that_of_an_enumeration(limit):
         assert abs(0.9 * (1.0 - certain[0]) / (1.0 - 0.9 * certain[0]) - exact) > 0.03
 
 
-@pytest.mark.parametrize("times", [None, [0.4, -1.5]], ids=["at the stamp", "with times"])
-@pytest.mark.parametrize("own", [None, [[50.0, 0.03], [np.nan, 0.001]]], ids=["usual", "own"])
-def test_newborn_is_at_its_detection_with_the_radars_noise_and_a_broad_velocity(times, own):
-    config = lone({**TWO_MOTIONS, **BIRTHS})
-    (radar,) = config.model.radars
-    place = np.array([[7e3, 0.8], [4e3, -2.0]])
-    report = Detections(place, None, time_s=times, noise_std=own)
-    branched = scan_update(config, report)
-    found = branched.mixture
-    first = labels.first_detected(4)
-    np.testing.assert_array_equal(found.row_label, [first, first + 1])
-    np.testing.assert_array_equal(branched.parent, [-1, -1])
-    usual = np.broadcast_to(radar.noise_std, (2, 2))
-    std = usual if own is None else np.where(np.isnan(own), usual, own)
-    for row in range(2):
-        position = radar.to_world(place[row : row + 1])[0]
-        # Derivatives of the position by range and azimuth, numerically.
-        steps = np.diag([1e-3, 1e-7])
-        jacobian = (radar.to_world(place[row] + steps) - position) / np.diag(steps)[:, None]
-        expected = np.zeros((5, 5))
-        expected[np.ix_([0, 2], [0, 2])] = jacobian.T @ np.diag(std[row] ** 2) @ jacobian
-        expected[[1, 3], [1, 3]] = 35.0**2
-        expected[4, 4] = 2e-3**2
-        back = np.eye(5)
-        back[[0, 2], [1, 3]] = 0.0 if times is None else -times[row]
-        expected = back @ expected @ back.T
-        straight = np.outer([1, 1, 1, 1, 0], [1, 1, 1, 1, 0])
-        np.testing.assert_allclose(found.mean[row, :, [0, 2]], np.tile(position[:, None], 2))
-        np.testing.assert_array_equal(found.mean[row][:, [1, 3, 4]], 0.0)
-        scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-        np.testing.assert_allclose(
-            found.covariance[row, 0] / scale, expected * straight / scale, rtol=1e-4, atol=1e-9
-        )
-        np.testing.assert_allclose(
-            found.covariance[row, 1] / scale, expected / scale, rtol=1e-4, atol=1e-9
-        )
-
-
-def test_newborns_of_a_radar_have_origins_after_those_of_the_radars_before():
-    radars = {
-        "sensors": ["radar", "other"],
-        "radar.detection_probability": 0.5,
-        "other.position": [1e4, 0.0],
-        "other.detection_probability": 0.5,
-        "other.clutter_rate": 1.0,
-    }
-    config = lone({**BIRTHS, **radars})
-    one, two = config.model.radars
-    points = np.zeros((5, 5))
-    points[:, [0, 2]] = [[5e3, 0], [0, 5e3], [-5e3, 0], [0, -5e3], [5e3, 5e3]]
-    reports = [Detections(r.measure(points[p]), None) for r, p in ((one, [0, 1, 2]), (two, [3, 4]))]
-    first = labels.first_detected(4)
-    found = scan_update(config, *reports).mixture
-    np.testing.assert_array_equal(np.sort(found.row_label), first + np.arange(5))
-
-
-def test_newborn_has_the_cells_of_its_class_that_its_amplitude_tells():
-    config = lone(
-        {
-            **BIRTHS,
-            "amplitude": "memory",
-            "radar.detection_probability": 0.0,
-            "target.snr_band_db": [5.0, 30.0],
-        }
-    )
-    dynamics = Dynamics(config.model)
-    assert dynamics.cells.log_snr.shape[1] > 5
-    amplitude = np.array([5.0, 20.0])
-    report = Detections(np.array([[7e3, 0.8], [4e3, -2.0]]), amplitude)
-    found = scan_update(config, report).mixture
-    # Rayleigh, with the power of noise and target; the detection's mass is that of the class.
-    power = np.exp(dynamics.cells.log_snr)
-    density = amplitude[:, None] / power * np.exp(-(amplitude[:, None] ** 2) / (2.0 * power))
-    share = density / density.sum(axis=1, keepdims=True)
-    np.testing.assert_allclose(found.snr[:, 0], share, rtol=1e-6)
-    assert abs(share.argmax(axis=1)[0] - share.argmax(axis=1)[1]) > 2
-
-
 def test_gaussian_is_missed_as_probably_as_its_azimuth_is_measured_in_the_sector():
     config = lone({**UNREDUCED, "radar.detection_probability": 0.7})
     dynamics, (radar,) = Dynamics(config.model), config.model.radars
     mixture = mixture_of(dynamics, [(0.5, MEAN, STD)])
     azimuth = radar.measure(MEAN[None])[0, 1]
-    # Of the azimuth, by its derivatives at the mean.
+    # Deviation of the azimuth, by its derivatives at the mean.
     line = MEAN[[0, 2]] - np.asarray(radar.position)
     across = np.array([-line[1], line[0]]) / (line @ line)
     std = np.hypot(np.sqrt((across**2) @ (STD[[0, 2]] ** 2)), radar.azimuth_std)
@@ -356,83 +243,6 @@ def test_clutter_is_told_of_rest_at_even_odds_where_targets_are_born():
     newborn, own = (1.0 - np.exp(-0.5 * (20.0 / each) ** 2) for each in (35.0, 15.0))
     rest, motion = own / newborn, (1.0 - own) / (1.0 - newborn)
     np.testing.assert_allclose(memory.told[0][3], rest / (rest + motion), rtol=1e-2)
-
-
-def test_detections_that_were_left_out_are_noted_with_the_newborn(monkeypatch):
-    monkeypatch.setattr(detection_limit, "MAX_DETECTIONS", 2)
-    config = lone({**BIRTHS})
-    mixture = mixture_of(Dynamics(config.model), [(0.5, MEAN, STD)])
-    report = Detections(np.array([[5e3, 0.1 * k] for k in range(8)]), None)
-    _, newborn = updated(config, mixture, report)
-    assert newborn.report.share == 0.25
-
-
-@pytest.mark.parametrize(
-    ("existence", "missed", "odds", "kept"),
-    [
-        # A target has one of two detections, or the other.
-        (0.9, 0.1, [1.0, 2.5], [1]),
-        (0.9, 0.1, [1.0, 2.0], [0, 1]),
-        # It may be missed instead, or may not exist.
-        (0.5, 0.4, [0.45, 0.2], []),
-        (0.5, 0.1, [0.45, 0.2], [0]),
-    ],
-)
-def test_likely_pairs_are_those_of_a_share_of_all_that_may_be(
-    existence, missed, odds, kept, monkeypatch
-):
-    monkeypatch.setattr(pairs, "LEAST_SHARE", 0.3)
-    mixture = mixture_of(Dynamics(lone({}).model), [(existence, MEAN, STD)])
-    row, column, none = np.zeros(2, dtype=int), np.arange(2), np.zeros(2)
-    log_likelihood = np.log(np.array(odds) / existence)[:, None]
-    likelihoods = pairs.PairLikelihoods(
-        row, column, log_likelihood, none, np.ones((2, 1)), none, none[None]
-    )
-    found = pairs.likely(mixture, np.full((1, 1, 1), missed), likelihoods)
-    np.testing.assert_array_equal(found, kept)
-
-
-@pytest.mark.parametrize("count", [1, 3])
-@pytest.mark.parametrize("seed", range(4))
-def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, count, monkeypatch):
-    rng = np.random.default_rng(seed)
-    monkeypatch.setattr(pairs, "LEAST_SHARE", 0.3)
-    config = lone({})
-    single = mixture_of(Dynamics(config.model), [(1.0, MEAN, STD)])
-    row_label, rows = np.array([3, 3, 5, 9]), np.arange(4)
-    mixture = Mixture(
-        row_label,
-        rng.uniform(0.1, 0.45, 4)[:, None, None],
-        single.mean[0 * rows],
-        single.covariance[0 * rows],
-        single.snr[0 * rows],
-    )
-    row, column = np.nonzero(rng.random((4, count)) < 0.9)
-    weight = rng.exponential(1.0, len(row)) * 10.0 ** rng.uniform(-3, 0.5, len(row))
-    missed = mixture.weight * rng.uniform(0.1, 0.9, (4, 1, 1))
-    total = np.array([0.3, 1e-12, 2.0])[:count]
-    log_likelihood = np.log(weight / mixture.mass[row])
-    likelihoods = pairs.PairLikelihoods(
-        *(row, column, log_likelihood[:, None], np.zeros(count), np.ones((len(row), 1))),
-        *(np.zeros(len(row)), np.log(total)[None]),
-    )
-    found = pairs.likely(mixture, missed, likelihoods)
-
-    scale = np.log(total)
-    np.maximum.at(scale, column, log_likelihood)
-    weight, total = weight * np.exp(-scale)[column], total * np.exp(-scale)
-    odds = weight / np.maximum(total, LEAST_CLUTTER)[column]
-    expected = []
-    for pair in range(len(row)):
-        own = row_label[row] == row_label[row[pair]]
-        alone = 1.0 - mixture.weight[row_label == row_label[row[pair]]].sum()
-        alone += missed[row_label == row_label[row[pair]]].sum()
-        for z in range(count):
-            here = column == z
-            alone += odds[own & here].sum() / (1.0 + odds[~own & here].sum())
-        if odds[pair] > 0.3 * max(alone, 1.0):
-            expected.append(pair)
-    np.testing.assert_array_equal(found, expected)
 
 
 def test_every_mode_is_updated_with_the_detection_of_its_hypothesis(monkeypatch):

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from lone import MEAN, STD, UNREDUCED, lone, mixture_of
+from lone import MEAN, STD, UNREDUCED, lone, mixture_of, updated
 from matchings import posterior
 
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -17,10 +17,9 @@ from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
 from phd_jdtc_ros.core.models.clutter_learning import ClutterMemory
-from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Detections, Scan
-from phd_jdtc_ros.core.window.update import update, update_scan
+from phd_jdtc_ros.core.window.update import update_scan
 
 DETECTION = 0.8
 GIVEN = {
@@ -108,13 +107,6 @@ def report(radar, rng, **more):
     return Detections(place, None, **more)
 
 
-def updated(config, mixture, detections, attributes=None):
-    (radar,), bounds = config.model.radars, new_engine(config).forward.bounds
-    predicted = Branched(mixture, np.arange(len(mixture)))
-    steps = GaussianSteps(Dynamics(config.model), bounds)
-    return update(predicted, Report(radar, detections), steps, 6.0, attributes=attributes).rows
-
-
 def evidence_of(config, mixture, detections):
     """Return the log likelihood of each pair over the density of clutter, (H, M)."""
     (radar,) = config.model.radars
@@ -156,7 +148,7 @@ def test_weights_are_those_of_all_events_with_rates_and_replies(rated, replies, 
         target, weight, (1.0 - DETECTION) * weight, DETECTION * weight[:, None] * ratio
     )
 
-    branched = updated(config, mixture, seen, known)
+    branched = updated(config, mixture, seen, attributes=known)[0]
     found = np.zeros((4, 4))
     for row in range(4):
         own = np.flatnonzero(branched.parent == row)
@@ -193,7 +185,7 @@ def test_hypothesis_with_a_detection_is_where_that_puts_its_gaussian(rated):
     if rated:
         later = range_rate.update_rates(mean, covariance, radar, radar.rates_of(seen))
         mean, covariance = later.mean, later.covariance
-    found = updated(config, mixture, seen)
+    found, _ = updated(config, mixture, seen)
     np.testing.assert_array_equal(np.sort(found.parent), [0, 1, 1])
     detected = int(np.argmax(found.mixture.mass * (found.parent == 1)))
     np.testing.assert_allclose(found.mixture.mean[detected], mean, rtol=1e-12)
@@ -208,7 +200,7 @@ def test_hypothesis_with_a_detection_is_where_that_puts_its_gaussian(rated):
 def pairs_of(config, detections, known=None):
     """Return how many pairs of one target with the detections count."""
     mixture = mixture_of(Dynamics(config.model), [(0.5, MEAN, STD)])
-    return len(updated(config, mixture, detections, known).mixture) - 1
+    return len(updated(config, mixture, detections, attributes=known)[0].mixture) - 1
 
 
 def test_pairs_with_improbable_range_rates_are_left_out():
@@ -324,11 +316,13 @@ def test_scan_goes_by_what_is_known_of_replies_and_of_clutter():
     mixture = hypotheses(config, rng)
     seen = report(config.model.radars[0], rng)
     known = Register(rng.uniform(0.2, 5.0, (5, 3)), rng.uniform(0.2, 5.0, 3))
-    expected = updated(config, mixture, seen, known)
+    expected = updated(config, mixture, seen, attributes=known)[0]
     branched, _ = scan_update(config, mixture, 4, (seen,), attributes=known)
     np.testing.assert_array_equal(branched.mixture.mass, expected.mixture.mass)
 
     clutter = Clutter()
     branched, _ = scan_update(config, mixture, 4, (seen,), clutter=clutter)
     more = lone({**GIVEN, "radar.clutter_rate": 500.0})
-    np.testing.assert_array_equal(branched.mixture.mass, updated(more, mixture, seen).mixture.mass)
+    np.testing.assert_array_equal(
+        branched.mixture.mass, updated(more, mixture, seen)[0].mixture.mass
+    )

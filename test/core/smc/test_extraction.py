@@ -81,7 +81,7 @@ def test_components_take_class_and_state_from_the_majority():
     assert found.state[0, 0] == pytest.approx(mean)
     first, second = (0.6 + 1.0) / 3.8, (1.2 + 1.0) / 3.8
     variance = first * (100.0 - mean) ** 2 + second * (200.0 - mean) ** 2
-    # And by the noise of an interval of both motions.
+    # The noise of an interval of both motions is added.
     noise = [MODES.motions[m].noise_covariance(MODES.interval_s)[0, 0] for m in (2, 3)]
     variance += 2.0 / 3.8 * (noise[0] + 2.0 * noise[1]) / 3.0
     assert found.covariance[0, 0, 0] == pytest.approx(variance)

@@ -172,7 +172,7 @@ def test_recording_of_tracks_alone_fails_with_its_contents(bridge):
 
 @pytest.mark.parametrize(("count", "expected"), [(40, 0), (60, 3)])
 def test_recording_of_which_less_than_half_can_be_used_fails(bridge, count, expected):
-    # Of 16 plots and 33 service messages.
+    # The recording has 16 plots and 33 service messages besides the tracks.
     seen = [(azimuth, 20.0) for azimuth in range(5, 360, 23)]
     data = b"".join([*made.turns(1, seen=seen), *tracks(count)])
     status, out, said = bridge(data)

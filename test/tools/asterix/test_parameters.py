@@ -226,7 +226,7 @@ def test_radars_of_unknown_places_are_not_tracked_together(bridged, tmp_path):
 
 
 def test_surface_radar_is_over_a_flat_earth_and_hinted_at(bridged):
-    # Of 1 s, and about 5 plots a turn.
+    # A turn takes 1 s and has about 5 plots.
     _, data = sweep(120.0, 1.008, targets(5, 3000.0))
     _, bag, said, given = bridged(data)
     assert given["radar_1_2.max_range"] < 5000.0

@@ -91,7 +91,7 @@ def test_turn_and_wobble_are_in_times_and_azimuths(approach):
     begin = ahead[seconds < 350.0].mean()
     later = ahead[(seconds >= 700.0) & (seconds < 1050.0)].mean()
     assert abs(np.angle(later / begin)) / (2.0 * math.pi) < 2e-3
-    # Of a sine that makes the rate 0.5 % more and less.
+    # A sine makes the rate 0.5 % more and less.
     parts = [ahead[(seconds >= k) & (seconds < k + 10.0)].mean() for k in range(0, 700, 10)]
     shown = np.unwrap(np.angle(parts)) / (2.0 * math.pi)
     expected = 0.005 * 700.0 / (2.0 * math.pi) / 4.0016

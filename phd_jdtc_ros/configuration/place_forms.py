@@ -1,0 +1,134 @@
+"""Notations of places, poses, regions and biases; the others are in `forms`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from phd_jdtc_ros.core.sensors.bias import SensorBias
+from phd_jdtc_ros.core.tracks.region import Region
+
+from .schema import Form, numbers
+
+# The value of a radar's parameter `pose` if the radar does not move.
+FIXED = "fixed"
+# nav_msgs/Odometry and geometry_msgs/PoseStamped.
+POSE_MESSAGES = ("odometry", "pose_stamped")
+STABILISED = "stabilised"
+
+
+class PoseSource(NamedTuple):
+    """The topic of the poses of a radar's platform, and their use.
+
+    Parameters
+    ----------
+    topic : str
+        Empty for a radar that does not move.
+    message : str
+        One of `POSE_MESSAGES`.
+    yaw : bool
+        Whether the platform's orientation turns the radar.
+    """
+
+    topic: str
+    message: str
+    yaw: bool
+
+
+def _pose(text: str) -> PoseSource:
+    topic, *words = text.split() or [""]
+    message = next((word for word in words if word in POSE_MESSAGES), POSE_MESSAGES[0])
+    return PoseSource("" if topic == FIXED else topic, message, STABILISED not in words)
+
+
+def _read_pose(value: Any) -> str | None:
+    topic, *words = value.split() or [""] if isinstance(value, str) else [""]
+    known = set(words) <= {*POSE_MESSAGES, STABILISED} and len(words) <= 2
+    moving = topic.lower() not in ("", "tf", FIXED) and known
+    return value if moving or value == FIXED else None
+
+
+POSE = Form(
+    f"{FIXED} or the topic of the platform's poses in the world frame (transforms are not read), "
+    f"with {POSE_MESSAGES[1]} after it for geometry_msgs/PoseStamped and {STABILISED} for azimuths "
+    "that the platform does not turn",
+    _read_pose,
+    _pose,
+)
+
+
+def _read_position(value: Any) -> list[float] | None:
+    found = numbers(value)
+    return found if found and len(found) in (2, 3) else None
+
+
+POSITION = Form("a list of 2 or 3 finite numbers", _read_position, lambda given: (*given, 0.0)[:3])
+
+
+def _read_place(value: Any) -> list[float] | None:
+    found = numbers(value)
+    if found == [] or (found and len(found) == 3 and abs(found[0]) <= 90 and abs(found[1]) <= 360):
+        return found
+    return None
+
+
+PLACE = Form(
+    "empty or a latitude from -90 to 90 degrees, a longitude from -360 to 360 degrees and a height "
+    "in metres",
+    _read_place,
+)
+
+
+def _read_height(value: Any) -> list[float] | None:
+    found = numbers(value, -1e4, 1e5)
+    return found if found is not None and len(found) <= 1 else None
+
+
+HEIGHT = Form(
+    "empty or one height from -10000 to 100000",
+    _read_height,
+    lambda given: given[0] if given else math.nan,
+)
+
+
+def is_region(region: Sequence[float]) -> bool:
+    """Return whether these are two corners of a rectangle, with or without a margin."""
+    return (
+        len(region) in (4, 5)
+        and region[0] < region[2]
+        and region[1] < region[3]
+        and all(margin >= 0.0 for margin in region[4:])
+    )
+
+
+def _read_region(value: Any) -> list[float] | None:
+    found = numbers(value, -1e6, 1e6)
+    return found if found is not None and (not found or is_region(found)) else None
+
+
+REGION = Form(
+    "empty or [x_min, y_min, x_max, y_max], and a margin of at least 0, with the third above the "
+    "first and the fourth above the second, all from -1e6 to 1e6",
+    _read_region,
+    lambda given: Region(*given) if given else None,
+)
+
+# Largest biases: range, m; range gain, m per m; azimuth, degrees; time, s.
+MOST_BIAS = (1e5, 0.5, 180.0, 60.0)
+
+
+def _read_biases(value: Any) -> list[float] | None:
+    found = numbers(value)
+    if found is None or len(found) != len(MOST_BIAS):
+        return None
+    within = (abs(bias) <= most for bias, most in zip(found, MOST_BIAS, strict=True))
+    return found if all(within) else None
+
+
+BIASES = Form(
+    "4 numbers: range within 100000 m, gain within 0.5, azimuth within 180 degrees, time within "
+    "60 s",
+    _read_biases,
+    lambda given: SensorBias(given[0], given[1], math.radians(given[2]), given[3]),
+)
