@@ -2,6 +2,7 @@
 
 import pytest
 import rclpy
+from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
@@ -44,11 +45,14 @@ def tracker(peer):
     node.close()
 
 
-def test_request_to_a_tracker_that_went_away_is_repeated(peer, received):
-    killed = Tracker(peer)
-    # The request is sent as soon as the services are found; nobody takes it.
-    peer.pace(1.0)
-    killed.close()
+def test_lost_reply_is_requested_again_of_the_successor(peer, received):
+    killed = rclpy.create_node("tracker", context=peer.context, start_parameter_services=False)
+    lists = killed.create_service(ListParameters, "~/list_parameters", None)
+    killed.create_service(GetParameters, "~/get_parameters", None)
+    # It takes the request, and ends before it replies.
+    taken = lists.handle.service_take_request
+    assert peer.spin_until(lambda: taken(ListParameters.Request)[0] is not None)
+    killed.destroy_node()
     successor = Tracker(peer)
     successor.node.declare_parameter("lag", "5")
     try:
