@@ -123,7 +123,7 @@ def _without_height(radar: RadarParameters) -> str:
     """Return the treatment of slant ranges without a height."""
     if radar.site is None:
         return "slant ranges are used as ground ranges"
-    if math.isnan(radar.assumed_height):
+    if radar.assumed_height is None:
         return f"the antenna's height is assumed, set {radar.name}.assumed_height"
     return f"{radar.name}.assumed_height, {radar.assumed_height:g} m, is assumed"
 

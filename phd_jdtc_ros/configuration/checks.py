@@ -207,7 +207,7 @@ def _place(radar: RadarParameters, parts: Parts) -> Faults:
     """Yield the faults of a place on the earth in combination with other parameters."""
     name, place, origin = radar.name, radar.geodetic, parts.tracking.world_origin
     if not place:
-        if not math.isnan(radar.assumed_height):
+        if radar.assumed_height is not None:
             yield f"{name}.assumed_height: given without geodetic, must be empty"
         return
     if not origin:

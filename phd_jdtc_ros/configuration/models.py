@@ -319,7 +319,7 @@ def watch_of(radar: RadarParameters, model: Sensor) -> ReportWatch:
         radar.fields.height
         or radar.fields.elevation
         or radar.message != "point_cloud"
-        or not math.isnan(radar.assumed_height)
+        or radar.assumed_height is not None
     )
     return ReportWatch(
         by_sectors=radar.sectors > 1,

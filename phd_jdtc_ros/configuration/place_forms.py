@@ -88,7 +88,7 @@ def _read_height(value: Any) -> list[float] | None:
 HEIGHT = Form(
     "empty or one height from -10000 to 100000",
     _read_height,
-    lambda given: given[0] if given else math.nan,
+    lambda given: given[0] if given else None,
 )
 
 

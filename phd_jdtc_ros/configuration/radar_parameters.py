@@ -215,7 +215,7 @@ class RadarParameters:
         "Zero of the field with times: the message's stamp, or the zero of the stamps (epoch).",
         choices=("stamp", "epoch"),
     )
-    assumed_height: float = parameter(
+    assumed_height: float | None = parameter(
         [],
         "Height of targets without a measured height, m, counted as in world_origin; only with "
         "geodetic. Empty for the antenna's height.",

@@ -31,7 +31,7 @@ def test_a_radar_on_the_earth_has_its_place_and_direction_in_the_plane():
     assert config.plane == plane
     assert layout.site is not None
     assert (layout.height, layout.datum) == (35.0, 5.0)
-    assert math.isnan(layout.assumed_height)
+    assert layout.assumed_height is None
 
 
 def test_without_places_nothing_is_on_the_earth():

@@ -42,7 +42,7 @@ class Ground(NamedTuple):
 
 def over_ground(
     site: Site,
-    assumed: float,
+    assumed: float | None,
     distance: FloatArray,
     azimuth: FloatArray,
     height: FloatArray | None = None,
@@ -52,7 +52,7 @@ def over_ground(
 
     Parameters
     ----------
-    assumed : float
+    assumed : float or None
         See `supposed_height`.
     distance : array of shape (M,)
         Slant ranges, metres; negative ones give negative ground ranges.
@@ -82,18 +82,19 @@ def over_ground(
     return Ground(np.where(near, ground, np.inf), direction, possible)
 
 
-def supposed_height(site: Site, assumed: float, distance: FloatArray) -> FloatArray:
+def supposed_height(site: Site, assumed: float | None, distance: FloatArray) -> FloatArray:
     """Return the assumed heights of targets without a measured height.
 
     Parameters
     ----------
-    assumed : float
-        Metres, limited to an elevation of 30 degrees near the radar; NaN for the site's own height.
+    assumed : float or None
+        Metres, limited to an elevation of 30 degrees near the radar; None for the height of the
+        site.
     distance : array of shape (M,)
         Slant ranges, metres.
     """
     own = site.geodetic[2]
-    if np.isnan(assumed):
+    if assumed is None:
         return np.full(len(distance), own)
     most = MAX_ASSUMED_SINE * distance
     supposed: FloatArray = own + np.clip(assumed - own, -most, most)
@@ -101,13 +102,13 @@ def supposed_height(site: Site, assumed: float, distance: FloatArray) -> FloatAr
 
 
 def slant_of(
-    site: Site, assumed: float, distance: FloatArray, azimuth: FloatArray, height: FloatArray
+    site: Site, assumed: float | None, distance: FloatArray, azimuth: FloatArray, height: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the slant ranges and azimuths that `over_ground` projects to positions in the plane.
 
     Parameters
     ----------
-    assumed : float
+    assumed : float or None
         See `supposed_height`.
     distance, azimuth : arrays of shape (M,)
         Around the site's position in the plane, metres and radians.
@@ -119,7 +120,7 @@ def slant_of(
         # The assumed height depends on the slant range itself.
         given = np.where(known, height, supposed_height(site, assumed, slant))
         slant, measured = site.to_slant(distance, azimuth, given)
-        if np.isnan(assumed) or known.all():
+        if assumed is None or known.all():
             break
     return slant, measured
 
@@ -136,14 +137,14 @@ class HeightProjection:
         Height of the world's zero above the site's reference surface, metres.
     site : Site or None
         None for a flat earth: without a height the slant range is the ground range.
-    assumed : float
+    assumed : float or None
         See `supposed_height`.
     """
 
     antenna: float
     datum: float = 0.0
     site: Site | None = None
-    assumed: float = np.nan
+    assumed: float | None = None
 
     def at(self, measurement: FloatArray, before: FloatArray, height: FloatArray) -> FloatArray:
         """Return plots projected at other heights than before, (M, 2).
