@@ -243,7 +243,7 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
     model = tracker_model(parts, inputs, top.birth_particles or level.per_detection, MOST_PARTICLES)
     per_target = top.particles_per_target or level.per_target
     labelled = top.engine in LABELLED
-    confirmation = (top.confirm_probability, top.delete_probability, top.coasting_scans)
+    thresholds = (top.confirm_probability, top.delete_probability, top.coasting_scans)
     return build(
         TrackerConfig,
         values,
@@ -266,6 +266,6 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
             per_birth_term=top.particles_per_birth or level.per_birth,
             most=MOST_PARTICLES,
         ),
-        rule=rule_of(model, labelled, *confirmation),
+        rule=rule_of(model, labelled, *thresholds, report_resting=top.report_resting),
         plane=plane,
     )

@@ -131,6 +131,12 @@ class Tracking:
         (0.0, 1e6),
         mutable=True,
     )
+    report_resting: bool = parameter(
+        False,
+        "Whether targets of a class that is only stationary are reported, such as reflectors and "
+        "moored boats. They are tracked in any case.",
+        mutable=True,
+    )
     amplitude: str = parameter(
         "auto",
         "Use of amplitudes: band infers the class from its SNR band as if each detection had "
@@ -229,7 +235,7 @@ class Motion:
     model: str = parameter(
         "constant_velocity",
         "Motion model: nearly constant velocity, a coordinated turn with an estimated turn rate, "
-        "or stationary. A class that is only stationary is tracked, but not reported.",
+        "or stationary. A class that is only stationary is tracked; see report_resting.",
         choices=tuple(MOTIONS),
     )
     noise_density: float = parameter(

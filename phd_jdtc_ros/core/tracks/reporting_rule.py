@@ -42,7 +42,7 @@ class ReportingRule:
     hidden : array of shape (C,)
         As `delete`, for tracks without coverage for `confirmation.PATIENCE`.
     reported : bool array of shape (C,)
-        Whether targets of each class are reported at all: those of a class at rest are not.
+        Whether targets of each class are reported at all; see `report_resting` of `rule_of`.
     record_weight : array of shape (C,)
         Weight of the class's detection probability against the track's own record, as a number of
         expected misses. Infinite if the record is not used.
@@ -82,6 +82,7 @@ def rule_of(
     confirm: float = 0.0,
     delete: float = 0.0,
     coasting_scans: float = np.inf,
+    report_resting: bool = False,
 ) -> ReportingRule:
     """Return the rule of given thresholds; thresholds of 0 are derived from the model.
 
@@ -93,6 +94,8 @@ def rule_of(
         `confirm_probability` and `delete_probability`.
     coasting_scans : float
         `ReportingRule.coasting_s` in intervals, or in turns if these are longer.
+    report_resting : bool
+        Whether targets of a class that is only stationary are reported.
 
     Notes
     -----
@@ -103,7 +106,7 @@ def rule_of(
     r (1 + p) < 1 - r. Outside all coverage p is 0.
     """
     classes = model.modes.classes
-    reported, never = model.modes.moves, np.full(len(classes), np.inf)
+    reported, never = model.modes.moves | report_resting, np.full(len(classes), np.inf)
     if not labelled:
         above = np.full(len(classes), confirm or UNLABELLED_THRESHOLD)
         return ReportingRule(above, above, above, reported, never, labelled=False)

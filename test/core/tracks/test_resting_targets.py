@@ -62,13 +62,13 @@ def near(estimates, place, within=40.0):
     return bool((np.hypot(*(estimates.position - place).T) < within).any())
 
 
-def reported(engine, seed):
+def reported(engine, seed, **changes):
     """Return the shares of scans with estimates of each target, once their tracks are old enough.
 
     The targets are the reflector (filtered, smoothed), the boat, and the moored boat before and
     after it sets off.
     """
-    tracker = new_engine(resolve({**HARBOUR, "engine": engine}))
+    tracker = new_engine(resolve({**HARBOUR, "engine": engine, **changes}))
     steps = [tracker.step(scan) for scan in scans_of(seed)]
     filtered = [found for step in steps for found in step.filtered]
     smoothed = [found for step in steps for found in step.smoothed]
@@ -91,6 +91,11 @@ def test_only_what_moves_is_reported(engine, seeds):
     reflector, reflector_smoothed, boat, moored, left = shares
     assert max(reflector, reflector_smoothed, moored) < 0.02
     assert min(boat, left) > 0.9
+
+
+@pytest.mark.parametrize("engine", ["gaussian", "particles"])
+def test_what_rests_is_reported_if_asked_for(engine):
+    assert min(reported(engine, 7, report_resting=True)) > 0.9
 
 
 def test_a_class_at_rest_is_not_reported_without_labels_either():
