@@ -106,7 +106,8 @@ def test_changed_checks_the_changed_whole():
 def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
     small = resolve(SMALL)
     value = small.values[name]
-    other = OTHERS.get(name, [0.1, 0.05] if isinstance(value, list) else 0.3)
+    usual = not value if isinstance(value, bool) else 0.3
+    other = OTHERS.get(name, [0.1, 0.05] if isinstance(value, list) else usual)
     scans = [scan for _, scan in simulate(paper_scenario(small.config.model.radars), 0)[:6]]
     engine = new_engine(small.config)
     for scan in scans[:3]:
