@@ -70,9 +70,9 @@ def _tracking(parts: Parts) -> Faults:
         yield "late_reports: 'rework' given with lag 0, needs a lag above 0"
     if top.region is not None:
         for radar in radars:
-            if isinstance(radar.clutter_rate, str):
+            if radar.clutter_rate.learned:
                 yield (
-                    f"{radar.name}.clutter_rate: {radar.clutter_rate} given with a region, must be "
+                    f"{radar.name}.clutter_rate: auto given with a region, must be "
                     "a number: the rate is that of the radar's whole field, of which a part is used"
                 )
     if 0 < top.particles_per_target < LEAST_PER_TARGET:

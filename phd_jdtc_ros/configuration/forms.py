@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+from phd_jdtc_ros.core.clutter.rate import START_RATE
 from phd_jdtc_ros.core.engine import Lag
 
 from .schema import Form, number, numbers
@@ -128,33 +129,72 @@ class Noise(NamedTuple):
 
 def noise(usual: Form) -> Form:
     """Return the form of a standard deviation that the word outliers may follow."""
+    return _followed(usual, OUTLIERS, lambda own, outliers: Noise(own.start, own.learned, outliers))
+
+
+def _followed(usual: Form, word: str, value_of: Callable[[Any, bool], Any]) -> Form:
+    """Return the form of a number or auto that a word may follow."""
 
     def read(value: Any) -> float | str | None:
-        if not isinstance(value, str) or not value.endswith(f" {OUTLIERS}"):
+        if not isinstance(value, str) or not value.endswith(f" {word}"):
             own: float | str | None = usual.read(value)
             return own
-        head = value.removesuffix(OUTLIERS).strip()
         try:
-            found = usual.read(head if head.startswith(AUTO) else float(head))
+            found = usual.read(before(value))
         except ValueError:
             return None
-        return None if found is None else f"{_text(found)} {OUTLIERS}"
+        return None if found is None else f"{_text(found)} {word}"
 
-    def value(given: float | str) -> Noise:
-        if not isinstance(given, str) or not given.endswith(OUTLIERS):
-            return of_usual(given, outliers=False)
-        head = given.removesuffix(OUTLIERS).strip()
-        return of_usual(head if head.startswith(AUTO) else float(head), outliers=True)
+    def before(given: str) -> float | str:
+        head = given.removesuffix(word).strip()
+        return head if head.startswith(AUTO) else float(head)
 
-    def of_usual(given: float | str, outliers: bool) -> Noise:
-        own: Learnable = usual.value(given)
-        return Noise(own.start, own.learned, outliers)
+    def value(given: float | str) -> Any:
+        if isinstance(given, str) and given.endswith(word):
+            return value_of(usual.value(before(given)), True)
+        return value_of(usual.value(given), False)
 
-    return Form(f"{usual.allowed}; {OUTLIERS} may follow", read, value)
+    return Form(f"{usual.allowed}; {word} may follow", read, value)
 
 
 def _text(value: float | str) -> str:
     return value if isinstance(value, str) else f"{value:.10g}"
+
+
+# The word after a clutter rate if false detections are more frequent behind targets.
+MULTIPATH = "multipath"
+MOST_CLUTTER = 1e6
+
+
+class ClutterRate(NamedTuple):
+    """The rate of a sensor's false detections.
+
+    Parameters
+    ----------
+    start, learned
+        See `Learnable`.
+    multipath : bool
+        Whether false detections are more frequent behind targets.
+    """
+
+    start: float
+    learned: bool
+    multipath: bool
+
+
+def _read_rate(value: Any) -> float | str | None:
+    return AUTO if value == AUTO else number(value, 0.0, MOST_CLUTTER)
+
+
+def _rate(given: float | str) -> Learnable:
+    return Learnable(START_RATE, True) if isinstance(given, str) else Learnable(given, False)
+
+
+CLUTTER_RATE = _followed(
+    Form(f"a finite number, at least 0, at most {MOST_CLUTTER:g} or {AUTO}", _read_rate, _rate),
+    MULTIPATH,
+    lambda own, multipath: ClutterRate(own.start, own.learned, multipath),
+)
 
 
 def _read_table(given: list[float]) -> float | list[float] | None:

@@ -15,7 +15,8 @@ from phd_jdtc_ros.core.attributes.records import AttributeModel
 from phd_jdtc_ros.core.clutter.amplitude_law import ClutterAmplitude, Learned, LogNormal, Rayleigh
 from phd_jdtc_ros.core.clutter.grid import GroundGrid, PolarGrid
 from phd_jdtc_ros.core.clutter.map import ClutterMap
-from phd_jdtc_ros.core.clutter.rate import START_RATE, ClutterCount
+from phd_jdtc_ros.core.clutter.multipath import Multipath
+from phd_jdtc_ros.core.clutter.rate import ClutterCount
 from phd_jdtc_ros.core.intake.input_checks import FAR, SLOW_TURN, ReportWatch
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
 from phd_jdtc_ros.core.learned.correlation import Correlation
@@ -38,7 +39,6 @@ from phd_jdtc_ros.core.targets.motion import MOTIONS, MotionModel
 from phd_jdtc_ros.core.targets.spawn import SpawnModel
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage
 
-from .forms import AUTO
 from .parameters import LABELLED, Birth, Motion, Parts, TargetClass
 from .radar_parameters import RadarParameters
 
@@ -217,7 +217,7 @@ def radar_model(radar: RadarParameters) -> RadarModel:
     """Return the model of a radar's detections and measurements."""
     threshold = amplitude_density.threshold_for(radar.false_alarm_probability)
     range_std, azimuth_std = radar.range_std.start, math.radians(radar.azimuth_std_deg.start)
-    learned, fields = radar.clutter_rate == AUTO, radar.fields
+    rate, fields = radar.clutter_rate, radar.fields
     return RadarModel(
         name=radar.name,
         position=radar.site.position if radar.site else (radar.position[0], radar.position[1]),
@@ -225,8 +225,8 @@ def radar_model(radar: RadarParameters) -> RadarModel:
         range_std=range_std,
         azimuth_std=azimuth_std,
         visibility=_visibility(radar),
-        clutter_rate=START_RATE if learned else float(radar.clutter_rate),
-        clutter_count=ClutterCount() if learned else None,
+        clutter_rate=rate.start,
+        clutter_count=ClutterCount() if rate.learned else None,
         clutter_max_range=radar.clutter_max_range,
         threshold=threshold,
         range_growth=radar.range_std_growth,
@@ -240,6 +240,7 @@ def radar_model(radar: RadarParameters) -> RadarModel:
         noise_factor=_noise_factor(radar),
         correlation=_correlation(radar),
         outliers=Outliers() if radar.range_std.outliers else None,
+        multipath=Multipath() if rate.multipath else None,
         range_rate=RangeRateModel(radar.range_rate_std, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
         if fields.range_rate
         else None,

@@ -164,12 +164,12 @@ class RadarParameters:
         (0.0, 1e4),
         mutable=True,
     )
-    clutter_rate: float | str = parameter(
+    clutter_rate: forms.ClutterRate = parameter(
         START_RATE,
         "Expected false detections per scan or turn, not counting those that clutter_map has "
-        f"learned. auto estimates it over about the last 30 turns, starting from {START_RATE:g}.",
-        (0.0, 1e6),
-        words=(forms.AUTO,),
+        f"learned. auto estimates it over about the last 30 turns, starting from {START_RATE:g}. "
+        "Add multipath, as in 8 multipath, if many false detections are behind targets.",
+        form=forms.CLUTTER_RATE,
         mutable=True,
     )
     clutter_max_range: float = parameter(

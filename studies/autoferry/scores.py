@@ -46,7 +46,7 @@ from .recording import Recording
 
 CUTOFF, ORDER = 50.0, 2.0
 # Goals: ratio of the mean GOSPA over all scenarios to the better peer's.
-GOALS = {FILTERED: 0.85, SMOOTHED: 0.7}
+GOALS = {FILTERED: 0.85, SMOOTHED: 0.8}
 PEERS = ("GNN", "JPDA")
 WITH_LIDAR = "with lidar"
 PEER_SETTINGS = TrackSettings(

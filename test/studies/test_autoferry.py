@@ -92,7 +92,7 @@ def score(tracker, source, gospa):
 
 
 def test_goals_compare_with_the_better_peer_of_the_same_source():
-    values = {"particles": 30.0, "gaussian": 20.0, "GNN": 40.0, "JPDA": 50.0}
+    values = {"particles": 34.0, "gaussian": 20.0, "GNN": 40.0, "JPDA": 50.0}
     scores = [score(name, s, v) for name, v in values.items() for s in ("filtered", "smoothed")]
     goals = {goal["name"]: goal for goal in autoferry_scores.goals_of(scores)}
     gaussian = goals["GOSPA filtered, gaussian, to the better peer's"]

@@ -94,7 +94,7 @@ def test_figures_of_the_shipped_recording_need_no_dataset(tmp_path, capsys):
     assert len(by_key) == 8
     assert by_key["gaussian", "filtered"]["gospa"] < 22.0
     assert by_key["gaussian", "smoothed"]["identity_switches"] == 0
-    assert {goal["goal"] for goal in found["goals"]} == {0.85, 0.7}
+    assert {goal["goal"] for goal in found["goals"]} == {0.85, 0.8}
     assert "GNN, smoothed" in capsys.readouterr().out
 
 

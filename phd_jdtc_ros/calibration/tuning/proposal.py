@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.forms import AUTO, probability_numbers
+from phd_jdtc_ros.configuration.forms import probability_numbers
 from phd_jdtc_ros.configuration.schema import Value
 
 from .findings import MOST_LAND, Findings
@@ -127,7 +127,8 @@ def _clutter(found: Findings, now: Now, max_range: Any) -> Iterator[Row]:
     source = f"{rate.count} untracked plots"
     value = rounded(rate.value, rate.std)
     # A learned clutter rate stays learned.
-    yield Row("clutter_rate", value, source, given, rate.std, given != AUTO)
+    learned = isinstance(given, str)
+    yield Row("clutter_rate", value, source, given, rate.std, not learned)
     clutter_range = rounded(found.field.clutter_range, 0.01 * _up(found.field.max_range))
     value = min(clutter_range, max_range)
     yield Row("clutter_max_range", value, source, now("clutter_max_range"))

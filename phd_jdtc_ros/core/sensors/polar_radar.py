@@ -171,13 +171,17 @@ class RadarModel(Sensor):
     def log_clutter_factor(self, measurement: FloatArray) -> FloatArray:
         """Return the log ratio of all clutter to the uniform one at (range, azimuth), (M,).
 
-        It is 0 without a clutter map.
+        It is 0 without a clutter map and multipath.
         """
-        if self.clutter_map is None:
-            return np.zeros(len(measurement))
-        world = self.to_world(measurement)
-        uniform = self._rate_of_turn, self.clutter_max_range
-        return self.clutter_map.log_factor(measurement, world, *uniform)
+        factor = np.zeros(len(measurement))
+        if self.clutter_map is not None:
+            uniform = self._rate_of_turn, self.clutter_max_range
+            factor += self.clutter_map.log_factor(measurement, self.to_world(measurement), *uniform)
+        if self.multipath is not None:
+            gate = DETECTION_GATE_SIGMA * self.range_std
+            echoes = self.multipath.density(measurement, self.azimuth_std, gate)
+            factor = np.log(np.exp(factor) + echoes)
+        return factor
 
     def neighbourhood_density(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
         """Return the detections per turn around places in the radar's clutter map, (M,).

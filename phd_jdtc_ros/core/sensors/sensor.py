@@ -18,6 +18,7 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray, IntArray
 from ..clutter.amplitude_law import NOISE, ClutterAmplitude
 from ..clutter.map import ClutterMap
+from ..clutter.multipath import Multipath
 from ..clutter.rate import ClutterCount
 from ..learned.correlation import Correlation
 from ..learned.detection_factor import DetectionFactor
@@ -84,6 +85,8 @@ class Sensor(ABC):
         Correlation of detections of a target in consecutive looks; None if they are independent.
     outliers : Outliers or None
         Outliers among its ranges and azimuths; None without any. The Gaussian engine uses them.
+    multipath : Multipath or None
+        False detections behind the targets of a report; None if there are none.
     """
 
     # Whether it measures range and azimuth from its position, for which there are compiled loops.
@@ -110,6 +113,7 @@ class Sensor(ABC):
     noise_factor: NoiseFactor | None = None
     correlation: Correlation | None = None
     outliers: Outliers | None = None
+    multipath: Multipath | None = None
 
     def at(self: SensorT, pose: Pose | None) -> SensorT:
         """Return the sensor at a pose; None keeps its pose."""
@@ -154,6 +158,19 @@ class Sensor(ABC):
     def _noise_times(self, factor: NoiseFactor) -> dict[str, Any]:
         """Return the fields that describe the noise, times learned factors."""
         return {}
+
+    def with_known_targets(self: SensorT, measured: FloatArray, existence: FloatArray) -> SensorT:
+        """Return the sensor with the false detections that the known targets cause.
+
+        Parameters
+        ----------
+        measured : array of shape (T, Z)
+            Expected measurement of each target.
+        existence : array of shape (T,)
+        """
+        if self.multipath is None:
+            return self
+        return replace(self, multipath=Multipath(measured, existence))
 
     def with_threshold_and_rate(self: SensorT, threshold: float, clutter_rate: float) -> SensorT:
         """Return the sensor with another threshold and clutter rate."""
@@ -380,7 +397,7 @@ class Sensor(ABC):
         """Log intensity of uniform false detections, in measurement units."""
 
     def log_clutter_factor(self, measurement: FloatArray) -> FloatArray:
-        """Return the log ratio of all clutter to the uniform one, (M,); 0 without a clutter map."""
+        """Return the log ratio of all clutter to the uniform one, (M,); 0 if it is uniform."""
         return np.zeros(len(measurement))
 
     def neighbourhood_density(self, measurement: FloatArray, world: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ after an association.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -220,6 +220,7 @@ def update(
         prior = prior.with_reacquired(out_of_gate)
         pairs = _gate_pairs(prior, report, attributes)
     evidence = None if attributes is None else _evidence(prior, pairs, report, attributes)
+    report = _with_known_targets(report, prior)
     log_other = log_intensities(report, model, dt, earlier, evidence)
     posterior = prior.posterior(pairs, evidence, log_other)
 
@@ -239,6 +240,15 @@ def update(
     if sensors is not None and sensors.remembers(report):
         look = _look(report, prior, posterior, detected)
     return Updated(posterior.rows, newborns, posterior.approximate, prior.label, detected, look)
+
+
+def _with_known_targets(report: Report, prior: Prior[RowsT]) -> Report:
+    """Return a report whose sensor has the false detections that the prior's targets cause."""
+    if report.sensor.multipath is None:
+        return report
+    existence = sum_by(prior.target, prior.mass, len(prior.label))
+    sensor = report.sensor.with_known_targets(prior.measured_by_target, existence)
+    return replace(report, sensor=sensor)
 
 
 def _look(
