@@ -92,6 +92,26 @@ def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -
     return f"worse than set, and tracked as found: {'; '.join(worse)}"
 
 
+def of_changes(radar: str, figures: Mapping[str, float]) -> str | None:
+    """Return the warning about a radar that is no longer what it was, or None.
+
+    Parameters
+    ----------
+    figures : mapping of name to number
+        The figures of a step; see `SensorMemory.figures`.
+    """
+    changed = []
+    if f"{radar}.fewer_detections" in figures:
+        changed.append("it detects fewer targets")
+    for component in ("range", "azimuth"):
+        if f"{radar}.{component}_noisier" in figures:
+            changed.append(f"its {component} noise is larger")
+    blind = figures.get(f"{radar}.blind_azimuth_deg")
+    if blind is not None:
+        changed.append(f"it detects next to nothing about {blind:.0f} degrees from its x axis")
+    return f"not what it was until now: {'; '.join(changed)}" if changed else None
+
+
 def _beyond_a_turn(radar: RadarParameters, count: int) -> str:
     """Return the warning about azimuths beyond one turn in radians."""
     cause = (

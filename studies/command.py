@@ -32,12 +32,16 @@ STUDIES = {
     "hour_of_bag": "hours.study.OF_BAG",
     "autoferry": "autoferry.study.STUDY",
     "misspecified": "misspecified.STUDY",
+    "changed_radars": "changed_radars.STUDY",
     "calibration": "calibration.study.STUDY",
     "hard_traffic": "hard_traffic.STUDY",
     "tuning_truth": "tuning_truth.STUDY",
 }
 # Studies that run one after the other in a second process, in parallel to the Monte Carlo study.
-REST = ("madap", "registration", "handover", "hours", "misspecified", "calibration")
+REST = (
+    *("madap", "registration", "handover", "hours", "misspecified", "changed_radars"),
+    "calibration",
+)
 RUNS = 50
 
 

@@ -68,17 +68,17 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
     found: Figures = {}
     for case, factors in CASES.items():
         truth = {name: value * factors.get(name, 1.0) for name, value in TOLD.items()}
-        radars = polar_radars(resolve(_of_radars(truth)).model.radars)
+        radars = polar_radars(resolve(of_radars(truth)).model.radars)
         run = simulated_run(paper_scenario(radars), seed)
         trackers = {"told": truth, "wrong": TOLD, "learned": LEARNED}
         found[case] = {
-            name: _distances(run, {"engine": arguments.engine, **_of_radars(given)})
+            name: _distances(run, {"engine": arguments.engine, **of_radars(given)})
             for name, given in trackers.items()
         }
     return {"cases": found}
 
 
-def _of_radars(values: Mapping[str, Any]) -> dict[str, Any]:
+def of_radars(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return parameters that all radars have."""
     return {f"{radar}.{name}": value for radar in RADARS for name, value in values.items()}
 

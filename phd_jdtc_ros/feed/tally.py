@@ -107,5 +107,7 @@ class Tally:
         for radar, fit in zip(self._config.inputs, fits, strict=True):
             wrong = anomalies.of_noise(fit)
             worse = anomalies.of_learned(radar.name, self._figures)
-            yield from (f"{radar.topic}: {text}" for text in (wrong, worse) if text is not None)
+            changed = anomalies.of_changes(radar.name, self._figures)
+            found = [text for text in (wrong, worse, changed) if text is not None]
+            yield from (f"{radar.topic}: {text}" for text in found)
         yield from self.about_targets()

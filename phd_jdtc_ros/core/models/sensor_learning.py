@@ -9,6 +9,7 @@ from operator import is_
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..learned.change_alarm import ChangeAlarm
 from ..learned.correlation import Correlation
 from ..learned.detection_factor import CELLS, DetectionFactor
 from ..learned.last_looks import LastLooks, Look
@@ -46,6 +47,8 @@ class SensorMemory:
         Number of open looks when those of ended targets were last dropped.
     correlation : dict of name to Correlation
         By sensor with correlated misses, after its first report.
+    alarms : dict of name to ChangeAlarm
+        By sensor, after the first looks or innovations that were learned from.
     last : dict of name to LastLooks
         By sensor, likewise.
     """
@@ -57,6 +60,7 @@ class SensorMemory:
     settled: int = 0
     correlation: dict[str, Correlation] = field(default_factory=dict)
     last: dict[str, LastLooks] = field(default_factory=dict)
+    alarms: dict[str, ChangeAlarm] = field(default_factory=dict)
     _latest: dict[str, _Learned] = field(default_factory=dict, init=False, repr=False)
 
     def learned(self, sensor: Sensor) -> Sensor:
@@ -96,6 +100,8 @@ class SensorMemory:
         For each sensor that learns: the mean detection probability of the targets, with its
         standard deviation and the configured one, the ratios of the standard deviations of
         measurements to the configured ones, and the correlation of detections from look to look.
+        For one that is no longer what it was: 1 for fewer detections or a larger noise, and the
+        middle of a blind sector in degrees, counter-clockwise from its x axis.
         """
         found: dict[str, float] = {}
         for sensor in sensors:
@@ -114,6 +120,20 @@ class SensorMemory:
             if own is not None and own.learned and own.sums[0] > 0.0:
                 name = f"{sensor.name}.detection_correlation"
                 found[name], found[f"{name}_std"] = own.value, own.std
+            found |= self._changes(sensor)
+        return found
+
+    def _changes(self, sensor: Sensor) -> dict[str, float]:
+        """Return the changes of a sensor by dotted name; see `figures`."""
+        alarm, found = self.alarms.get(sensor.name), {}
+        if alarm is None:
+            return {}
+        if alarm.fewer_detections:
+            found[f"{sensor.name}.fewer_detections"] = 1.0
+        if not np.isnan(alarm.blind_azimuth):
+            found[f"{sensor.name}.blind_azimuth_deg"] = float(np.degrees(alarm.blind_azimuth))
+        for component in np.array(sensor.components)[alarm.noisier[: len(sensor.components)]]:
+            found[f"{sensor.name}.{component}_noisier"] = 1.0
         return found
 
     def learns(self, report: Report) -> bool:
@@ -164,14 +184,19 @@ class SensorMemory:
         self.looks, counted = self.looks.after(looks, CELLS * len(self.sensors))
         for index in np.flatnonzero(counted.looks.reshape(-1, CELLS).any(axis=1)).tolist():
             name, first = self.sensors[index], index * CELLS
-            later = self.detection[name].after(counted.part(slice(first, first + CELLS)))
-            self.detection = {**self.detection, name: later}
+            part = counted.part(slice(first, first + CELLS))
+            alarm = self.alarms.get(name, ChangeAlarm()).after_looks(self.detection[name], part)
+            self.alarms = {**self.alarms, name: alarm}
+            self.detection = {**self.detection, name: self.detection[name].after(part)}
 
     def learn_noise(self, report: Report, evidence: NoiseEvidence) -> None:
         """Learn from the innovations of one report; see `evidence.evidence_of`."""
         factor = report.sensor.noise_factor
         if factor is not None and report.complete:
-            self.noise = {**self.noise, report.sensor.name: factor.after(evidence)}
+            name = report.sensor.name
+            alarm = self.alarms.get(name, ChangeAlarm()).after_noise(factor, evidence)
+            self.alarms = {**self.alarms, name: alarm}
+            self.noise = {**self.noise, name: factor.after(evidence)}
 
     def with_last_looks(self, report: Report, stamp_ns: int) -> Report:
         """Return a report with what its sensor's last look at each target implies."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
+from ..learned.change_alarm import ChangeAlarm
 from ..learned.correlation import SUMS, Correlation
-from ..learned.detection_factor import CELLS, DetectionFactor
+from ..learned.detection_factor import AZIMUTHS, CELLS, DetectionFactor
 from ..learned.last_looks import LastLooks
 from ..learned.noise_factor import NoiseFactor
 from ..learned.open_looks import OpenLooks
@@ -14,7 +15,7 @@ from ..sensors.sensor import Sensor
 from ..snapshot import Snapshot, from_snapshot, to_snapshot
 
 DETECTION, NOISE, LOOKS = "detection_factor", "noise_factor", "open_looks"
-CORRELATION, LAST = "correlation", "last_looks"
+CORRELATION, LAST, ALARM = "correlation", "last_looks", "change_alarm"
 
 
 def sensors_to_snapshot(memory: SensorMemory, snapshot: Snapshot) -> None:
@@ -27,6 +28,8 @@ def sensors_to_snapshot(memory: SensorMemory, snapshot: Snapshot) -> None:
         to_snapshot(correlation, snapshot, f"{CORRELATION}.{name}")
     for name, last in memory.last.items():
         to_snapshot(last, snapshot, f"{LAST}.{name}")
+    for name, alarm in memory.alarms.items():
+        to_snapshot(alarm, snapshot, f"{ALARM}.{name}")
     if memory.detection:
         to_snapshot(memory.looks, snapshot, LOOKS)
 
@@ -53,6 +56,10 @@ def sensors_from_snapshot(snapshot: Snapshot, sensors: Sequence[Sensor]) -> Sens
         if (own := known[name].noise_factor) is not None:
             part = snapshot, f"{NOISE}.{name}", {"Z": len(own.learned)}
             memory.noise[name] = from_snapshot(NoiseFactor, *part, learned=own.learned)
+    for name in _sensors(snapshot, ALARM, known):
+        if known[name].detection_factor is not None or known[name].noise_factor is not None:
+            part = snapshot, f"{ALARM}.{name}", {"A": 1 + AZIMUTHS, "Z": 2}
+            memory.alarms[name] = from_snapshot(ChangeAlarm, *part)
     for name in _sensors(snapshot, LAST, known):
         if (first := known[name].correlation) is None:
             continue

@@ -200,6 +200,7 @@ class InputHealth:
         learned = {f"{self.name}.{key}": value for key, value in self.learned.items()}
         worse = anomalies.of_learned(self.name, learned, self._worse)
         self._worse = worse is not None
+        changed = anomalies.of_changes(self.name, learned)
         return first(
             (ERROR, shared, f"several publishers on {self.topic}, must be one"),
             (ERROR, publishers.incompatible, incompatible),
@@ -210,6 +211,7 @@ class InputHealth:
             (WARN, lost, f"{lost} messages lost in the last {WARNING_MEMORY_S:g} s: {where}"),
             (WARN, dropped, "input was dropped or missed its deadline"),
             (WARN, noise, noise or ""),
+            (WARN, changed, changed or ""),
             (WARN, worse, worse or ""),
             (DiagnosticStatus.OK, True, "receiving"),
         )

@@ -1,0 +1,121 @@
+"""Finds a sensor that is no longer what it was: fewer detections, more noise, a blind sector."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+import numpy as np
+
+from ..arrays import BoolArray, FloatArray, read_only
+from ..snapshot import floats
+from .detection_factor import AZIMUTHS, RANGES, Counted, DetectionFactor
+from .noise_factor import NoiseEvidence, NoiseFactor
+
+# Ratios of the detection probability and of a variance to the learned ones that are looked for.
+FEWER, NOISIER = 0.7, 2.0
+# Ratios in a blind sector, and in one that shares a loss of the whole sensor.
+BLIND, SHARED = 0.15, 0.6
+# Log likelihood ratio of the change from which it is reported, and the largest one: a sensor that
+# is as before, or that has been learned anew, loses the difference in some ten turns.
+RAISED, MOST = 12.0, 24.0
+# Expected detections, in the sensor and in a sector, and innovations from which a learned value is
+# compared with later ones.
+SETTLED, SETTLED_SECTOR = 50.0, 20.0
+
+
+def _none(size: int) -> FloatArray:
+    return np.zeros(size)
+
+
+@dataclass(frozen=True, eq=False)
+class ChangeAlarm:
+    """Evidence of changes of a sensor, as cumulative sums (CUSUM).
+
+    Parameters
+    ----------
+    detection : array of shape (1 + A,)
+        Of fewer detections in the sensor as a whole, and of next to none in each sector of azimuth.
+    noise : array of shape (2,)
+        Of a larger noise in each component of a measurement.
+
+    Notes
+    -----
+    E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954: the sum of the log likelihood
+    ratios of changed and learned value, not below zero. The learned value follows the change more
+    slowly than the sum, which ends an alarm when it has.
+    """
+
+    detection: Annotated[FloatArray, floats("A", 0.0, MOST)] = field(
+        default_factory=lambda: _none(1 + AZIMUTHS)
+    )
+    noise: Annotated[FloatArray, floats("Z", 0.0, MOST)] = field(default_factory=lambda: _none(2))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "detection", read_only(self.detection))
+        object.__setattr__(self, "noise", read_only(self.noise))
+
+    @property
+    def fewer_detections(self) -> bool:
+        """Whether the sensor detects fewer targets than before."""
+        return bool(self.detection[0] >= RAISED)
+
+    @property
+    def noisier(self) -> BoolArray:
+        """Mask of the components whose noise is larger than before, (2,)."""
+        return self.noise >= RAISED
+
+    @property
+    def blind_azimuth(self) -> float:
+        """Middle of the sector that has become blind, radians; NaN without any.
+
+        If several have, that with most evidence.
+        """
+        sector = int(self.detection[1:].argmax())
+        if self.detection[1 + sector] < RAISED:
+            return math.nan
+        return (sector + 0.5) * 2.0 * np.pi / AZIMUTHS
+
+    def after_looks(self, factor: DetectionFactor, counted: Counted) -> ChangeAlarm:
+        """Return the alarm after looks that count.
+
+        Parameters
+        ----------
+        factor : DetectionFactor
+            As learned before these looks.
+        counted : Counted
+            Of all cells.
+        """
+        usual = factor.by_cell * counted.expected
+        by_cell = np.stack([counted.looks, counted.detected, usual, factor.expected])
+        looks, detected, usual, known = by_cell.reshape(4, RANGES, AZIMUTHS).sum(axis=1)
+        whole = _evidence(looks.sum(), detected.sum(), usual.sum(), FEWER, 1.0)
+        whole = np.where(factor.all_expected >= SETTLED, whole, 0.0)
+        sectors = _evidence(looks, detected, usual, BLIND, SHARED)
+        sectors = np.where(known >= SETTLED_SECTOR, sectors, 0.0)
+        evidence = np.concatenate([[whole], sectors])
+        return replace(self, detection=np.clip(self.detection + evidence, 0.0, MOST))
+
+    def after_noise(self, factor: NoiseFactor, evidence: NoiseEvidence) -> ChangeAlarm:
+        """Return the alarm after innovations, given the noise that was learned before them."""
+        square = evidence.weight + evidence.excess
+        ratio = 0.5 * (square * (1.0 - 1.0 / NOISIER) - evidence.weight * math.log(NOISIER))
+        ratio = np.where(factor.learned & (factor.weight >= SETTLED), ratio, 0.0)
+        return replace(self, noise=np.clip(self.noise + ratio, 0.0, MOST))
+
+
+def _evidence(
+    looks: FloatArray, detected: FloatArray, usual: FloatArray, ratio: float, against: float
+) -> FloatArray:
+    """Return the log likelihood ratio of two ratios to the learned probability, elementwise.
+
+    Parameters
+    ----------
+    looks, detected, usual : arrays
+        Numbers of looks, of detections, and of detections with the learned probability.
+    """
+    learned = np.clip(usual / np.where(looks > 0.0, looks, 1.0), 0.01, 0.99)
+    of_miss = np.log((1.0 - ratio * learned) / (1.0 - against * learned))
+    evidence: FloatArray = detected * math.log(ratio / against) + (looks - detected) * of_miss
+    return evidence

@@ -1,0 +1,118 @@
+"""Cumulative sums of a sensor's changes, beside sums over single looks that the tests draw."""
+
+import numpy as np
+import pytest
+
+from msg_adapters import anomalies
+from phd_jdtc_ros.core.learned.change_alarm import MOST, RAISED, ChangeAlarm
+from phd_jdtc_ros.core.learned.detection_factor import (
+    AZIMUTHS,
+    CELLS,
+    RANGES,
+    Counted,
+    DetectionFactor,
+)
+from phd_jdtc_ros.core.learned.noise_factor import NoiseEvidence, NoiseFactor
+from phd_jdtc_ros.core.models.sensor_learning import SensorMemory
+
+LEARNED = 0.8
+
+
+def settled():
+    """Return the factor of a sensor that is as configured, known from 640 looks."""
+    looks = np.full(CELLS, 10.0)
+    return DetectionFactor(1e4).after(Counted(looks, LEARNED * looks, LEARNED * looks))
+
+
+def looks_of(rng, probability):
+    """Return a look at a target in every cell, given the probabilities by azimuth."""
+    detected = rng.random((RANGES, AZIMUTHS)) < probability
+    return Counted(np.ones(CELLS), np.full(CELLS, LEARNED), detected.ravel().astype(float))
+
+
+def after(probability, reports=6, seed=0):
+    rng, alarm = np.random.default_rng(seed), ChangeAlarm()
+    for _ in range(reports):
+        alarm = alarm.after_looks(settled(), looks_of(rng, probability))
+    return alarm
+
+
+def test_sums_are_those_of_single_looks():
+    factor, counted = settled(), looks_of(np.random.default_rng(1), 0.1)
+    found = ChangeAlarm().after_looks(factor, counted).detection
+    learned = (factor.by_cell * LEARNED).reshape(RANGES, AZIMUTHS)
+    detected = counted.detected.reshape(RANGES, AZIMUTHS) > 0.0
+    np.testing.assert_allclose(learned, learned[0, 0])
+    p = learned[0, 0]
+    of_sensor = np.where(detected, np.log(0.7), np.log((1 - 0.7 * p) / (1 - p)))
+    of_sector = np.where(detected, np.log(0.15 / 0.6), np.log((1 - 0.15 * p) / (1 - 0.6 * p)))
+    np.testing.assert_allclose(found[0], np.clip(of_sensor.sum(), 0.0, MOST))
+    np.testing.assert_allclose(found[1:], np.clip(of_sector.sum(axis=0), 0.0, MOST))
+
+
+def test_sensor_as_before_raises_nothing():
+    for seed in range(20):
+        alarm = after(LEARNED, reports=20, seed=seed)
+        assert not alarm.fewer_detections
+        assert np.isnan(alarm.blind_azimuth)
+
+
+def test_fewer_detections_of_the_whole_sensor_are_no_blind_sector():
+    alarm = after(0.5 * LEARNED)
+    assert alarm.fewer_detections
+    assert np.isnan(alarm.blind_azimuth)
+
+
+def test_blind_sector_is_found_where_it_is():
+    by_azimuth = np.full(AZIMUTHS, LEARNED)
+    by_azimuth[3] = 0.0
+    assert after(by_azimuth).blind_azimuth == pytest.approx(3.5 * 2.0 * np.pi / AZIMUTHS)
+
+
+def test_alarm_ends_when_the_sensor_is_as_before():
+    alarm, rng = after(0.3), np.random.default_rng(5)
+    assert alarm.fewer_detections
+    for _ in range(4):
+        alarm = alarm.after_looks(settled(), looks_of(rng, LEARNED))
+    assert not alarm.fewer_detections
+
+
+def test_unknown_sensor_raises_nothing():
+    counted = looks_of(np.random.default_rng(0), 0.0)
+    assert ChangeAlarm().after_looks(DetectionFactor(1e4), counted).detection.max() == 0.0
+    evidence = NoiseEvidence(np.full(2, 100.0), np.full(2, 300.0))
+    assert ChangeAlarm().after_noise(NoiseFactor(), evidence).noise.max() == 0.0
+
+
+@pytest.mark.parametrize(("factor", "raised"), [(1.0, False), (4.0, True)])
+def test_noise_of_twice_the_deviation_is_found(factor, raised):
+    rng, alarm = np.random.default_rng(7), ChangeAlarm()
+    known = NoiseFactor().after(NoiseEvidence(np.full(2, 200.0), np.zeros(2)))
+    for _ in range(50):
+        square = factor * rng.standard_normal(2) ** 2
+        alarm = alarm.after_noise(known, NoiseEvidence(np.ones(2), square - 1.0))
+    assert alarm.noisier.tolist() == [raised, raised]
+    assert raised == bool((alarm.noise >= RAISED).all())
+
+
+def test_component_that_is_not_learned_raises_nothing():
+    known = NoiseFactor(np.array([True, False]))
+    known = known.after(NoiseEvidence(np.full(2, 200.0), np.zeros(2)))
+    evidence = NoiseEvidence(np.full(2, 50.0), np.full(2, 150.0))
+    assert ChangeAlarm().after_noise(known, evidence).noisier.tolist() == [True, False]
+
+
+def test_warning_names_every_change():
+    figures = {
+        "north.fewer_detections": 1.0,
+        "north.azimuth_noisier": 1.0,
+        "north.blind_azimuth_deg": 67.5,
+        "south.range_noisier": 1.0,
+    }
+    text = anomalies.of_changes("north", figures)
+    assert text == (
+        "not what it was until now: it detects fewer targets; its azimuth noise is larger; "
+        "it detects next to nothing about 68 degrees from its x axis"
+    )
+    assert anomalies.of_changes("west", figures) is None
+    assert SensorMemory(("north",)).figures(()) == {}
