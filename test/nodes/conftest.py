@@ -89,19 +89,20 @@ class Peer:
         """
         client = self.node.create_client(GetParameters, f"{node}/get_parameters")
         for _ in range(times):
-            assert self._answered(client), f"{node} does not answer"
+            assert self._reply(client, GetParameters.Request()), f"{node} does not answer"
         self.node.destroy_client(client)
 
-    def _answered(self, client, timeout=DEADLINE_S):
+    def _reply(self, client, request, timeout=DEADLINE_S):
+        """Return the reply to a request that changes nothing, asked again after a second."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
             assert self.spin_until(client.service_is_ready, timeout)
-            future = client.call_async(GetParameters.Request())
-            # It may have gone to one that has been killed and is in the graph still.
+            future = client.call_async(request)
+            # It may have gone to one that has been killed and is in the graph still, or be lost.
             if self.spin_until(future.done, 1.0):
-                return True
+                return future.result()
             client.remove_pending_request(future)
-        return False
+        return None
 
     def settled(self, *outputs):
         """Wait until publishers are connected with every subscriber that the graph has."""
@@ -131,7 +132,12 @@ class Peer:
     def call(self, service_type, name, request=None):
         client = self.node.create_client(service_type, name)
         assert self.spin_until(client.service_is_ready), f"{name} is not there"
-        future = client.call_async(request or service_type.Request())
+        request = request or service_type.Request()
+        if service_type.__name__.startswith(("Get", "List", "Describe")):
+            reply = self._reply(client, request)
+            assert reply is not None, f"{name} does not answer"
+            return reply
+        future = client.call_async(request)
         assert self.spin_until(future.done), f"{name} does not answer"
         return future.result()
 
