@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
+from msg_adapters import anomalies
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 
 # Components of a measurement, with the parameter and the unit of their noise.
@@ -35,6 +36,12 @@ class LearnedValue(NamedTuple):
     found: float
     std: float
     unit: str
+
+
+def changes(inputs: Iterable[RadarParameters], figures: Mapping[str, float]) -> dict[str, str]:
+    """Return the warnings about sensors that are no longer what they were, by sensor."""
+    texts = {radar.name: anomalies.of_changes(radar.name, figures) for radar in inputs}
+    return {name: text for name, text in texts.items() if text is not None}
 
 
 def values(

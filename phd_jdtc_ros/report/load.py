@@ -102,6 +102,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         plane=config.plane,
         least_speed=config.least_speed,
         learned=tuple(learned.values(config.inputs, numbers)),
+        changes=learned.changes(config.inputs, numbers),
     )
 
 

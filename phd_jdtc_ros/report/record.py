@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from phd_jdtc_ros.bags.errors import BagError
@@ -77,6 +78,8 @@ class Record:
         Least speed of the targets that the tracker had to report, metres per second.
     learned : tuple of LearnedValue
         What was learned of the sensors by the end of the run.
+    changes : mapping of str to str
+        How sensors differed at the end of the run from what they were before, by name.
     """
 
     truth: tuple[Truth, ...]
@@ -92,6 +95,7 @@ class Record:
     plane: Plane | None = None
     least_speed: float = 0.0
     learned: tuple[LearnedValue, ...] = ()
+    changes: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def sets(self) -> Sets:

@@ -46,5 +46,12 @@ def test_page_shows_what_was_set_and_found():
     assert "".join(f"<td>{cell}</td>" for cell in cells[1:]) in text
 
 
+def test_page_says_which_sensor_has_changed():
+    changes = learned.changes(INPUTS, {**FIGURES, "mast.fewer_detections": 1.0})
+    text = sensor_words.section(tuple(learned.values(INPUTS, FIGURES)), changes)
+    assert "<strong>mast</strong>: not what it was until now: it detects fewer targets." in text
+    assert learned.changes(INPUTS, FIGURES) == {}
+
+
 def test_page_has_no_table_if_nothing_is_learned():
     assert sensor_words.section(()) == ""

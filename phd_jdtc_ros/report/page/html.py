@@ -63,7 +63,7 @@ def write_report(
         notes="\n".join(f'<p class="note">{escape(note)}</p>' for note in notes),
         tiles=score_words.tiles(summary),
         tables=score_words.tables(summary),
-        sensors=sensor_words.section(record.learned),
+        sensors=sensor_words.section(record.learned, record.changes),
         picture="" if picture is None else picture_words.section(picture.header),
         charts="\n".join(_chart(chart) for chart in charts),
         terms=score_words.definitions(summary),

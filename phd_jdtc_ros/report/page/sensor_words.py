@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from html import escape
+from types import MappingProxyType
 
 from ..learned import LearnedValue
 from . import score_words
 
+NO_CHANGES: Mapping[str, str] = MappingProxyType({})
 
-def section(learned: Sequence[LearnedValue]) -> str:
-    """Return the table of what was set and what was found; empty if nothing is learned."""
+
+def section(learned: Sequence[LearnedValue], changes: Mapping[str, str] = NO_CHANGES) -> str:
+    """Return the table of what was set and what was found; empty if nothing is learned.
+
+    Parameters
+    ----------
+    changes : mapping of str to str
+        How sensors differ from what they were before, by name.
+    """
     if not learned:
         return ""
     rows = [
@@ -24,8 +34,11 @@ def section(learned: Sequence[LearnedValue]) -> str:
         for value in learned
     ]
     headings = ("sensor", "parameter", "set", "found", "deviation")
+    changed = "".join(
+        f"<p><strong>{escape(name)}</strong>: {escape(text)}.</p>" for name, text in changes.items()
+    )
     return (
         f"<h2>Sensors</h2>\n{score_words.narrow(headings, rows)}<p>What the tracker had learned of "
         "its sensors by the end of the run, and the standard deviation of what it found. The "
-        "detection probabilities are means over the targets.</p>"
+        f"detection probabilities are means over the targets.</p>{changed}"
     )
