@@ -10,21 +10,17 @@ import argparse
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from rich.table import Table
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Scan
-from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-from .misspecified import LEARNED, RADARS, TOLD, of_radars
-from .runner import Figures, Goal, Study, goal, table
+from .misspecified import LEARNED, RADARS, of_radars, scenario_of, truth_of
+from .runner import Figures, Goal, Study, add_engine_argument, goal, table
 
 # The first scan after the change.
 CHANGE = 40
@@ -83,9 +79,7 @@ def _scans(seed: int, before: Mapping[str, float], after: Mapping[str, float]) -
 
 
 def _simulated(seed: int, factors: Mapping[str, float]) -> list[Scan]:
-    values: dict[str, Any] = {name: own * factors.get(name, 1.0) for name, own in TOLD.items()}
-    radars = polar_radars(resolve(of_radars(values)).model.radars)
-    return [scan for _, scan in simulate(paper_scenario(radars), seed)]
+    return [scan for _, scan in simulate(scenario_of(truth_of(factors)), seed)]
 
 
 def _with_blind_sector(detections: Detections) -> Detections:
@@ -138,10 +132,6 @@ def goals(figures: Figures) -> list[Goal]:
     return found
 
 
-def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("--engine", choices=("gaussian", "particles"), default="gaussian")
-
-
 STUDY = Study(
     name="changed_radars",
     purpose=__doc__.split("\n", 1)[0],
@@ -152,5 +142,5 @@ STUDY = Study(
     runs=12,
     joins_summary=True,
     combined=_combined,
-    add_arguments=_add_arguments,
+    add_arguments=add_engine_argument,
 )

@@ -39,7 +39,12 @@ STUDIES = {
 }
 # Studies that run one after the other in a second process, in parallel to the Monte Carlo study.
 REST = (
-    *("madap", "registration", "handover", "hours", "misspecified", "changed_radars"),
+    "madap",
+    "registration",
+    "handover",
+    "hours",
+    "misspecified",
+    "changed_radars",
     "calibration",
 )
 RUNS = 50

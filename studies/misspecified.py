@@ -18,13 +18,12 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import ospa
-from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.study.monte_carlo.definition import CUTOFF, ORDER
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
 from phd_jdtc_ros.study.tracker import Reading, track
 
-from .runner import Figures, Goal, Study, goal, table
+from .runner import Figures, Goal, Study, add_engine_argument, goal, table
 
 RADARS = ("radar_1", "radar_2")
 # What the tracker is told, and what it is told if it may learn.
@@ -67,15 +66,24 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
     """Return the mean OSPA distances of a seed in metres, by case, tracker and source."""
     found: Figures = {}
     for case, factors in CASES.items():
-        truth = {name: value * factors.get(name, 1.0) for name, value in TOLD.items()}
-        radars = polar_radars(resolve(of_radars(truth)).model.radars)
-        run = simulated_run(paper_scenario(radars), seed)
+        truth = truth_of(factors)
+        run = simulated_run(scenario_of(truth), seed)
         trackers = {"told": truth, "wrong": TOLD, "learned": LEARNED}
         found[case] = {
             name: _distances(run, {"engine": arguments.engine, **of_radars(given)})
             for name, given in trackers.items()
         }
     return {"cases": found}
+
+
+def truth_of(factors: Mapping[str, float]) -> dict[str, float]:
+    """Return what radars are like, given the factors of what a tracker is told."""
+    return {name: value * factors.get(name, 1.0) for name, value in TOLD.items()}
+
+
+def scenario_of(truth: Mapping[str, float]) -> Scenario:
+    """Return the reference scenario with radars like these."""
+    return paper_scenario(polar_radars(resolve(of_radars(truth)).model.radars))
 
 
 def of_radars(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -119,10 +127,6 @@ def goals(figures: Figures) -> list[Goal]:
     return found
 
 
-def _add_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("--engine", choices=("gaussian", "particles"), default="gaussian")
-
-
 STUDY = Study(
     name="misspecified",
     purpose=__doc__.split("\n", 1)[0],
@@ -132,5 +136,5 @@ STUDY = Study(
     seed=61000,
     runs=12,
     joins_summary=True,
-    add_arguments=_add_arguments,
+    add_arguments=add_engine_argument,
 )

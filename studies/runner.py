@@ -97,6 +97,11 @@ def run(study: Study, argv: Sequence[str]) -> int:
     return command.guarded(study.name, lambda: _work(study, arguments))
 
 
+def add_engine_argument(parser: ArgumentParser) -> None:
+    """Add the argument that selects an engine with labels."""
+    parser.add_argument("--engine", choices=("gaussian", "particles"), default="gaussian")
+
+
 def _parser(study: Study) -> ArgumentParser:
     parser = ArgumentParser(f"studies {study.name}", description=study.purpose)
     study.add_arguments(parser)

@@ -115,7 +115,10 @@ def scans_of(recording: Recording, sensors: Sequence[str] = ("radar",)) -> list[
 
 
 def scores_of(
-    recording: Recording, parameters: Mapping[str, Any], with_lidar: Mapping[str, Any] | None = None
+    recording: Recording,
+    parameters: Mapping[str, Any],
+    with_lidar: Mapping[str, Any] | None = None,
+    changes: Mapping[str, Any] | None = None,
 ) -> list[Score]:
     """Return the scores of both engines and both peers, filtered and smoothed.
 
@@ -125,6 +128,8 @@ def scores_of(
         Parameters of the tracker with the radar alone.
     with_lidar : mapping or None
         Parameters of the tracker with both sensors; None to leave this variant out.
+    changes : mapping or None
+        Parameters that replace those of our trackers; the lidar's concern the second one only.
 
     Raises
     ------
@@ -134,11 +139,13 @@ def scores_of(
     scans = scans_of(recording)
     truth = [recording.truth(scan.stamp_ns) for scan in scans]
     found: dict[tuple[str, str], Sequence[PointSet]] = {}
+    changes = changes or {}
+    of_radar = {name: own for name, own in changes.items() if not name.startswith("lidar.")}
     for name in ENGINES:
-        config = resolve({**parameters, "engine": name})
+        config = resolve({**parameters, **of_radar, "engine": name})
         found |= _of_sources(name, tracked(new_engine(config), scans), truth)
     if with_lidar is not None:
-        config = resolve(with_lidar)
+        config = resolve({**with_lidar, **changes})
         both = scans_of(recording, config.values["sensors"])
         found |= _of_sources(WITH_LIDAR, tracked(new_engine(config), both), truth)
     lag, model, interval_s = peer_problem(parameters)

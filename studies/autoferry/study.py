@@ -10,6 +10,7 @@ from rich.table import Table
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.exit_status import ArgumentParser
+from phd_jdtc_ros.parameter_files import from_arguments
 
 from ..runner import Figures, Study
 from . import bags, scores
@@ -27,11 +28,13 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
         raise BagError("directory: must be the directory of the dataset's CSV files")
     else:
         recordings = [bags.of_bag(resources.bag(bags.SHIPPED))]
+    changes = from_arguments.from_arguments(arguments.params_file, arguments.assignments)
     found = []
     for recording in recordings:
         with_lidar = bags.parameters(lidar=True) if recording.of("lidar") else None
         try:
-            found += scores.scores_of(recording, bags.parameters(lidar=False), with_lidar)
+            given = bags.parameters(lidar=False), with_lidar, changes
+            found += scores.scores_of(recording, *given)
         except ImportError as error:
             raise BagError(f"Stone Soup: {error}") from error
     return {"scores": [each.as_json() for each in found]}
@@ -69,5 +72,6 @@ STUDY = Study(
     tables=_tables,
     goals=lambda found: scores.goals_of(_scores(found)),
     runs=0,
+    has_parameters=True,
     add_arguments=_add_arguments,
 )

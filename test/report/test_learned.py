@@ -41,7 +41,7 @@ def test_values_that_are_not_learned_are_left_out():
 
 def test_page_shows_what_was_set_and_found():
     record = replace(record_of(), learned=tuple(learned.values(INPUTS, FIGURES)))
-    text = sensor_words.section(record.learned)
+    text = sensor_words.section(record.learned, {})
     cells = ("mast", "range_std", "50 m", "100 m", "5 m")
     assert "".join(f"<td>{cell}</td>" for cell in cells[1:]) in text
 
@@ -54,4 +54,4 @@ def test_page_says_which_sensor_has_changed():
 
 
 def test_page_has_no_table_if_nothing_is_learned():
-    assert sensor_words.section(()) == ""
+    assert sensor_words.section((), {}) == ""

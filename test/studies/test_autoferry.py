@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from phd_jdtc_ros import resources
 from studies.autoferry import bags
 from studies.autoferry import recording as autoferry
 from studies.autoferry import scores as autoferry_scores
@@ -125,3 +126,15 @@ def test_all_trackers_are_scored_on_the_same_scans(tmp_path):
     }
     assert all(each.false < 0.1 and each.missed < 0.7 for each in scores)
     assert all(each.position_rms < 6.0 for each in scores)
+
+
+def test_changes_are_those_of_our_trackers_and_not_of_the_peers(tmp_path):
+    pytest.importorskip("stonesoup")
+    recording = bags.of_bag(resources.bag(bags.SHIPPED))
+    given, changes = bags.parameters(lidar=False), {"lidar.range_std": 9.0}
+    usual = autoferry_scores.scores_of(recording, given, None, changes)
+    other = autoferry_scores.scores_of(
+        recording, given, None, {**changes, "radar.clutter_rate": 40.0}
+    )
+    same = {mine.tracker for mine, changed in zip(usual, other, strict=True) if mine == changed}
+    assert same == set(autoferry_scores.PEERS)

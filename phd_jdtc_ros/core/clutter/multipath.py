@@ -26,8 +26,8 @@ class Multipath:
         Existence probability of each target.
     """
 
-    # Density of false detections behind a target, relative to the uniform ones, at its azimuth.
-    # Values from 50 to 200 are as accurate on a radar in a harbour.
+    # Density of false detections behind a target, relative to the uniform ones, at its azimuth: the
+    # order of magnitude that is the most accurate for a radar in a harbour.
     FACTOR: ClassVar[float] = 100.0
     # Variance of the difference of two azimuths, the echo's and the target's, relative to that of a
     # measured azimuth.

@@ -15,7 +15,7 @@ from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
 from ..types import Coverage, Detections
-from ..window.update import Posterior
+from ..window.update_steps import Posterior
 from .algebra.kalman import TINY
 from .bounds import Bounds
 from .dynamics import Dynamics
@@ -40,7 +40,7 @@ from .strays import with_reacquired
 
 @dataclass(frozen=True)
 class GaussianSteps:
-    """The steps of an update of Gaussians; see `window.update.UpdateSteps`."""
+    """The steps of an update of Gaussians; see `window.update_steps.UpdateSteps`."""
 
     dynamics: Dynamics
     bounds: Bounds
@@ -67,7 +67,7 @@ class GaussianSteps:
 
 @dataclass(frozen=True)
 class PriorMixture:
-    """Hypotheses before a report; see `window.update.Prior`."""
+    """Hypotheses before a report; see `window.update_steps.Prior`."""
 
     branched: Branched
     report: Report

@@ -24,7 +24,7 @@ from ..models.detection_birth import Newborn
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import LEAST_UNSEEN, Report
 from ..types import Coverage, Detections
-from ..window.update import Posterior
+from ..window.update_steps import Posterior
 from .correction import Corrector
 from .noise import noise_evidence
 from .particle_set import ParticleSet
@@ -36,7 +36,7 @@ TINY = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True)
 class ParticleSteps:
-    """The steps of an update of particles; see `window.update.UpdateSteps`."""
+    """The steps of an update of particles; see `window.update_steps.UpdateSteps`."""
 
     model: TrackerModel
     corrector: Corrector
@@ -76,7 +76,7 @@ class ParticleSteps:
 
 @dataclass(frozen=True)
 class PriorParticles:
-    """Particles before a report; see `window.update.Prior`."""
+    """Particles before a report; see `window.update_steps.Prior`."""
 
     particles: ParticleSet
     report: Report

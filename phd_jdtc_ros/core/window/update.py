@@ -1,139 +1,37 @@
 """The update of a set of rows with the reports of a scan, common to all engines.
 
-Each report corrects the rows in turn. An engine implements the steps, see `UpdateSteps` and
-`Prior`: the expected measurements of its rows, the gated pairs of rows and detections, and the rows
-after an association.
+Each report corrects the rows in turn. An engine implements the steps; see `update_steps`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Generic, Protocol, TypeVar
+from typing import Generic
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, sum_by
-from ..association.bernoulli import Claims, undetected
+from ..association.bernoulli import undetected
 from ..attributes.evidence import Evidence
 from ..attributes.memory import AttributeMemory, AttributesAt
 from ..attributes.reprojection import Paired, plain
 from ..attributes.uniqueness import OutOfGate
 from ..learned.last_looks import Look
-from ..learned.noise_factor import NoiseEvidence
 from ..models import detection_limit
 from ..models.clutter_learning import ClutterMemory
-from ..models.competing_sources import CompetingSources, log_intensities
+from ..models.competing_sources import log_intensities
 from ..models.detection_birth import Newborn
 from ..models.sensor_learning import SensorMemory, look_at
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
 from ..tracks import labels
-from ..types import Detections, Scan
+from ..types import Scan
 from .antenna_pass import AntennaPasses
+from .update_steps import Posterior, Prior, RowsT, UpdateSteps
 
-RowsT = TypeVar("RowsT")
 # Lower bound of the existence probabilities by which others are divided.
 LEAST_EXISTENCE = 1e-12
-
-
-@dataclass(frozen=True)
-class Posterior(Generic[RowsT]):
-    """Rows after one report, and the association that led to them.
-
-    Parameters
-    ----------
-    claims : Claims
-        Association likelihoods of the P pairs.
-    sources : CompetingSources
-        Sources of the detections other than these targets.
-    claimed_probability : array of shape (M,)
-        Probability that a known target is the source of each detection.
-    pair_probability : array of shape (P,)
-        Association probability of each pair.
-    existence : array of shape (T,)
-        Existence probability of each target.
-    evidence : Evidence or None
-        Identities and heights as evidence for these pairs.
-    noise : NoiseEvidence or None
-        Evidence on the sensor's noise; None if its noise is known.
-    approximate : int
-        Number of clusters of targets too large for exact association probabilities.
-    """
-
-    rows: RowsT
-    claims: Claims
-    sources: CompetingSources
-    claimed_probability: FloatArray
-    pair_probability: FloatArray
-    existence: FloatArray
-    evidence: Evidence | None
-    noise: NoiseEvidence | None = None
-    approximate: int = 0
-
-
-class Prior(Protocol[RowsT]):
-    """N rows of T targets before one report."""
-
-    @property
-    def label(self) -> IntArray:
-        """Label of each target, ascending, (T,)."""
-
-    @property
-    def target(self) -> IntArray:
-        """Index of each row's target, (N,)."""
-
-    @property
-    def mass(self) -> FloatArray:
-        """Weight of each row, (N,)."""
-
-    @property
-    def missed_mass(self) -> FloatArray:
-        """Weight of each row times its probability of a missed detection, (N,)."""
-
-    @property
-    def measured(self) -> FloatArray:
-        """Expected measurements of the rows, (N, Z)."""
-
-    @property
-    def measured_by_target(self) -> FloatArray:
-        """Expected measurement of each target, (T, Z); that of any of its likely states."""
-
-    def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the gated pairs of rows and detections, with their log likelihoods."""
-
-    def with_reacquired(self, out_of_gate: OutOfGate) -> Prior[RowsT]:
-        """Return the prior with additional rows at the detections of targets out of their gates."""
-
-    def probability_slower(self, bound: float) -> FloatArray:
-        """Return the probability that each row is slower than a bound in m/s, (N,)."""
-
-    def posterior(
-        self, pairs: Paired, evidence: Evidence | None, log_other: FloatArray
-    ) -> Posterior[RowsT]:
-        """Return the rows after the association of the detections.
-
-        Parameters
-        ----------
-        evidence : Evidence or None
-            Identities and heights as evidence for these pairs.
-        log_other : array of shape (1 + C, M)
-            See `competing_sources.log_intensities`.
-        """
-
-
-class UpdateSteps(Protocol[RowsT]):
-    """An engine's part of an update."""
-
-    @property
-    def model(self) -> TrackerModel:
-        """Assumptions about targets and sensors."""
-
-    def prior(self, rows: RowsT, report: Report) -> Prior[RowsT]:
-        """Return the rows as the prior of a report's update."""
-
-    def with_newborn(self, rows: RowsT, newborn: Newborn, label: int) -> tuple[RowsT, Newborn]:
-        """Return the rows with the targets born at detections, numbered from `label`, and these."""
 
 
 @dataclass(frozen=True)
@@ -251,13 +149,17 @@ def _with_known_targets(report: Report, prior: Prior[RowsT]) -> Report:
     return replace(report, sensor=sensor)
 
 
+def _existence_and_missed(prior: Prior[RowsT]) -> tuple[FloatArray, FloatArray]:
+    """Return the weight of each target, and that of its missed detection, (T,)."""
+    size = len(prior.label)
+    return sum_by(prior.target, prior.mass, size), sum_by(prior.target, prior.missed_mass, size)
+
+
 def _look(
     report: Report, prior: Prior[RowsT], posterior: Posterior[RowsT], detected: FloatArray
 ) -> Look:
     """Return a report as a look at the prior's targets."""
-    before, missed = (
-        sum_by(prior.target, mass, len(prior.label)) for mass in (prior.mass, prior.missed_mass)
-    )
+    before, missed = _existence_and_missed(prior)
     probability = 1.0 - missed / np.where(before > 0.0, before, 1.0)
     known = before, probability, detected, posterior.existence
     return look_at(report, prior.label, prior.measured_by_target, *known)
@@ -283,7 +185,7 @@ def _learn_sensor(
     if not sensors.learns(report):
         return
     targets, claims, bound = len(prior.label), posterior.claims, report.sensor.clutter_map_speed
-    before, missed = (sum_by(prior.target, m, targets) for m in (prior.mass, prior.missed_mass))
+    before, missed = _existence_and_missed(prior)
     exists = np.where(before > 0.0, before, 1.0)
     known = before
     if report.sensor.clutter_map is not None and bound > 0.0:
@@ -320,9 +222,7 @@ def _evidence(
     prior: Prior[RowsT], pairs: Paired, report: Report, attributes: AttributesAt
 ) -> Evidence | None:
     """Return the identities and heights of the detections as evidence for pairs."""
-    existence, missed = (
-        sum_by(prior.target, mass, len(prior.label)) for mass in (prior.mass, prior.missed_mass)
-    )
+    existence, missed = _existence_and_missed(prior)
     target = prior.target.take(pairs.row)
     unseen = undetected(existence, missed)
     return attributes.evidence(prior.label, target, pairs.column, report.detections, unseen)

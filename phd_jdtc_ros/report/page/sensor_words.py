@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from types import MappingProxyType
 
 from ..learned import LearnedValue
 from . import score_words
 
-NO_CHANGES: Mapping[str, str] = MappingProxyType({})
 
-
-def section(learned: Sequence[LearnedValue], changes: Mapping[str, str] = NO_CHANGES) -> str:
+def section(learned: Sequence[LearnedValue], changes: Mapping[str, str]) -> str:
     """Return the table of what was set and what was found; empty if nothing is learned.
 
     Parameters
