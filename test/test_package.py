@@ -94,7 +94,7 @@ def test_reference_scenario_file_is_the_built_in_one():
 
 
 def test_one_file_states_the_licence_of_all():
-    # As REUSE 3.3 has it, in the place of a header in every file.
+    # REUSE 3.3 allows this file in the place of a header in every file.
     said = (ROOT / "REUSE.toml").read_text()
     licence = ElementTree.parse(ROOT / "package.xml").getroot().findtext("license")
 

@@ -9,7 +9,7 @@ from phd_jdtc_ros.bags.errors import BagError
 
 
 def test_bag_is_found_by_name_from_any_directory(tmp_path, monkeypatch):
-    # With bags of the user's own.
+    # The user has bags too.
     (tmp_path / "bags" / "mine").mkdir(parents=True)
     monkeypatch.chdir(tmp_path)
     assert (resources.bag("three_classes") / "metadata.yaml").is_file()

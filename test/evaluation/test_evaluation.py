@@ -279,7 +279,7 @@ def test_evaluation_scores_every_pass_of_a_loop_and_what_a_pass_leaves_to_the_ne
             earlier = stamp - 2 if stamp > 2 else stamp - 2 + last
             if stamp > 2 or evaluation.truth_scans > last:
                 evaluation.add_estimates(SMOOTHED, earlier, one)
-            # As of a second publisher.
+            # A second publisher sends the same.
             evaluation.add_truth(stamp, one)
             evaluation.add_estimates(FILTERED, stamp, one)
     assert evaluation.truth_scans == passes * last

@@ -136,7 +136,7 @@ def test_estimates_with_stamps_of_their_own_are_not_counted_by_those_of_the_trut
     assert evaluation.summary()["truth_scans"] is None
     rare, _ = evaluated([3.0, 7.0, 11.0], True)
     assert rare.summary()["truth_scans"] is None
-    # As of a tracker that missed some scans.
+    # This tracker missed some scans.
     some, _ = evaluated([3.0, 4.0, 5.0, 6.0, 9.0, 10.0], True)
     assert (some.own_stamps, some.summary()["truth_scans"]) == (False, 20)
 

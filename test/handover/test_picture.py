@@ -102,7 +102,7 @@ def test_smoothed_stamps_that_come_again_are_late_and_begin_no_new_run(picture):
     for stamp in (100, 104, 108, 112):
         add(picture, FILTERED, stamp, {7: -30e3}, {5: 30e3})
         add(picture, SMOOTHED, stamp - 4, {7: -30e3}, {5: 30e3}, lag=1)
-    # As after a warm start of a tracker.
+    # A tracker after a warm start sends such stamps.
     for stamp in (96, 100, 104):
         assert not picture.jumps_back(WEST, SMOOTHED, stamp * NS)
         again = picture.add(WEST, SMOOTHED, estimates(stamp, {7: -30e3}, lag=1))

@@ -16,7 +16,7 @@ SCAN = "std_msgs/Header header\nradar_msgs/RadarReturn[] returns\n"
 SEPARATOR = "=" * 80 + "\n"
 HEADER = "std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
 TIME = "builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
-# As MCAP stores it: the definition followed by those of all types that it holds.
+# MCAP stores the definition followed by those of all types that it holds.
 DEFINITION = SCAN + "".join(
     f"{SEPARATOR}MSG: {text}" for text in (f"radar_msgs/RadarReturn\n{RETURN}", HEADER, TIME)
 )

@@ -21,7 +21,7 @@ SMARTMICRO = dict.fromkeys(
     ),
     "f4",
 )
-# As a C++ compiler aligns the structure, to 64 bytes; four of them after z are for nothing.
+# A C++ compiler aligns the structure to 64 bytes; four of them after z are padding.
 ARS548 = {
     **dict.fromkeys(("x", "y", "z", "padding_", "azimuth", "azimuth_std"), "f4"),
     **dict.fromkeys(("elevation", "elevation_std", "range", "range_std"), "f4"),

@@ -74,7 +74,7 @@ def test_evaluator_follows_track_ids(processes, peer, tmp_path):
     metrics = json.loads(report.read_text())
 
     assert metrics["filtered"]["all"]["ospa2"] == 0.0
-    # In the second scan a track that is half right, and half a one too much.
+    # In the second scan one track is half right, and half a track is too much.
     expected = np.sqrt((500.0**2 + 1000.0**2) / 2.0) / 2.0
     assert metrics["smoothed"]["all"]["ospa2"] == pytest.approx(expected, rel=1e-6)
 

@@ -68,7 +68,7 @@ def test_second_tracker_ends_beside_one_that_is_busy(processes, peer):
     radars = Radars(peer)
     radars.connect()
     sent, end = 10, time.monotonic() + DEADLINE_S
-    # As many as its queue holds, so that it is busy before the second comes.
+    # Its queue holds as many, so that it is busy before the second comes.
     for index in range(sent):
         radars.send(index)
     second = start(processes)

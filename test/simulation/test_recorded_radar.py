@@ -30,7 +30,7 @@ PARAMETERS = {
 MIRROR = {"position": [3000.0, 4000.0], "probability": 1.0}
 # Height of the target above the antenna, metres.
 ABOVE = 100.0 + 5000.0 - 130.0
-# From the south over the radar to the north, at 5 km.
+# The flight leads from the south over the radar to the north, at 5 km.
 OVERHEAD = {
     "class_id": 0,
     "position": [10.0, -60e3],

@@ -22,7 +22,7 @@ PARAMETERS = {
     "north.fields.time": "time",
     "north.fields.amplitude": "",
     "north.fields.height": "height",
-    # As good as none, so that plots can be compared with the truth.
+    # The noise is so small that plots can be compared with the truth.
     "north.range_std": 1e-3,
     "north.azimuth_std_deg": 1e-6,
     "north.detection_probability": 0.999,

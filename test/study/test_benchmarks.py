@@ -85,7 +85,7 @@ def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch):
 @every_death_term
 def test_other_forms_are_the_dense_one(window, death_term):
     exact = of_rows(dense(window, death_term), window.stored[0])
-    # By origin only where origins are targets, and the tree within the gate only.
+    # The form by label needs labels, and the tree is right within the gate only.
     by_label = [forms.dense_by_label] if window.corrector.labelled else []
     for form in (forms.dense_products, *by_label, forms.k_d_tree):
         found = forms.smooth(window.stored, *window.assumed, death_term, form)

@@ -188,7 +188,7 @@ def test_main_keeps_what_is_done_when_interrupted(study_file, tmp_path):
     deadline = time.monotonic() + 60.0
     while not list(out.glob("parts/*.csv.gz")) and time.monotonic() < deadline:
         time.sleep(0.1)
-    # As from a keyboard: to the workers too.
+    # A keyboard sends the signal to the workers too.
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=30)
 

@@ -68,7 +68,7 @@ def run():
 def test_peer_finds_the_targets(contender, run):
     for points in contender(run).values():
         assert missed(run, points) <= 1
-        # At most one false target in a few scans.
+        # There is at most one false target in a few scans.
         assert sum(map(len, points)) <= SCANS * len(run.truth[0].state) + 3
 
 

@@ -34,7 +34,7 @@ OF_STUDIES = {
     "weak_12_db",
     "weak_15_db",
 }
-# On the round earth; test_earth_files and test_hours_study are about them.
+# Scenarios on the round earth; test_earth_files and test_hours_study are about them.
 ROUND = ("two_approach_radars", "approach_hour", "en_route_hour")
 DEFINED = sorted(
     path for path in (ROOT / "config" / "scenarios").glob("*.yaml") if path.stem not in ROUND

@@ -22,7 +22,7 @@ from .algebra.vectors import add, sum_of, total_of, write_scaled
 
 # Smallest log fit of a pair of modes relative to the best pair: no pair is excluded for good.
 LEAST_LOG_FIT = -50.0
-# In the place of a log density that is not finite.
+# Replaces a log density that is not finite.
 LEAST_DENSITY = -1e300
 
 

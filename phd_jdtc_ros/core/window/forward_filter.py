@@ -85,7 +85,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
 
     model: TrackerModel
     on_stage_end: Callable[[str], None] = field(default=_ignore, kw_only=True)
-    # By ascending stamp; the last element has all rows of the last scan's set.
+    # The stamps ascend; the last element has all rows of the last scan's set.
     unswept: list[UnsweptRows[RowsT, LinkT]] = field(init=False, repr=False)
     stamp_ns: int | None = field(init=False, repr=False)
     _born_ns: dict[int, int] = field(init=False, repr=False)

@@ -86,7 +86,7 @@ def chain(rng, targets):
 
 def chain_marginals(odds):
     """Return the marginals of a chain, by matrices from one shared detection to the next."""
-    # From [detection t free or taken] to the same of t + 1, by what target t does.
+    # The matrices lead from [detection t free or taken] to t + 1, by what target t does.
     none = np.array([np.diag([1.0, 0.0])[:, [0, 1]] for _ in odds])
     none[:, 1, 0] = 1.0
     first, second = np.zeros_like(none), np.zeros_like(none)

@@ -26,7 +26,7 @@ def told(given):
     rng = np.random.default_rng(11)
     config = lone({**GIVEN, **given})
     (radar,), classes = config.model.radars, config.model.modes.classes
-    # On a square grid, so far from each other that no gate has two of them.
+    # Targets are on a square grid, so far from each other that no gate has two of them.
     side = int(np.sqrt(TARGETS))
     place = 1.4e3 * (np.indices((side, side)).reshape(2, -1).T - 0.5 * side) + [200.0, 300.0]
     mean = np.zeros((TARGETS, 5))

@@ -111,7 +111,7 @@ def test_extraction_reports_the_majority_class_of_targets_above_the_threshold():
     np.testing.assert_allclose(found.weight, [0.9, 0.7])
     np.testing.assert_allclose(found.class_probability[0], [1 / 3, 2 / 3])
     assert found.class_id[0] == 1
-    # Of the class's own motions alone, one of which has no weight.
+    # Only the class's own motions count, one of which has no weight.
     np.testing.assert_allclose(found.state[0], MEAN * dynamics.supported[2])
 
 

@@ -54,7 +54,7 @@ def changed(name, function):
     return change
 
 
-# Of x, vx and y: each pair is possible, but not all three at a time.
+# Correlations of x, vx and y: each pair is possible, but not all three at a time.
 INDEFINITE = 1e4 * np.array([[1.0, 0.9, -0.9], [0.9, 1.0, 0.9], [-0.9, 0.9, 1.0]])
 ASYMMETRIC = 1e4 * np.array([[1.0, 0.5], [-0.5, 1.0]])
 LINK = "stored.1.link"

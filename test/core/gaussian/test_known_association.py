@@ -109,7 +109,7 @@ def test_one_motion_is_the_kalman_filter_and_the_rauch_tung_striebel_smoother(se
 
 
 def test_one_motion_far_away_is_linear_and_needs_no_more_iterations():
-    # Of a range of 200 000 km the radar sees the target's surroundings as flat.
+    # From 200 000 km away the radar sees the target's surroundings as flat.
     far = 2e8
     config = lone(
         {

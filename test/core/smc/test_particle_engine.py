@@ -71,7 +71,7 @@ def test_engine_interrupted_gives_out_the_rest_and_new_numbers():
     again, smoothed, flushed = run(engine)
     highest = max(tracks([*filtered, *rest]))
     assert min(tracks([*again, *smoothed, *flushed])) == highest + 1
-    # As a new engine except for the track numbers.
+    # The engine is like a new one except for the track numbers.
     for first, second in zip(filtered, again, strict=True):
         np.testing.assert_array_equal(first.state, second.state)
         shifted = np.where(first.track_id > 0, first.track_id + highest, 0)

@@ -143,7 +143,7 @@ def test_coordinated_turn_jacobian_is_the_derivative_about_straight_flight(omega
     # 1.65e-5 rad/s times 6 s is where the series ends.
     found = CT.jacobian(state, 6.0)
     np.testing.assert_allclose(found, central_differences(CT, state, 6.0), rtol=1e-5, atol=1e-3)
-    # By half the square of the time, a turn moves a target across its velocity.
+    # A turn moves a target across its velocity by half the square of the time.
     np.testing.assert_allclose(found[0, [0, 2], 4], [18.0 * 110.0, 18.0 * 230.0], rtol=3e-3)
 
 

@@ -36,7 +36,7 @@ def whole(index):
 
 def test_filtered_estimates_are_of_targets_above_the_threshold():
     filtered, _ = stepped_through(engine(threshold=7.5), 0, 9)
-    # Of 6, 7, 8 and 9, when their scans touched them.
+    # These are the estimates of 6, 7, 8 and 9, when their scans swept them.
     assert [len(estimates) for estimates in filtered] == [0, 0, 0, 0, 0, 0, 0, 1, 2]
 
 

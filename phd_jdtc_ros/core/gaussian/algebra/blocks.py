@@ -13,7 +13,7 @@ from ...state_space import PLANAR
 
 # Known to the compiler, which halves the time.
 SIZE = len(PLANAR)
-# Of a variance: what is left of it, given the axes before, is rounding where it is less.
+# The part of a variance that the axes before do not explain is rounding below this share of it.
 LEAST_PIVOT = 1e-14
 
 

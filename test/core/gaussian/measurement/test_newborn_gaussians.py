@@ -74,7 +74,7 @@ def test_newborns_are_shared_among_the_probable_folds_of_their_range_rates(
 def test_folds_that_are_as_probable_as_the_least_are_kept(monkeypatch):
     monkeypatch.setattr(newborn_module, "LEAST_FOLD", 0.5)
     config = rated(12.0, 100.0)
-    # As far from the one fold as from the other.
+    # This range rate is as far from the one fold as from the other.
     found = born(config, Detections(PLACES[:1], None, range_rate=[50.0]))
     np.testing.assert_allclose(found.mass, 0.15, rtol=1e-12)
 
@@ -131,7 +131,7 @@ def banded(low, high):
 
 
 def test_amplitude_tells_the_cells_of_a_class_and_not_its_probability():
-    # As strong as 11, 26 and 60 dB; the last ones are beyond all bands.
+    # The SNR is 11, 26 and 60 dB; the last ones are beyond all bands.
     config = banded([5.0, 15.0], [12.0, 30.0])
     dynamics = Dynamics(config.model)
     amplitude, mass = np.array([5.0, 28.0, 1000.0, 1500.0]), np.array([[0.2, 0.3]] * 4)
