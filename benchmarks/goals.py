@@ -32,24 +32,14 @@ def ratio(over: Value, under: Value) -> Value:
 
 
 class Goal(NamedTuple):
-    """One figure.
-
-    Parameters
-    ----------
-    at_most : bool
-        Whether the bound is an upper one.
-    source : str
-        The part of the summary that gives the reason if the value was not measured.
-    allowance : callable
-        Value that is added to the bound.
-    """
+    """One figure."""
 
     name: str
     bound: float
-    at_most: bool
+    at_most: bool  # Whether the bound is an upper one
     value: Value
-    source: str
-    allowance: Value = lambda _: 0.0
+    source: str  # The part of the summary that gives the reason if the value was not measured
+    allowance: Value = lambda _: 0.0  # Value that is added to the bound
 
 
 def judge(summary: Mapping[str, Any]) -> list[dict[str, Any]]:

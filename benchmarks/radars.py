@@ -19,23 +19,13 @@ from robustness.radars import SETTLE_S, Peer
 
 @dataclass
 class Reply:
-    """The tracker's reply to a scan so far; times are monotonic seconds.
+    """The tracker's reply to a scan so far; times are monotonic seconds."""
 
-    Parameters
-    ----------
-    estimate_s : float
-        Time at which the filtered estimates were received; nan before.
-    last_s : float
-        Time at which the scan's latest message was received.
-    step_ms : float
-        CPU time of the step as reported by the tracker; nan before.
-    targets : float
-        Expected number of targets as reported by the tracker; nan before.
-    """
-
+    # Time at which the filtered estimates were received; nan before.
     estimate_s: float = float("nan")
-    last_s: float = float("nan")
-    step_ms: float = float("nan")
+    last_s: float = float("nan")  # Time at which the scan's latest message was received
+    step_ms: float = float("nan")  # CPU time of the step as reported by the tracker; nan before
+    # Expected number of targets as reported by the tracker; nan before.
     targets: float = float("nan")
 
     @property

@@ -86,20 +86,12 @@ def tracking(config: TrackerConfig, scene: Scenario, seed: int) -> TimedEngine:
 
 @dataclass(frozen=True)
 class Window:
-    """Consecutive stored sets of a running filter, one more than the lag.
+    """Consecutive stored sets of a running filter, one more than the lag."""
 
-    Parameters
-    ----------
-    stored : tuple of ParticleSet
-        The oldest first.
-    dt : float
-        Between consecutive sets, seconds.
-    """
-
-    stored: tuple[ParticleSet, ...]
+    stored: tuple[ParticleSet, ...]  # The oldest first
     model: TrackerModel
     corrector: Corrector
-    dt: float
+    dt: float  # Between consecutive sets, seconds
 
     @property
     def assumed(self) -> tuple[TrackerModel, Corrector, float]:

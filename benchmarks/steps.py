@@ -25,17 +25,11 @@ BOTH = (PARTICLES, GAUSSIAN)
 
 
 class Crowd(NamedTuple):
-    """A scene.
-
-    Parameters
-    ----------
-    clutter : float or None
-        See `scenes.configuration`.
-    """
+    """A scene."""
 
     targets: int
     engines: tuple[str, ...] = BOTH
-    clutter: float | None = None
+    clutter: float | None = None  # See `scenes.configuration`
 
 
 CROWDS = {

@@ -13,16 +13,10 @@ import numpy.typing as npt
 
 
 class Case(NamedTuple):
-    """Something to be timed.
-
-    Parameters
-    ----------
-    rounds : int
-        Number of calls; slow baselines need fewer.
-    """
+    """Something to be timed."""
 
     call: Callable[[], Any]
-    rounds: int
+    rounds: int  # Number of calls; slow baselines need fewer
 
 
 def interleaved(cases: Mapping[str, Case]) -> dict[str, list[float]]:

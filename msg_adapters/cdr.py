@@ -19,14 +19,9 @@ ENCAPSULATION = b"\x00\x01\x00\x00"
 
 @dataclass
 class Writer:
-    """Writes members in order, each aligned to its own size with padding of zeros.
+    """Writes members in order, each aligned to its own size with padding of zeros."""
 
-    Parameters
-    ----------
-    data : bytearray
-        Bytes written so far, without the encapsulation header.
-    """
-
+    # Bytes written so far, without the encapsulation header.
     data: bytearray = field(default_factory=bytearray)
 
     def put(self, code: str, *values: float) -> None:

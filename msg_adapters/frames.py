@@ -13,19 +13,11 @@ from . import cdr, interfaces, names
 
 
 class Mounting(NamedTuple):
-    """The pose of a frame in the world frame.
-
-    Parameters
-    ----------
-    position : tuple of two floats
-        Metres.
-    yaw : float
-        Radians, counter-clockwise.
-    """
+    """The pose of a frame in the world frame."""
 
     frame: str
-    position: tuple[float, float]
-    yaw: float
+    position: tuple[float, float]  # Metres
+    yaw: float  # Radians, counter-clockwise
 
 
 def message_class() -> Any:

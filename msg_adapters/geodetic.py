@@ -15,28 +15,17 @@ LEAST_SPEED = 1e-3
 
 
 class Places(NamedTuple):
-    """Geodetic positions, arrays of shape (T,).
+    """Geodetic positions, arrays of shape (T,)."""
 
-    Parameters
-    ----------
-    latitude, longitude : array
-        Degrees (WGS84), longitudes from -180 to 180.
-    height : array
-        Metres, above the same zero as the plane's origin; NaN if unknown.
-    speed : array
-        Speed over ground, m/s. It is the speed in the plane, which exceeds the true one by the
-        plane's scale, at most 0.15 % near the radars.
-    course : array
-        Degrees from true north, clockwise, from 0 to 360; NaN at rest.
-    convergence : array
-        Direction of true north, radians counter-clockwise from the plane's y axis.
-    """
-
+    # `latitude`, `longitude`: degrees (WGS84), longitudes from -180 to 180.
     latitude: FloatArray
     longitude: FloatArray
-    height: FloatArray
+    height: FloatArray  # Metres, above the same zero as the plane's origin; NaN if unknown
+    # Speed over ground, m/s. It is the speed in the plane, which exceeds the true one by the
+    # plane's scale, at most 0.15 % near the radars.
     speed: FloatArray
-    course: FloatArray
+    course: FloatArray  # Degrees from true north, clockwise, from 0 to 360; NaN at rest
+    # Direction of true north, radians counter-clockwise from the plane's y axis.
     convergence: FloatArray
 
 

@@ -76,14 +76,9 @@ def _flat(
 
 
 class Slant(NamedTuple):
-    """A radar's range and azimuth, arrays of shape (M,).
+    """A radar's range and azimuth, arrays of shape (M,)."""
 
-    Parameters
-    ----------
-    distance, azimuth : array
-        Metres, and radians counter-clockwise from the sensor's x axis.
-    """
-
+    # `distance`, `azimuth`: metres, and radians counter-clockwise from the sensor's x axis.
     distance: FloatArray
     azimuth: FloatArray
 

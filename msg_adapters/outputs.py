@@ -45,44 +45,24 @@ CLUTTER_PERIOD_S = 10.0
 
 
 class StepResult(NamedTuple):
-    """A step whose estimates have been published.
+    """A step whose estimates have been published."""
 
-    Parameters
-    ----------
-    stamp_ns : int
-        Stamp of its scan.
-    step_ms : float
-        CPU time of the step, milliseconds.
-    """
-
-    stamp_ns: int
+    stamp_ns: int  # Stamp of its scan
     step: Step
-    step_ms: float
+    step_ms: float  # CPU time of the step, milliseconds
     engine: Engine
 
 
 @dataclass
 class View:
-    """Context of a tracker's messages.
+    """Context of a tracker's messages."""
 
-    Parameters
-    ----------
-    frame : str
-        The world frame.
-    radars : sequence of Sensor
-        In the configured order.
-    plane : Plane or None
-        Placement of the world frame on the earth.
-    run : uuid.UUID
-        Identifies the tracker's run.
-    """
-
-    frame: str
+    frame: str  # The world frame
     class_names: tuple[str, ...]
-    radars: Sequence[Sensor]
-    plane: Plane | None
+    radars: Sequence[Sensor]  # In the configured order
+    plane: Plane | None  # Placement of the world frame on the earth
     trails: Trails
-    run: uuid.UUID = field(default_factory=uuid.uuid4)
+    run: uuid.UUID = field(default_factory=uuid.uuid4)  # Identifies the tracker's run
 
     def begin_run(self) -> None:
         """Begin a new run, in which track numbers start anew."""
@@ -101,43 +81,22 @@ def _always(_: View) -> bool:
 
 @dataclass(frozen=True)
 class Output:
-    """An output topic of the tracker.
+    """An output topic of the tracker."""
 
-    Parameters
-    ----------
-    topic : str
-        Topic below ``~/``, which stands for the tracker's name.
-    when : str
-        `FILTERED` or `SMOOTHED`, for each set of estimates, or `SCAN` or `STEP`.
-    encode : callable of (the trigger's value, View)
-        Returns the messages, or their bytes.
-    switch : str
-        Name by which a user enables the output; empty if it is always on.
-    usual : bool
-        Whether the output is on by default.
-    latched : bool
-        Whether late subscribers receive the last message.
-    needs : callable of View
-        Returns whether the output applies to this tracker.
-    period_s : float
-        Shortest time between two messages, by the stamps of scans.
-    remembers : bool
-        Whether its encoder keeps what it is given, and needs it even while nobody listens.
-    clear : callable of View or None
-        Returns the message that clears the display, for an output that may be switched off at run
-        time.
-    """
-
-    topic: str
+    topic: str  # Topic below ``~/``, which stands for the tracker's name
     type_name: str
-    when: str
+    when: str  # `FILTERED` or `SMOOTHED`, for each set of estimates, or `SCAN` or `STEP`
+    # Callable of (the trigger's value, View). Returns the messages, or their bytes.
     encode: Callable[[Any, View], Iterable[Any]]
-    switch: str = ""
-    usual: bool = True
-    latched: bool = False
-    needs: Callable[[View], bool] = _always
-    period_s: float = 0.0
+    switch: str = ""  # Name by which a user enables the output; empty if it is always on
+    usual: bool = True  # Whether the output is on by default
+    latched: bool = False  # Whether late subscribers receive the last message
+    needs: Callable[[View], bool] = _always  # Returns whether the output applies to this tracker
+    period_s: float = 0.0  # Shortest time between two messages, by the stamps of scans
+    # Whether its encoder keeps what it is given, and needs it even while nobody listens.
     remembers: bool = False
+    # Returns the message that clears the display, for an output that may be switched off at run
+    # time.
     clear: Callable[[View], Any] | None = None
 
 

@@ -15,26 +15,17 @@ from .selection import Report
 
 @dataclass(frozen=True)
 class Reader:
-    """Decoder and encoder of one message type.
+    """Decoder and encoder of one message type."""
 
-    Parameters
-    ----------
-    type_name : str
-        A type name such as ``sensor_msgs/msg/PointCloud2``.
-    from_msg : callable
-        Decodes a message to a `Report`, given the radar's input; raises `RejectedMessageError`.
-    from_cdr : callable
-        Decodes a recorded message's bytes likewise; the message's package need not be installed.
-    to_cdr : callable
-        Encodes detections, given a stamp and the radar's input.
-    definition, type_hash : str
-        Definition and hash of the type, for bags; empty if they come from the installed package.
-    """
-
-    type_name: str
+    type_name: str  # A type name such as ``sensor_msgs/msg/PointCloud2``
+    # Decodes a message to a `Report`, given the radar's input; raises `RejectedMessageError`.
     from_msg: Callable[[Any, RadarParameters], Report]
+    # Decodes a recorded message's bytes likewise; the message's package need not be installed.
     from_cdr: Callable[[bytes, RadarParameters], Report]
+    # Encodes detections, given a stamp and the radar's input.
     to_cdr: Callable[[Detections, int, RadarParameters], bytes]
+    # `definition`, `type_hash`: definition and hash of the type, for bags; empty if they come from
+    # the installed package.
     definition: str = ""
     type_hash: str = ""
 

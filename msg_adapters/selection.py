@@ -37,66 +37,37 @@ RANGE_RATE_STDS = (1e-3, 1e3)
 
 @dataclass(frozen=True)
 class Report:
-    """A decoded message.
+    """A decoded message."""
 
-    Parameters
-    ----------
-    stamp_ns : int
-        Stamp without the radar's time offset.
-    detections : Detections
-        `amplitude` is None if the message has no amplitudes.
-    dropped : Counter
-        Points left out, by reason: ``not_finite``, ``height``, ``range``, ``azimuth``, ``time``,
-        ``amplitude``.
-    anomalies : Counter
-        Points, or messages, that are used but contradict their configuration; see `anomalies`.
-    sector : int or None
-        Number of the sector; None if unknown.
-    """
-
-    stamp_ns: int
-    detections: Detections
+    stamp_ns: int  # Stamp without the radar's time offset
+    detections: Detections  # `amplitude` is None if the message has no amplitudes
+    # Points left out, by reason: ``not_finite``, ``height``, ``range``, ``azimuth``, ``time``,
+    # ``amplitude``.
     dropped: Counter[str]
+    # Points, or messages, that are used but contradict their configuration; see `anomalies`.
     anomalies: Counter[str] = field(default_factory=Counter)
-    sector: int | None = None
+    sector: int | None = None  # Number of the sector; None if unknown
 
 
 @dataclass(frozen=True)
 class Columns:
-    """A message's columns as the radar reports them, arrays of shape (M,).
+    """A message's columns as the radar reports them, arrays of shape (M,)."""
 
-    Parameters
-    ----------
-    distance : array
-        Metres; slant ranges if there are elevations or heights.
-    elevation : array or None
-        Radians above the sensor's plane.
-    level : array or None
-        Amplitudes.
-    height : array or None
-        Metres; above the world's zero plus the radar's datum.
-    code, address : array or None
-        Mode A codes and Mode S addresses.
-    kind : array or None
-        See `Detections`.
-    range_std, azimuth_std : array or None
-        Metres, and in the unit of the azimuth.
-    range_rate, range_rate_std : array or None
-        Metres per second, positive for a receding target.
-    """
-
-    distance: FloatArray
+    distance: FloatArray  # Metres; slant ranges if there are elevations or heights
     azimuth: FloatArray
-    elevation: FloatArray | None = None
-    level: FloatArray | None = None
+    elevation: FloatArray | None = None  # Radians above the sensor's plane
+    level: FloatArray | None = None  # Amplitudes
     time: FloatArray | None = None
-    height: FloatArray | None = None
+    height: FloatArray | None = None  # Metres; above the world's zero plus the radar's datum
+    # `code`, `address`: mode A codes and Mode S addresses.
     code: FloatArray | None = None
     address: FloatArray | None = None
-    kind: FloatArray | None = None
+    kind: FloatArray | None = None  # See `Detections`
+    # `range_std`, `azimuth_std`: metres, and in the unit of the azimuth.
     range_std: FloatArray | None = None
     azimuth_std: FloatArray | None = None
     sector: FloatArray | None = None
+    # `range_rate`, `range_rate_std`: metres per second, positive for a receding target.
     range_rate: FloatArray | None = None
     range_rate_std: FloatArray | None = None
 

@@ -25,18 +25,11 @@ LARGEST_YAW_VARIANCE = math.pi**2 / 3.0
 
 @dataclass(frozen=True)
 class Waypoint:
-    """A track's state at one time.
-
-    Parameters
-    ----------
-    state : array of shape (D,)
-    height : float
-        Height above the world's zero, metres; NaN if unknown.
-    """
+    """A track's state at one time."""
 
     stamp_ns: int
-    state: FloatArray
-    height: float = math.nan
+    state: FloatArray  # (D,)
+    height: float = math.nan  # Height above the world's zero, metres; NaN if unknown
 
 
 def rows_by_track(estimates: Estimates) -> list[tuple[int, int]]:

@@ -15,19 +15,11 @@ FLIGHT_LEVEL = 30.48
 
 
 class Vertical(NamedTuple):
-    """Heights and climb rates of T targets.
-
-    Parameters
-    ----------
-    state : array of shape (T, 2)
-        Metres and m/s; 0 if unknown.
-    covariance : array of shape (T, 2, 2)
-        0 if unknown.
-    """
+    """Heights and climb rates of T targets."""
 
     known: npt.NDArray[np.bool_]
-    state: FloatArray
-    covariance: FloatArray
+    state: FloatArray  # (T, 2). Metres and m/s; 0 if unknown.
+    covariance: FloatArray  # 0 if unknown, (T, 2, 2)
 
 
 def of(estimates: Estimates) -> Vertical:

@@ -32,12 +32,6 @@ class SystemPlane:
     0.008 m from 65 to 131 km, 0.016 m to 262 km and 0.031 m to 524 km; the error is at most half of
     it.
 
-    Parameters
-    ----------
-    origin : sequence of three floats
-        Latitude and longitude of the plane's origin, degrees, and the height of the world's zero,
-        metres.
-
     Raises
     ------
     ValueError
@@ -49,6 +43,8 @@ class SystemPlane:
     1395, 1987; IOGP Guidance Note 7-2, "Oblique Stereographic". PROJ computes it.
     """
 
+    # Latitude and longitude of the plane's origin, degrees, and the height of the world's zero,
+    # metres.
     origin: Sequence[float]
     _projection: pyproj.Proj = field(init=False, repr=False, compare=False)
 

@@ -27,25 +27,14 @@ Change = Callable[[PointCloud2], None]
 
 @dataclass(frozen=True)
 class BadScan:
-    """A faulty scan and the reason under which it must be counted.
-
-    Parameters
-    ----------
-    reason : str
-        ``any`` if it may be counted under any reason.
-    data : function of a stamp
-        Returns the serialised cloud of the first radar.
-    count : int
-        Expected count: 1, or the number of points if points are dropped.
-    kept : bool
-        Whether the tracker uses the scan without the dropped points.
-    """
+    """A faulty scan and the reason under which it must be counted."""
 
     name: str
-    reason: str
+    reason: str  # ``any`` if it may be counted under any reason
+    # Function of a stamp. Returns the serialised cloud of the first radar.
     data: Callable[[int], bytes]
-    count: int = 1
-    kept: bool = False
+    count: int = 1  # Expected count: 1, or the number of points if points are dropped
+    kept: bool = False  # Whether the tracker uses the scan without the dropped points
 
 
 def _good(stamp_ns: int) -> PointCloud2:

@@ -18,23 +18,14 @@ PROCESS_S = 300.0
 
 @dataclass(frozen=True)
 class Figure:
-    """One row of the table.
-
-    Parameters
-    ----------
-    measured : str or None
-        As text with numbers; None if it could not be measured.
-    reason : str
-        Why it was not measured.
-    details : mapping
-        The numbers behind `measured`, for the summary.
-    """
+    """One row of the table."""
 
     name: str
     goal: str
-    measured: str | None
+    measured: str | None  # As text with numbers; None if it could not be measured
     reached: bool | None
-    reason: str = ""
+    reason: str = ""  # Why it was not measured
+    # The numbers behind `measured`, for the summary.
     details: Mapping[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:

@@ -57,21 +57,11 @@ PARAMETERS = {
 
 @dataclass(frozen=True)
 class Fault:
-    """A faulty pose, sent beside the good ones.
+    """A faulty pose, sent beside the good ones."""
 
-    Parameters
-    ----------
-    counted : str
-        The key in the diagnostics.
-    shift_s : float
-        Difference of its stamp to the last good one's, seconds.
-    change : callable
-        Spoils the message.
-    """
-
-    counted: str
-    shift_s: float
-    change: Callable[[Odometry], None]
+    counted: str  # The key in the diagnostics
+    shift_s: float  # Difference of its stamp to the last good one's, seconds
+    change: Callable[[Odometry], None]  # Spoils the message
 
 
 def _frame(message: Odometry) -> None:

@@ -45,16 +45,10 @@ Run = Sequence[Scan]
 
 @dataclass(frozen=True)
 class Case:
-    """Scans and parameters.
-
-    Parameters
-    ----------
-    values : mapping
-        Added to the profile's.
-    """
+    """Scans and parameters."""
 
     scans: Callable[[TrackerConfig], Run]
-    values: Mapping[str, Any] = field(default_factory=dict)
+    values: Mapping[str, Any] = field(default_factory=dict)  # Added to the profile's
 
 
 def _at(*intervals_s: float) -> Callable[[TrackerConfig], Run]:

@@ -67,19 +67,11 @@ Change = Callable[[Columns], None]
 
 @dataclass(frozen=True)
 class Fault:
-    """A faulty cloud of a sector.
-
-    Parameters
-    ----------
-    counted : str
-        Key in the diagnostics, empty if nothing is to be counted.
-    change : callable
-        Spoils the columns of a good cloud, except the target's detection.
-    """
+    """A faulty cloud of a sector."""
 
     name: str
-    counted: str
-    change: Change
+    counted: str  # Key in the diagnostics, empty if nothing is to be counted
+    change: Change  # Spoils the columns of a good cloud, except the target's detection
     count: int = CLUTTER_PER_SECTOR
 
 

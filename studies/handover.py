@@ -60,22 +60,14 @@ JOINT_NARROW = f"two, overlap of {NARROW / 1e3:g} km"
 
 @dataclass(frozen=True)
 class Scores:
-    """The scores near the dividing line.
+    """The scores near the dividing line."""
 
-    Parameters
-    ----------
-    gospa, ospa : float
-        Mean distances over the stamps, metres.
-    switches : int
-        Identity switches of targets near the line.
-    missing, duplicated : float
-        Per target that comes near the line: the number of stamps without an estimate of it, and
-        the number of false or duplicate estimates.
-    """
-
+    # `gospa`, `ospa`: mean distances over the stamps, metres.
     gospa: float
     ospa: float
-    switches: int
+    switches: int  # Identity switches of targets near the line
+    # `missing`, `duplicated`: per target that comes near the line: the number of stamps without an
+    # estimate of it, and the number of false or duplicate estimates.
     missing: float
     duplicated: float
 

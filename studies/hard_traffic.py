@@ -47,22 +47,12 @@ SETTLING = 8
 
 
 class Scene(NamedTuple):
-    """Traffic, and what its radar and its scores depend on.
-
-    Parameters
-    ----------
-    radius : float
-        Aircraft begin within this distance of the radar, metres.
-    turns : bool
-        Whether aircraft turn.
-    near : float
-        Distance within which an estimate is of a target, metres.
-    """
+    """Traffic, and what its radar and its scores depend on."""
 
     aircraft: int
-    radius: float
-    turns: bool
-    near: float
+    radius: float  # Aircraft begin within this distance of the radar, metres
+    turns: bool  # Whether aircraft turn
+    near: float  # Distance within which an estimate is of a target, metres
     parameters: Mapping[str, Any]
 
 

@@ -42,49 +42,28 @@ SETTLING_S = 60.0
 
 
 class Errors(NamedTuple):
-    """The errors of every track update.
+    """The errors of every track update."""
 
-    Parameters
-    ----------
-    position : array of shape (N,)
-        Distance between track and flight, NM.
-    speed : array of shape (N,)
-        Estimated minus true ground speed, kt.
-    heading : array of shape (N,)
-        Estimated minus true heading, clockwise, degrees.
-    turning : bool array of shape (N,)
-        Whether the flight is in a turn.
-    expected : int
-        Number of updates if every flight always had a track.
-    """
-
-    position: FloatArray
-    speed: FloatArray
-    heading: FloatArray
-    turning: FloatArray
-    expected: int
+    position: FloatArray  # Distance between track and flight, NM, (N,)
+    speed: FloatArray  # Estimated minus true ground speed, kt, (N,)
+    heading: FloatArray  # Estimated minus true heading, clockwise, degrees, (N,)
+    turning: FloatArray  # Whether the flight is in a turn, (N,)
+    expected: int  # Number of updates if every flight always had a track
 
 
 class Figure(NamedTuple):
-    """A figure of the benchmark.
+    """A figure of the benchmark."""
 
-    Parameters
-    ----------
-    name, unit, form : str
-        Name, unit and Python format specification.
-    multi_radar, single_radar : float or None
-        Published results of the operational multi-radar tracker, and of one radar.
-    goal : str
-        ``at_most`` or ``at_least`` the multi-radar result, or empty.
-    """
-
+    # `name`, `unit`, `form`: name, unit and Python format specification.
     name: str
     unit: str
     form: str
     value: Callable[[Errors], float]
+    # `multi_radar`, `single_radar`: published results of the operational multi-radar tracker, and
+    # of one radar.
     multi_radar: float | None
     single_radar: float | None
-    goal: str = ""
+    goal: str = ""  # ``at_most`` or ``at_least`` the multi-radar result, or empty
 
 
 def _share(name: str, bound: float, turning: bool) -> Callable[[Errors], float]:

@@ -37,50 +37,29 @@ class StudyError(Exception):
 
 @dataclass(frozen=True)
 class Study:
-    """One question with its measurement, tables and goals.
-
-    Parameters
-    ----------
-    purpose : str
-        One sentence for the command's help.
-    measure : callable
-        Computes the figures of a seed.
-    tables : callable
-        Returns tables and lines that show figures.
-    goals : callable
-        Returns the goals, given the figures of one seed.
-    complete : callable
-        Returns whether all figures are available; the exit status is a failure otherwise.
-    seed, runs : int
-        Default first seed and number of seeds; 0 runs if the study is not random.
-    least_minutes : float or None
-        Shortest part of the scenario that has figures; None if it cannot be shortened.
-    has_parameters : bool
-        Whether the command takes parameters of the tracker.
-    joins_summary : bool
-        Whether its goals are added to the Monte Carlo study's.
-    add_arguments : callable
-        Adds the study's own arguments.
-    combined : callable or None
-        Combines the figures of all seeds, for tables and for goals that single seeds cannot have.
-        None for means of figures and of the seeds' goals.
-    pictures : callable
-        Returns pictures by file name.
-    """
+    """One question with its measurement, tables and goals."""
 
     name: str
-    purpose: str
-    measure: Callable[[argparse.Namespace, int], Figures]
-    tables: Callable[[Figures], Sequence[Table | str]]
+    purpose: str  # One sentence for the command's help
+    measure: Callable[[argparse.Namespace, int], Figures]  # Computes the figures of a seed
+    tables: Callable[[Figures], Sequence[Table | str]]  # Returns tables and lines that show figures
+    # Returns the goals, given the figures of one seed.
     goals: Callable[[Figures], list[Goal]] = lambda _: []
+    # Returns whether all figures are available; the exit status is a failure otherwise.
     complete: Callable[[Figures], bool] = lambda _: True
+    # `seed`, `runs`: default first seed and number of seeds; 0 runs if the study is not random.
     seed: int = 0
     runs: int = 1
+    # Shortest part of the scenario that has figures; None if it cannot be shortened.
     least_minutes: float | None = None
-    has_parameters: bool = False
-    joins_summary: bool = False
+    has_parameters: bool = False  # Whether the command takes parameters of the tracker
+    joins_summary: bool = False  # Whether its goals are added to the Monte Carlo study's
+    # Adds the study's own arguments.
     add_arguments: Callable[[ArgumentParser], None] = lambda _: None
+    # Combines the figures of all seeds, for tables and for goals that single seeds cannot have.
+    # None for means of figures and of the seeds' goals.
     combined: Callable[[Sequence[Figures]], Figures] | None = None
+    # Returns pictures by file name.
     pictures: Callable[[Figures], Mapping[str, Figure]] = lambda _: {}
 
 

@@ -37,20 +37,11 @@ NOT_KILLED = ("survived", "no tests", "not checked", "suspicious", "skipped")
 
 @dataclass(frozen=True)
 class Part:
-    """Modules, and the tests that are to kill their mutants.
+    """Modules, and the tests that are to kill their mutants."""
 
-    Parameters
-    ----------
-    modules : tuple of str
-        Patterns of paths below the core.
-    tests : tuple of str
-        Paths below ``test/core``.
-    without : tuple of str
-        Names of tests in them that take a second or more; every survivor would run them all.
-    """
-
-    modules: tuple[str, ...]
-    tests: tuple[str, ...]
+    modules: tuple[str, ...]  # Patterns of paths below the core
+    tests: tuple[str, ...]  # Paths below ``test/core``
+    # Names of tests in them that take a second or more; every survivor would run them all.
     without: tuple[str, ...] = ()
 
 

@@ -36,18 +36,6 @@ SHORTEST_TURN_S, LONGEST_TURN_S = 0.3, 60.0
 class Assembler:
     """Assembles reports from one radar's messages.
 
-    Parameters
-    ----------
-    sectors : int
-        Number of sectors per turn, for radars with sector crossings.
-    rotation_s : float
-        Configured rotation period, seconds; 0 if unknown. Service messages and plots override it.
-    hold : int
-        Number of sectors for which a report is held back after its sector has ended, because plots
-        may arrive after the sector crossing; `LEARNED` to estimate it.
-    finder : TurnFinder
-        Estimates the rotation period of radars without sector crossings.
-
     Attributes
     ----------
     counts : Counter
@@ -59,10 +47,14 @@ class Assembler:
         Numbers of reports by sector and by time.
     """
 
-    sectors: int = 32
+    sectors: int = 32  # Number of sectors per turn, for radars with sector crossings
+    # Configured rotation period, seconds; 0 if unknown. Service messages and plots override it.
     rotation_s: float = 0.0
+    # Number of sectors for which a report is held back after its sector has ended, because plots
+    # may arrive after the sector crossing; `LEARNED` to estimate it.
     hold: int = 0
     counts: Counter[str] = field(default_factory=Counter)
+    # Estimates the rotation period of radars without sector crossings.
     finder: TurnFinder = field(default_factory=NoTurnFinder)
     by_sector: int = field(init=False, default=0)
     by_time: int = field(init=False, default=0)

@@ -32,14 +32,6 @@ def fits_stamp(time_ns: int) -> bool:
 class StreamClock:
     """Dates the messages of all radars of a stream.
 
-    Parameters
-    ----------
-    midnight_ns : int
-        Beginning of the day of the first message; used if its time of receipt is unknown.
-    max_offset_s : float
-        Largest tolerated clock error, seconds. A larger error is estimated and removed from the
-        radar's times.
-
     Attributes
     ----------
     offset_s : dict of radar to float
@@ -48,7 +40,10 @@ class StreamClock:
         Correction that is added to the times of radars with wrong clocks.
     """
 
+    # Beginning of the day of the first message; used if its time of receipt is unknown.
     midnight_ns: int = 0
+    # Largest tolerated clock error, seconds. A larger error is estimated and removed from the
+    # radar's times.
     max_offset_s: float = 10.0
     offset_s: dict[int, float] = field(init=False, default_factory=dict)
     shift_ns: dict[int, int] = field(init=False, default_factory=dict)

@@ -52,18 +52,10 @@ class Fixed(Rule):
 
 @dataclass(frozen=True)
 class Extended(Rule):
-    """Parts, each with a bit (FX) that announces the next part.
+    """Parts, each with a bit (FX) that announces the next part."""
 
-    Parameters
-    ----------
-    parts : tuple of int
-        Lengths in bytes.
-    last_extends : bool
-        Whether the last part has such a bit, which must then be zero.
-    """
-
-    parts: tuple[int, ...]
-    last_extends: bool
+    parts: tuple[int, ...]  # Lengths in bytes
+    last_extends: bool  # Whether the last part has such a bit, which must then be zero
 
     def end(self, data: bytes, at: int, limit: int) -> int:
         """See `Rule.end`."""
@@ -125,14 +117,9 @@ class Explicit(Rule):
 
 @dataclass(frozen=True)
 class Compound(Rule):
-    """A field specification (FSPEC), followed by the subitems that it selects.
+    """A field specification (FSPEC), followed by the subitems that it selects."""
 
-    Parameters
-    ----------
-    rules : tuple of (Rule or None)
-        Rules of the subitems in the order of the FSPEC bits; None for a spare bit.
-    """
-
+    # Rules of the subitems in the order of the FSPEC bits; None for a spare bit.
     rules: tuple[Rule | None, ...]
     # Cached length by the FSPEC's single byte, if all selected subitems have fixed lengths.
     _sizes: dict[int, int] = field(default_factory=dict, repr=False, compare=False)

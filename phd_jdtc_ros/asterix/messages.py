@@ -29,70 +29,34 @@ NORTH, SECTOR = 1, 2
 
 
 class Plot(NamedTuple):
-    """One plot.
+    """One plot."""
 
-    Parameters
-    ----------
-    radar : int
-        SAC in the upper, SIC in the lower eight bits.
-    time_of_day : int
-        UTC, 1/128 s, modulo `period`; `NONE` if unknown.
-    period : int
-        `DAY`, or `TRUNCATED`.
-    distance : float
-        Slant range, metres.
-    azimuth : float
-        Radians clockwise from north.
-    height : float
-        From the flight level, or else measured, metres; NaN if unknown.
-    code, address : int
-        Mode 3/A code and Mode S address; `NONE` if unknown.
-    kind : int
-        A kind such as `PRIMARY`; 0 if unknown.
-    primary_dbm, secondary_dbm : float
-        Amplitudes of the echo and of the replies, dBm; NaN if unknown.
-    call_sign : int
-        The 48 bits of I048/240; `NONE` if unknown.
-    """
-
-    radar: int
-    time_of_day: int
-    period: int
-    distance: float
-    azimuth: float
-    height: float
+    radar: int  # SAC in the upper, SIC in the lower eight bits
+    time_of_day: int  # UTC, 1/128 s, modulo `period`; `NONE` if unknown
+    period: int  # `DAY`, or `TRUNCATED`
+    distance: float  # Slant range, metres
+    azimuth: float  # Radians clockwise from north
+    height: float  # From the flight level, or else measured, metres; NaN if unknown
+    # `code`, `address`: mode 3/A code and Mode S address; `NONE` if unknown.
     code: int
     address: int
-    kind: int
+    kind: int  # A kind such as `PRIMARY`; 0 if unknown
+    # `primary_dbm`, `secondary_dbm`: amplitudes of the echo and of the replies, dBm; NaN if
+    # unknown.
     primary_dbm: float
     secondary_dbm: float
-    call_sign: int = NONE
+    call_sign: int = NONE  # The 48 bits of I048/240; `NONE` if unknown
 
 
 class ServiceMessage(NamedTuple):
-    """A radar's report on its own state.
+    """A radar's report on its own state."""
 
-    Parameters
-    ----------
-    radar : int
-        SAC in the upper, SIC in the lower eight bits.
-    time_of_day : int
-        UTC, 1/128 s; `NONE` if unknown.
-    kind : int
-        `NORTH`, `SECTOR`, or another kind.
-    azimuth : float
-        Azimuth that the antenna passes, radians clockwise from north; NaN if unknown.
-    rotation_s : float
-        Rotation period, seconds; NaN if unknown.
-    site : tuple of three floats or None
-        Position of the radar: latitude and longitude, degrees, and height, metres.
-    """
-
-    radar: int
-    time_of_day: int
-    kind: int
-    azimuth: float
-    rotation_s: float
+    radar: int  # SAC in the upper, SIC in the lower eight bits
+    time_of_day: int  # UTC, 1/128 s; `NONE` if unknown
+    kind: int  # `NORTH`, `SECTOR`, or another kind
+    azimuth: float  # Azimuth that the antenna passes, radians clockwise from north; NaN if unknown
+    rotation_s: float  # Rotation period, seconds; NaN if unknown
+    # Position of the radar: latitude and longitude, degrees, and height, metres.
     site: tuple[float, float, float] | None = None
 
 

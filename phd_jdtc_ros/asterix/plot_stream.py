@@ -24,24 +24,13 @@ SOURCE_TIMEOUT_S = 10.0
 
 @dataclass(frozen=True)
 class RadarSettings:
-    """Configuration of a radar.
-
-    Parameters
-    ----------
-    sectors : int
-        Number of sectors per turn; a multiple of 4.
-    rotation_s : float
-        Rotation period, seconds; 0 if unknown.
-    hold_sectors : int
-        See `Assembler`.
-    site : tuple of three floats or None
-        Latitude and longitude, degrees, and height of the antenna, metres; None if unknown.
-    """
+    """Configuration of a radar."""
 
     name: str
-    sectors: int = 32
-    rotation_s: float = 0.0
-    hold_sectors: int = LEARNED
+    sectors: int = 32  # Number of sectors per turn; a multiple of 4
+    rotation_s: float = 0.0  # Rotation period, seconds; 0 if unknown
+    hold_sectors: int = LEARNED  # See `Assembler`
+    # Latitude and longitude, degrees, and height of the antenna, metres; None if unknown.
     site: tuple[float, float, float] | None = None
 
 

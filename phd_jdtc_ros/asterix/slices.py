@@ -30,41 +30,21 @@ MARGIN = 1.25
 
 
 class SectorReport(NamedTuple):
-    """The plots of a sector or a slice of time.
+    """The plots of a sector or a slice of time."""
 
-    Parameters
-    ----------
-    stamp_ns : int
-        End of the slice, or the time at which the antenna passed the end of the sector.
-    sector : int or None
-        Index from 0, clockwise from north; None for a slice.
-    times_ns : list of int
-        Times of the plots.
-    """
-
-    stamp_ns: int
-    sector: int | None
-    times_ns: list[int]
+    stamp_ns: int  # End of the slice, or the time at which the antenna passed the end of the sector
+    sector: int | None  # Index from 0, clockwise from north; None for a slice
+    times_ns: list[int]  # Times of the plots
     plots: list[Plot]
 
 
 @dataclass
 class RecentMaximum:
-    """Maximum of recent values, over one to two spans of time.
+    """Maximum of recent values, over one to two spans of time."""
 
-    Parameters
-    ----------
-    most : int
-        Larger values are ignored.
-    start : int
-        Value that holds until a span has passed.
-    memory_ns : int
-        Length of a span.
-    """
-
-    most: int
-    start: int
-    memory_ns: int
+    most: int  # Larger values are ignored
+    start: int  # Value that holds until a span has passed
+    memory_ns: int  # Length of a span
 
     def __post_init__(self) -> None:
         self._before, self._now = self.start, 0
@@ -114,18 +94,11 @@ class NoTurnFinder:
 
 @dataclass
 class Slicer:
-    """Cuts plots into slices by their times alone.
+    """Cuts plots into slices by their times alone."""
 
-    Parameters
-    ----------
-    rotation_s : float
-        Rotation period, seconds, until it is estimated from plots; 0 if unknown.
-    counts : Counter
-        Gains ``late_plots``, plots that arrived after their slice was sent and go with the next
-        one, and ``overflow``, plots dropped because too many waited.
-    """
-
-    rotation_s: float
+    rotation_s: float  # Rotation period, seconds, until it is estimated from plots; 0 if unknown
+    # Gains ``late_plots``, plots that arrived after their slice was sent and go with the next one,
+    # and ``overflow``, plots dropped because too many waited.
     counts: Counter[str]
     finder: TurnFinder = field(default_factory=NoTurnFinder)
     _delay: RecentMaximum = field(init=False)

@@ -34,33 +34,20 @@ Segment: TypeAlias = "tuple[tuple[tuple[int, int], ...], int, Rule | None, int]"
 
 @dataclass(frozen=True)
 class Plan:
-    """Steps for walking a record with one selection of items.
+    """Steps for walking a record with one selection of items."""
 
-    Parameters
-    ----------
-    segments : tuple of Segment
-        Each segment is a run of fixed-length items (pairs of an item's index and its offset in the
-        run), the length of the run, and the index and rule of the variable-length item that
-        follows, or None.
-    """
-
+    # Each segment is a run of fixed-length items (pairs of an item's index and its offset in the
+    # run), the length of the run, and the index and rule of the variable-length item that follows,
+    # or None.
     segments: tuple[Segment, ...]
 
 
 @dataclass
 class Layout:
-    """The items of one kind of record: its user application profile (UAP).
+    """The items of one kind of record: its user application profile (UAP)."""
 
-    Parameters
-    ----------
-    names : tuple of (str or None)
-        Item names in the order of the FSPEC bits; None for a spare bit.
-    rules : tuple of (Rule or None)
-        The rule of each item; None for a spare bit.
-    """
-
-    names: tuple[str | None, ...]
-    rules: tuple[Rule | None, ...]
+    names: tuple[str | None, ...]  # Item names in the order of the FSPEC bits; None for a spare bit
+    rules: tuple[Rule | None, ...]  # The rule of each item; None for a spare bit
     _plans: dict[bytes, Plan] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:

@@ -24,24 +24,13 @@ from .settings import Bridge
 
 
 class Step(NamedTuple):
-    """A datagram of a recording with its effects.
+    """A datagram of a recording with its effects."""
 
-    Parameters
-    ----------
-    data : bytes
-        Data of the datagram; empty at the end.
-    clouds : tuple of (str, int)
-        Radar and stamp, ns, of each cloud that the bridge completes with this datagram.
-    scans : int
-        Number of scans that the tracker steps with these clouds.
-    truth : tuple of BagMessage
-        Truth messages to publish before the datagram.
-    """
-
-    data: bytes
+    data: bytes  # Data of the datagram; empty at the end
+    # Radar and stamp, ns, of each cloud that the bridge completes with this datagram.
     clouds: tuple[tuple[str, int], ...]
-    scans: int
-    truth: tuple[BagMessage, ...]
+    scans: int  # Number of scans that the tracker steps with these clouds
+    truth: tuple[BagMessage, ...]  # Truth messages to publish before the datagram
 
 
 def steps(

@@ -180,22 +180,13 @@ class Amplitudes:
 
 @dataclass(frozen=True)
 class Bridge:
-    """The bridge's input as its parameters describe it.
+    """The bridge's input as its parameters describe it."""
 
-    Parameters
-    ----------
-    values : dict of name to value
-        All parameters.
-    radars : dict of number to RadarSettings
-        Configured radars by SAC and SIC.
-    others : RadarSettings
-        Settings of all other radars.
-    """
-
-    values: dict[str, Any]
+    values: dict[str, Any]  # Dict of name to value. All parameters.
     table: dict[str, Parameter]
+    # Dict of number to RadarSettings. Configured radars by SAC and SIC.
     radars: dict[int, RadarSettings]
-    others: RadarSettings
+    others: RadarSettings  # Settings of all other radars
 
     def amplitudes(self, radar: str) -> Amplitudes:
         """Return the conversion of a radar's amplitudes."""

@@ -53,40 +53,25 @@ _DAY_NS = 86_400 * 10**9
 
 @dataclass
 class Index:
-    """The content of a file.
+    """The content of a file."""
 
-    Parameters
-    ----------
-    channels, schemas : dict by id
-    chunks, runs : list of (earliest log time, offset, length)
-        As for `chunks.unpack`. A run consists of consecutive messages outside of chunks.
-    counts : Counter
-        Messages by channel id.
-    expected : int or None
-        Number of messages that the file declares.
-    start_ns, end_ns : int
-        Log times of the first and the last message.
-    damage : str
-        Fault that makes a part of the file unreadable; empty if there is none.
-    unfinished : bool
-        Whether the file is intact but ends too soon, as after a recorder was killed.
-    lost_bytes : int
-        Bytes of unreadable records, if the file was read record by record.
-    loose_channels : set of int
-        Ids of the channels defined outside of chunks.
-    """
-
+    # `channels`, `schemas`: dict by id.
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
+    # `chunks`, `runs`: list of (earliest log time, offset, length). As for `chunks.unpack`. A run
+    # consists of consecutive messages outside of chunks.
     chunks: list[tuple[int, int, int]] = field(default_factory=list)
     runs: list[tuple[int, int, int]] = field(default_factory=list)
-    counts: Counter[int] = field(default_factory=Counter)
-    expected: int | None = None
+    counts: Counter[int] = field(default_factory=Counter)  # Messages by channel id
+    expected: int | None = None  # Number of messages that the file declares
+    # `start_ns`, `end_ns`: log times of the first and the last message.
     start_ns: int = 0
     end_ns: int = 0
-    damage: str = ""
+    damage: str = ""  # Fault that makes a part of the file unreadable; empty if there is none
+    # Whether the file is intact but ends too soon, as after a recorder was killed.
     unfinished: bool = False
-    lost_bytes: int = 0
+    lost_bytes: int = 0  # Bytes of unreadable records, if the file was read record by record
+    # Ids of the channels defined outside of chunks.
     loose_channels: set[int] = field(default_factory=set)
 
     def define(self, record: Any) -> None:

@@ -25,23 +25,14 @@ ROS_DISTRO = "jazzy"
 
 @dataclass(frozen=True)
 class Topic:
-    """A recorded topic.
-
-    Parameters
-    ----------
-    type_name : str
-        A type name such as ``sensor_msgs/msg/PointCloud2``.
-    depth : int
-        Offered history depth.
-    definition, type_hash : str
-        Definition and hash of the type as MCAP and rosbag2 store them; empty for those of the
-        installed package.
-    """
+    """A recorded topic."""
 
     name: str
-    type_name: str
-    depth: int = 10
+    type_name: str  # A type name such as ``sensor_msgs/msg/PointCloud2``
+    depth: int = 10  # Offered history depth
     transient_local: bool = False
+    # `definition`, `type_hash`: definition and hash of the type as MCAP and rosbag2 store them;
+    # empty for those of the installed package.
     definition: str = ""
     type_hash: str = ""
 

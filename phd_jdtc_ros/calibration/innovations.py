@@ -43,27 +43,17 @@ BACK = 0.8
 
 
 class Fit(NamedTuple):
-    """Comparison of a radar's innovations with the configured noise.
-
-    Parameters
-    ----------
-    innovations : int
-        Number of innovations, at most `MEMORY`.
-    ratio_to_expected : float
-        Ratio of the median squared innovation to the expected one; NaN without any.
-    ratio_to_noise : float
-        The same ratio to the noise alone.
-    axes : array of shape (2,)
-        Ratio of the innovations of range and azimuth to the noise, as standard deviations.
-    noise_too_small, noise_too_large : bool
-        Whether the innovations show this of the configured noise.
-    """
+    """Comparison of a radar's innovations with the configured noise."""
 
     radar: str
-    innovations: int
+    innovations: int  # Number of innovations, at most `MEMORY`
+    # Ratio of the median squared innovation to the expected one; NaN without any.
     ratio_to_expected: float
-    ratio_to_noise: float
+    ratio_to_noise: float  # The same ratio to the noise alone
+    # Ratio of the innovations of range and azimuth to the noise, as standard deviations, (2,).
     axes: FloatArray
+    # `noise_too_small`, `noise_too_large`: whether the innovations show this of the configured
+    # noise.
     noise_too_small: bool = False
     noise_too_large: bool = False
 

@@ -41,20 +41,12 @@ LEAST_PARTICLES = 200
 
 
 class Accuracy(NamedTuple):
-    """The numbers that one value of ``accuracy`` stands for.
+    """The numbers that one value of ``accuracy`` stands for."""
 
-    Parameters
-    ----------
-    hypotheses : int
-        Largest number of association hypotheses of a target.
-    least_mode : float
-        Share of a hypothesis above which a motion becomes a hypothesis of its own; 1 mixes motions.
-    per_target, per_birth, per_detection : int
-        Numbers of particles.
-    """
-
-    hypotheses: int
+    hypotheses: int  # Largest number of association hypotheses of a target
+    # Share of a hypothesis above which a motion becomes a hypothesis of its own; 1 mixes motions.
     least_mode: float
+    # `per_target`, `per_birth`, `per_detection`: numbers of particles.
     per_target: int
     per_birth: int
     per_detection: int
@@ -87,32 +79,17 @@ class TrackerConfig(Tracking):
     """A checked configuration: the tracker's parameters, and the models built from all of them.
 
     `engine` is one of `engines.ENGINES`; the parameter's value is in `values`.
-
-    Parameters
-    ----------
-    values : dict
-        Value of every parameter, given or default, by dotted name in the order of the table.
-    inputs : tuple of RadarParameters
-        In the configured order.
-    recursion : Recursion
-        Filter of the particle engine.
-    bounds : Bounds
-        Bounds of the Gaussian engine's mixtures.
-    budget : ParticleBudget
-        Numbers of particles of the particle engine.
-    rule : ReportingRule
-        Confirmation and deletion of tracks.
-    plane : Plane or None
-        The map projection of the world frame; None for a world without a place on the earth.
     """
 
+    # Value of every parameter, given or default, by dotted name in the order of the table.
     values: dict[str, Any]
-    inputs: tuple[RadarParameters, ...]
+    inputs: tuple[RadarParameters, ...]  # In the configured order
     model: TrackerModel
-    recursion: Recursion
-    bounds: Bounds
-    budget: ParticleBudget
-    rule: ReportingRule
+    recursion: Recursion  # Filter of the particle engine
+    bounds: Bounds  # Bounds of the Gaussian engine's mixtures
+    budget: ParticleBudget  # Numbers of particles of the particle engine
+    rule: ReportingRule  # Confirmation and deletion of tracks
+    # The map projection of the world frame; None for a world without a place on the earth.
     plane: Plane | None = None
 
     @property

@@ -51,18 +51,10 @@ AUTO = "auto"
 
 
 class Learnable(NamedTuple):
-    """A value of a sensor.
+    """A value of a sensor."""
 
-    Parameters
-    ----------
-    start : float or tuple
-        The value, or the one that learning starts from.
-    learned : bool
-        Whether it is learned while the tracker runs.
-    """
-
-    start: Any
-    learned: bool
+    start: Any  # The value, or the one that learning starts from
+    learned: bool  # Whether it is learned while the tracker runs
 
 
 def _after_auto(value: Any) -> list[float] | None:
@@ -112,19 +104,12 @@ OUTLIERS = "outliers"
 
 
 class Noise(NamedTuple):
-    """The standard deviation of a measurement's first component.
+    """The standard deviation of a measurement's first component."""
 
-    Parameters
-    ----------
-    start, learned
-        See `Learnable`.
-    outliers : bool
-        Whether some detections have a larger noise in all components.
-    """
-
+    # `start`, `learned`: see `Learnable`.
     start: float
     learned: bool
-    outliers: bool
+    outliers: bool  # Whether some detections have a larger noise in all components
 
 
 def noise(usual: Form) -> Form:
@@ -167,19 +152,12 @@ MOST_CLUTTER = 1e6
 
 
 class ClutterRate(NamedTuple):
-    """The rate of a sensor's false detections.
+    """The rate of a sensor's false detections."""
 
-    Parameters
-    ----------
-    start, learned
-        See `Learnable`.
-    multipath : bool
-        Whether false detections are more frequent behind targets.
-    """
-
+    # `start`, `learned`: see `Learnable`.
     start: float
     learned: bool
-    multipath: bool
+    multipath: bool  # Whether false detections are more frequent behind targets
 
 
 def _read_rate(value: Any) -> float | str | None:
@@ -214,21 +192,12 @@ CORRELATED, MOST_CORRELATION = "correlated", 0.98
 
 
 class Detectability(NamedTuple):
-    """A sensor's detection probability, and its correlation from look to look.
+    """A sensor's detection probability, and its correlation from look to look."""
 
-    Parameters
-    ----------
-    start : tuple of pairs of float
-        Range, m, and probability; empty if it follows from the SNR bands.
-    learned : bool
-        Whether the probability is learned while the tracker runs.
-    correlation : Learnable or None
-        None for independent looks.
-    """
-
+    # Range, m, and probability; empty if it follows from the SNR bands.
     start: tuple[tuple[float, float], ...]
-    learned: bool
-    correlation: Learnable | None
+    learned: bool  # Whether the probability is learned while the tracker runs
+    correlation: Learnable | None  # None for independent looks
 
 
 def _read_probability(value: Any) -> float | list[float] | str | None:

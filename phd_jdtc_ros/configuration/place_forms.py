@@ -19,21 +19,11 @@ STABILISED = "stabilised"
 
 
 class PoseSource(NamedTuple):
-    """The topic of the poses of a radar's platform, and their use.
+    """The topic of the poses of a radar's platform, and their use."""
 
-    Parameters
-    ----------
-    topic : str
-        Empty for a radar that does not move.
-    message : str
-        One of `POSE_MESSAGES`.
-    yaw : bool
-        Whether the platform's orientation turns the radar.
-    """
-
-    topic: str
-    message: str
-    yaw: bool
+    topic: str  # Empty for a radar that does not move
+    message: str  # One of `POSE_MESSAGES`
+    yaw: bool  # Whether the platform's orientation turns the radar
 
 
 def _pose(text: str) -> PoseSource:

@@ -41,16 +41,7 @@ QUANTITIES = tuple(entry.name for entry in fields(Fields))
 
 @dataclass(frozen=True)
 class RadarParameters:
-    """The parameters of a radar, with its name and its place on the earth.
-
-    Parameters
-    ----------
-    name : str
-    site : Site or None
-        Place on the round earth; None for a radar that measures over a plane.
-    datum : float
-        Height of the world's zero as messages count heights, metres.
-    """
+    """The parameters of a radar, with its name and its place on the earth."""
 
     kind: str = parameter("radar", "Kind of the sensor.", choices=("radar",))
     message: str = parameter(
@@ -257,8 +248,9 @@ class RadarParameters:
         form=place_forms.BIASES,
     )
     name: str = ""
+    # Place on the round earth; None for a radar that measures over a plane.
     site: Site | None = None
-    datum: float = 0.0
+    datum: float = 0.0  # Height of the world's zero as messages count heights, metres
 
     @property
     def compass(self) -> bool:

@@ -52,67 +52,35 @@ def numbers(value: Any, low: float = -INFINITY, high: float = INFINITY) -> list[
 
 @dataclass(frozen=True)
 class Form:
-    """A notation for values that are not plain numbers, words or lists.
+    """A notation for values that are not plain numbers, words or lists."""
 
-    Parameters
-    ----------
-    allowed : str
-        The allowed values in words.
-    read : callable
-        Returns the canonical notation of a given value, or None if it is not allowed.
-    value : callable
-        Returns what the canonical notation stands for, as the field of the dataclass has it.
-    """
-
-    allowed: str
+    allowed: str  # The allowed values in words
+    # Returns the canonical notation of a given value, or None if it is not allowed.
     read: Callable[[Any], Any]
+    # Returns what the canonical notation stands for, as the field of the dataclass has it.
     value: Callable[[Any], Any] = lambda notation: notation
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter: name, default, which fixes the type, and allowed values.
+    """One parameter: name, default, which fixes the type, and allowed values."""
 
-    Parameters
-    ----------
-    name : str
-        Dotted; within a group, the part after the member's name.
-    default : bool, int, float, str, list of float or list of str
-    description : str
-        With the unit.
-    low, high : float
-        Inclusive bounds of a number, or of every number of a list.
-    choices : tuple of str
-        Allowed strings; empty for any.
-    length : int or None
-        Required length of a list.
-    element : type
-        Type of a list's entries, float or str.
-    most : int or None
-        Largest number of names in a list; None for any number.
-    words : tuple of str
-        Words that are allowed instead of a number.
-    mutable : bool
-        Whether it may change between two scans. The other parameters determine the structure of
-        the tracker or of its state.
-    form : Form or None
-        Notation of a value that is not a plain number, word or list.
-    keys : tuple of str
-        Keys of a mapping of strings; each key that is given is a parameter ``NAME.KEY``.
-    """
-
-    name: str
+    name: str  # Dotted; within a group, the part after the member's name
     default: Any
-    description: str
+    description: str  # With the unit
+    # `low`, `high`: inclusive bounds of a number, or of every number of a list.
     low: float = -INFINITY
     high: float = INFINITY
-    choices: tuple[str, ...] = ()
-    length: int | None = None
-    element: type = float
-    most: int | None = None
-    words: tuple[str, ...] = ()
+    choices: tuple[str, ...] = ()  # Allowed strings; empty for any
+    length: int | None = None  # Required length of a list
+    element: type = float  # Type of a list's entries, float or str
+    most: int | None = None  # Largest number of names in a list; None for any number
+    words: tuple[str, ...] = ()  # Words that are allowed instead of a number
+    # Whether it may change between two scans. The other parameters determine the structure of the
+    # tracker or of its state.
     mutable: bool = False
-    form: Form | None = None
+    form: Form | None = None  # Notation of a value that is not a plain number, word or list
+    # Keys of a mapping of strings; each key that is given is a parameter ``NAME.KEY``.
     keys: tuple[str, ...] = ()
 
     @property

@@ -63,19 +63,11 @@ NAMES = frozenset(parameter.name for parameter in TABLE)
 
 @dataclass(frozen=True)
 class Settings:
-    """A checked set of parameters.
+    """A checked set of parameters."""
 
-    Parameters
-    ----------
-    table : dict of name to Parameter
-        All parameters.
-    node : dict of name to value
-        Values of the parameters in `TABLE`.
-    """
-
-    table: dict[str, Parameter]
+    table: dict[str, Parameter]  # All parameters
     config: TrackerConfig
-    node: dict[str, Any]
+    node: dict[str, Any]  # Dict of name to value. Values of the parameters in `TABLE`.
 
     @property
     def values(self) -> dict[str, Any]:

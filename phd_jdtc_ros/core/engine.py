@@ -16,25 +16,15 @@ from .types import Estimates, Scan
 
 @dataclass(frozen=True)
 class Step:
-    """The estimates and figures of one step.
+    """The estimates and figures of one step."""
 
-    Parameters
-    ----------
-    filtered : tuple of Estimates
-        Estimates that are due: at the scan's stamp, or at the schedule's stamps until then.
-    smoothed : tuple of Estimates
-        Estimates whose lag is reached. A lag in scans gives none while the window fills, and then
-        one per step.
-    class_mass : array of shape (C,)
-        Expected number of targets of each class after the update.
-    figures : mapping of name to number
-        Diagnostics of the engine.
-    """
-
+    # Estimates that are due: at the scan's stamp, or at the schedule's stamps until then.
     filtered: tuple[Estimates, ...]
+    # Estimates whose lag is reached. A lag in scans gives none while the window fills, and then one
+    # per step.
     smoothed: tuple[Estimates, ...]
-    class_mass: FloatArray
-    figures: Mapping[str, float]
+    class_mass: FloatArray  # Expected number of targets of each class after the update, (C,)
+    figures: Mapping[str, float]  # Mapping of name to number. Diagnostics of the engine.
 
     @property
     def targets(self) -> int:
@@ -48,38 +38,21 @@ class EngineState:
 
     It shares its sets with the engine, which never modifies them, so that it costs only references.
     Unlike a `Snapshot` it cannot be stored.
-
-    Parameters
-    ----------
-    stamp_ns : int or None
-        Stamp of the previous scan; None before the first.
-    model : TrackerModel
-        Model of the next scan's step.
-    rule : ReportingRule
-        Rule of the next scan's step.
-    state : mapping of name to value
-        The engine's own state.
     """
 
-    stamp_ns: int | None
-    model: TrackerModel
-    rule: ReportingRule
+    stamp_ns: int | None  # Stamp of the previous scan; None before the first
+    model: TrackerModel  # Model of the next scan's step
+    rule: ReportingRule  # Rule of the next scan's step
+    # Mapping of name to value. The engine's own state.
     state: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True)
 class Reprocessed:
-    """The result of reprocessing scans.
+    """The result of reprocessing scans."""
 
-    Parameters
-    ----------
-    states : tuple of EngineState
-        The engine's state before each scan.
-    filtered, smoothed : tuples of Estimates
-        Estimates that have become due and were not published before.
-    """
-
-    states: tuple[EngineState, ...]
+    states: tuple[EngineState, ...]  # The engine's state before each scan
+    # `filtered`, `smoothed`: estimates that have become due and were not published before.
     filtered: tuple[Estimates, ...]
     smoothed: tuple[Estimates, ...]
 
@@ -152,18 +125,11 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class Lag:
-    """The lag of smoothed estimates: a number of later scans, or seconds.
+    """The lag of smoothed estimates: a number of later scans, or seconds."""
 
-    Parameters
-    ----------
-    scans : int
-        Used if `seconds` is None.
-    seconds : float or None
-        For radars without common stamps: a scan is smoothed when the newest scan is at least this
-        much later.
-    """
-
-    scans: int
+    scans: int  # Used if `seconds` is None
+    # For radars without common stamps: a scan is smoothed when the newest scan is at least this
+    # much later.
     seconds: float | None = None
 
     @property

@@ -12,34 +12,21 @@ from .types import Estimates, Scan
 
 @dataclass(frozen=True)
 class Stepped:
-    """The engine has stepped through a scan.
-
-    Parameters
-    ----------
-    scans_without_targets : int
-        Number of consecutive scans with detections but without targets, if a warning is due;
-        otherwise 0.
-    """
+    """The engine has stepped through a scan."""
 
     scan: Scan
     step: Step
+    # Number of consecutive scans with detections but without targets, if a warning is due;
+    # otherwise 0.
     scans_without_targets: int = 0
 
 
 @dataclass(frozen=True)
 class RunEnded:
-    """The stamps jumped, or the run was flushed; later events belong to a new run.
+    """The stamps jumped, or the run was flushed; later events belong to a new run."""
 
-    Parameters
-    ----------
-    reset : Reset or None
-        The jump; None if the run was flushed.
-    smoothed : tuple of Estimates
-        Pending smoothed estimates, oldest first.
-    """
-
-    reset: Reset | None
-    smoothed: tuple[Estimates, ...]
+    reset: Reset | None  # The jump; None if the run was flushed
+    smoothed: tuple[Estimates, ...]  # Pending smoothed estimates, oldest first
 
 
 Event: TypeAlias = "Stepped | RunEnded"

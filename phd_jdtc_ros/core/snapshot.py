@@ -37,20 +37,11 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class Snapshot:
-    """An engine's state, as data without code.
+    """An engine's state, as data without code."""
 
-    Parameters
-    ----------
-    stamp_ns : int or None
-        Stamp of the last scan; None before the first.
-    arrays : dict of name to array
-        Arrays by dotted name.
-    json_values : dict
-        Values that are stored as JSON: the states of random generators.
-    """
-
-    stamp_ns: int | None
-    arrays: dict[str, AnyArray] = field(default_factory=dict)
+    stamp_ns: int | None  # Stamp of the last scan; None before the first
+    arrays: dict[str, AnyArray] = field(default_factory=dict)  # Arrays by dotted name
+    # Values that are stored as JSON: the states of random generators.
     json_values: dict[str, Any] = field(default_factory=dict)
 
     def array(self, name: str) -> AnyArray:

@@ -12,20 +12,13 @@ from .arrays import FloatArray
 
 @dataclass(frozen=True)
 class StateSpace:
-    """The names of a state's axes, and the indices of position, velocity and turn rate.
-
-    Parameters
-    ----------
-    position, velocity : tuples of int
-        Axes in the world frame, x first; metres and metres per second.
-    turn_rate : int
-        Axis in radians per second.
-    """
+    """The names of a state's axes, and the indices of position, velocity and turn rate."""
 
     axes: tuple[str, ...]
+    # `position`, `velocity`: axes in the world frame, x first; metres and metres per second.
     position: tuple[int, ...]
     velocity: tuple[int, ...]
-    turn_rate: int
+    turn_rate: int  # Axis in radians per second
 
     def __len__(self) -> int:
         return len(self.axes)

@@ -25,15 +25,10 @@ Values: TypeAlias = "tuple[float | None, ...]"
 
 
 class Group(NamedTuple):
-    """The metrics of one table.
-
-    Parameters
-    ----------
-    of_sets : bool
-        Whether the metrics exist for every class too, and not for all targets only.
-    """
+    """The metrics of one table."""
 
     title: str
+    # Whether the metrics exist for every class too, and not for all targets only.
     of_sets: bool = True
 
 
@@ -47,29 +42,17 @@ WHOLE, CLASSES = Group("all targets", of_sets=False), Group("classes", of_sets=F
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure of a run.
+    """A figure of a run."""
 
-    Parameters
-    ----------
-    key : str
-        Key in `metrics.json` and in a study's summary.
-    heading : str
-        Heading of the column.
-    unit, form : str
-        Unit, empty if there is none, and Python format specification.
-    definition : str
-        One or two sentences.
-    headline : bool
-        Whether the figure of all smoothed estimates is repeated at the top of `metrics.json`.
-    """
-
-    key: str
-    heading: str
+    key: str  # Key in `metrics.json` and in a study's summary
+    heading: str  # Heading of the column
+    # `unit`, `form`: unit, empty if there is none, and Python format specification.
     unit: str
     form: str
     of_run: Figure
-    definition: str
+    definition: str  # One or two sentences
     group: Group
+    # Whether the figure of all smoothed estimates is repeated at the top of `metrics.json`.
     headline: bool = False
 
     def text(self, value: float) -> str:

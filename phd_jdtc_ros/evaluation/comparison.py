@@ -28,47 +28,24 @@ def class_set(class_id: int) -> str:
 
 
 class LabelledPoints(NamedTuple):
-    """The positions of one scan with their labels.
+    """The positions of one scan with their labels."""
 
-    Parameters
-    ----------
-    label : int array of shape (T,)
-        Track label of each position; 0 for none.
-    position : array of shape (T, 2)
-        Metres.
-    """
-
-    label: IntArray
-    position: FloatArray
+    label: IntArray  # (T,). Track label of each position; 0 for none.
+    position: FloatArray  # Metres, (T, 2)
 
 
 @dataclass(frozen=True)
 class PointSet:
-    """Classified positions at one stamp.
+    """Classified positions at one stamp."""
 
-    Parameters
-    ----------
-    position : array of shape (T, 2)
-        World frame, metres.
-    class_id : int array of shape (T,)
-    track_id : int array of shape (T,) or None
-        0 for an unlabelled point; None if all are unlabelled.
-    velocity : array of shape (T, 2) or None
-        Metres per second; None if unknown.
-    covariance : array of shape (T, 2, 2) or None
-        Covariance of the positions, square metres; None if unknown, as for the truth.
-    height : array of shape (T,) or None
-        Metres; NaN where unknown, None if all are unknown.
-    coasting : bool array of shape (T,) or None
-        Whether each track had no detection in its last scan or turn; None if unknown.
-    """
-
-    position: FloatArray
-    class_id: IntArray
-    track_id: IntArray | None = None
-    velocity: FloatArray | None = None
+    position: FloatArray  # World frame, metres, (T, 2)
+    class_id: IntArray  # (T,)
+    track_id: IntArray | None = None  # (T,). 0 for an unlabelled point; None if all are unlabelled.
+    velocity: FloatArray | None = None  # (T, 2). Metres per second; None if unknown.
+    # (T, 2, 2). Covariance of the positions, square metres; None if unknown, as for the truth.
     covariance: FloatArray | None = None
-    height: FloatArray | None = None
+    height: FloatArray | None = None  # (T,). Metres; NaN where unknown, None if all are unknown.
+    # (T,). Whether each track had no detection in its last scan or turn; None if unknown.
     coasting: BoolArray | None = None
 
     @staticmethod
@@ -116,18 +93,12 @@ class PointSet:
 
 @dataclass(frozen=True)
 class PairedScan:
-    """The targets of a stamp and one source's estimates, paired by position alone.
-
-    Parameters
-    ----------
-    pairs : tuple of two int arrays of shape (P,)
-        Result of `metrics.assign`.
-    """
+    """The targets of a stamp and one source's estimates, paired by position alone."""
 
     stamp_ns: int
     truth: PointSet
     estimate: PointSet
-    pairs: Pairs
+    pairs: Pairs  # Tuple of two int arrays of shape (P,). Result of `metrics.assign`.
 
     @staticmethod
     def of(stamp_ns: int, truth: PointSet, estimate: PointSet, cutoff: float) -> PairedScan:
@@ -139,30 +110,19 @@ class PairedScan:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One set of targets and estimates of a scan, from which metrics compute their values.
-
-    Parameters
-    ----------
-    pairs : tuple of two int arrays of shape (P,)
-        Indices in the scan of the set's paired targets, by position alone, and of their estimates.
-    paired_truth, paired_estimate : PointSet
-        The paired points; the estimates may be of any class.
-    classes : int
-        Number of compared classes.
-    class_id : int or None
-        Class of the set; None for all targets.
-    last : bool
-        Whether the run ends with this scan.
-    """
+    """One set of targets and estimates of a scan, from which metrics compute their values."""
 
     truth: PointSet
     estimate: PointSet
+    # Tuple of two int arrays of shape (P,). Indices in the scan of the set's paired targets, by
+    # position alone, and of their estimates.
     pairs: Pairs
+    # `paired_truth`, `paired_estimate`: the paired points; the estimates may be of any class.
     paired_truth: PointSet
     paired_estimate: PointSet
-    classes: int
-    class_id: int | None = None
-    last: bool = False
+    classes: int  # Number of compared classes
+    class_id: int | None = None  # Class of the set; None for all targets
+    last: bool = False  # Whether the run ends with this scan
 
     @staticmethod
     def of(scan: PairedScan, classes: int) -> dict[str, Comparison]:

@@ -25,20 +25,6 @@ class Evaluation:
 
     Truth is interpolated between samples, see `TrueTracks`; samples must arrive in order.
 
-    Parameters
-    ----------
-    cutoff : float
-        c of OSPA and GOSPA, metres.
-    order : float
-        p of OSPA and GOSPA.
-    keep : int or None
-        Number of scans whose truth, unpaired estimates and scores are kept, which bounds the
-        memory; None keeps all. The summary always covers the whole run.
-    class_names : tuple of str
-        Names in the summary; ``class_0`` and so on if empty.
-    least_speed : float
-        Slower targets and their estimates are not scored, metres per second.
-
     Attributes
     ----------
     scores : dict
@@ -53,11 +39,13 @@ class Evaluation:
     """
 
     classes: int
-    cutoff: float
-    order: float
+    cutoff: float  # c of OSPA and GOSPA, metres
+    order: float  # p of OSPA and GOSPA
+    # Number of scans whose truth, unpaired estimates and scores are kept, which bounds the memory;
+    # None keeps all. The summary always covers the whole run.
     keep: int | None = None
-    class_names: tuple[str, ...] = ()
-    least_speed: float = 0.0
+    class_names: tuple[str, ...] = ()  # Names in the summary; ``class_0`` and so on if empty
+    least_speed: float = 0.0  # Slower targets and their estimates are not scored, metres per second
     scores: dict[str, dict[int, ScanScore]] = field(init=False)
     truth_scans: int = field(init=False, default=0)
     repeated: int = field(init=False, default=0)

@@ -114,17 +114,11 @@ class Gospa:
     """A GOSPA distance in metres and its parts, for alpha = 2.
 
     They obey ``distance^p = localization^p + c^p / 2 * (missed + false)``.
-
-    Parameters
-    ----------
-    localization : float
-        Part of the assigned pairs, not divided by their number.
-    missed, false : int
-        Targets without an estimate and estimates without a target.
     """
 
     distance: float
-    localization: float
+    localization: float  # Part of the assigned pairs, not divided by their number
+    # `missed`, `false`: targets without an estimate and estimates without a target.
     missed: int
     false: int
 

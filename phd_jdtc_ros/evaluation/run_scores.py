@@ -21,15 +21,9 @@ ScanValues: TypeAlias = "dict[str, dict[str, float | None]]"
 
 @dataclass(frozen=True)
 class ScanScore:
-    """The score of one source at one stamp.
+    """The score of one source at one stamp."""
 
-    Parameters
-    ----------
-    source : str
-        ``filtered`` or ``smoothed``.
-    """
-
-    source: str
+    source: str  # ``filtered`` or ``smoothed``
     stamp_ns: int
     values: ScanValues
 

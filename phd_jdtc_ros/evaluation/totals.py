@@ -11,23 +11,12 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Totals:
-    """Totals of scan values, for several runs or sets at once.
+    """Totals of scan values, for several runs or sets at once."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Names of the V values.
-    scans : int
-        Number of scans per run.
-    known : int array of shape (..., V)
-        Number of scans that have the value.
-    sums, maxima : arrays of shape (..., V)
-        Sum and maximum over those scans.
-    """
-
-    names: tuple[str, ...]
-    scans: int
-    known: IntArray
+    names: tuple[str, ...]  # Names of the V values
+    scans: int  # Number of scans per run
+    known: IntArray  # Number of scans that have the value, (..., V)
+    # `sums`, `maxima`: sum and maximum over those scans, (..., V).
     sums: FloatArray
     maxima: FloatArray
 

@@ -26,15 +26,10 @@ class _Spell:
 
 @dataclass
 class Numbers:
-    """The number that each track had at each filtered stamp.
+    """The number that each track had at each filtered stamp."""
 
-    Parameters
-    ----------
-    wait_ns : int
-        Longest time after a stamp at which a track of this stamp may still receive its number,
-        nanoseconds.
-    """
-
+    # Longest time after a stamp at which a track of this stamp may still receive its number,
+    # nanoseconds.
     wait_ns: int
     _spells: dict[Track, list[_Spell]] = field(init=False, default_factory=dict)
 

@@ -34,18 +34,12 @@ Track = tuple[int, int]
 
 @dataclass
 class Handover:
-    """Joins the estimates of several trackers, stamp by stamp.
+    """Joins the estimates of several trackers, stamp by stamp."""
 
-    Parameters
-    ----------
-    regions : sequence of Region
-        One per tracker; their margins should overlap, and their core regions should not.
-    hysteresis : float
-        Depth inside another tracker's core region at which a target changes over, metres; less than
-        the margins.
-    """
-
+    # One per tracker; their margins should overlap, and their core regions should not.
     regions: Sequence[Region]
+    # Depth inside another tracker's core region at which a target changes over, metres; less than
+    # the margins.
     hysteresis: float
     # Joint number of each track.
     _number: dict[Track, int] = field(init=False, default_factory=dict)

@@ -34,27 +34,18 @@ Joint = tuple[str, Estimates]
 
 @dataclass
 class _Run:
-    """A run: estimates whose stamps do not go back.
-
-    Parameters
-    ----------
-    smoothed : list of Gathered
-        Smoothed estimates that wait for their numbers.
-    reached_ns : float
-        Stamp of the filtered picture; infinite after the end of the run.
-    until_ns : mapping of tracker to float
-        Latest stamp of an ended run whose estimates may still arrive.
-    closed : bool
-        Whether further smoothed estimates are too late.
-    """
+    """A run: estimates whose stamps do not go back."""
 
     gathered: Mapping[str, Gathering]
     series: SeriesOfAll
     numbers: Numbers
+    # Smoothed estimates that wait for their numbers.
     smoothed: list[Gathered] = field(default_factory=list)
+    # Stamp of the filtered picture; infinite after the end of the run.
     reached_ns: float = -math.inf
+    # Mapping of tracker to float. Latest stamp of an ended run whose estimates may still arrive.
     until_ns: Mapping[int, float] = field(default_factory=dict)
-    closed: bool = False
+    closed: bool = False  # Whether further smoothed estimates are too late
 
 
 class JointPicture:

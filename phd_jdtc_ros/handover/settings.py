@@ -72,26 +72,14 @@ TRACKER, TABLE = table(OfTracker), table(HandOver)
 
 @dataclass(frozen=True)
 class Settings:
-    """The settings of the hand-over.
+    """The settings of the hand-over."""
 
-    Parameters
-    ----------
-    values : dict of name to value
-        All parameters.
-    names : tuple of str
-        Names of the trackers.
-    nodes : tuple of str
-        Full names of their nodes.
-    hysteresis : float
-        Metres.
-    """
-
-    values: dict[str, Any]
+    values: dict[str, Any]  # Dict of name to value. All parameters.
     table: dict[str, Parameter]
-    names: tuple[str, ...]
-    nodes: tuple[str, ...]
+    names: tuple[str, ...]  # Names of the trackers
+    nodes: tuple[str, ...]  # Full names of their nodes
     regions: tuple[Region, ...]
-    hysteresis: float
+    hysteresis: float  # Metres
 
     def topic(self, tracker: int, source: str) -> str:
         """Return the topic of a tracker's estimates."""

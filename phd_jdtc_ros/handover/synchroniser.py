@@ -42,25 +42,18 @@ class Refused(Enum):
 class Gathering:
     """Gathers the filtered or the smoothed estimates of one run.
 
-    Parameters
-    ----------
-    trackers : int
-        Number of trackers.
-    longest_delay_s : float
-        Longest time by which a waiting stamp may be behind the newest one, seconds; infinite for
-        recordings, which are complete.
-    most_waiting : int or None
-        Upper bound of the waiting stamps (see `too_many`), above which the oldest is closed; None
-        for no bound.
-
     Attributes
     ----------
     overflow : int
         Number of stamps that were closed because too many waited.
     """
 
-    trackers: int
+    trackers: int  # Number of trackers
+    # Longest time by which a waiting stamp may be behind the newest one, seconds; infinite for
+    # recordings, which are complete.
     longest_delay_s: float
+    # Upper bound of the waiting stamps (see `too_many`), above which the oldest is closed; None for
+    # no bound.
     most_waiting: int | None = None
     overflow: int = field(init=False, default=0)
     _pending: dict[int, dict[int, Estimates]] = field(init=False, default_factory=dict)

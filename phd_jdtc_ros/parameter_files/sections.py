@@ -25,15 +25,10 @@ _WILDCARDS = {"**": "(/[^/]+)*", "*": "/[^/]+"}
 
 @dataclass(frozen=True)
 class ParameterFile:
-    """A parameter file.
-
-    Parameters
-    ----------
-    sections : tuple of (str, dict)
-        Full name, which may have wildcards, and parameters by dotted name, in the file's order.
-    """
+    """A parameter file."""
 
     path: Path
+    # Full name, which may have wildcards, and parameters by dotted name, in the file's order.
     sections: tuple[tuple[str, dict[str, Any]], ...]
 
     def values(self, node: str) -> dict[str, Any]:

@@ -16,26 +16,15 @@ NOISE = {
 
 
 class LearnedValue(NamedTuple):
-    """One learned value of a sensor.
-
-    Parameters
-    ----------
-    quantity : str
-        Name of the parameter.
-    given, found : float
-        The configured value and the learned one.
-    std : float
-        Standard deviation of the learned one.
-    unit : str
-        Unit of all three; empty for a probability.
-    """
+    """One learned value of a sensor."""
 
     sensor: str
-    quantity: str
+    quantity: str  # Name of the parameter
+    # `given`, `found`: the configured value and the learned one.
     given: float
     found: float
-    std: float
-    unit: str
+    std: float  # Standard deviation of the learned one
+    unit: str  # Unit of all three; empty for a probability
 
 
 def changes(inputs: Iterable[RadarParameters], figures: Mapping[str, float]) -> dict[str, str]:

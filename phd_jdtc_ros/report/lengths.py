@@ -17,16 +17,10 @@ SHORT_M = 2000.0
 
 @dataclass(frozen=True)
 class MapScale:
-    """The unit of maps and of the lengths on them.
-
-    Parameters
-    ----------
-    metres : float
-        Length of the unit.
-    """
+    """The unit of maps and of the lengths on them."""
 
     unit: str
-    metres: float
+    metres: float  # Length of the unit
 
     @staticmethod
     def of(record: Record) -> MapScale:

@@ -21,25 +21,16 @@ from .sets import Sets
 
 @dataclass(frozen=True)
 class RadarPlots:
-    """The detections of one radar at one stamp, in the world frame.
-
-    Parameters
-    ----------
-    position : array of shape (M, 2)
-        Metres.
-    amplitude : array of shape (M,)
-        Linear envelope; NaN where the radar reports none.
-    sensor : tuple of two floats, or None
-        Position of a moving radar, metres; None for a stationary one.
-    height : array of shape (M,) or None
-        Heights above the world's zero, metres; NaN where unknown. None if the radar reports none.
-    """
+    """The detections of one radar at one stamp, in the world frame."""
 
     stamp_ns: int
     radar: str
-    position: FloatArray
-    amplitude: FloatArray
+    position: FloatArray  # Metres, (M, 2)
+    amplitude: FloatArray  # (M,). Linear envelope; NaN where the radar reports none.
+    # Position of a moving radar, metres; None for a stationary one.
     sensor: tuple[float, float] | None = None
+    # (M,). Heights above the world's zero, metres; NaN where unknown. None if the radar reports
+    # none.
     height: FloatArray | None = None
 
 
@@ -54,47 +45,27 @@ class RadarSite:
 
 @dataclass(frozen=True)
 class Record:
-    """A run, each part ordered by stamp.
+    """A run, each part ordered by stamp."""
 
-    Parameters
-    ----------
-    truth : tuple of Truth
-        Empty if the truth is unknown.
-    filtered, smoothed : tuple of Estimates
-        Empty if not recorded.
-    step_ms : array of shape (scans,)
-        CPU time of each step, milliseconds; empty if not measured.
-    radars : tuple of RadarSite
-        The stationary radars.
-    damage : BagError or None
-        Damage of the bag, of which the run contains the intact part; None for an intact bag.
-    class_names : tuple of str
-        Configured names; empty if unknown.
-    clutter : ClutterRaster or None
-        Clutter map learned by the end of the run; None if not recorded.
-    plane : Plane or None
-        The world frame's map projection; None if its position on the earth is unknown.
-    least_speed : float
-        Least speed of the targets that the tracker had to report, metres per second.
-    learned : tuple of LearnedValue
-        What was learned of the sensors by the end of the run.
-    changes : mapping of str to str
-        How sensors differed at the end of the run from what they were before, by name.
-    """
-
-    truth: tuple[Truth, ...]
+    truth: tuple[Truth, ...]  # Empty if the truth is unknown
     plots: tuple[RadarPlots, ...]
+    # `filtered`, `smoothed`: empty if not recorded.
     filtered: tuple[Estimates, ...]
     smoothed: tuple[Estimates, ...]
     classes: int
-    step_ms: FloatArray
-    radars: tuple[RadarSite, ...] = ()
+    step_ms: FloatArray  # (scans,). CPU time of each step, milliseconds; empty if not measured.
+    radars: tuple[RadarSite, ...] = ()  # The stationary radars
+    # Damage of the bag, of which the run contains the intact part; None for an intact bag.
     damage: BagError | None = None
-    class_names: tuple[str, ...] = ()
+    class_names: tuple[str, ...] = ()  # Configured names; empty if unknown
+    # Clutter map learned by the end of the run; None if not recorded.
     clutter: ClutterRaster | None = None
+    # The world frame's map projection; None if its position on the earth is unknown.
     plane: Plane | None = None
+    # Least speed of the targets that the tracker had to report, metres per second.
     least_speed: float = 0.0
-    learned: tuple[LearnedValue, ...] = ()
+    learned: tuple[LearnedValue, ...] = ()  # What was learned of the sensors by the end of the run
+    # How sensors differed at the end of the run from what they were before, by name.
     changes: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property

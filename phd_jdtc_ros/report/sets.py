@@ -15,15 +15,9 @@ _GENERIC = re.compile(r"class_(\d+)")
 
 @dataclass(frozen=True)
 class Sets:
-    """The sets of a run: all classes together, and each class.
+    """The sets of a run: all classes together, and each class."""
 
-    Parameters
-    ----------
-    class_names : tuple of str
-        Configured names.
-    """
-
-    class_names: tuple[str, ...]
+    class_names: tuple[str, ...]  # Configured names
 
     @staticmethod
     def of(classes: int, class_names: Sequence[str] = ()) -> Sets:

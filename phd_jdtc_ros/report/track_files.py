@@ -24,38 +24,30 @@ DIGITS = (2, 2, 2, 2, geo_json.DEGREE_DIGITS, geo_json.DEGREE_DIGITS, 1, 2, 2)
 
 
 class Fix(NamedTuple):
-    """One track at one time.
-
-    Parameters
-    ----------
-    x, y, vx, vy : float
-        In the world frame, metres and metres per second.
-    latitude, longitude : float
-        Degrees; NaN if the position of the world frame on the earth is unknown.
-    height, speed, course : float
-        Metres, metres per second and degrees from true north; NaN where unknown.
-    code, address : str
-        Four octal and six hexadecimal digits; empty where unknown.
-    flight_level : str
-        Hundreds of feet of the standard atmosphere; empty where unknown.
-    """
+    """One track at one time."""
 
     stamp_ns: int
     number: int
+    # `x`, `y`, `vx`, `vy`: in the world frame, metres and metres per second.
     x: float
     y: float
     vx: float
     vy: float
+    # `latitude`, `longitude`: degrees; NaN if the position of the world frame on the earth is
+    # unknown.
     latitude: float
     longitude: float
+    # `height`, `speed`, `course`: metres, metres per second and degrees from true north; NaN where
+    # unknown.
     height: float
     speed: float
     course: float
     class_name: str
     state: str
+    # `code`, `address`: four octal and six hexadecimal digits; empty where unknown.
     code: str
     address: str
-    flight_level: str
+    flight_level: str  # Hundreds of feet of the standard atmosphere; empty where unknown
 
 
 def fixes(

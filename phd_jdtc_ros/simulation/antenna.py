@@ -17,26 +17,17 @@ STEPS = 12
 
 @dataclass(frozen=True)
 class Antenna:
-    """The rotation of a radar's antenna: sense, uniformity, and direction at scan 0.
+    """The rotation of a radar's antenna: sense, uniformity, and direction at scan 0."""
 
-    Parameters
-    ----------
-    bearing : float
-        Direction at scan 0: radians from the sensor's y axis in the sense of rotation, from 0 to
-        2 pi. A turn, and its first sector, begins at the y axis.
-    wobble : float
-        Largest relative deviation from the mean rotation rate, as by wind; below 1.
-    wobble_period_s : float
-        Period of the deviation, seconds.
-    lowest, highest : float
-        Elevations between which targets are in the beam, radians. Used only for radars on the round
-        earth.
-    """
-
+    # Direction at scan 0: radians from the sensor's y axis in the sense of rotation, from 0 to 2
+    # pi. A turn, and its first sector, begins at the y axis.
     bearing: float = 0.0
     clockwise: bool = True
+    # Largest relative deviation from the mean rotation rate, as by wind; below 1.
     wobble: float = 0.0
-    wobble_period_s: float = 600.0
+    wobble_period_s: float = 600.0  # Period of the deviation, seconds
+    # `lowest`, `highest`: elevations between which targets are in the beam, radians. Used only for
+    # radars on the round earth.
     lowest: float = -0.5 * math.pi
     highest: float = 0.5 * math.pi
 

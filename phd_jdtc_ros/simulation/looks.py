@@ -26,24 +26,12 @@ SPARE_TURNS = 8
 
 
 class Looks(NamedTuple):
-    """The passes of one radar's beam over targets.
+    """The passes of one radar's beam over targets."""
 
-    Parameters
-    ----------
-    time_s : array of shape (N,)
-        Seconds after scan 0; ascending for each target.
-    state : array of shape (N, D)
-        State of the target at the pass.
-    exact : array of shape (N, 2)
-        Noise-free measurement, in the form of `Plots.measurement`.
-    source : int array of shape (N,)
-        The track_id of the target.
-    """
-
-    time_s: FloatArray
-    state: FloatArray
-    exact: FloatArray
-    source: IntArray
+    time_s: FloatArray  # (N,). Seconds after scan 0; ascending for each target.
+    state: FloatArray  # State of the target at the pass, (N, D)
+    exact: FloatArray  # Noise-free measurement, in the form of `Plots.measurement`, (N, 2)
+    source: IntArray  # The track_id of the target, (N,)
 
 
 def passes(

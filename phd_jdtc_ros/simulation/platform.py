@@ -30,22 +30,13 @@ _POSITION, _VELOCITY = list(PLANAR.position), list(PLANAR.velocity)
 
 @dataclass(frozen=True)
 class MovingPlatform:
-    """A ship with radars. It heads along its course, and its radars turn with it.
+    """A ship with radars. It heads along its course, and its radars turn with it."""
 
-    Parameters
-    ----------
-    motion : Flight
-        Motion from scan 0 on; after the last leg it continues as in that leg.
-    radars : tuple of int
-        Indices of the carried radars. Their positions and directions are in the platform's frame:
-        x ahead, y to the left.
-    pose_interval_s : float
-        Interval of the published poses, seconds.
-    """
-
-    motion: Flight
+    motion: Flight  # Motion from scan 0 on; after the last leg it continues as in that leg
+    # Indices of the carried radars. Their positions and directions are in the platform's frame: x
+    # ahead, y to the left.
     radars: tuple[int, ...]
-    pose_interval_s: float = 0.5
+    pose_interval_s: float = 0.5  # Interval of the published poses, seconds
 
     def poses(self, time_s: FloatArray) -> FloatArray:
         """Return x, y (m) and yaw (rad) in the world at times after scan 0; (N,) to (N, 3)."""

@@ -19,29 +19,18 @@ from .traffic.flight import Flight, Leg
 
 
 class SimulatedPlots(NamedTuple):
-    """The plots of one radar in a run.
+    """The plots of one radar in a run."""
 
-    Parameters
-    ----------
-    turns : array of shape (M,)
-        Turns of the antenna from the start of scan 0's turn to the measured azimuth, ascending.
-    measurement : array of shape (M, 2)
-        Range and azimuth; slant range and azimuth from true east for a radar with a site.
-    amplitude : array of shape (M,)
-    source : int array of shape (M,)
-        The track_id of each plot's target; 0 for clutter.
-    answering : int array of shape (M,)
-        The track_id of the target whose transponder replies; set also for a mirrored reply, whose
-        source is clutter.
-    range_rate : array of shape (M,) or None
-    """
-
+    # Turns of the antenna from the start of scan 0's turn to the measured azimuth, ascending, (M,).
     turns: FloatArray
+    # (M, 2). Range and azimuth; slant range and azimuth from true east for a radar with a site.
     measurement: FloatArray
-    amplitude: FloatArray
-    source: IntArray
+    amplitude: FloatArray  # (M,)
+    source: IntArray  # (M,). The track_id of each plot's target; 0 for clutter.
+    # (M,). The track_id of the target whose transponder replies; set also for a mirrored reply,
+    # whose source is clutter.
     answering: IntArray
-    range_rate: FloatArray | None = None
+    range_rate: FloatArray | None = None  # (M,)
 
     def take(self, rows: IntArray) -> SimulatedPlots:
         """Return the plots of some rows."""

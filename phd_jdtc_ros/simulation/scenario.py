@@ -32,52 +32,29 @@ Target: TypeAlias = "TargetScript | Flight"
 
 @dataclass(frozen=True)
 class Scenario:
-    """A scenario to simulate.
+    """A scenario to simulate."""
 
-    Parameters
-    ----------
-    start_ns : int
-        Stamp of scan 0; not zero, which marks an unset time.
-    scans : int
-        Number of scans, each with the truth. Staring radars report every scan; turning radars
-        report at their own times until the last scan.
-    antennas : tuple of Antenna
-        One per radar.
-    most_radars : int
-        Number of the nearest turning radars that may detect a target at a time; 0 for all.
-    clutter : tuple of ClutterLaw
-        One per radar; noise if empty.
-    echoes : tuple of (Echoes or None)
-        One per radar; empty if targets have a single detection.
-    reflectors : tuple of Reflectors
-        Fixed clutter of all radars.
-    platform : MovingPlatform or None
-        A ship with radars, whose positions and directions are in its frame.
-    transponders : Transponders or None
-        Targets' transponders; None for none.
-    biases : tuple of SensorBias
-        The biases of each radar; empty for none. Only for turning radars.
-    gaps : tuple of Gap
-        Times in which targets are out of sight of turning radars.
-    mirrors : tuple of Mirror
-        Surfaces that reflect targets' replies to turning radars.
-    """
-
-    start_ns: int
+    start_ns: int  # Stamp of scan 0; not zero, which marks an unset time
     interval_s: float
+    # Number of scans, each with the truth. Staring radars report every scan; turning radars report
+    # at their own times until the last scan.
     scans: int
     targets: tuple[Target, ...]
     radars: tuple[RadarModel, ...]
-    antennas: tuple[Antenna, ...] = ()
+    antennas: tuple[Antenna, ...] = ()  # One per radar
+    # Number of the nearest turning radars that may detect a target at a time; 0 for all.
     most_radars: int = 0
-    clutter: tuple[ClutterLaw, ...] = ()
+    clutter: tuple[ClutterLaw, ...] = ()  # One per radar; noise if empty
+    # One per radar; empty if targets have a single detection.
     echoes: tuple[Echoes | None, ...] = ()
-    reflectors: tuple[Reflectors, ...] = ()
+    reflectors: tuple[Reflectors, ...] = ()  # Fixed clutter of all radars
+    # A ship with radars, whose positions and directions are in its frame.
     platform: MovingPlatform | None = None
-    transponders: Transponders | None = None
+    transponders: Transponders | None = None  # Targets' transponders; None for none
+    # The biases of each radar; empty for none. Only for turning radars.
     biases: tuple[SensorBias, ...] = ()
-    gaps: tuple[Gap, ...] = ()
-    mirrors: tuple[Mirror, ...] = ()
+    gaps: tuple[Gap, ...] = ()  # Times in which targets are out of sight of turning radars
+    mirrors: tuple[Mirror, ...] = ()  # Surfaces that reflect targets' replies to turning radars
 
     def __post_init__(self) -> None:
         if self.biases and not self.turning:

@@ -48,19 +48,13 @@ STREAM = 3
 
 
 class Card(NamedTuple):
-    """The content of a target's replies.
+    """The content of a target's replies."""
 
-    Parameters
-    ----------
-    code, address : int
-        `UNKNOWN` without a transponder.
-    level, climb, since_s, for_s : float
-        Initial height, metres; climb rate, metres per second; start of the climb, seconds after
-        scan 0, and its duration, seconds.
-    """
-
+    # `code`, `address`: `UNKNOWN` without a transponder.
     code: int
     address: int
+    # `level`, `climb`, `since_s`, `for_s`: initial height, metres; climb rate, metres per second;
+    # start of the climb, seconds after scan 0, and its duration, seconds.
     level: float
     climb: float
     since_s: float
@@ -78,13 +72,7 @@ class Card(NamedTuple):
 
 @dataclass(frozen=True)
 class Transponders:
-    """The transponders of a scenario's targets, and the quality of their replies.
-
-    Parameters
-    ----------
-    shared_code_share : float
-        See `TRANSPONDERS`.
-    """
+    """The transponders of a scenario's targets, and the quality of their replies."""
 
     share: float = 1.0
     reply_probability: float = 0.95
@@ -92,7 +80,7 @@ class Transponders:
     code_garbled: float = 0.0
     height_garbled: float = 0.0
     address_garbled: float = 0.0
-    shared_code_share: float = 0.1
+    shared_code_share: float = 0.1  # See `TRANSPONDERS`
     seed: int = 0
 
     def card(self, number: int, flight: Flight, duration_s: float) -> Card:

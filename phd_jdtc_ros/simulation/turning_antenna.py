@@ -37,22 +37,12 @@ PRIMARY, COMBINED = 1, 3
 
 
 class SimulatedReport(NamedTuple):
-    """One message of a radar.
+    """One message of a radar."""
 
-    Parameters
-    ----------
-    radar : int
-        Index in the scenario.
-    stamp_ns : int
-        End of the turn or of the sector.
-    source : int array of shape (M,)
-        The track_id of each detection's target; 0 for clutter.
-    """
-
-    radar: int
-    stamp_ns: int
+    radar: int  # Index in the scenario
+    stamp_ns: int  # End of the turn or of the sector
     detections: Detections
-    source: IntArray
+    source: IntArray  # (M,). The track_id of each detection's target; 0 for clutter.
 
 
 def simulate_reports(

@@ -36,33 +36,20 @@ BEST_NOISE = 0.001
 
 @dataclass(frozen=True)
 class Gaussian:
-    """A normal distribution of a state.
+    """A normal distribution of a state."""
 
-    Parameters
-    ----------
-    mean : array of shape (D,)
-    covariance : array of shape (D, D)
-        Zero on axes on which the motion is not defined.
-    """
-
-    mean: FloatArray
-    covariance: FloatArray
+    mean: FloatArray  # (D,)
+    covariance: FloatArray  # Zero on axes on which the motion is not defined, (D, D)
 
 
 @dataclass(frozen=True)
 class Backward:
-    """The backward step from a later distribution to the earlier one.
+    """The backward step from a later distribution to the earlier one."""
 
-    Parameters
-    ----------
-    before, predicted : Gaussian
-        The filtered distribution, and its prediction.
-    gain : array of shape (D, D)
-    """
-
+    # `before`, `predicted`: the filtered distribution, and its prediction.
     before: Gaussian
     predicted: Gaussian
-    gain: FloatArray
+    gain: FloatArray  # (D, D)
 
     def earlier(self, later: Gaussian) -> Gaussian:
         """Return the earlier distribution, given the later one.
@@ -81,17 +68,10 @@ class Backward:
 
 @dataclass(frozen=True)
 class Filtered:
-    """The filter's result for one scan, for use by the smoother.
+    """The filter's result for one scan, for use by the smoother."""
 
-    Parameters
-    ----------
-    updated : Gaussian
-        Distribution after the scan's measurements.
-    back : Backward or None
-        Backward step from this scan to the target's previous one; None on its first scan.
-    """
-
-    updated: Gaussian
+    updated: Gaussian  # Distribution after the scan's measurements
+    # Backward step from this scan to the target's previous one; None on its first scan.
     back: Backward | None
 
 

@@ -15,18 +15,10 @@ from phd_jdtc_ros.simulation.simulate import simulate_with_sources
 
 
 class Ignored(NamedTuple):
-    """Criteria of the targets of turning radars that are not scored, with their estimates.
+    """Criteria of the targets of turning radars that are not scored, with their estimates."""
 
-    Parameters
-    ----------
-    below : float
-        Targets slower than this are not scored, metres per second.
-    near : float
-        Gate of the assignment of estimates to these targets, metres.
-    """
-
-    below: float = 40.0
-    near: float = 1000.0
+    below: float = 40.0  # Targets slower than this are not scored, metres per second
+    near: float = 1000.0  # Gate of the assignment of estimates to these targets, metres
 
 
 # The default leaves out taxiing aircraft.
@@ -35,27 +27,16 @@ TAXIING = Ignored()
 
 @dataclass(frozen=True)
 class SimulatedRun:
-    """One seeded run of a scenario.
-
-    Parameters
-    ----------
-    truth : tuple of Truth
-        Truth at every scan, or at every turn if antennas turn.
-    scans : tuple of Scan
-        Empty if antennas turn.
-    sources : tuple of tuples of int arrays
-        The track_id of every detection's target by scan and radar, 0 for clutter. Only references
-        with known association may use it.
-    ignored : Ignored
-        Unscored targets if antennas turn.
-    """
+    """One seeded run of a scenario."""
 
     scenario: Scenario
     seed: int
-    truth: tuple[Truth, ...]
-    scans: tuple[Scan, ...]
+    truth: tuple[Truth, ...]  # Truth at every scan, or at every turn if antennas turn
+    scans: tuple[Scan, ...]  # Empty if antennas turn
+    # The track_id of every detection's target by scan and radar, 0 for clutter. Only references
+    # with known association may use it.
     sources: tuple[tuple[IntArray, ...], ...]
-    ignored: Ignored = TAXIING
+    ignored: Ignored = TAXIING  # Unscored targets if antennas turn
 
 
 def simulated_run(scenario: Scenario, seed: int) -> SimulatedRun:
@@ -69,13 +50,7 @@ Tracks: TypeAlias = Mapping[int, list[PointSet]]
 
 
 class Tracked(NamedTuple):
-    """A tracker's estimates of a run, with its CPU time.
-
-    Parameters
-    ----------
-    cpu_ms : float
-        CPU time per turn, milliseconds; NaN if not measured.
-    """
+    """A tracker's estimates of a run, with its CPU time."""
 
     tracks: Tracks
-    cpu_ms: float = math.nan
+    cpu_ms: float = math.nan  # CPU time per turn, milliseconds; NaN if not measured

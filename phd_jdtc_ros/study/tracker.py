@@ -33,33 +33,20 @@ Window: TypeAlias = "Sequence[Entry[Any, Any]]"
 
 
 class Reading(NamedTuple):
-    """A variant of extraction: death term and extraction method.
-
-    Parameters
-    ----------
-    death_term : str
-        One of `DEATH_TERMS`.
-    extraction : str
-        One of `EXTRACTIONS`.
-    """
+    """A variant of extraction: death term and extraction method."""
 
     label: str
-    death_term: str
-    extraction: str
+    death_term: str  # One of `DEATH_TERMS`
+    extraction: str  # One of `EXTRACTIONS`
 
 
 class _Parts(NamedTuple):
-    """The parts of an engine.
-
-    Parameters
-    ----------
-    backward : callable of (window, death term)
-        Returns the smoothed sets, newest first.
-    extract : callable of (set, reading, stamp in ns, lag, threshold, generator)
-    """
+    """The parts of an engine."""
 
     forward: ForwardFilter[Any, Any]
+    # Callable of (window, death term). Returns the smoothed sets, newest first.
     backward: Callable[[Window, str], Iterable[Any]]
+    # Callable of (set, reading, stamp in ns, lag, threshold, generator).
     extract: Callable[[Any, Reading, int, int, float, np.random.Generator], Estimates]
     rule: ReportingRule
 

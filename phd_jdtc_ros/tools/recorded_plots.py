@@ -25,21 +25,11 @@ MOST_CLOUDS = 40
 
 @dataclass(frozen=True)
 class Recorded:
-    """The detections in a bag, by radar of a configuration.
+    """The detections in a bag, by radar of a configuration."""
 
-    Parameters
-    ----------
-    plots : dict of name to (Plots or None)
-        None if a radar has no usable messages.
-    dropped : dict of name to Counter
-        Unused messages and points, by reason.
-    damage : BagError or None
-        Damage of the bag; all intact messages were used.
-    """
-
-    plots: dict[str, Plots | None]
-    dropped: dict[str, Counter[str]]
-    damage: BagError | None = None
+    plots: dict[str, Plots | None]  # None if a radar has no usable messages
+    dropped: dict[str, Counter[str]]  # Unused messages and points, by reason
+    damage: BagError | None = None  # Damage of the bag; all intact messages were used
 
 
 def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST_PLOTS) -> Recorded:

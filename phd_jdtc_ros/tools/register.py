@@ -39,21 +39,11 @@ SECONDS, MOST_PLOTS = 1200.0, 60_000
 
 
 class Outcome(NamedTuple):
-    """The registration from a recording.
+    """The registration from a recording."""
 
-    Parameters
-    ----------
-    found : Registration
-        Errors in addition to the corrections that are set already.
-    parameters : dict
-        Corrections of the observable errors, by dotted name.
-    damage : BagError or None
-        Damage of the bag; all intact messages were used.
-    """
-
-    found: Registration
-    parameters: dict[str, list[float]]
-    damage: BagError | None
+    found: Registration  # Errors in addition to the corrections that are set already
+    parameters: dict[str, list[float]]  # Corrections of the observable errors, by dotted name
+    damage: BagError | None  # Damage of the bag; all intact messages were used
 
 
 def main(argv: Sequence[str]) -> int:

@@ -27,27 +27,15 @@ WORDS = {
 
 
 class Row(NamedTuple):
-    """An entry of a radar's parameter `biases`.
-
-    Parameters
-    ----------
-    digits : int
-        Decimals of the value.
-    value : float or None
-        The correction; None if the bias is unobservable.
-    source : str
-        Number of tracks and plots used, or why it is unobservable.
-    now : float
-        The configured value.
-    """
+    """An entry of a radar's parameter `biases`."""
 
     radar: str
     name: str
-    digits: int
-    value: float | None
+    digits: int  # Decimals of the value
+    value: float | None  # The correction; None if the bias is unobservable
     std: float
-    source: str
-    now: float
+    source: str  # Number of tracks and plots used, or why it is unobservable
+    now: float  # The configured value
 
 
 def corrections(

@@ -40,22 +40,12 @@ class RecordingError(ValueError):
 
 @dataclass(frozen=True)
 class Look:
-    """One scan of one sensor.
+    """One scan of one sensor."""
 
-    Parameters
-    ----------
-    sensor : str
-        One of `SENSORS`.
-    own : Pose
-        Pose of the ferry, with yaw 0.
-    relative : array of shape (M, 2)
-        Detections east and north of the ferry, metres.
-    """
-
-    sensor: str
+    sensor: str  # One of `SENSORS`
     stamp_ns: int
-    own: Pose
-    relative: FloatArray
+    own: Pose  # Pose of the ferry, with yaw 0
+    relative: FloatArray  # Detections east and north of the ferry, metres, (M, 2)
 
     @property
     def detections(self) -> Detections:
@@ -67,18 +57,12 @@ class Look:
 
 @dataclass(frozen=True)
 class Recording:
-    """One scenario of the dataset.
-
-    Parameters
-    ----------
-    looks : tuple of Look
-        By ascending stamp.
-    targets : dict of int to array of shape (N, 3)
-        Time (s), east and north (m) of each target, by ascending time.
-    """
+    """One scenario of the dataset."""
 
     scenario: int
-    looks: tuple[Look, ...]
+    looks: tuple[Look, ...]  # By ascending stamp
+    # Dict of int to array of shape (N, 3). Time (s), east and north (m) of each target, by
+    # ascending time.
     targets: dict[int, FloatArray]
 
     def of(self, sensor: str) -> tuple[Look, ...]:

@@ -65,30 +65,18 @@ PEER_RADAR = {
 
 @dataclass(frozen=True)
 class Score:
-    """The scores of a tracker on a scenario, means over all scans of the radar.
-
-    Parameters
-    ----------
-    source : str
-        ``filtered`` or ``smoothed``.
-    gospa : float
-        GOSPA, metres.
-    missed, false : float
-        Targets without an estimate and estimates without a target, per scan.
-    position_rms : float
-        Root mean square error of the pairs closer than the cutoff, metres; NaN without any.
-    identity_switches : int or None
-        None if estimates have no labels.
-    """
+    """The scores of a tracker on a scenario, means over all scans of the radar."""
 
     scenario: int
     tracker: str
-    source: str
-    gospa: float
+    source: str  # ``filtered`` or ``smoothed``
+    gospa: float  # GOSPA, metres
+    # `missed`, `false`: targets without an estimate and estimates without a target, per scan.
     missed: float
     false: float
+    # Root mean square error of the pairs closer than the cutoff, metres; NaN without any.
     position_rms: float
-    identity_switches: int | None = None
+    identity_switches: int | None = None  # None if estimates have no labels
 
     def as_json(self) -> dict[str, Any]:
         """Return the values, None for unknown ones."""

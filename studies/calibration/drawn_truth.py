@@ -23,24 +23,12 @@ START_NS = 1_000_000_000_000
 
 
 class Targets(NamedTuple):
-    """The targets that exist at one time.
+    """The targets that exist at one time."""
 
-    Parameters
-    ----------
-    number : int array of shape (T,)
-        From 1, in the order of birth.
-    state : array of shape (T, D)
-        World frame.
-    mode : int array of shape (T,)
-        Flat mode of class and motion.
-    log_snr : array of shape (T,)
-        ln(1 + SNR).
-    """
-
-    number: IntArray
-    state: FloatArray
-    mode: IntArray
-    log_snr: FloatArray
+    number: IntArray  # From 1, in the order of birth, (T,)
+    state: FloatArray  # World frame, (T, D)
+    mode: IntArray  # Flat mode of class and motion, (T,)
+    log_snr: FloatArray  # ln(1 + SNR), (T,)
 
 
 def drawn_run(

@@ -26,37 +26,20 @@ QUANTILE = 1.96
 
 
 class Reliability(NamedTuple):
-    """Sums of a run by bin of the said probability, each of shape (B,).
+    """Sums of a run by bin of the said probability, each of shape (B,)."""
 
-    Parameters
-    ----------
-    number : array
-        Number of statements.
-    said : array
-        Sum of the said probabilities.
-    right : array
-        Number of statements that were right.
-    """
-
-    number: FloatArray
-    said: FloatArray
-    right: FloatArray
+    number: FloatArray  # Number of statements
+    said: FloatArray  # Sum of the said probabilities
+    right: FloatArray  # Number of statements that were right
 
 
 class Errors(NamedTuple):
-    """Sums of a run over pairs, each of shape (2,): targets in and out of all radars' coverage.
+    """Sums of a run over pairs, each of shape (2,): targets in and out of all radars' coverage."""
 
-    Parameters
-    ----------
-    pairs, outside : array
-        Numbers of pairs, and of those beyond 3 sigma.
-    nees : array
-        Sum of half the squared Mahalanobis distances of the positions.
-    """
-
+    # `pairs`, `outside`: numbers of pairs, and of those beyond 3 sigma.
     pairs: FloatArray
     outside: FloatArray
-    nees: FloatArray
+    nees: FloatArray  # Sum of half the squared Mahalanobis distances of the positions
 
 
 class Scores(NamedTuple):
@@ -132,19 +115,14 @@ def _binned(edges: Sequence[float], said: FloatArray, right: FloatArray) -> Reli
 
 
 class Bins(NamedTuple):
-    """Reliability over several runs, each of shape (B,); NaN without statements.
+    """Reliability over several runs, each of shape (B,); NaN without statements."""
 
-    Parameters
-    ----------
-    number, said, right : array
-        Number of statements, mean said probability, and the share that was right.
-    low, high : array
-        95 % interval of the share.
-    """
-
+    # `number`, `said`, `right`: number of statements, mean said probability, and the share that was
+    # right.
     number: FloatArray
     said: FloatArray
     right: FloatArray
+    # `low`, `high`: 95 % interval of the share.
     low: FloatArray
     high: FloatArray
 

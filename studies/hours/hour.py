@@ -54,51 +54,27 @@ SHIFT_TIMES, SHIFT_STEP_S = 400, 1.0 / 128.0
 
 
 class Scores(NamedTuple):
-    """The scores of a tracker on an hour.
+    """The scores of a tracker on an hour."""
 
-    Parameters
-    ----------
-    instants : int
-        Number of scored targets, summed over the turns.
-    found : float
-        Share of the instants with an estimate within `FOUND_M`.
-    found_from_first : float
-        The same if targets are scored from their first pass in sight on.
-    rms : float
-        Root mean square error of these estimates, metres; `FOUND_M` if there are none.
-    false_a_turn : float
-        Mean number of estimates near no target.
-    switches : int
-        Identity switches of targets in sight, see `IdentitySwitches`.
-    renumbered, returned : int
-        Number of targets with another track number after a gap in sight than before it, and of all
-        targets tracked both before and after a gap.
-    """
-
-    instants: int
-    found: float
-    found_from_first: float
-    rms: float
-    false_a_turn: float
-    switches: int
+    instants: int  # Number of scored targets, summed over the turns
+    found: float  # Share of the instants with an estimate within `FOUND_M`
+    found_from_first: float  # The same if targets are scored from their first pass in sight on
+    rms: float  # Root mean square error of these estimates, metres; `FOUND_M` if there are none
+    false_a_turn: float  # Mean number of estimates near no target
+    switches: int  # Identity switches of targets in sight, see `IdentitySwitches`
+    # `renumbered`, `returned`: number of targets with another track number after a gap in sight
+    # than before it, and of all targets tracked both before and after a gap.
     renumbered: int
     returned: int
 
 
 @dataclass(frozen=True)
 class Reader:
-    """A tracker's conversion of a radar's plots to its plane.
-
-    Parameters
-    ----------
-    radar : RadarModel
-        The radar in the tracks' plane.
-    read : callable of (distance, azimuth, elevation, height, layout)
-        `msg_adapters.ground_ranges.read`.
-    """
+    """A tracker's conversion of a radar's plots to its plane."""
 
     layout: RadarParameters
-    radar: RadarModel
+    radar: RadarModel  # The radar in the tracks' plane
+    # Callable of (distance, azimuth, elevation, height, layout). `msg_adapters.ground_ranges.read`.
     read: Callable[[FloatArray, FloatArray, None, FloatArray | None, RadarParameters], Ground]
 
     def ground(
@@ -120,16 +96,10 @@ class Reader:
 
 @dataclass(frozen=True)
 class Hour:
-    """A seeded run of a scenario with one turning radar that has a site on the earth.
-
-    Parameters
-    ----------
-    layout : RadarParameters
-        Site and message layout of the radar.
-    """
+    """A seeded run of a scenario with one turning radar that has a site on the earth."""
 
     scenario: Scenario
-    layout: RadarParameters
+    layout: RadarParameters  # Site and message layout of the radar
     seed: int
 
     @property

@@ -47,19 +47,11 @@ PEER = "plot_kalman"
 
 
 class Run(NamedTuple):
-    """The outcome of a command.
+    """The outcome of a command."""
 
-    Parameters
-    ----------
-    status : int
-        Exit status.
-    text : str
-        Its output.
-    """
-
-    status: int
+    status: int  # Exit status
     cpu_s: float
-    text: str
+    text: str  # Its output
 
 
 def hour_of(name: str, minutes: float | None, seed: int) -> tuple[Hour, TrackerConfig, Any]:

@@ -47,19 +47,13 @@ class Marks:
 
 @dataclass
 class MarkFilter(ForwardFilter):
-    """Stores the origins that a scan touches, with its index as their mark.
+    """Stores the origins that a scan touches, with its index as their mark."""
 
-    Parameters
-    ----------
-    begins, ends : dict of row_label to int
-        Scans that begin an row_label, 0 if it is not named, and that drop it if they touch it.
-    noted : float
-        What a scan adds to the marks of earlier sets whose rows it touches.
-    """
-
+    # `begins`, `ends`: dict of row_label to int. Scans that begin an row_label, 0 if it is not
+    # named, and that drop it if they touch it.
     begins: dict = field(default_factory=dict)
     ends: dict = field(default_factory=dict)
-    noted: float = 0.0
+    noted: float = 0.0  # What a scan adds to the marks of earlier sets whose rows it touches
 
     def step(self, scan, linked):
         self._interval(scan)

@@ -6,20 +6,11 @@ from typing import NamedTuple
 
 
 class Datagram(NamedTuple):
-    """One received datagram.
+    """One received datagram."""
 
-    Parameters
-    ----------
-    data : bytes
-        Data blocks.
-    received_ns : int or None
-        Time of receipt since the epoch; None if unknown.
-    source : str or None
-        ``SENDER to RECEIVER:PORT`` or ``board NUMBER line NUMBER``; None if unknown.
-    """
-
-    data: bytes
-    received_ns: int | None = None
+    data: bytes  # Data blocks
+    received_ns: int | None = None  # Time of receipt since the epoch; None if unknown
+    # ``SENDER to RECEIVER:PORT`` or ``board NUMBER line NUMBER``; None if unknown.
     source: str | None = None
 
 

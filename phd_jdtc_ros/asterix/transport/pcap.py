@@ -33,21 +33,11 @@ _UDP = 17
 
 
 class Packet(NamedTuple):
-    """A captured packet.
+    """A captured packet."""
 
-    Parameters
-    ----------
-    data : bytes
-        Bytes from the link layer on.
-    time_ns : int or None
-        Time of capture since the epoch; None if unknown.
-    link : int
-        Number of the link layer.
-    """
-
-    data: bytes
-    time_ns: int | None
-    link: int
+    data: bytes  # Bytes from the link layer on
+    time_ns: int | None  # Time of capture since the epoch; None if unknown
+    link: int  # Number of the link layer
 
 
 def is_capture(begin: bytes) -> bool:

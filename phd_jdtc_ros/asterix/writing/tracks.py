@@ -22,24 +22,14 @@ LEVEL, CLIMBING, DESCENDING = range(3)
 
 @dataclass(frozen=True)
 class Source:
-    """Identification of the sending tracker.
+    """Identification of the sending tracker."""
 
-    Parameters
-    ----------
-    sac, sic : int
-        System area and identification code of the tracker.
-    service : int
-        Number of the service.
-    monosensor : bool
-        Whether there is only one radar.
-    geometric : bool
-        Whether heights are above the ellipsoid; otherwise they refer to the standard atmosphere.
-    """
-
+    # `sac`, `sic`: system area and identification code of the tracker.
     sac: int
     sic: int
-    service: int = 1
-    monosensor: bool = False
+    service: int = 1  # Number of the service
+    monosensor: bool = False  # Whether there is only one radar
+    # Whether heights are above the ellipsoid; otherwise they refer to the standard atmosphere.
     geometric: bool = False
 
     @property
@@ -50,60 +40,39 @@ class Source:
 
 @dataclass(frozen=True)
 class TrackReport:
-    """A track at one time.
+    """A track at one time."""
 
-    Parameters
-    ----------
-    number : int
-        From 0 to 65535.
-    position, velocity : tuple of two floats
-        In the system plane, m and m/s, x east and y north.
-    geodetic : tuple of two floats or None
-        Latitude and longitude, degrees.
-    height, climb : float
-        m and m/s; NaN if unknown.
-    code, address, call_sign : int
-        `NONE` if unknown.
-    course : int
-        `STRAIGHT`, `RIGHT`, `LEFT` or `UNKNOWN`.
-    vertical : int
-        `LEVEL`, `CLIMBING`, `DESCENDING` or `UNKNOWN`.
-    confirmed, coasting, first, last : bool
-        Whether the track is confirmed, has no recent plot, is reported for the first or the last
-        time.
-    age_s, since_s : float
-        Times since the track was first reported, and since it last was not coasting.
-    sensor_ages_s : tuple of three floats
-        Times since the last detection by a primary radar, a secondary radar and Mode S; NaN for
-        never. All are NaN if the detecting sensors are unknown.
-    position_std, velocity_std : tuple of two floats
-        Standard deviations along x and y.
-    covariance : float
-        Covariance of x and y, square metres.
-    height_std, climb_std : float
-        Standard deviations, m and m/s; NaN if unknown.
-    """
-
-    number: int
+    number: int  # From 0 to 65535
+    # `position`, `velocity`: in the system plane, m and m/s, x east and y north.
     position: tuple[float, float]
     velocity: tuple[float, float]
-    geodetic: tuple[float, float] | None = None
+    geodetic: tuple[float, float] | None = None  # Latitude and longitude, degrees
+    # `height`, `climb`: m and m/s; NaN if unknown.
     height: float = math.nan
     climb: float = math.nan
+    # `code`, `address`, `call_sign`: `NONE` if unknown.
     code: int = NONE
     address: int = NONE
-    course: int = UNKNOWN
-    vertical: int = UNKNOWN
+    course: int = UNKNOWN  # `STRAIGHT`, `RIGHT`, `LEFT` or `UNKNOWN`
+    vertical: int = UNKNOWN  # `LEVEL`, `CLIMBING`, `DESCENDING` or `UNKNOWN`
+    # `confirmed`, `coasting`, `first`, `last`: whether the track is confirmed, has no recent plot,
+    # is reported for the first or the last time.
     confirmed: bool = True
     coasting: bool = False
     first: bool = False
     last: bool = False
+    # `age_s`, `since_s`: times since the track was first reported, and since it last was not
+    # coasting.
     age_s: float = 0.0
     since_s: float = 0.0
+    # Times since the last detection by a primary radar, a secondary radar and Mode S; NaN for
+    # never. All are NaN if the detecting sensors are unknown.
     sensor_ages_s: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    # `position_std`, `velocity_std`: standard deviations along x and y.
     position_std: tuple[float, float] = (0.0, 0.0)
     velocity_std: tuple[float, float] = (0.0, 0.0)
-    covariance: float = 0.0
+    covariance: float = 0.0  # Covariance of x and y, square metres
+    # `height_std`, `climb_std`: standard deviations, m and m/s; NaN if unknown.
     height_std: float = math.nan
     climb_std: float = math.nan
     call_sign: int = NONE

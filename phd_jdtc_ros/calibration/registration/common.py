@@ -36,21 +36,11 @@ Target = tuple[Track, ...]
 
 @dataclass(frozen=True)
 class _SampledTracks:
-    """The tracks of one radar at common times.
+    """The tracks of one radar at common times."""
 
-    Parameters
-    ----------
-    position : array of shape (N, K, 2)
-        NaN at times without the track.
-    plot_std : array of shape (N,)
-        Standard deviation of a plot's position, metres.
-    reach : array of shape (N,)
-        Largest displacement of the track by the radar's biases, metres.
-    """
-
-    position: FloatArray
-    plot_std: FloatArray
-    reach: FloatArray
+    position: FloatArray  # NaN at times without the track, (N, K, 2)
+    plot_std: FloatArray  # Standard deviation of a plot's position, metres, (N,)
+    reach: FloatArray  # Largest displacement of the track by the radar's biases, metres, (N,)
 
 
 def common_targets(

@@ -33,25 +33,13 @@ MAX_AGE_SCANS = 2.5
 
 
 class MeanResidual(NamedTuple):
-    """Mean residuals of a radar's plots against tracks that other radars detect too.
-
-    Parameters
-    ----------
-    residuals : int
-        Number of residuals so far.
-    mean : array of shape (2,)
-        Means of range and azimuth, metres and radians; NaN without residuals.
-    sigma : array of shape (2,)
-        Standard deviations of the means.
-    significant : tuple of bool
-        Whether each mean exceeds what noise explains.
-    """
+    """Mean residuals of a radar's plots against tracks that other radars detect too."""
 
     radar: str
-    residuals: int
-    mean: FloatArray
-    sigma: FloatArray
-    significant: tuple[bool, bool]
+    residuals: int  # Number of residuals so far
+    mean: FloatArray  # (2,). Means of range and azimuth, metres and radians; NaN without residuals.
+    sigma: FloatArray  # Standard deviations of the means, (2,)
+    significant: tuple[bool, bool]  # Whether each mean exceeds what noise explains
 
 
 @dataclass
@@ -79,20 +67,14 @@ class _Mean:
 
 
 class _Tracks(NamedTuple):
-    """The confirmed tracks of the newest estimates.
-
-    Parameters
-    ----------
-    position, velocity : arrays of shape (T, 2)
-    covariance : array of shape (T, 2, 2)
-        Covariances of the positions.
-    """
+    """The confirmed tracks of the newest estimates."""
 
     number: IntArray
     stamp_ns: int
+    # `position`, `velocity`: (T, 2).
     position: FloatArray
     velocity: FloatArray
-    covariance: FloatArray
+    covariance: FloatArray  # Covariances of the positions, (T, 2, 2)
 
 
 class RegistrationMonitor:

@@ -30,23 +30,13 @@ OBSERVABLE_SHARE = 0.5
 
 @dataclass(frozen=True)
 class Observability:
-    """The biases that can be estimated.
+    """The biases that can be estimated."""
 
-    Parameters
-    ----------
-    free : bool array of shape (P,)
-    covariance : array of shape (P, P)
-        Covariance of the biases, in the equations' units; zero for those that are not free.
-    common : tuple of str
-        Kinds of biases for which the reference radar is assumed to have none.
-    hidden : tuple of int
-        Indices of the unobservable biases of other radars.
-    """
-
-    free: BoolArray
+    free: BoolArray  # (P,)
+    # (P, P). Covariance of the biases, in the equations' units; zero for those that are not free.
     covariance: FloatArray
-    common: tuple[str, ...]
-    hidden: tuple[int, ...]
+    common: tuple[str, ...]  # Kinds of biases for which the reference radar is assumed to have none
+    hidden: tuple[int, ...]  # Indices of the unobservable biases of other radars
 
 
 def analyse(information: FloatArray, one_plot: FloatArray, reference: int) -> Observability:

@@ -10,40 +10,26 @@ from phd_jdtc_ros.core.sensors.bias import SensorBias
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals of one radar's plots against the trajectories from all radars.
+    """Residuals of one radar's plots against the trajectories from all radars."""
 
-    Parameters
-    ----------
-    time_s : array of shape (N,)
-        Ascending only within a target, seconds.
-    before, after : array of shape (N, 2)
-        Residuals of the plots as reported, and after removal of the estimated biases; range and
-        azimuth, metres and radians.
-    """
-
-    time_s: FloatArray
+    time_s: FloatArray  # Ascending only within a target, seconds, (N,)
+    # `before`, `after`: (N, 2). Residuals of the plots as reported, and after removal of the
+    # estimated biases; range and azimuth, metres and radians.
     before: FloatArray
     after: FloatArray
 
 
 @dataclass(frozen=True)
 class RadarEstimate:
-    """The estimated biases of one radar.
-
-    Parameters
-    ----------
-    bias : SensorBias
-        Zero for unobservable biases.
-    std : array of shape (4,)
-        Standard deviations in the order and units of a `SensorBias`; NaN for unobservable biases.
-    tracks, plots : int
-        Number of common tracks with its plots, and number of these plots. A target that is lost and
-        found again is another track.
-    """
+    """The estimated biases of one radar."""
 
     name: str
-    bias: SensorBias
+    bias: SensorBias  # Zero for unobservable biases
+    # (4,). Standard deviations in the order and units of a `SensorBias`; NaN for unobservable
+    # biases.
     std: FloatArray
+    # `tracks`, `plots`: number of common tracks with its plots, and number of these plots. A target
+    # that is lost and found again is another track.
     tracks: int
     plots: int
     residuals: Residuals
@@ -51,25 +37,12 @@ class RadarEstimate:
 
 @dataclass(frozen=True)
 class Registration:
-    """The estimated biases of all radars.
-
-    Parameters
-    ----------
-    reference : str
-        The radar that is assumed to have no bias of the kinds in `common`.
-    common : tuple of str
-        Kinds of biases that are unobservable if all radars share them.
-    hidden : dict of (radar, kind) to str
-        Reason why another radar's bias is unobservable.
-    tracks : int
-        Number of common tracks.
-    density : float
-        Spectral density of the targets' white acceleration, m^2/s^3.
-    """
+    """The estimated biases of all radars."""
 
     radars: tuple[RadarEstimate, ...]
-    reference: str
-    common: tuple[str, ...]
+    reference: str  # The radar that is assumed to have no bias of the kinds in `common`
+    common: tuple[str, ...]  # Kinds of biases that are unobservable if all radars share them
+    # Dict of (radar, kind) to str. Reason why another radar's bias is unobservable.
     hidden: dict[tuple[str, str], str]
-    tracks: int
-    density: float
+    tracks: int  # Number of common tracks
+    density: float  # Spectral density of the targets' white acceleration, m^2/s^3

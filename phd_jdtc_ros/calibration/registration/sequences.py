@@ -17,24 +17,12 @@ from .tracked_radars import TrackedRadar
 
 @dataclass(frozen=True)
 class Sequences(PlotSequences):
-    """The plots of targets by all radars, with known biases removed; see `PlotSequences`.
+    """The plots of targets by all radars, with known biases removed; see `PlotSequences`."""
 
-    Parameters
-    ----------
-    radar : int array of shape (K, T)
-        Radar of each plot.
-    plot : int array of shape (K, T)
-        Index among the plots of its radar.
-    position : array of shape (K, T, 2)
-        Measured position, world frame, metres.
-    noise_std : array of shape (K, T, 2)
-        Metres and radians.
-    """
-
-    radar: IntArray
-    plot: IntArray
-    position: FloatArray
-    noise_std: FloatArray
+    radar: IntArray  # Radar of each plot, (K, T)
+    plot: IntArray  # Index among the plots of its radar, (K, T)
+    position: FloatArray  # Measured position, world frame, metres, (K, T, 2)
+    noise_std: FloatArray  # Metres and radians, (K, T, 2)
 
 
 def sequences(

@@ -44,21 +44,13 @@ LEAST_SPEED = 0.1
 
 @dataclass(frozen=True)
 class _Iteration:
-    """The estimates after an association round.
-
-    Parameters
-    ----------
-    std : array of shape (P,)
-        Standard deviations of the biases, in `UNITS`; NaN if unobservable.
-    density : float
-        Spectral density of the white acceleration, m^2/s^3.
-    """
+    """The estimates after an association round."""
 
     targets: Sequence[Target]
     biases: tuple[SensorBias, ...]
-    std: FloatArray
+    std: FloatArray  # (P,). Standard deviations of the biases, in `UNITS`; NaN if unobservable.
     observability: Observability
-    density: float
+    density: float  # Spectral density of the white acceleration, m^2/s^3
     rows: Sequences
     trajectories: Trajectories
 

@@ -23,48 +23,25 @@ LEAST_CLOUDS, LEAST_PLOTS = 5, 20
 
 
 class Corrected(NamedTuple):
-    """Plots with biases removed.
+    """Plots with biases removed."""
 
-    Parameters
-    ----------
-    time_s : array of shape (N,)
-        Times since the common reference, seconds.
-    measurement : array of shape (N, 2)
-    position : array of shape (N, 2)
-        World frame, metres.
-    """
-
-    time_s: FloatArray
-    measurement: FloatArray
-    position: FloatArray
+    time_s: FloatArray  # Times since the common reference, seconds, (N,)
+    measurement: FloatArray  # (N, 2)
+    position: FloatArray  # World frame, metres, (N, 2)
 
 
 @dataclass(frozen=True)
 class TrackedRadar:
-    """The plots of a radar, linked to tracks.
-
-    Parameters
-    ----------
-    time_s : array of shape (N,)
-        Times of its plots since the common reference, seconds.
-    measurement : array of shape (N, 2)
-    pose : array of shape (N, 3)
-        Pose of the radar in the world frame at each plot, metres and radians.
-    noise_std : array of shape (2,)
-        Metres and radians.
-    look_s : float
-        Time between two opportunities to detect a target, seconds.
-    tracks : tuple of int arrays
-        Indices of each track's plots in the order of time.
-    """
+    """The plots of a radar, linked to tracks."""
 
     name: str
-    time_s: FloatArray
-    measurement: FloatArray
+    time_s: FloatArray  # Times of its plots since the common reference, seconds, (N,)
+    measurement: FloatArray  # (N, 2)
+    # Pose of the radar in the world frame at each plot, metres and radians, (N, 3).
     pose: FloatArray
-    noise_std: FloatArray
-    look_s: float
-    tracks: tuple[IntArray, ...]
+    noise_std: FloatArray  # Metres and radians, (2,)
+    look_s: float  # Time between two opportunities to detect a target, seconds
+    tracks: tuple[IntArray, ...]  # Indices of each track's plots in the order of time
 
     def corrected(self, bias: SensorBias) -> Corrected:
         """Return the plots with these biases removed."""

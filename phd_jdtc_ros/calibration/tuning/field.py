@@ -23,22 +23,15 @@ AGAIN, LEAST_AGAIN, CELL_SIGMA = 0.15, 5.0, 3.0
 
 @dataclass(frozen=True)
 class Field:
-    """A radar's coverage.
+    """A radar's coverage."""
 
-    Parameters
-    ----------
-    min_range, max_range : float
-        Range of the nearest and of the farthest plot, metres.
-    clutter_range : float
-        Range up to which plots that belong to no track are uniform in range, metres.
-    arc : tuple of two floats or None
-        First azimuth and counter-clockwise width of the coverage, radians; None if plots are all
-        around.
-    """
-
+    # `min_range`, `max_range`: range of the nearest and of the farthest plot, metres.
     min_range: float
     max_range: float
+    # Range up to which plots that belong to no track are uniform in range, metres.
     clutter_range: float
+    # First azimuth and counter-clockwise width of the coverage, radians; None if plots are all
+    # around.
     arc: tuple[float, float] | None
 
 

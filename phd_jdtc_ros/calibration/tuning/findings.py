@@ -38,42 +38,21 @@ class TuningError(ValueError):
 
 @dataclass(frozen=True)
 class Findings:
-    """The estimates of one radar from a recording.
-
-    Parameters
-    ----------
-    detection : Rate
-        Detection probability per look.
-    clutter : Rate
-        False detections per look.
-    levels : Levels or None
-        None without amplitudes.
-    speed_std : float
-        Root mean square of the tracks' velocities along each axis, metres per second.
-    tracks : int
-        Number of tracks.
-    plots : int
-        Number of plots, with clutter.
-    looks : float
-        Number of turns or clouds.
-    duration_s : float
-        Length of the evaluated part of the recording, seconds.
-    land : float
-        Share of the plots that are land clutter.
-    """
+    """The estimates of one radar from a recording."""
 
     timing: Timing
     noise: Noise
-    detection: Rate
-    clutter: Rate
+    detection: Rate  # Detection probability per look
+    clutter: Rate  # False detections per look
     field: Field
-    levels: Levels | None
+    levels: Levels | None  # None without amplitudes
+    # Root mean square of the tracks' velocities along each axis, metres per second.
     speed_std: float
-    tracks: int
-    plots: int
-    looks: float
-    duration_s: float
-    land: float
+    tracks: int  # Number of tracks
+    plots: int  # Number of plots, with clutter
+    looks: float  # Number of turns or clouds
+    duration_s: float  # Length of the evaluated part of the recording, seconds
+    land: float  # Share of the plots that are land clutter
 
 
 def findings(plots: Plots) -> Findings:

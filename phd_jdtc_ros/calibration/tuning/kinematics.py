@@ -81,24 +81,12 @@ def residual(measured: FloatArray, expected: FloatArray) -> FloatArray:
 
 
 class Innovation(NamedTuple):
-    """Innovations of (range, azimuth) plots in an extended Kalman filter.
+    """Innovations of (range, azimuth) plots in an extended Kalman filter."""
 
-    Parameters
-    ----------
-    value : array of shape (..., 2)
-        Metres and radians.
-    cross : array of shape (..., 4, 2)
-        Covariance of state and plot.
-    inverse : array of shape (..., 2, 2)
-        Inverse of the innovation covariance.
-    determinant : array of shape (...)
-        Determinant of the innovation covariance.
-    """
-
-    value: FloatArray
-    cross: FloatArray
-    inverse: FloatArray
-    determinant: FloatArray
+    value: FloatArray  # Metres and radians, (..., 2)
+    cross: FloatArray  # Covariance of state and plot, (..., 4, 2)
+    inverse: FloatArray  # Inverse of the innovation covariance, (..., 2, 2)
+    determinant: FloatArray  # Determinant of the innovation covariance, (...)
 
     @property
     def distance2(self) -> FloatArray:

@@ -23,27 +23,15 @@ LEAST = 30
 
 @dataclass(frozen=True)
 class Levels:
-    """The amplitudes of a radar.
+    """The amplitudes of a radar."""
 
-    Parameters
-    ----------
-    threshold : float
-        The lowest envelope.
-    excess : float
-        Mean of (a^2 - threshold^2) / 2 over clutter, estimated by its median; 1 for noise.
-    target_db : tuple of two floats
-        The 5 % and 95 % quantile of the tracks' mean levels as SNRs, dB; both NaN without tracks.
-    clutter : int
-        Number of plots of clutter.
-    targets : int
-        Number of plots of targets.
-    """
-
-    threshold: float
+    threshold: float  # The lowest envelope
+    # Mean of (a^2 - threshold^2) / 2 over clutter, estimated by its median; 1 for noise.
     excess: float
+    # The 5 % and 95 % quantile of the tracks' mean levels as SNRs, dB; both NaN without tracks.
     target_db: tuple[float, float]
-    clutter: int
-    targets: int
+    clutter: int  # Number of plots of clutter
+    targets: int  # Number of plots of targets
 
     @property
     def false_alarm_probability(self) -> float:

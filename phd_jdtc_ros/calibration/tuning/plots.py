@@ -16,36 +16,19 @@ MOST_PLOTS = 15_000
 
 @dataclass(frozen=True)
 class Plots:
-    """All detections of one radar.
+    """All detections of one radar."""
 
-    Parameters
-    ----------
-    zero_ns : int
-        The first stamp.
-    cloud_s : array of shape (K,)
-        Stamps of the clouds, ascending, seconds after the first.
-    cloud : int array of shape (N,)
-        The cloud of each detection.
-    time_s : array of shape (N,)
-        Time of each detection, ascending, seconds after the first stamp.
-    measurement : array of shape (N, 2)
-        Range and azimuth, metres and radians counter-clockwise from the radar's x axis.
-    amplitude : array of shape (N,) or None
-        Linear envelopes; NaN where one is unknown.
-    pose : array of shape (N, 3)
-        Position (metres) and yaw (radians) of the radar at each detection; zeros if stationary.
-    timed : bool
-        Whether each detection has its own time.
-    """
-
-    zero_ns: int
-    cloud_s: FloatArray
-    cloud: IntArray
-    time_s: FloatArray
+    zero_ns: int  # The first stamp
+    cloud_s: FloatArray  # Stamps of the clouds, ascending, seconds after the first, (K,)
+    cloud: IntArray  # The cloud of each detection, (N,)
+    time_s: FloatArray  # Time of each detection, ascending, seconds after the first stamp, (N,)
+    # Range and azimuth, metres and radians counter-clockwise from the radar's x axis, (N, 2).
     measurement: FloatArray
-    amplitude: FloatArray | None
+    amplitude: FloatArray | None  # (N,). Linear envelopes; NaN where one is unknown.
+    # (N, 3). Position (metres) and yaw (radians) of the radar at each detection; zeros if
+    # stationary.
     pose: FloatArray
-    timed: bool
+    timed: bool  # Whether each detection has its own time
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -83,23 +66,12 @@ class Plots:
 
 @dataclass(frozen=True)
 class PlotSequences:
-    """The plots of T tracks or targets by time, at most K each, padded with the last plot.
+    """The plots of T tracks or targets by time, at most K each, padded with the last plot."""
 
-    Parameters
-    ----------
-    valid : bool array of shape (K, T)
-        False for padding.
-    time_s : array of shape (K, T)
-        Ascending, seconds.
-    measurement : array of shape (K, T, 2)
-    pose : array of shape (K, T, 3)
-        Pose of the radar at each plot.
-    """
-
-    valid: BoolArray
-    time_s: FloatArray
-    measurement: FloatArray
-    pose: FloatArray
+    valid: BoolArray  # False for padding, (K, T)
+    time_s: FloatArray  # Ascending, seconds, (K, T)
+    measurement: FloatArray  # (K, T, 2)
+    pose: FloatArray  # Pose of the radar at each plot, (K, T, 3)
 
 
 def padded(rows: Sequence[IntArray]) -> tuple[IntArray, BoolArray]:

@@ -32,28 +32,14 @@ Now = Callable[[str], Any]
 
 @dataclass(frozen=True)
 class Row:
-    """A figure estimated from a recording.
+    """A figure estimated from a recording."""
 
-    Parameters
-    ----------
-    name : str
-        The parameter, or a description if no parameter follows from the figure.
-    source : str
-        The data it was estimated from.
-    now : value or str or None
-        The current value; None if none is set.
-    std : float
-        Standard deviation; NaN if there is none.
-    proposed : bool
-        Whether the value is proposed for the parameter.
-    """
-
-    name: str
+    name: str  # The parameter, or a description if no parameter follows from the figure
     value: Value
-    source: str
-    now: Any = None
-    std: float = math.nan
-    proposed: bool = True
+    source: str  # The data it was estimated from
+    now: Any = None  # Value or str or None. The current value; None if none is set.
+    std: float = math.nan  # Standard deviation; NaN if there is none
+    proposed: bool = True  # Whether the value is proposed for the parameter
 
 
 def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:

@@ -28,30 +28,14 @@ SWITCHED = 0.1
 
 @dataclass(frozen=True)
 class Timing:
-    """The times of a radar's looks.
+    """The times of a radar's looks."""
 
-    Parameters
-    ----------
-    cloud_interval_s : float
-        Median time between clouds, seconds.
-    rotation_s : float
-        Rotation period; 0 if no rotation is observable in the plots.
-    rotation_std_s : float
-        Standard error of the mean rotation period, seconds.
-    sectors : int
-        Number of clouds per turn; 0 if a cloud is a whole turn.
-    clockwise : bool
-        Whether the antenna turns clockwise.
-    timed : bool
-        Whether each plot has its own time, so that clouds may have any length.
-    """
-
-    cloud_interval_s: float
-    rotation_s: float = 0.0
-    rotation_std_s: float = 0.0
-    sectors: int = 0
-    clockwise: bool = False
-    timed: bool = False
+    cloud_interval_s: float  # Median time between clouds, seconds
+    rotation_s: float = 0.0  # Rotation period; 0 if no rotation is observable in the plots
+    rotation_std_s: float = 0.0  # Standard error of the mean rotation period, seconds
+    sectors: int = 0  # Number of clouds per turn; 0 if a cloud is a whole turn
+    clockwise: bool = False  # Whether the antenna turns clockwise
+    timed: bool = False  # Whether each plot has its own time, so that clouds may have any length
 
     @property
     def look_s(self) -> float:

@@ -44,19 +44,12 @@ _LOG_MODE = np.log([1.0 - MANOEUVRES, MANOEUVRES])
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Measurement noise and process noise.
+    """Measurement noise and process noise."""
 
-    Parameters
-    ----------
-    range_std, azimuth_std : float
-        Standard deviations of a measurement, metres and radians.
-    densities : tuple of two floats
-        Spectral densities of the white acceleration at constant velocity and in a manoeuvre,
-        m^2/s^3.
-    """
-
+    # `range_std`, `azimuth_std`: standard deviations of a measurement, metres and radians.
     range_std: float
     azimuth_std: float
+    # Spectral densities of the white acceleration at constant velocity and in a manoeuvre, m^2/s^3.
     densities: tuple[float, float]
 
 
@@ -91,18 +84,10 @@ class LinkModel(NoiseModel):
 
 @dataclass(frozen=True)
 class Tracks:
-    """The tracks found in a recording.
+    """The tracks found in a recording."""
 
-    Parameters
-    ----------
-    plots : tuple of int arrays
-        The indices of each track's plots, ordered by time.
-    score : float
-        Sum of the tracks' log likelihood ratios.
-    """
-
-    plots: tuple[IntArray, ...]
-    score: float
+    plots: tuple[IntArray, ...]  # The indices of each track's plots, ordered by time
+    score: float  # Sum of the tracks' log likelihood ratios
 
     @property
     def claimed(self) -> IntArray:

@@ -21,25 +21,14 @@ LEAST_MISSED = 1e-6
 
 @dataclass(frozen=True)
 class Claims:
-    """Association likelihoods of N rows of targets, and of all other sources, for M detections.
+    """Association likelihoods of N rows of targets, and of all other sources, for M detections."""
 
-    Parameters
-    ----------
-    row, column : int arrays of shape (P,)
-        The row and the detection of each pair within the gate.
-    mass : array of shape (P,)
-        p_D L_z w of each pair, divided by a scale of its detection.
-    other : array of shape (M,)
-        Intensity of clutter and unknown targets, divided by the same scale.
-    detection_probability : array of shape (N,)
-        p_D of each row; 0 beyond the radar's range.
-    """
-
+    # `row`, `column`: the row and the detection of each pair within the gate, (P,).
     row: IntArray
     column: IntArray
-    mass: FloatArray
-    other: FloatArray
-    detection_probability: FloatArray
+    mass: FloatArray  # p_D L_z w of each pair, divided by a scale of its detection, (P,)
+    other: FloatArray  # Intensity of clutter and unknown targets, divided by the same scale, (M,)
+    detection_probability: FloatArray  # (N,). p_D of each row; 0 beyond the radar's range.
 
     def part(self, rows: BoolArray | FloatArray) -> FloatArray:
         """Return the share of some rows, (N,), in the likelihoods of each detection, (M,).
@@ -58,25 +47,14 @@ class Shares(NamedTuple):
 
     The posterior weight of a row of target g is ``prior * (1 - p_D) * missed[g]`` for a missed
     detection, and ``mass * pair`` for each of its pairs.
-
-    Parameters
-    ----------
-    prior : array of shape (N,)
-        Prior weights of the rows; targets with a mass above one are scaled to one.
-    missed : array of shape (T,)
-        Factor of each target on its rows' weights for a missed detection.
-    pair : array of shape (P,)
-        Factor of each pair.
-    claimed : array of shape (M,)
-        Probability that a target is the source of each detection.
-    approximate : int
-        Number of clusters too large for exact probabilities; see `marginals.Marginals`.
     """
 
+    # (N,). Prior weights of the rows; targets with a mass above one are scaled to one.
     prior: FloatArray
-    missed: FloatArray
-    pair: FloatArray
-    claimed: FloatArray
+    missed: FloatArray  # Factor of each target on its rows' weights for a missed detection, (T,)
+    pair: FloatArray  # Factor of each pair, (P,)
+    claimed: FloatArray  # Probability that a target is the source of each detection, (M,)
+    # Number of clusters too large for exact probabilities; see `marginals.Marginals`.
     approximate: int
 
 

@@ -15,28 +15,15 @@ from ..compilation import Int1, compiled, inner
 
 
 class Graph(NamedTuple):
-    """C clusters of N nodes with E edges.
+    """C clusters of N nodes with E edges."""
 
-    Parameters
-    ----------
-    first : int array of shape (C + 1,)
-        The first node of each cluster, and N.
-    middle : int array of shape (C,)
-        The first detection of each cluster; its targets are the nodes before.
-    target, detection : int arrays of shape (E,)
-        The nodes of each edge.
-    start : int array of shape (N + 1,)
-        Where the edges of each node begin in `link`, and 2 E.
-    link : int array of shape (2 E,)
-        The edges of each node.
-    """
-
-    first: Int1
-    middle: Int1
+    first: Int1  # The first node of each cluster, and N, (C + 1,)
+    middle: Int1  # (C,). The first detection of each cluster; its targets are the nodes before.
+    # `target`, `detection`: the nodes of each edge, (E,).
     target: Int1
     detection: Int1
-    start: Int1
-    link: Int1
+    start: Int1  # Where the edges of each node begin in `link`, and 2 E, (N + 1,)
+    link: Int1  # The edges of each node, (2 E,)
 
 
 @inner

@@ -29,21 +29,13 @@ CERTAIN = 200.0
 
 
 class Marginals(NamedTuple):
-    """Marginal probabilities of single-source, single-detection associations.
+    """Marginal probabilities of single-source, single-detection associations."""
 
-    Parameters
-    ----------
-    edge : array of shape (E,)
-        Probability that the target is the detection's source.
-    none : array of shape (T,)
-        Probability that the target has no detection, because it was missed or does not exist.
-    approximate : int
-        Number of clusters that were too large for exact sums. Their probabilities come from belief
-        propagation and may be overconfident.
-    """
-
-    edge: FloatArray
+    edge: FloatArray  # Probability that the target is the detection's source, (E,)
+    # Probability that the target has no detection, because it was missed or does not exist, (T,).
     none: FloatArray
+    # Number of clusters that were too large for exact sums. Their probabilities come from belief
+    # propagation and may be overconfident.
     approximate: int
 
 

@@ -21,31 +21,25 @@ OPENS, APART, CLOSED = 1 << 20, 1 << 42, 1 << 60
 
 
 class Plan(NamedTuple):
-    """The steps of all clusters, one after the other.
+    """The steps of all clusters, one after the other."""
 
-    Parameters
-    ----------
-    first : int array of shape (C + 1,)
-        The first step of each cluster, and S; clusters without steps would take too much.
-    before, size : int arrays of shape (S,)
-        Two to the power of the nodes that are open before each step and in it: the entries of its
-        table.
-    passed, closed : int arrays of shape (S + 1,)
-        Where the edges and the nodes of each step begin below, and where those of the last end.
-    edge, lower, upper : int arrays
-        The edges as they are passed, and the bits of their two nodes in the table.
-    node, bit : int arrays
-        The nodes as they are closed, and their bits in the table, which ascend within a step.
-    """
-
+    # (C + 1,). The first step of each cluster, and S; clusters without steps would take too much.
     first: Int1
+    # `before`, `size`: two to the power of the nodes that are open before each step and in it: the
+    # entries of its table, (S,).
     before: Int1
     size: Int1
+    # `passed`, `closed`: where the edges and the nodes of each step begin below, and where those of
+    # the last end, (S + 1,).
     passed: Int1
     closed: Int1
+    # `edge`, `lower`, `upper`: the edges as they are passed, and the bits of their two nodes in the
+    # table.
     edge: Int1
     lower: Int1
     upper: Int1
+    # `node`, `bit`: the nodes as they are closed, and their bits in the table, which ascend within
+    # a step.
     node: Int1
     bit: Int1
 

@@ -80,33 +80,21 @@ def compare(
 
 @dataclass(frozen=True)
 class Evidence:
-    """Likelihoods of identities and heights of one report's detections.
+    """Likelihoods of identities and heights of one report's detections."""
 
-    Parameters
-    ----------
-    log_factor : array of shape (P,)
-        Log factor of each (row, detection) pair's likelihood, which the engine computes from the
-        state.
-    log_clutter, log_unknown : arrays of shape (M,)
-        Log factors of the intensities of clutter and of unknown targets at each detection.
-    edge_of_pair : int array of shape (P,)
-        Edge of each pair.
-    target, column : int arrays of shape (E,)
-        Row of each edge's target in `before`, and its detection.
-    engine_target : int array of shape (T,)
-        The engine's index of each target that has an edge.
-    before : AttributeRecords
-        Records of these targets, predicted to the scan's stamp.
-    """
-
+    # Log factor of each (row, detection) pair's likelihood, which the engine computes from the
+    # state, (P,).
     log_factor: FloatArray
+    # `log_clutter`, `log_unknown`: log factors of the intensities of clutter and of unknown targets
+    # at each detection, (M,).
     log_clutter: FloatArray
     log_unknown: FloatArray
-    edge_of_pair: IntArray
+    edge_of_pair: IntArray  # Edge of each pair, (P,)
+    # `target`, `column`: row of each edge's target in `before`, and its detection, (E,).
     target: IntArray
     column: IntArray
-    engine_target: IntArray
-    before: AttributeRecords
+    engine_target: IntArray  # The engine's index of each target that has an edge, (T,)
+    before: AttributeRecords  # Records of these targets, predicted to the scan's stamp
     belief_update: BeliefUpdate
     detections: Detections
 

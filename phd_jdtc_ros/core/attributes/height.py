@@ -19,30 +19,16 @@ SPAN = 15e3
 
 @dataclass(frozen=True)
 class HeightModel:
-    """Model of climbing targets and of measured heights.
+    """Model of climbing targets and of measured heights."""
 
-    Parameters
-    ----------
-    std : float
-        Standard deviation of a measured height, metres.
-    noise_density : float
-        Spectral density of the white vertical acceleration, m^2/s^3.
-    climb_std : float
-        Standard deviation of a new target's climb rate about zero, m/s.
-    garbled : float
-        Probability that a measured height is garbled.
-    evidence : float
-        Exponent of the heights' likelihood ratio in data association: 1 is Bayes' rule, 0 ignores
-        heights.
-    kept_s : float
-        Mean time until a known height is forgotten, seconds; it bounds the life of a wrong one.
-    """
-
-    std: float = 7.6
-    noise_density: float = 1.0
-    climb_std: float = 10.0
-    garbled: float = 0.01
+    std: float = 7.6  # Standard deviation of a measured height, metres
+    noise_density: float = 1.0  # Spectral density of the white vertical acceleration, m^2/s^3
+    climb_std: float = 10.0  # Standard deviation of a new target's climb rate about zero, m/s
+    garbled: float = 0.01  # Probability that a measured height is garbled
+    # Exponent of the heights' likelihood ratio in data association: 1 is Bayes' rule, 0 ignores
+    # heights.
     evidence: float = 1.0
+    # Mean time until a known height is forgotten, seconds; it bounds the life of a wrong one.
     kept_s: float = 1800.0
 
     def transition(self, dt: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -62,20 +48,11 @@ class HeightModel:
 
 
 class Heights(NamedTuple):
-    """Height densities of T targets.
+    """Height densities of T targets."""
 
-    Parameters
-    ----------
-    known : array of shape (T,)
-        Weight of the Gaussian; the rest of the density is uniform.
-    mean : array of shape (T, 2)
-        Height and climb rate, metres and metres per second.
-    covariance : array of shape (T, 2, 2)
-    """
-
-    known: FloatArray
-    mean: FloatArray
-    covariance: FloatArray
+    known: FloatArray  # (T,). Weight of the Gaussian; the rest of the density is uniform.
+    mean: FloatArray  # Height and climb rate, metres and metres per second, (T, 2)
+    covariance: FloatArray  # (T, 2, 2)
 
     @staticmethod
     def fresh(targets: int) -> Heights:
@@ -98,27 +75,20 @@ class Heights(NamedTuple):
 
 
 class HeightUpdate(NamedTuple):
-    """Likelihood of the detections' heights, and the height filter's update for each pair.
+    """Likelihood of the detections' heights, and the height filter's update for each pair."""
 
-    Parameters
-    ----------
-    prior : Heights
-        Predicted heights of the targets.
-    known, garbled, new : arrays of shape (E,)
-        Probabilities that an edge's detection measures the known height, that its height is garbled
-        or missing, and that it measures a height while the target's is unknown.
-    posterior, first : Heights
-        Heights of each edge: updated by the measurement, and from the measurement alone.
-    log_factor : array of shape (E,)
-        Log likelihood ratio of each edge's detection against an unknown target.
-    """
-
-    prior: Heights
+    prior: Heights  # Predicted heights of the targets
+    # `known`, `garbled`, `new`: probabilities that an edge's detection measures the known height,
+    # that its height is garbled or missing, and that it measures a height while the target's is
+    # unknown, (E,).
     known: FloatArray
     garbled: FloatArray
     new: FloatArray
+    # `posterior`, `first`: heights of each edge: updated by the measurement, and from the
+    # measurement alone.
     posterior: Heights
     first: Heights
+    # Log likelihood ratio of each edge's detection against an unknown target, (E,).
     log_factor: FloatArray
 
     @property

@@ -16,21 +16,14 @@ from .height import HeightModel, Heights
 
 
 class History(NamedTuple):
-    """Filtered heights, sorted by label and then by stamp.
+    """Filtered heights, sorted by label and then by stamp."""
 
-    Parameters
-    ----------
-    label, stamp_ns : int arrays of shape (R,)
-        Label of the target, and nanoseconds.
-    mean : array of shape (R, 2)
-        Height and climb rate, metres and metres per second.
-    covariance : array of shape (R, 2, 2)
-    """
-
+    # `label`, `stamp_ns`: label of the target, and nanoseconds, (R,).
     label: Annotated[IntArray, integers("R", 0, key="origin")]
     stamp_ns: Annotated[IntArray, integers("R", 0, MAX_STAMP_NS)]
+    # Height and climb rate, metres and metres per second, (R, 2).
     mean: Annotated[FloatArray, floats("RA", -MAX_STATE, MAX_STATE)]
-    covariance: Annotated[FloatArray, covariances("RAA", MAX_STATE)]
+    covariance: Annotated[FloatArray, covariances("RAA", MAX_STATE)]  # (R, 2, 2)
 
     @staticmethod
     def empty() -> History:

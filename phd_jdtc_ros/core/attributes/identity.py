@@ -30,36 +30,18 @@ REST, ABSENT = -2, -1
 
 @dataclass(frozen=True)
 class IdentityModel:
-    """Model of targets' identities and of their replies.
+    """Model of targets' identities and of their replies."""
 
-    Parameters
-    ----------
-    size : int
-        N: the number of possible identities.
-    equipped : float
-        Probability that a target has a transponder.
-    reply : float
-        Probability that a detection of an equipped target has a reply.
-    garbled : float
-        Probability that a reply is garbled, and that a target without a transponder has one.
-    kept_s : float
-        Mean time until a target gets another identity, seconds.
-    shared : tuple of int
-        Identities that many targets have.
-    shared_probability : float
-        Probability that a target has a shared identity; all of them are equally probable.
-    unique : bool
-        Whether no two targets have the same identity.
-    """
-
-    size: int
-    equipped: float = 0.9
-    reply: float = 0.95
+    size: int  # N: the number of possible identities
+    equipped: float = 0.9  # Probability that a target has a transponder
+    reply: float = 0.95  # Probability that a detection of an equipped target has a reply
+    # Probability that a reply is garbled, and that a target without a transponder has one.
     garbled: float = 0.01
-    kept_s: float = 1800.0
-    shared: tuple[int, ...] = ()
+    kept_s: float = 1800.0  # Mean time until a target gets another identity, seconds
+    shared: tuple[int, ...] = ()  # Identities that many targets have
+    # Probability that a target has a shared identity; all of them are equally probable.
     shared_probability: float = 0.0
-    unique: bool = False
+    unique: bool = False  # Whether no two targets have the same identity
 
     def prior(self, identity: IntArray) -> FloatArray:
         """Return the prior probability of identities for a new target, elementwise."""
@@ -91,18 +73,11 @@ class IdentityModel:
 
 
 class Belief(NamedTuple):
-    """Distributions of T targets' identities.
+    """Distributions of T targets' identities."""
 
-    Parameters
-    ----------
-    candidate : int array of shape (T, K)
-        Distinct; `UNKNOWN` where there are fewer.
-    weight : array of shape (T, K + 2)
-        Probability of each candidate, of all other identities together, and of no transponder;
-        rows sum to one.
-    """
-
-    candidate: IntArray
+    candidate: IntArray  # (T, K). Distinct; `UNKNOWN` where there are fewer.
+    # (T, K + 2). Probability of each candidate, of all other identities together, and of no
+    # transponder; rows sum to one.
     weight: FloatArray
 
     @staticmethod
@@ -134,20 +109,13 @@ class Belief(NamedTuple):
 
 
 class ReplyLikelihood(NamedTuple):
-    """Likelihood of replies given the beliefs about targets.
+    """Likelihood of replies given the beliefs about targets."""
 
-    Parameters
-    ----------
-    prior : Belief
-        Before the update; its L candidates include every identity shown in a target's edges.
-    likelihood : array of shape (E, L + 2)
-        Likelihood of each edge's reply for each column of the belief.
-    log_factor : array of shape (E,)
-        Log likelihood ratio of each edge's detection against an unknown target.
-    """
-
+    # Before the update; its L candidates include every identity shown in a target's edges.
     prior: Belief
+    # Likelihood of each edge's reply for each column of the belief, (E, L + 2).
     likelihood: FloatArray
+    # Log likelihood ratio of each edge's detection against an unknown target, (E,).
     log_factor: FloatArray
 
 

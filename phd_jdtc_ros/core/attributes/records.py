@@ -17,21 +17,13 @@ from .identity import ADDRESSES, CODES, Belief, IdentityModel
 
 @dataclass(frozen=True)
 class AttributeModel:
-    """Models of the identities and heights that detections report beside positions.
-
-    Parameters
-    ----------
-    clutter_reply : float
-        Probability that a false detection has a reply.
-    ages : bool
-        Whether estimates have the time of the last detection by each sensor type.
-    """
+    """Models of the identities and heights that detections report beside positions."""
 
     code: IdentityModel
     address: IdentityModel
     height: HeightModel
-    clutter_reply: float = 0.05
-    ages: bool = False
+    clutter_reply: float = 0.05  # Probability that a false detection has a reply
+    ages: bool = False  # Whether estimates have the time of the last detection by each sensor type
 
 
 class Beliefs(NamedTuple):
@@ -60,32 +52,22 @@ class Beliefs(NamedTuple):
 
 
 class AttributeRecords(NamedTuple):
-    """Beliefs about T labels as columns.
+    """Beliefs about T labels as columns."""
 
-    Parameters
-    ----------
-    label : int array of shape (T,)
-        Ascending.
-    stamp_ns : int array of shape (T,)
-        Time of the beliefs.
-    code, code_weight : arrays of shape (T, K) and (T, K + 2)
-        See `identity.Belief`.
-    address, address_weight : arrays of shape (T, K) and (T, K + 2)
-    height_known, height, height_covariance : arrays of shape (T,), (T, 2) and (T, 2, 2)
-        See `height.Heights`.
-    seen_ns : int array of shape (T, S)
-        Time of the last detection by each sensor type; see `Attributes`.
-    """
-
-    label: Annotated[IntArray, integers("T", 0, ascending=True, key="origin")]
-    stamp_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]
+    label: Annotated[IntArray, integers("T", 0, ascending=True, key="origin")]  # Ascending, (T,)
+    stamp_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]  # Time of the beliefs, (T,)
+    # `code`, `code_weight`: (T, K) and (T, K + 2). See `identity.Belief`.
     code: Annotated[IntArray, integers("TK", UNKNOWN, CODES - 1)]
     code_weight: Annotated[FloatArray, floats("TW", 0.0, 1.0 + ROUNDING)]
+    # `address`, `address_weight`: (T, K) and (T, K + 2).
     address: Annotated[IntArray, integers("TK", UNKNOWN, ADDRESSES - 1)]
     address_weight: Annotated[FloatArray, floats("TW", 0.0, 1.0 + ROUNDING)]
+    # `height_known`, `height`, `height_covariance`: (T,), (T, 2) and (T, 2, 2). See
+    # `height.Heights`.
     height_known: Annotated[FloatArray, floats("T", 0.0, 1.0)]
     height: Annotated[FloatArray, floats("TA", -MAX_STATE, MAX_STATE)]
     height_covariance: Annotated[FloatArray, covariances("TAA", MAX_STATE)]
+    # (T, S). Time of the last detection by each sensor type; see `Attributes`.
     seen_ns: Annotated[IntArray, integers("TS", UNKNOWN, MAX_STAMP_NS)]
 
     @staticmethod

@@ -29,25 +29,14 @@ Gate: TypeAlias = Callable[[Detections], tuple[IntArray, IntArray, FloatArray]]
 
 
 class Paired(NamedTuple):
-    """Pairs of rows and detections, each detection projected at the height of the row's target.
+    """Pairs of rows and detections, each detection projected at the height of the row's target."""
 
-    Parameters
-    ----------
-    row, column : int arrays of shape (P,)
-        Row and detection of each pair.
-    log_likelihood : array of shape (P, ...)
-        As the gate returns it.
-    projected_index : int array of shape (P,)
-        Row of each pair's detection in `projected`.
-    projected : Detections
-        The detections, followed by those projected again at a target's height.
-    """
-
+    # `row`, `column`: row and detection of each pair, (P,).
     row: IntArray
     column: IntArray
-    log_likelihood: FloatArray
-    projected_index: IntArray
-    projected: Detections
+    log_likelihood: FloatArray  # As the gate returns it, (P, ...)
+    projected_index: IntArray  # Row of each pair's detection in `projected`, (P,)
+    projected: Detections  # The detections, followed by those projected again at a target's height
 
     def take(self, pairs: IntArray) -> Paired:
         """Return these pairs alone."""

@@ -19,35 +19,19 @@ MAX_CONFLICT = 1.0 - 1e-12
 
 
 class OutOfGate(NamedTuple):
-    """Targets whose identity is shown by a detection outside all of their gates.
+    """Targets whose identity is shown by a detection outside all of their gates."""
 
-    Parameters
-    ----------
-    target : int array of shape (L,)
-        Indices of the engine's targets.
-    column : int array of shape (L,)
-        The detection with the target's identity.
-    since_s : array of shape (L,)
-        Seconds from each target's last detection to this one.
-    """
-
-    target: IntArray
-    column: IntArray
-    since_s: FloatArray
+    target: IntArray  # Indices of the engine's targets, (L,)
+    column: IntArray  # The detection with the target's identity, (L,)
+    since_s: FloatArray  # Seconds from each target's last detection to this one, (L,)
 
 
 class Conflicts(NamedTuple):
-    """Probabilities that known targets have the identities shown by M detections.
+    """Probabilities that known targets have the identities shown by M detections."""
 
-    Parameters
-    ----------
-    by_another : array of shape (E,)
-        For each edge: probability that a target other than the edge's has the identity.
-    log_unknown : array of shape (M,)
-        Log factor of the intensity of unknown targets at each detection.
-    """
-
+    # For each edge: probability that a target other than the edge's has the identity, (E,).
     by_another: FloatArray
+    # Log factor of the intensity of unknown targets at each detection, (M,).
     log_unknown: FloatArray
 
 

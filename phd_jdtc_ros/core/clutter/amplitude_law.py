@@ -52,15 +52,9 @@ class ClutterAmplitude(Protocol):
 
 @dataclass(frozen=True)
 class Rayleigh:
-    """Envelopes of noise, or of the sum of many reflectors.
+    """Envelopes of noise, or of the sum of many reflectors."""
 
-    Parameters
-    ----------
-    level : float
-        Mean square of the envelope relative to noise; 1 is noise.
-    """
-
-    level: float = 1.0
+    level: float = 1.0  # Mean square of the envelope relative to noise; 1 is noise
 
     def log_density(self, amplitude: FloatArray) -> FloatArray:
         """Return the log density of envelopes, elementwise."""
@@ -78,14 +72,10 @@ NOISE = Rayleigh()
 
 @dataclass(frozen=True)
 class LogNormal:
-    """Envelopes of land or sea clutter in a narrow beam: their level in dB is Gaussian.
+    """Envelopes of land or sea clutter in a narrow beam: their level in dB is Gaussian."""
 
-    Parameters
-    ----------
-    median_db, std_db : float
-        Median and standard deviation of the level; the median of noise is -1.6 dB.
-    """
-
+    # `median_db`, `std_db`: median and standard deviation of the level; the median of noise is -1.6
+    # dB.
     median_db: float
     std_db: float
 
@@ -115,13 +105,6 @@ class LogNormal:
 class Learned:
     """Histogram, in half decibels, of the levels of detections that no target claims.
 
-    Parameters
-    ----------
-    threshold : float
-        Detection threshold of the radar; the prior is noise above it.
-    count : array of shape (CELLS,)
-        Remembered detections by cell of level; at most `MEMORY` in all.
-
     Notes
     -----
     The shares of the cells have a Dirichlet prior of `PRIOR_NOISE` detections of noise above the
@@ -132,7 +115,8 @@ class Learned:
     such a class: no amplitude confirms a target without its position or a second detection.
     """
 
-    threshold: float
+    threshold: float  # Detection threshold of the radar; the prior is noise above it
+    # (CELLS,). Remembered detections by cell of level; at most `MEMORY` in all.
     count: Annotated[FloatArray, floats("K", 0.0, MAX_COUNT)] = field(
         default_factory=lambda: np.zeros(CELLS)
     )
@@ -202,24 +186,14 @@ def level_db(amplitude: FloatArray) -> FloatArray:
 
 
 class _Cells(NamedTuple):
-    """The cells of a learned law.
+    """The cells of a learned law."""
 
-    Parameters
-    ----------
-    edges_db : array of shape (CELLS + 1,)
-        Edges of the cells; the lower edge of the threshold's cell is the threshold.
-    prior : array of shape (CELLS,)
-        Weight of the prior, in detections.
-    uniform : array of shape (CELLS,)
-        Share of each cell in the range of levels.
-    kernel : array of shape (CELLS, CELLS)
-        Share with which a detection in each cell counts in every cell; rows sum to one.
-        Detections above the threshold count only above it.
-    """
-
+    # (CELLS + 1,). Edges of the cells; the lower edge of the threshold's cell is the threshold.
     edges_db: FloatArray
-    prior: FloatArray
-    uniform: FloatArray
+    prior: FloatArray  # Weight of the prior, in detections, (CELLS,)
+    uniform: FloatArray  # Share of each cell in the range of levels, (CELLS,)
+    # (CELLS, CELLS). Share with which a detection in each cell counts in every cell; rows sum to
+    # one. Detections above the threshold count only above it.
     kernel: FloatArray
 
 

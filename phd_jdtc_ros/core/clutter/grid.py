@@ -56,18 +56,10 @@ class Grid(Protocol):
 
 @dataclass(frozen=True)
 class PolarGrid:
-    """Cells of range and azimuth.
+    """Cells of range and azimuth."""
 
-    Parameters
-    ----------
-    range_cell : float
-        Extent of a cell in range, metres.
-    columns : int
-        Number of cells in a turn.
-    """
-
-    range_cell: Annotated[float, floats("", 1e-9, 1e12)]
-    columns: Annotated[int, integers("", 3, MAX_AZIMUTH_CELLS)]
+    range_cell: Annotated[float, floats("", 1e-9, 1e12)]  # Extent of a cell in range, metres
+    columns: Annotated[int, integers("", 3, MAX_AZIMUTH_CELLS)]  # Number of cells in a turn
 
     @classmethod
     def of_noise(cls, range_std: float, azimuth_std: float) -> PolarGrid:
@@ -94,15 +86,9 @@ class PolarGrid:
 
 @dataclass(frozen=True)
 class GroundGrid:
-    """Squares of the world, for a moving radar.
+    """Squares of the world, for a moving radar."""
 
-    Parameters
-    ----------
-    cell : float
-        Side of a square, metres.
-    """
-
-    cell: Annotated[float, floats("", 1e-9, 1e12)]
+    cell: Annotated[float, floats("", 1e-9, 1e12)]  # Side of a square, metres
 
     @classmethod
     def of_noise(cls, range_std: float, azimuth_std: float, max_range: float) -> GroundGrid:

@@ -49,21 +49,6 @@ NO_CELLS = np.zeros(0, dtype=np.int64)
 class ClutterMap:
     """False detections remembered by cell.
 
-    Parameters
-    ----------
-    grid : Grid
-        The cells. A detection counts in the four nearest ones.
-    cell : int array of shape (K,)
-        Ascending; the row times the grid's columns plus the column.
-    count : array of shape (K,)
-        Remembered detections of each cell.
-    turns : float
-        Remembered turns; a scan of the whole field is one.
-    recent : array of shape (K,)
-        Detections of each cell that do not count yet.
-    recent_turns : float
-        Turns that do not count yet.
-
     Notes
     -----
     A cell's clutter is the sum of uniform clutter with a known rate and of local clutter. A
@@ -76,18 +61,22 @@ class ClutterMap:
     ALONE_FACTOR to REFLECTOR_FACTOR; see `neighbourhood`.
     """
 
-    grid: Grid
+    grid: Grid  # The cells. A detection counts in the four nearest ones.
+    # (K,). Ascending; the row times the grid's columns plus the column.
     cell: Annotated[IntArray, integers("K", 0, ascending=True)] = field(
         default_factory=lambda: NO_CELLS
     )
+    # Remembered detections of each cell, (K,).
     count: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = field(
         default_factory=lambda: np.zeros(0)
     )
+    # Remembered turns; a scan of the whole field is one.
     turns: Annotated[float, floats("", 0.0, MAX_TURNS)] = 0.0
+    # Detections of each cell that do not count yet, (K,).
     recent: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = field(
         default_factory=lambda: np.zeros(0)
     )
-    recent_turns: Annotated[float, floats("", 0.0, MAX_TURNS)] = 0.0
+    recent_turns: Annotated[float, floats("", 0.0, MAX_TURNS)] = 0.0  # Turns that do not count yet
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cell", read_only(self.cell, np.int64))

@@ -17,13 +17,6 @@ class Multipath:
     A wave that a target has scattered, and that a wall, a quay or the radar's own platform reflects
     before it returns, has the azimuth of the target and a longer path (multiple and indirect
     echoes).
-
-    Parameters
-    ----------
-    measured : array of shape (T, 2)
-        Expected (range, azimuth) of each target.
-    existence : array of shape (T,)
-        Existence probability of each target.
     """
 
     # Density of false detections behind a target, relative to the uniform ones, at its azimuth: the
@@ -33,7 +26,9 @@ class Multipath:
     # measured azimuth.
     OF_AZIMUTHS: ClassVar[float] = 2.0
 
+    # Expected (range, azimuth) of each target, (T, 2).
     measured: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    # Existence probability of each target, (T,).
     existence: FloatArray = field(default_factory=lambda: np.empty(0))
 
     def density(

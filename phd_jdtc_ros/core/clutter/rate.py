@@ -25,21 +25,16 @@ MIN_TURNS = 0.5
 class ClutterCount:
     """Clutter rate estimate: remembered false detections and turns.
 
-    Parameters
-    ----------
-    count : float
-        Remembered false detections.
-    turns : float
-        Remembered turns; a scan of the whole field is one.
-
     Notes
     -----
     The number of detections in a turn is Poisson, and the rate has a Gamma distribution. Prior and
     data fade alike: after T turns both have the factor exp(-T / MEMORY_TURNS).
     """
 
+    # Remembered false detections.
     count: Annotated[float, floats("", 0.0, MAX_DETECTIONS)] = START_RATE
     # The default is the prior of a radar whose rate was never learned.
+    # Remembered turns; a scan of the whole field is one.
     turns: Annotated[float, floats("", MIN_TURNS, 2.0 * MEMORY_TURNS)] = 1.0
 
     @property

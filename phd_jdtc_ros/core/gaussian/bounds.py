@@ -7,28 +7,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Bounds:
-    """Limits of the reduction.
+    """Limits of the reduction."""
 
-    Parameters
-    ----------
-    hypotheses : int
-        Largest number per target, before they are split by motion mode.
-    least_share : float
-        Hypotheses with less than this share of their target's existence probability are dropped.
-    merge_distance : float
-        Square Mahalanobis distance within which hypotheses are merged.
-    least_existence : float
-        Targets with a smaller existence probability are dropped.
-    most : int
-        Largest number of hypotheses of all targets together.
-    least_mode : float
-        Motion modes with at least this share of their hypothesis become hypotheses of their own.
-        With 1 none does, and every prediction mixes the modes.
-    """
-
-    hypotheses: int
+    hypotheses: int  # Largest number per target, before they are split by motion mode
+    # Hypotheses with less than this share of their target's existence probability are dropped.
     least_share: float
-    merge_distance: float
-    least_existence: float
-    most: int
+    merge_distance: float  # Square Mahalanobis distance within which hypotheses are merged
+    least_existence: float  # Targets with a smaller existence probability are dropped
+    most: int  # Largest number of hypotheses of all targets together
+    # Motion modes with at least this share of their hypothesis become hypotheses of their own. With
+    # 1 none does, and every prediction mixes the modes.
     least_mode: float

@@ -24,26 +24,15 @@ MOST_INTERVALS = 256
 
 
 class Interval(NamedTuple):
-    """What happens to targets in some time.
+    """What happens to targets in some time."""
 
-    Parameters
-    ----------
-    survival : array of shape (R,)
-        Probability to survive, by motion mode before.
-    change : array of shape (K,)
-        Probability to survive and to change from the one mode of a pair to the other.
-    noise : array of shape (R, D, D)
-        Process noise, by motion mode after.
-    transition : array of shape (R, D, D)
-        Matrix of each motion mode; of a turn, that of the turn rate 0.
-    snr : array of shape (C, S, S) or None
-        Matrix of each class's cells of SNR, [from, to]; None if no cell is left.
-    """
-
-    survival: FloatArray
+    survival: FloatArray  # Probability to survive, by motion mode before, (R,)
+    # Probability to survive and to change from the one mode of a pair to the other, (K,).
     change: FloatArray
-    noise: FloatArray
+    noise: FloatArray  # Process noise, by motion mode after, (R, D, D)
+    # (R, D, D). Matrix of each motion mode; of a turn, that of the turn rate 0.
     transition: FloatArray
+    # (C, S, S). Matrix of each class's cells of SNR, [from, to]; None if no cell is left.
     snr: FloatArray | None
 
 

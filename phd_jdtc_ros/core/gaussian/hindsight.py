@@ -49,23 +49,16 @@ class _Moves(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """What the smoothing of one row needs, allocated once.
+    """What the smoothing of one row needs, allocated once."""
 
-    Parameters
-    ----------
-    fit, mass : arrays of shape (K,)
-    joint : array of shape (K, C)
-    mean, covariance : arrays of shape (K, D) and (K, D, D)
-        The earlier Gaussians of the pairs.
-    vector : array of shape (D,)
-    """
-
+    # `fit`, `mass`: (K,).
     fit: FloatArray
     mass: FloatArray
-    joint: FloatArray
+    joint: FloatArray  # (K, C)
+    # `mean`, `covariance`: (K, D) and (K, D, D). The earlier Gaussians of the pairs.
     mean: FloatArray
     covariance: FloatArray
-    vector: FloatArray
+    vector: FloatArray  # (D,)
 
 
 @inner

@@ -24,29 +24,22 @@ class Mixture:
     the class's signal-to-noise ratios. The weights of a target's hypotheses sum to its existence
     probability.
 
-    Parameters
-    ----------
-    row_label : int array of shape (H,)
-        Label of each hypothesis's target; see `labels`.
-    weight : array of shape (H, R, C)
-    mean : array of shape (H, R, D)
-        In the world frame; metres, metres per second, radians per second.
-    covariance : array of shape (H, R, D, D)
-        Zero on the axes that a motion mode is not defined on.
-    snr : array of shape (H, C, S)
-        Probability of each cell of the signal-to-noise ratio, given the class; see `SnrCells`.
-
     Notes
     -----
     Given its class and its detections, a target's SNR is independent of its motion, apart from
     missed detections at places of different detection probability. That is neglected.
     """
 
+    # (H,). Label of each hypothesis's target; see `labels`.
     row_label: Annotated[IntArray, integers("H", 0, key="origin")]
-    weight: Annotated[FloatArray, floats("HOC", 0.0, MAX_MASS)]
+    weight: Annotated[FloatArray, floats("HOC", 0.0, MAX_MASS)]  # (H, R, C)
+    # (H, R, D). In the world frame; metres, metres per second, radians per second.
     mean: Annotated[FloatArray, floats("HOD", -MAX_STATE, MAX_STATE)]
+    # Zero on the axes that a motion mode is not defined on, (H, R, D, D).
     covariance: Annotated[FloatArray, covariances("HODD", MAX_STATE)]
     # A sum of shares may exceed 1 by rounding.
+    # (H, C, S). Probability of each cell of the signal-to-noise ratio, given the class; see
+    # `SnrCells`.
     snr: Annotated[FloatArray, floats("HCS", 0.0, 1.0 + ROUNDING)]
 
     def __post_init__(self) -> None:

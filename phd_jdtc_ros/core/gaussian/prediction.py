@@ -24,16 +24,10 @@ MOST_GAIN, MOST_FACTOR = 1e15, 1e30
 
 
 class Aged(NamedTuple):
-    """A stored mixture and its age.
-
-    Parameters
-    ----------
-    dt : float
-        Time since its scan, seconds.
-    """
+    """A stored mixture and its age."""
 
     mixture: Mixture
-    dt: float
+    dt: float  # Time since its scan, seconds
 
 
 @dataclass(frozen=True)
@@ -41,34 +35,25 @@ class Moves:
     """The prediction from the hypotheses of earlier scans, row by row, for the smoother.
 
     Each of the K pairs is a motion mode before the prediction and a possible one after it.
-
-    Parameters
-    ----------
-    pairs : tuple of two int arrays of shape (K,)
-        Modes of each pair before and after the prediction.
-    change : array of shape (H, K)
-        Probability of survival with a change from the first mode to the second.
-    survival : array of shape (H, R)
-        Probability of survival until the later scan.
-    mean : array of shape (A, D)
-        Predicted mean of each pair.
-    factor : array of shape (A, D, D)
-        Factors of each pair's predicted covariance; see `blocks.factorise`.
-    gain, base : arrays of shape (A, D, D)
-        The backward step: given a later Gaussian of mean m and covariance P, the earlier one has
-        its own mean + gain (m - mean), and the covariance base + gain P gain'.
-    place : int array of shape (H, K)
-        Row of each pair in the arrays of A rows; -1 if the pair has no weight.
     """
 
+    # Tuple of two int arrays of shape (K,). Modes of each pair before and after the prediction.
     pairs: tuple[IntArray, IntArray]
+    # Probability of survival with a change from the first mode to the second, (H, K).
     change: Annotated[FloatArray, floats("PK", 0.0, 1.0)]
+    # Probability of survival until the later scan, (H, R).
     survival: Annotated[FloatArray, floats("PO", 0.0, 1.0)]
+    # Predicted mean of each pair, (A, D).
     mean: Annotated[FloatArray, floats("AD", -MAX_STATE, MAX_STATE)]
+    # (A, D, D). Factors of each pair's predicted covariance; see `blocks.factorise`.
     factor: Annotated[FloatArray, floats("ADD", -MOST_FACTOR, MOST_FACTOR)]
+    # `gain`, `base`: the backward step: given a later Gaussian of mean m and covariance P, the
+    # earlier one has its own mean + gain (m - mean), and the covariance base + gain P gain', (A, D,
+    # D).
     gain: Annotated[FloatArray, floats("ADD", -MOST_GAIN, MOST_GAIN)]
     # A small difference of large covariances: rounding may leave it indefinite.
     base: Annotated[FloatArray, floats("ADD", -(MAX_STATE**2), MAX_STATE**2)]
+    # (H, K). Row of each pair in the arrays of A rows; -1 if the pair has no weight.
     place: Annotated[IntArray, integers("PK", -1, below="A")]
 
 

@@ -26,16 +26,10 @@ ROOM = 0.25
 
 @dataclass(frozen=True)
 class Branched:
-    """Hypotheses, and the predicted row from which each descends.
-
-    Parameters
-    ----------
-    parent : int array of shape (H,)
-        Row of the predicted mixture; -1 for targets born at detections.
-    """
+    """Hypotheses, and the predicted row from which each descends."""
 
     mixture: Mixture
-    parent: IntArray
+    parent: IntArray  # (H,). Row of the predicted mixture; -1 for targets born at detections.
 
     def take(self, rows: IntArray) -> Branched:
         """Return the hypotheses of these rows."""
@@ -44,20 +38,14 @@ class Branched:
 
 @dataclass(frozen=True)
 class Ancestry:
-    """For each kept hypothesis, the hypotheses merged into it and their predicted rows.
+    """For each kept hypothesis, the hypotheses merged into it and their predicted rows."""
 
-    Parameters
-    ----------
-    child : int array of shape (E,)
-        Row of the kept mixture, ascending.
-    parent : int array of shape (E,)
-        Row of the predicted mixture; -1 for targets born at detections.
-    share : array of shape (E, R, C)
-        Share of the child's weight; sums to one over the rows of a child with positive weight.
-    """
-
+    # Row of the kept mixture, ascending, (E,).
     child: Annotated[IntArray, integers("E", 0, below="H")]
+    # (E,). Row of the predicted mixture; -1 for targets born at detections.
     parent: Annotated[IntArray, integers("E", -1, below="P")]
+    # (E, R, C). Share of the child's weight; sums to one over the rows of a child with positive
+    # weight.
     share: Annotated[FloatArray, floats("EOC", 0.0, 1.0)]
 
 

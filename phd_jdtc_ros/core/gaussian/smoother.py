@@ -25,19 +25,11 @@ from .reduction import Ancestry
 
 @dataclass(frozen=True)
 class Link:
-    """The link from the hypotheses of a scan back to earlier hypotheses.
+    """The link from the hypotheses of a scan back to earlier hypotheses."""
 
-    Parameters
-    ----------
-    moves : Moves
-        From the earlier hypotheses, concatenated over all sources of the scan, to the predicted
-        ones.
-    ancestry : Ancestry
-        From the predicted hypotheses to the kept ones.
-    """
-
+    # From the earlier hypotheses, concatenated over all sources of the scan, to the predicted ones.
     moves: Moves
-    ancestry: Ancestry
+    ancestry: Ancestry  # From the predicted hypotheses to the kept ones
 
     @cached_property
     def columns(self) -> tuple[Any, ...]:
@@ -108,16 +100,10 @@ def _smoothed_chain(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
 
 @dataclass(frozen=True)
 class _Parts(Sequence[Mixture]):
-    """Mixtures whose rows are parts of the same arrays; each is made when it is asked for.
-
-    Parameters
-    ----------
-    rows : sequence of slices
-        The rows of each mixture.
-    """
+    """Mixtures whose rows are parts of the same arrays; each is made when it is asked for."""
 
     stored: Sequence[Mixture]
-    rows: Sequence[slice]
+    rows: Sequence[slice]  # The rows of each mixture
     smoothed: Gaussians
 
     def __len__(self) -> int:

@@ -80,21 +80,11 @@ MAX_SEARCH_INTERVAL_S = 10.0
 
 
 class Antenna(NamedTuple):
-    """An antenna that turns at a constant rate.
+    """An antenna that turns at a constant rate."""
 
-    Parameters
-    ----------
-    time_s : float
-        Reference time, seconds.
-    azimuth : float
-        Direction at the reference time, radians counter-clockwise.
-    rate : float
-        Radians per second; negative for an antenna that turns clockwise.
-    """
-
-    time_s: float
-    azimuth: float
-    rate: float
+    time_s: float  # Reference time, seconds
+    azimuth: float  # Direction at the reference time, radians counter-clockwise
+    rate: float  # Radians per second; negative for an antenna that turns clockwise
 
     @property
     def period_s(self) -> float:
@@ -144,27 +134,14 @@ class Sightings(NamedTuple):
 
 
 class AntennaTrack(NamedTuple):
-    """Estimate of an antenna's motion, and the detections from which it is updated.
+    """Estimate of an antenna's motion, and the detections from which it is updated."""
 
-    Parameters
-    ----------
-    nominal_period_s : float
-        Rotation period, configured or as first estimated, seconds; 0 if unknown.
-    antenna : Antenna or None
-        Current motion; None if unknown.
-    sightings : Sightings
-        The latest detections.
-    unclear : int
-        Number of consecutive reports whose detections fitted no line.
-    searched_s : float
-        Time of the last search for an unknown period, seconds.
-    """
-
+    # Rotation period, configured or as first estimated, seconds; 0 if unknown.
     nominal_period_s: float
-    antenna: Antenna | None = None
-    sightings: Sightings = Sightings()
-    unclear: int = 0
-    searched_s: float = -math.inf
+    antenna: Antenna | None = None  # Current motion; None if unknown
+    sightings: Sightings = Sightings()  # The latest detections
+    unclear: int = 0  # Number of consecutive reports whose detections fitted no line
+    searched_s: float = -math.inf  # Time of the last search for an unknown period, seconds
 
     @property
     def period_s(self) -> float:

@@ -29,26 +29,17 @@ MAX_BEYOND_TURNS = 0.06
 
 
 class Horizon(NamedTuple):
-    """Timing of the latest reports of a radar, from which the next one's is predicted.
+    """Timing of the latest reports of a radar, from which the next one's is predicted."""
 
-    Parameters
-    ----------
-    timings : array of shape (K, 3)
-        One row for each report, oldest first, in seconds: its stamp; the time of its first
-        detection, from the previous report's stamp; the time of its last detection, from its own
-        stamp. NaN if the detections have no times.
-    interval_s : float
-        Median interval between reports, seconds; 0 if unknown.
-    regular : bool
-        Whether reports come at regular intervals, so that a missing one was lost.
-    lead_s : float
-        End of a report's interval relative to its stamp, seconds; NaN if no detection had a time.
-        No report has a detection later than this, and no following one has an earlier detection.
-    """
-
+    # (K, 3). One row for each report, oldest first, in seconds: its stamp; the time of its first
+    # detection, from the previous report's stamp; the time of its last detection, from its own
+    # stamp. NaN if the detections have no times.
     timings: FloatArray = np.zeros((0, 3))
-    interval_s: float = 0.0
+    interval_s: float = 0.0  # Median interval between reports, seconds; 0 if unknown
+    # Whether reports come at regular intervals, so that a missing one was lost.
     regular: bool = True
+    # End of a report's interval relative to its stamp, seconds; NaN if no detection had a time. No
+    # report has a detection later than this, and no following one has an earlier detection.
     lead_s: float = math.nan
 
     @property

@@ -41,21 +41,11 @@ PATIENCE = 30
 
 @dataclass
 class ReportWatch:
-    """Checks the reports of one radar.
+    """Checks the reports of one radar."""
 
-    Parameters
-    ----------
-    by_sectors : bool
-        Whether the radar is configured to report by sectors.
-    whole_turn : bool
-        Whether it is configured to see all azimuths at once.
-    slant_ranges : bool
-        Whether ground ranges are unknown although the difference matters.
-    """
-
-    by_sectors: bool = True
-    whole_turn: bool = False
-    slant_ranges: bool = False
+    by_sectors: bool = True  # Whether the radar is configured to report by sectors
+    whole_turn: bool = False  # Whether it is configured to see all azimuths at once
+    slant_ranges: bool = False  # Whether ground ranges are unknown although the difference matters
     _reports: int = field(init=False, default=0)
     _detections: int = field(init=False, default=0)
     _all: BoolArray = field(init=False)
@@ -121,18 +111,13 @@ def _cells(azimuth: FloatArray) -> IntArray:
 class ResultWatch:
     """Checks whether detections lead to targets.
 
-    Parameters
-    ----------
-    interval_s : float
-        The nominal interval, seconds.
-
     Attributes
     ----------
     scans : int
         Number of scans with detections since the last one with a target.
     """
 
-    interval_s: float
+    interval_s: float  # The nominal interval, seconds
     scans: int = field(init=False, default=0)
     _since_ns: int | None = field(init=False, default=None)
 

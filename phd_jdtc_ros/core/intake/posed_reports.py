@@ -18,38 +18,23 @@ from .poses import Platform, PoseFault
 
 
 class _Waiting(NamedTuple):
-    """A slice of a report that waits for a pose.
-
-    Parameters
-    ----------
-    latest_ns : int
-        Latest stamp of the report's slices.
-    """
+    """A slice of a report that waits for a pose."""
 
     radar: int
     stamp_ns: int
     detections: Detections
-    latest_ns: int
+    latest_ns: int  # Latest stamp of the report's slices
 
 
 @dataclass(frozen=True)
 class PosedReport:
-    """A report with its pose.
+    """A report with its pose."""
 
-    Parameters
-    ----------
-    radar : int
-        Index in the configured order.
-    detections : Detections or None
-        They have the radar's pose if it moves; None if the pose is unknown.
-    extrapolated : bool
-        Whether the pose was extrapolated.
-    """
-
-    radar: int
+    radar: int  # Index in the configured order
     stamp_ns: int
+    # They have the radar's pose if it moves; None if the pose is unknown.
     detections: Detections | None
-    extrapolated: bool = False
+    extrapolated: bool = False  # Whether the pose was extrapolated
 
 
 class PosedReports:

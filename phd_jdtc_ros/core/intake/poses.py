@@ -42,18 +42,10 @@ class PoseFault(Enum):
 
 @dataclass(frozen=True)
 class Mount:
-    """Mounting of a radar on its platform.
+    """Mounting of a radar on its platform."""
 
-    Parameters
-    ----------
-    position : tuple of two floats
-        Position in the platform's frame, metres.
-    yaw : float
-        Direction of the radar's x axis in that frame, radians counter-clockwise.
-    """
-
-    position: tuple[float, float]
-    yaw: float
+    position: tuple[float, float]  # Position in the platform's frame, metres
+    yaw: float  # Direction of the radar's x axis in that frame, radians counter-clockwise
 
     def on(self, platform: Pose) -> Pose:
         """Return the radar's pose, given that of its platform."""
@@ -65,24 +57,15 @@ class Mount:
 
 @dataclass
 class PoseTrack:
-    """The poses of one platform by stamp.
+    """The poses of one platform by stamp."""
 
-    Parameters
-    ----------
-    yaw_applies : bool
-        Whether azimuths turn with the platform. If not, they are stabilised, and the platform's yaw
-        is taken as 0.
-    max_age_s : float
-        Longest interval between a time and the nearest pose, seconds.
-    max_speed : float
-        Speed above which a change between two poses is a jump, metres per second.
-    reset_threshold_s : float
-        A stamp that is further behind the newest than this begins a new run.
-    """
-
+    # Whether azimuths turn with the platform. If not, they are stabilised, and the platform's yaw
+    # is taken as 0.
     yaw_applies: bool = True
-    max_age_s: float = 1.0
+    max_age_s: float = 1.0  # Longest interval between a time and the nearest pose, seconds
+    # Speed above which a change between two poses is a jump, metres per second.
     max_speed: float = 100.0
+    # A stamp that is further behind the newest than this begins a new run.
     reset_threshold_s: float = math.inf
     _stamps: list[int] = field(init=False, default_factory=list)
     _poses: list[Pose] = field(init=False, default_factory=list)

@@ -33,15 +33,9 @@ class Rejection(Enum):
 
 @dataclass(frozen=True)
 class Reset:
-    """A jump of the stamps, after which a new run begins.
+    """A jump of the stamps, after which a new run begins."""
 
-    Parameters
-    ----------
-    jump_s : float
-        Jump from the previous scan or report, seconds; negative for a jump back.
-    """
-
-    jump_s: float
+    jump_s: float  # Jump from the previous scan or report, seconds; negative for a jump back
 
     @property
     def ahead(self) -> bool:
@@ -55,23 +49,14 @@ class Reset:
 
 @dataclass
 class ScanGrouper:
-    """Groups reports into scans.
+    """Groups reports into scans."""
 
-    Parameters
-    ----------
-    radars : int
-        Number of configured radars.
-    reset_threshold_s : float
-        A stamp further behind the newest than this begins a new run; its report is not late.
-    max_gap_s : float
-        A scan that comes later than this after the previous one begins a new run.
-    reorder_s : float
-        Longest time that scans are held back for radars behind the newest stamp, seconds.
-    """
-
-    radars: int
+    radars: int  # Number of configured radars
+    # A stamp further behind the newest than this begins a new run; its report is not late.
     reset_threshold_s: float
+    # A scan that comes later than this after the previous one begins a new run.
     max_gap_s: float = math.inf
+    # Longest time that scans are held back for radars behind the newest stamp, seconds.
     reorder_s: float = 0.0
     _pending: dict[int, dict[int, Detections]] = field(init=False, default_factory=dict)
     _misses: list[int] = field(init=False)

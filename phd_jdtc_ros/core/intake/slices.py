@@ -17,19 +17,11 @@ Slice = tuple[int, Detections]
 
 
 class UnstampedSlice(NamedTuple):
-    """A slice whose stamp may still increase, and whose detections' times refer to the report.
+    """A slice whose stamp may still increase, and whose detections' times refer to the report."""
 
-    Parameters
-    ----------
-    middle_ns : int
-        Middle of the time that the slice covers, nanoseconds.
-    coverage : Coverage or None
-        None for the radar's whole field.
-    """
-
-    middle_ns: int
+    middle_ns: int  # Middle of the time that the slice covers, nanoseconds
     detections: Detections
-    coverage: Coverage | None
+    coverage: Coverage | None  # None for the radar's whole field
 
 
 class TimedReport(NamedTuple):

@@ -27,17 +27,11 @@ class _Record(NamedTuple):
 
 
 class Recut(NamedTuple):
-    """The changes by an out-of-sequence report.
+    """The changes by an out-of-sequence report."""
 
-    Parameters
-    ----------
-    stamps_ns : list of int
-        Stamps of the slices that are replaced.
-    slices : list of (stamp in nanoseconds, Detections)
-        The slices of the out-of-sequence report and of all later ones, by ascending stamp.
-    """
-
-    stamps_ns: list[int]
+    stamps_ns: list[int]  # Stamps of the slices that are replaced
+    # List of (stamp in nanoseconds, Detections). The slices of the out-of-sequence report and of
+    # all later ones, by ascending stamp.
     slices: list[Slice]
 
 

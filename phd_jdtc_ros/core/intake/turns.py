@@ -49,58 +49,27 @@ MAX_COVERED_TURNS = 1.2
 
 
 class State(NamedTuple):
-    """State of a run, from which the next report is cut.
-
-    Parameters
-    ----------
-    first_period_s : float
-        Rotation period as first estimated, seconds; 0 if it was not estimated. It stays constant
-        while wind changes the antenna's speed.
-    last_ns : int or None
-        Stamp of the latest report.
-    slice_ns : int
-        Stamp of the latest slice.
-    horizon : Horizon
-        Timing of the reports, without those that repeated an earlier one.
-    end_s, end : float
-        End of the time that the reports cover, seconds, and the antenna's direction then, radians;
-        NaN if unknown.
-    number : int or None
-        Number of the latest sector.
-    step : int
-        Difference of the numbers of successive sectors; 0 if unknown.
-    """
+    """State of a run, from which the next report is cut."""
 
     track: AntennaTrack
+    # Rotation period as first estimated, seconds; 0 if it was not estimated. It stays constant
+    # while wind changes the antenna's speed.
     first_period_s: float = 0.0
-    last_ns: int | None = None
-    slice_ns: int = 0
+    last_ns: int | None = None  # Stamp of the latest report
+    slice_ns: int = 0  # Stamp of the latest slice
+    # Timing of the reports, without those that repeated an earlier one.
     horizon: Horizon = Horizon()
+    # `end_s`, `end`: end of the time that the reports cover, seconds, and the antenna's direction
+    # then, radians; NaN if unknown.
     end_s: float = math.nan
     end: float = math.nan
-    number: int | None = None
-    step: int = 0
+    number: int | None = None  # Number of the latest sector
+    step: int = 0  # Difference of the numbers of successive sectors; 0 if unknown
 
 
 @dataclass
 class Turns:
     """Cuts the reports of one radar.
-
-    Parameters
-    ----------
-    configured_period_s : float
-        Configured rotation period, seconds; 0 to find out whether the antenna turns.
-    sectors : int
-        Number of reports per turn; 0 if it is unknown or varies.
-    compass : bool
-        Whether sectors are numbered clockwise from north; see `sectors`.
-    reset_threshold_s : float
-        A stamp that is further behind the latest than this begins a new run.
-    azimuth_bias : float
-        Bias of the antenna's azimuths, which sectors' numbers refer to, radians counter-clockwise.
-        The azimuths of the detections are corrected already.
-    min_period_s : float
-        Lower bound of an estimated rotation period, seconds; infinite to estimate none.
 
     Attributes
     ----------
@@ -109,11 +78,16 @@ class Turns:
         ``sector_numbers_wrong``, ``antenna_unclear``, ``times_disagree`` and ``detections_late``.
     """
 
+    # Configured rotation period, seconds; 0 to find out whether the antenna turns.
     configured_period_s: float = 0.0
-    sectors: int = 0
-    compass: bool = False
+    sectors: int = 0  # Number of reports per turn; 0 if it is unknown or varies
+    compass: bool = False  # Whether sectors are numbered clockwise from north; see `sectors`
+    # A stamp that is further behind the latest than this begins a new run.
     reset_threshold_s: float = math.inf
+    # Bias of the antenna's azimuths, which sectors' numbers refer to, radians counter-clockwise.
+    # The azimuths of the detections are corrected already.
     azimuth_bias: float = 0.0
+    # Lower bound of an estimated rotation period, seconds; infinite to estimate none.
     min_period_s: float = MIN_PERIOD_S
     state: State = field(init=False)
     anomalies: Counter[str] = field(init=False, default_factory=Counter)

@@ -33,13 +33,6 @@ def _none(size: int) -> FloatArray:
 class ChangeAlarm:
     """Evidence of changes of a sensor, as cumulative sums (CUSUM).
 
-    Parameters
-    ----------
-    detection : array of shape (1 + A,)
-        Of fewer detections in the sensor as a whole, and of next to none in each sector of azimuth.
-    noise : array of shape (2,)
-        Of a larger noise in each component of a measurement.
-
     Notes
     -----
     E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954: the sum of the log likelihood
@@ -47,9 +40,12 @@ class ChangeAlarm:
     slowly than the sum, which ends an alarm when it has.
     """
 
+    # Of fewer detections in the sensor as a whole, and of next to none in each sector of azimuth,
+    # (1 + A,).
     detection: Annotated[FloatArray, floats("A", 0.0, MOST)] = field(
         default_factory=lambda: _none(1 + AZIMUTHS)
     )
+    # Of a larger noise in each component of a measurement, (2,).
     noise: Annotated[FloatArray, floats("Z", 0.0, MOST)] = field(default_factory=lambda: _none(2))
 
     def __post_init__(self) -> None:

@@ -55,15 +55,6 @@ def _nothing() -> FloatArray:
 class Correlation:
     """Correlation of the detections of a target in consecutive looks of a sensor.
 
-    Parameters
-    ----------
-    start : float
-        The correlation, or the one that learning starts from.
-    learned : bool
-        Whether it is learned.
-    sums : array of shape (B,)
-        Sums over the remembered pairs of looks; see `sums_of`.
-
     Notes
     -----
     The detections of a target are a Markov chain: with the detection probability p and the
@@ -79,8 +70,9 @@ class Correlation:
     1973.
     """
 
-    start: float
-    learned: bool
+    start: float  # The correlation, or the one that learning starts from
+    learned: bool  # Whether it is learned
+    # (B,). Sums over the remembered pairs of looks; see `sums_of`.
     sums: Annotated[FloatArray, floats("B", 0.0, MAX_REMEMBERED)] = field(default_factory=_nothing)
 
     def __post_init__(self) -> None:

@@ -33,14 +33,10 @@ MAX_REMEMBERED = 1e7
 
 
 class Counted(NamedTuple):
-    """Looks that count, sums by cell, arrays of shape (K,).
+    """Looks that count, sums by cell, arrays of shape (K,)."""
 
-    Parameters
-    ----------
-    looks, expected, detected : arrays
-        Number of looks, of detections expected with the configured probability, and of detections.
-    """
-
+    # `looks`, `expected`, `detected`: number of looks, of detections expected with the configured
+    # probability, and of detections.
     looks: FloatArray
     expected: FloatArray
     detected: FloatArray
@@ -58,17 +54,6 @@ def _no_looks() -> FloatArray:
 class DetectionFactor:
     """Expected and actual detections of known targets, as remembered by cell.
 
-    Parameters
-    ----------
-    max_range : float
-        Largest range, metres.
-    expected, detected : arrays of shape (K,)
-        Detections in each cell: the number expected with the configured probability, and the
-        actual one.
-    all_looks, all_expected, all_detected : float
-        Looks at targets, and their expected and actual detections, in all cells, with a memory of
-        their own.
-
     Notes
     -----
     The true probability is the configured one times a factor. h detections where e were expected
@@ -78,13 +63,17 @@ class DetectionFactor:
     the same way relative to the sensor's. All counts fade with exp(-e / MEMORY).
     """
 
-    max_range: float
+    max_range: float  # Largest range, metres
+    # `expected`, `detected`: detections in each cell: the number expected with the configured
+    # probability, and the actual one, (K,).
     expected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = field(
         default_factory=_no_looks
     )
     detected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = field(
         default_factory=_no_looks
     )
+    # `all_looks`, `all_expected`, `all_detected`: looks at targets, and their expected and actual
+    # detections, in all cells, with a memory of their own.
     all_looks: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
     all_expected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
     all_detected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0

@@ -27,30 +27,15 @@ _NUMBERS = (
 
 
 class Look(NamedTuple):
-    """A look of a sensor at T targets, arrays of shape (T,).
+    """A look of a sensor at T targets, arrays of shape (T,)."""
 
-    Parameters
-    ----------
-    label : int array
-        Ascending.
-    covered : array
-        Probability that the look covers each target, if it exists.
-    detected : array
-        Probability that the look detected each target, if it exists.
-    expected : array
-        Detection probability, whatever earlier looks saw; 0 if nothing is to be learned from it.
-    existence : array
-        Existence probability after the look.
-    known : bool array
-        Whether each target was sure to exist before the look.
-    """
-
-    label: IntArray
-    covered: FloatArray
-    detected: FloatArray
+    label: IntArray  # Ascending
+    covered: FloatArray  # Probability that the look covers each target, if it exists
+    detected: FloatArray  # Probability that the look detected each target, if it exists
+    # Detection probability, whatever earlier looks saw; 0 if nothing is to be learned from it.
     expected: FloatArray
-    existence: FloatArray
-    known: BoolArray
+    existence: FloatArray  # Existence probability after the look
+    known: BoolArray  # Whether each target was sure to exist before the look
 
     def with_born(self, label: IntArray) -> Look:
         """Return the look with targets of larger labels, born at its detections."""
@@ -69,15 +54,6 @@ class Look(NamedTuple):
 class Remembered:
     """What the previous look implies for the next one, arrays of shape (K,).
 
-    Parameters
-    ----------
-    label : int array
-        Ascending.
-    looked : array
-        Correlation of the next detection with the previous look, if that covered the target.
-    detected : array
-        The same, if that detected the target.
-
     Notes
     -----
     With the detection probability p, the correlation c, and the probabilities L and D that the
@@ -85,9 +61,10 @@ class Remembered:
     p (1 - c L) + c D. The columns are c L and c D.
     """
 
-    label: IntArray
+    label: IntArray  # Ascending
+    # Correlation of the next detection with the previous look, if that covered the target.
     looked: FloatArray
-    detected: FloatArray
+    detected: FloatArray  # The same, if that detected the target
 
     @property
     def some(self) -> bool:
@@ -130,34 +107,24 @@ def _sums() -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class LastLooks:
-    """The last look of one sensor at each of K targets.
+    """The last look of one sensor at each of K targets."""
 
-    Parameters
-    ----------
-    label : int array of shape (K,)
-        Ascending.
-    stamp_ns : int array of shape (K,)
-        Stamp of the look, of its first sector.
-    covered, detected : arrays of shape (K,)
-        Probability that it covered each target, and that it detected it.
-    before_covered, before_detected : arrays of shape (K,)
-        The columns of `Remembered` at the look.
-    expected : array of shape (K,)
-        See `Look`.
-    pairs : array of shape (K, B)
-        Sums over the pairs of looks that do not count yet; see `correlation.sums_of`. As with
-        `open_looks`, they count when the target is detected again.
-    """
-
+    # Ascending, (K,).
     label: Annotated[IntArray, integers("K", 0, MAX_INDEX, ascending=True)] = field(
         default_factory=_integers
     )
+    # Stamp of the look, of its first sector, (K,).
     stamp_ns: Annotated[IntArray, integers("K", 0, MAX_STAMP_NS)] = field(default_factory=_integers)
+    # `covered`, `detected`: probability that it covered each target, and that it detected it, (K,).
     covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
     detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
+    # `before_covered`, `before_detected`: the columns of `Remembered` at the look, (K,).
     before_covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
     before_detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
+    # See `Look`, (K,).
     expected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
+    # (K, B). Sums over the pairs of looks that do not count yet; see `correlation.sums_of`. As with
+    # `open_looks`, they count when the target is detected again.
     pairs: Annotated[FloatArray, floats("KB", 0.0, MAX_REMEMBERED)] = field(default_factory=_sums)
 
     def __post_init__(self) -> None:

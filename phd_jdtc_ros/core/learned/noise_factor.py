@@ -27,19 +27,13 @@ MAX_WEIGHT, MAX_RATIO = 1e7, 1e10
 
 
 class NoiseEvidence(NamedTuple):
-    """Evidence on the variance of each component of a measurement, arrays of shape (Z,).
+    """Evidence on the variance of each component of a measurement, arrays of shape (Z,)."""
 
-    Parameters
-    ----------
-    weight : array
-        Number of innovations that would show the variance as well, if nothing but the sensor's
-        noise were in them.
-    excess : array
-        Sum of weight times the relative difference of the variance from the one that the sensor
-        has now; see `evidence.evidence_of`.
-    """
-
+    # Number of innovations that would show the variance as well, if nothing but the sensor's noise
+    # were in them.
     weight: FloatArray
+    # Sum of weight times the relative difference of the variance from the one that the sensor has
+    # now; see `evidence.evidence_of`.
     excess: FloatArray
 
 
@@ -55,22 +49,16 @@ def _nothing() -> FloatArray:
 class NoiseFactor:
     """Variances of the components of a measurement relative to the configured ones.
 
-    Parameters
-    ----------
-    learned : bool array of shape (Z,)
-        Components whose noise is learned; the factors of the others are 1.
-    weight : array of shape (Z,)
-        Number of remembered innovations.
-    ratio : array of shape (Z,)
-        Sum of weight times the ratio that each of them shows.
-
     Notes
     -----
     The log of a variance that n innovations show has the precision n / 2; see `RatioPrior`.
     """
 
+    # (Z,). Components whose noise is learned; the factors of the others are 1.
     learned: BoolArray = field(default_factory=_every)
+    # Number of remembered innovations, (Z,).
     weight: Annotated[FloatArray, floats("Z", 0.0, MAX_WEIGHT)] = field(default_factory=_nothing)
+    # Sum of weight times the ratio that each of them shows, (Z,).
     ratio: Annotated[FloatArray, floats("Z", -MAX_RATIO, MAX_RATIO)] = field(
         default_factory=_nothing
     )

@@ -27,27 +27,14 @@ MOST_EXPECTED = 100.0
 
 
 class Looks(NamedTuple):
-    """Looks of one sensor at T targets in one report, arrays of shape (T,).
+    """Looks of one sensor at T targets in one report, arrays of shape (T,)."""
 
-    Parameters
-    ----------
-    label : int array
-        Ascending.
-    cell : int array
-        Number of the sensor's cell in which the target is, unique among sensors.
-    expected : array
-        Detections expected with the configured probability; 0 leaves the look out.
-    detected : array
-        Probability that the target was detected, if it exists.
-    existence : array
-        Existence probability after the report.
-    """
-
-    label: IntArray
-    cell: IntArray
+    label: IntArray  # Ascending
+    cell: IntArray  # Number of the sensor's cell in which the target is, unique among sensors
+    # Detections expected with the configured probability; 0 leaves the look out.
     expected: FloatArray
-    detected: FloatArray
-    existence: FloatArray
+    detected: FloatArray  # Probability that the target was detected, if it exists
+    existence: FloatArray  # Existence probability after the report
 
 
 def _none() -> FloatArray:
@@ -60,22 +47,15 @@ def _no_labels() -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class OpenLooks:
-    """Open looks, arrays of shape (E,).
+    """Open looks, arrays of shape (E,)."""
 
-    Parameters
-    ----------
-    label : int array
-        Label of each look's target.
-    cell, expected, detected : arrays
-        See `Looks`.
-    still : array
-        Share of each look that is open.
-    """
-
+    # Label of each look's target.
     label: Annotated[IntArray, integers("E", 0, MAX_INDEX)] = field(default_factory=_no_labels)
+    # `cell`, `expected`, `detected`: see `Looks`.
     cell: Annotated[IntArray, integers("E", 0, below="K")] = field(default_factory=_no_labels)
     expected: Annotated[FloatArray, floats("E", 0.0, MOST_EXPECTED)] = field(default_factory=_none)
     detected: Annotated[FloatArray, floats("E", 0.0, 1.0)] = field(default_factory=_none)
+    # Share of each look that is open.
     still: Annotated[FloatArray, floats("E", 0.0, 1.0)] = field(default_factory=_none)
 
     def __post_init__(self) -> None:

@@ -12,15 +12,6 @@ from ..arrays import FloatArray
 class RatioPrior(NamedTuple):
     """Prior of the log ratio of a learned value to the configured one.
 
-    Parameters
-    ----------
-    right : float
-        Probability that the configured value is right.
-    scale : float
-        Standard deviation of the log ratio about 0, if it is right.
-    wide : float
-        Standard deviation, if it is wrong.
-
     Notes
     -----
     A mixture of two normal distributions leaves differences that chance explains to the configured
@@ -28,9 +19,9 @@ class RatioPrior(NamedTuple):
     that the posterior is such a mixture too.
     """
 
-    right: float
-    scale: float
-    wide: float
+    right: float  # Probability that the configured value is right
+    scale: float  # Standard deviation of the log ratio about 0, if it is right
+    wide: float  # Standard deviation, if it is wrong
 
     def posterior(
         self, log_ratio: FloatArray, precision: FloatArray

@@ -131,17 +131,13 @@ class Ignored(Band):
 class Memory(AmplitudeModel):
     """Every hypothesis has a state ln(1 + d), for its target's mean signal-to-noise ratio d.
 
-    Parameters
-    ----------
-    jitter : float
-        Standard deviation of the step of ln(1 + d) per nominal interval, against depletion.
-
     Notes
     -----
     Deviation: the paper has no such state. The backward step ignores log_snr: it smooths the
     marginal intensity over state and mode.
     """
 
+    # Standard deviation of the step of ln(1 + d) per nominal interval, against depletion.
     jitter: float
 
     def draw(
@@ -235,17 +231,11 @@ class Memory(AmplitudeModel):
 
 @dataclass(frozen=True)
 class SnrCells:
-    """Cells of the signal-to-noise ratio of each class, in which a hypothesis has probabilities.
+    """Cells of the signal-to-noise ratio of each class, in which a hypothesis has probabilities."""
 
-    Parameters
-    ----------
-    log_snr : array of shape (C, S)
-        ln(1 + d) at the centre of each cell; 0 in models without a memory.
-    generator : array of shape (C, S, S)
-        Rates of change from cell to cell per second, symmetric; rows sum to 0.
-    """
-
+    # (C, S). ln(1 + d) at the centre of each cell; 0 in models without a memory.
     log_snr: FloatArray
+    # (C, S, S). Rates of change from cell to cell per second, symmetric; rows sum to 0.
     generator: FloatArray
 
     @property

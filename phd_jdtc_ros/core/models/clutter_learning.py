@@ -25,23 +25,15 @@ USUAL_SIGMA = 5.0
 
 @dataclass
 class ClutterMemory:
-    """Learned rate, amplitude law and map of each radar's clutter.
+    """Learned rate, amplitude law and map of each radar's clutter."""
 
-    Parameters
-    ----------
-    laws : dict of name to Learned
-        Amplitude laws by radar, after the first report.
-    maps : dict of name to ClutterMap
-        Clutter maps by radar, after the first report.
-    counts : dict of name to ClutterCount
-        Clutter rate estimates by radar, after the first report.
-    usual : dict of name to ClutterCount
-        Number of all detections in a turn by radar, after the first report.
-    """
-
+    # Amplitude laws by radar, after the first report.
     laws: dict[str, Learned] = field(default_factory=dict)
+    # Clutter maps by radar, after the first report.
     maps: dict[str, ClutterMap] = field(default_factory=dict)
+    # Clutter rate estimates by radar, after the first report.
     counts: dict[str, ClutterCount] = field(default_factory=dict)
+    # Number of all detections in a turn by radar, after the first report.
     usual: dict[str, ClutterCount] = field(default_factory=dict)
 
     def with_learned_clutter(self, report: Report) -> Report:

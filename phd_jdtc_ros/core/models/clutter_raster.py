@@ -26,21 +26,12 @@ REPEATED = 1.0
 
 @dataclass(frozen=True, eq=False)
 class ClutterRaster:
-    """Density of false detections by square of the world.
+    """Density of false detections by square of the world."""
 
-    Parameters
-    ----------
-    corner : tuple of two floats
-        Least x and y, world frame, metres.
-    cell : float
-        Side of a square, metres.
-    density : array of shape (rows, columns)
-        False detections per turn, or scan, and km^2; rows by y, columns by x. Each radar counts by
-        its own turns, and the densities of several radars are added.
-    """
-
-    corner: tuple[float, float]
-    cell: float
+    corner: tuple[float, float]  # Least x and y, world frame, metres
+    cell: float  # Side of a square, metres
+    # (rows, columns). False detections per turn, or scan, and km^2; rows by y, columns by x. Each
+    # radar counts by its own turns, and the densities of several radars are added.
     density: FloatArray
 
     def __post_init__(self) -> None:

@@ -17,18 +17,13 @@ from .tracker_model import TrackerModel
 
 @dataclass(frozen=True)
 class CompetingSources:
-    """The intensity of clutter and of unknown targets at each detection.
+    """The intensity of clutter and of unknown targets at each detection."""
 
-    Parameters
-    ----------
-    log_scale : array of shape (M,)
-        Log of the common divisor of the intensities and of the known targets' likelihoods, which is
-        their maximum. The clutter density underflows above an amplitude of 38.
-    intensity : array of shape (1 + C, M), or (1, M) without births at detections
-        Intensities of clutter, and of unknown targets by class.
-    """
-
+    # (M,). Log of the common divisor of the intensities and of the known targets' likelihoods,
+    # which is their maximum. The clutter density underflows above an amplitude of 38.
     log_scale: FloatArray
+    # (1 + C, M), or (1, M) without births at detections. Intensities of clutter, and of unknown
+    # targets by class.
     intensity: FloatArray
 
     @property

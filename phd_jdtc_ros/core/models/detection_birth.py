@@ -30,30 +30,15 @@ MIN_PARTICLES = 16
 
 @dataclass(frozen=True)
 class DetectionBirthModel:
-    """The rate of unknown targets, and the distribution of their velocity.
+    """The rate of unknown targets, and the distribution of their velocity."""
 
-    Parameters
-    ----------
-    rate : array of shape (C,)
-        Expected births in a radar's field per nominal interval and class; all zero for none.
-    velocity_std : float
-        Standard deviation of the velocity along each axis, metres per second.
-    turn_rate_std : float
-        Standard deviation of the turn rate, radians per second.
-    particles : int
-        Particles per detection; a power of two.
-    most : int
-        Largest number of particles at the detections of one radar in one scan.
-    least_mass : float
-        Smallest newborn mass with which a detection gets particles.
-    """
-
+    # (C,). Expected births in a radar's field per nominal interval and class; all zero for none.
     rate: FloatArray
-    velocity_std: float
-    turn_rate_std: float
-    particles: int
-    most: int = 1 << 24
-    least_mass: float = 1e-4
+    velocity_std: float  # Standard deviation of the velocity along each axis, metres per second
+    turn_rate_std: float  # Standard deviation of the turn rate, radians per second
+    particles: int  # Particles per detection; a power of two
+    most: int = 1 << 24  # Largest number of particles at the detections of one radar in one scan
+    least_mass: float = 1e-4  # Smallest newborn mass with which a detection gets particles
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rate", read_only(self.rate))
@@ -118,18 +103,10 @@ class DetectionBirthModel:
 
 @dataclass(frozen=True)
 class Newborn:
-    """Possible new targets at the detections of one report.
+    """Possible new targets at the detections of one report."""
 
-    Parameters
-    ----------
-    report : Report
-        Of M detections.
-    mass : array of shape (M, C)
-        Probability that each detection is a new target of each class.
-    """
-
-    report: Report
-    mass: FloatArray
+    report: Report  # Of M detections
+    mass: FloatArray  # Probability that each detection is a new target of each class, (M, C)
 
     def __len__(self) -> int:
         return len(self.report)

@@ -25,21 +25,13 @@ class Manoeuvre(NamedTuple):
     """Covariance of targets' deviations from their motion models since their last detections.
 
     The deviations along both axes are independent and have the same covariance.
-
-    Parameters
-    ----------
-    position, velocity : arrays of shape (L,)
-        Variances, m^2 and m^2/s^2.
-    both : array of shape (L,)
-        Covariance of position and velocity, m^2/s.
-    turn_rate : float
-        Variance, rad^2/s^2.
     """
 
+    # `position`, `velocity`: variances, m^2 and m^2/s^2, (L,).
     position: FloatArray
     velocity: FloatArray
-    both: FloatArray
-    turn_rate: float
+    both: FloatArray  # Covariance of position and velocity, m^2/s, (L,)
+    turn_rate: float  # Variance, rad^2/s^2
 
 
 def manoeuvre(since_s: FloatArray, model: TrackerModel) -> Manoeuvre:

@@ -31,35 +31,18 @@ _Learned = tuple[Sensor, DetectionFactor | None, NoiseFactor | None, Correlation
 
 @dataclass
 class SensorMemory:
-    """What is learned of each sensor's detections and noise.
+    """What is learned of each sensor's detections and noise."""
 
-    Parameters
-    ----------
-    sensors : tuple of str
-        Names of all sensors, in the configured order.
-    detection : dict of name to DetectionFactor
-        By sensor, after the first report that was learned from.
-    noise : dict of name to NoiseFactor
-        By sensor, likewise.
-    looks : OpenLooks
-        Looks that do not count yet.
-    settled : int
-        Number of open looks when those of ended targets were last dropped.
-    correlation : dict of name to Correlation
-        By sensor with correlated misses, after its first report.
-    alarms : dict of name to ChangeAlarm
-        By sensor, after the first looks or innovations that were learned from.
-    last : dict of name to LastLooks
-        By sensor, likewise.
-    """
-
-    sensors: tuple[str, ...]
+    sensors: tuple[str, ...]  # Names of all sensors, in the configured order
+    # By sensor, after the first report that was learned from.
     detection: dict[str, DetectionFactor] = field(default_factory=dict)
-    noise: dict[str, NoiseFactor] = field(default_factory=dict)
-    looks: OpenLooks = field(default_factory=OpenLooks)
-    settled: int = 0
+    noise: dict[str, NoiseFactor] = field(default_factory=dict)  # By sensor, likewise
+    looks: OpenLooks = field(default_factory=OpenLooks)  # Looks that do not count yet
+    settled: int = 0  # Number of open looks when those of ended targets were last dropped
+    # By sensor with correlated misses, after its first report.
     correlation: dict[str, Correlation] = field(default_factory=dict)
-    last: dict[str, LastLooks] = field(default_factory=dict)
+    last: dict[str, LastLooks] = field(default_factory=dict)  # By sensor, likewise
+    # By sensor, after the first looks or innovations that were learned from.
     alarms: dict[str, ChangeAlarm] = field(default_factory=dict)
     _latest: dict[str, _Learned] = field(default_factory=dict, init=False, repr=False)
 

@@ -23,27 +23,15 @@ class TrackerModel:
 
     Rates and probabilities refer to the mode space's nominal interval; engines convert them to the
     true interval.
-
-    Parameters
-    ----------
-    modes : ModeSpace
-        Classes, their motion modes, and the transitions between these.
-    births : tuple of BirthTerm
-        Births at known positions.
-    detection_births : DetectionBirthModel
-        Births at detections.
-    radars : tuple of Sensor
-        In the order in which their reports update the targets.
-    attributes : AttributeModel or None
-        Model of identities and heights; None if no radar reports any.
     """
 
-    modes: ModeSpace
-    births: tuple[BirthTerm, ...]
-    detection_births: DetectionBirthModel
+    modes: ModeSpace  # Classes, their motion modes, and the transitions between these
+    births: tuple[BirthTerm, ...]  # Births at known positions
+    detection_births: DetectionBirthModel  # Births at detections
     spawn: SpawnModel
     amplitudes: AmplitudeModel
-    radars: tuple[Sensor, ...]
+    radars: tuple[Sensor, ...]  # In the order in which their reports update the targets
+    # Model of identities and heights; None if no radar reports any.
     attributes: AttributeModel | None = None
 
     def reports(self, scan: Scan) -> list[Report]:

@@ -21,45 +21,27 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class Candidates:
-    """Candidate pairs of a search: intervals of the sorted points.
+    """Candidate pairs of a search: intervals of the sorted points."""
 
-    Parameters
-    ----------
-    query, point : arrays of shape (K, Q) and (K, P)
-        Coordinates by axis, each block's most selective ones first; points in sorted order.
-    limit : array of shape (Q,)
-        Square radius of each query.
-    rank : int array of shape (P,)
-        Index of the point at each position of the sorted order.
-    owner : int array of shape (I,)
-        The query of each interval, ascending.
-    start, count : int arrays of shape (I,)
-        Interval i has ``count[i]`` positions from ``start[i]`` on.
-    """
-
+    # `query`, `point`: (K, Q) and (K, P). Coordinates by axis, each block's most selective ones
+    # first; points in sorted order.
     query: FloatArray
     point: FloatArray
-    limit: FloatArray
-    rank: IntArray
-    owner: IntArray
+    limit: FloatArray  # Square radius of each query, (Q,)
+    rank: IntArray  # Index of the point at each position of the sorted order, (P,)
+    owner: IntArray  # The query of each interval, ascending, (I,)
+    # `start`, `count`: interval i has ``count[i]`` positions from ``start[i]`` on, (I,).
     start: IntArray
     count: IntArray
 
 
 class Pairs(NamedTuple):
-    """Queries and points that are near each other.
+    """Queries and points that are near each other."""
 
-    Parameters
-    ----------
-    query, point : int arrays of shape (pairs,)
-        Queries ascend.
-    square : array of shape (pairs,)
-        Square distance.
-    """
-
+    # `query`, `point`: queries ascend, (pairs,).
     query: IntArray
     point: IntArray
-    square: FloatArray
+    square: FloatArray  # Square distance, (pairs,)
 
 
 def near_chunks(found: Candidates) -> Iterator[Pairs]:

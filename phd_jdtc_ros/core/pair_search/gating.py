@@ -23,28 +23,17 @@ MARGIN = 1.0 + 1e-9
 
 
 class CellLists(NamedTuple):
-    """The detections near each cell.
+    """The detections near each cell."""
 
-    Parameters
-    ----------
-    shape : tuple of two ints
-        Number of cells in azimuth and in range. One further, empty cell in range stands for all
-        longer ranges.
-    range_width : float
-        Extent of a cell in range, metres.
-    start : int array of shape (cells + 1,)
-        Index in the lists at which each cell begins.
-    detection : int array of shape (L,)
-        Ascending in every cell.
-    range, azimuth : arrays of shape (L,)
-        Range and azimuth of that detection, metres and radians. The azimuth is shifted by a full
-        turn if this puts it next to its cell, so that differences need no wrapping.
-    """
-
+    # Number of cells in azimuth and in range. One further, empty cell in range stands for all
+    # longer ranges.
     shape: tuple[int, int]
-    range_width: float
-    start: IntArray
-    detection: IntArray
+    range_width: float  # Extent of a cell in range, metres
+    start: IntArray  # Index in the lists at which each cell begins, (cells + 1,)
+    detection: IntArray  # Ascending in every cell, (L,)
+    # `range`, `azimuth`: (L,). Range and azimuth of that detection, metres and radians. The azimuth
+    # is shifted by a full turn if this puts it next to its cell, so that differences need no
+    # wrapping.
     range: FloatArray
     azimuth: FloatArray
 

@@ -15,23 +15,12 @@ class SensorBias:
     """Biases of one radar, zero by default: positive for measurements that are too large.
 
     A true range r is measured as ``range_bias + (1 + range_gain) r``.
-
-    Parameters
-    ----------
-    range_bias : float
-        Constant bias of ranges, metres.
-    range_gain : float
-        Additional bias proportional to the range, metres per metre.
-    azimuth : float
-        Bias of azimuths, radians counter-clockwise.
-    time_offset_s : float
-        Delay of stamps and of times of detections, seconds.
     """
 
-    range_bias: float = 0.0
-    range_gain: float = 0.0
-    azimuth: float = 0.0
-    time_offset_s: float = 0.0
+    range_bias: float = 0.0  # Constant bias of ranges, metres
+    range_gain: float = 0.0  # Additional bias proportional to the range, metres per metre
+    azimuth: float = 0.0  # Bias of azimuths, radians counter-clockwise
+    time_offset_s: float = 0.0  # Delay of stamps and of times of detections, seconds
 
     @property
     def offset_ns(self) -> int:

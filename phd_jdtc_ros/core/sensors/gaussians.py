@@ -10,21 +10,11 @@ from ..arrays import FloatArray
 
 
 class PlanePlots(NamedTuple):
-    """Detections as positions in the world frame, at their own times.
+    """Detections as positions in the world frame, at their own times."""
 
-    Parameters
-    ----------
-    position : array of shape (M, 2)
-        Metres.
-    axes : array of shape (M, 2, 2)
-        Principal axes of the errors, unit vectors in columns.
-    std : array of shape (M, 2)
-        Standard deviations along these axes, metres.
-    """
-
-    position: FloatArray
-    axes: FloatArray
-    std: FloatArray
+    position: FloatArray  # Metres, (M, 2)
+    axes: FloatArray  # Principal axes of the errors, unit vectors in columns, (M, 2, 2)
+    std: FloatArray  # Standard deviations along these axes, metres, (M, 2)
 
     @property
     def root(self) -> FloatArray:

@@ -11,14 +11,7 @@ class Outliers:
 
     The defaults describe tails as heavy as those of Student's t distribution with 3 to 5 degrees of
     freedom. Shares of 0.05 and 0.1, and ratios of 3 and 5, are as accurate.
-
-    Parameters
-    ----------
-    share : float
-        Probability that a detection is an outlier.
-    ratio : float
-        Its standard deviations relative to the usual ones.
     """
 
-    share: float = 0.05
-    ratio: float = 3.0
+    share: float = 0.05  # Probability that a detection is an outlier
+    ratio: float = 3.0  # Its standard deviations relative to the usual ones

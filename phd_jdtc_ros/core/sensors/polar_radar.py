@@ -25,17 +25,6 @@ from .visibility import Visibility, sector_probability
 class RadarModel(Sensor):
     """A radar that measures range and azimuth; see `Sensor` for the common parameters.
 
-    Parameters
-    ----------
-    range_std, azimuth_std : float
-        Standard deviations of the measurement noise, metres and radians.
-    range_growth : float
-        Additional standard deviation of the range, metres per metre of range.
-    visibility : Visibility
-        Field of view, and the detection probability if it is given.
-    clutter_max_range : float
-        Largest range of the uniform clutter, metres.
-
     Notes
     -----
     Sec. V, observation equation. Deviation: the arctangent has four quadrants, and innovations are
@@ -45,10 +34,12 @@ class RadarModel(Sensor):
     polar: ClassVar[bool] = True
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth")
 
+    # `range_std`, `azimuth_std`: standard deviations of the measurement noise, metres and radians.
     range_std: float
     azimuth_std: float
-    visibility: Visibility
-    clutter_max_range: float
+    visibility: Visibility  # Field of view, and the detection probability if it is given
+    clutter_max_range: float  # Largest range of the uniform clutter, metres
+    # Additional standard deviation of the range, metres per metre of range.
     range_growth: float = 0.0
 
     def _noise_times(self, factor: NoiseFactor) -> dict[str, Any]:

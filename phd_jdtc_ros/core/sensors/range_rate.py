@@ -21,20 +21,12 @@ MAX_FOLDS = 8
 
 @dataclass(frozen=True)
 class RangeRateModel:
-    """Measurement model of range rates, which are positive for receding targets.
+    """Measurement model of range rates, which are positive for receding targets."""
 
-    Parameters
-    ----------
-    std : float
-        Standard deviation, metres per second.
-    ambiguity : float
-        Interval of the ambiguity, metres per second; 0 for unambiguous range rates.
-    span : float
-        Width of the uniform distribution for false detections without ambiguity, metres per second.
-    """
-
-    std: float
+    std: float  # Standard deviation, metres per second
+    # Interval of the ambiguity, metres per second; 0 for unambiguous range rates.
     ambiguity: float = 0.0
+    # Width of the uniform distribution for false detections without ambiguity, metres per second.
     span: float = 200.0
 
     @property
@@ -109,19 +101,11 @@ class RangeRateModel:
 
 
 class Rates(NamedTuple):
-    """The range rates of a report.
-
-    Parameters
-    ----------
-    rate : array of shape (M,)
-        Metres per second relative to the radar; NaN if unknown.
-    std : array of shape (M,)
-        Standard deviations, metres per second.
-    """
+    """The range rates of a report."""
 
     model: RangeRateModel
-    rate: FloatArray
-    std: FloatArray
+    rate: FloatArray  # (M,). Metres per second relative to the radar; NaN if unknown.
+    std: FloatArray  # Standard deviations, metres per second, (M,)
 
     def take(self, rows: IntArray) -> Rates:
         """Return the range rates of these rows."""

@@ -20,20 +20,11 @@ LEAST_UNSEEN = 1e-3
 
 @dataclass(frozen=True)
 class EarlierSectors:
-    """The adjoining sectors before a report, in the same pass of the antenna.
+    """The adjoining sectors before a report, in the same pass of the antenna."""
 
-    Parameters
-    ----------
-    coverage : Coverage
-        Their azimuths.
-    label : int array of shape (K,)
-        Targets that they may have detected, ascending.
-    unseen : array of shape (K,)
-        Probability that they have not detected each target, given that it exists.
-    """
-
-    coverage: Coverage
-    label: IntArray
+    coverage: Coverage  # Their azimuths
+    label: IntArray  # Targets that they may have detected, ascending, (K,)
+    # Probability that they have not detected each target, given that it exists, (K,).
     unseen: FloatArray
 
     def factor(
@@ -73,29 +64,16 @@ class EarlierSectors:
 
 @dataclass(frozen=True)
 class Report:
-    """Detections of one sensor, with the sensor at its pose; computed columns are cached.
+    """Detections of one sensor, with the sensor at its pose; computed columns are cached."""
 
-    Parameters
-    ----------
-    sensor : Sensor
-        At its pose, with its learned clutter.
-    detections : Detections
-        M detections; a report without detections is valid.
-    share : float
-        Share of the detections that `detection_limit` has kept, if they have no amplitudes.
-    complete : bool
-        Whether the report has all detections of the sensor.
-    earlier : EarlierSectors or None
-        The sectors before it; None if they have nothing in common with it.
-    remembered : Remembered or None
-        What the sensor's last look at each target has seen; None if its misses are independent.
-    """
-
-    sensor: Sensor
-    detections: Detections
+    sensor: Sensor  # At its pose, with its learned clutter
+    detections: Detections  # M detections; a report without detections is valid
+    # Share of the detections that `detection_limit` has kept, if they have no amplitudes.
     share: float = 1.0
-    complete: bool = True
+    complete: bool = True  # Whether the report has all detections of the sensor
+    # The sectors before it; None if they have nothing in common with it.
     earlier: EarlierSectors | None = None
+    # What the sensor's last look at each target has seen; None if its misses are independent.
     remembered: Remembered | None = None
 
     def __len__(self) -> int:

@@ -42,51 +42,6 @@ class Sensor(ABC):
 
     Measurements have shape (..., Z), positions (..., 2) and states (..., D). Positions and states
     are in the world frame.
-
-    Parameters
-    ----------
-    name : str
-        Also the sensor's frame.
-    position : tuple of two floats
-        In the world frame, metres.
-    yaw : float
-        Direction of the sensor's x axis in the world frame, radians counter-clockwise.
-    velocity : tuple of two floats
-        In the world frame, metres per second; range rates are relative to it.
-    threshold : float
-        Detection threshold tau on the amplitude.
-    space : StateSpace
-        Axes of the measured states.
-    rotation_s : float
-        Rotation period of the antenna, seconds; 0 if it does not turn.
-    range_rate : RangeRateModel or None
-        Model of its range rates; None if it has none, or if they are not used.
-    cluster_distance : float
-        Distance within which detections are merged, metres; 0 for none. See `detection_clusters`.
-    height_projection : HeightProjection or None
-        Projection of its detections to the plane, given their heights; None if the measurements do
-        not depend on heights.
-    clutter_rate : float
-        Expected uniform false detections in the field of view per turn of the antenna, or per scan
-        if it does not turn.
-    clutter_amplitude : ClutterAmplitude
-        Law of the amplitudes of false detections.
-    clutter_count : ClutterCount or None
-        Learned clutter rate; None if the rate is given.
-    clutter_map : ClutterMap or None
-        Learned map of false detections; None without a map.
-    clutter_map_speed : float
-        Detections of targets slower than this are learned as clutter, metres per second.
-    detection_factor : DetectionFactor or None
-        Learned factor of its detection probability; None if the probability is known.
-    noise_factor : NoiseFactor or None
-        Learned factors that its noise contains; None if the noise is known.
-    correlation : Correlation or None
-        Correlation of detections of a target in consecutive looks; None if they are independent.
-    outliers : Outliers or None
-        Outliers among its ranges and azimuths; None without any. The Gaussian engine uses them.
-    multipath : Multipath or None
-        False detections behind the targets of a report; None if there are none.
     """
 
     # Whether it measures range and azimuth from its position, for which there are compiled loops.
@@ -94,25 +49,38 @@ class Sensor(ABC):
     # Names of the components of a measurement.
     components: ClassVar[tuple[str, ...]] = ()
 
-    name: str
-    position: tuple[float, float]
-    yaw: float
-    threshold: float
+    name: str  # Also the sensor's frame
+    position: tuple[float, float]  # In the world frame, metres
+    yaw: float  # Direction of the sensor's x axis in the world frame, radians counter-clockwise
+    threshold: float  # Detection threshold tau on the amplitude
+    # Expected uniform false detections in the field of view per turn of the antenna, or per scan if
+    # it does not turn.
     clutter_rate: float
+    # In the world frame, metres per second; range rates are relative to it.
     velocity: tuple[float, float] = (0.0, 0.0)
-    space: StateSpace = PLANAR
-    rotation_s: float = 0.0
+    space: StateSpace = PLANAR  # Axes of the measured states
+    rotation_s: float = 0.0  # Rotation period of the antenna, seconds; 0 if it does not turn
+    # Model of its range rates; None if it has none, or if they are not used.
     range_rate: RangeRateModel | None = None
+    # Distance within which detections are merged, metres; 0 for none. See `detection_clusters`.
     cluster_distance: float = 0.0
+    # Projection of its detections to the plane, given their heights; None if the measurements do
+    # not depend on heights.
     height_projection: HeightProjection | None = None
-    clutter_amplitude: ClutterAmplitude = NOISE
-    clutter_count: ClutterCount | None = None
-    clutter_map: ClutterMap | None = None
+    clutter_amplitude: ClutterAmplitude = NOISE  # Law of the amplitudes of false detections
+    clutter_count: ClutterCount | None = None  # Learned clutter rate; None if the rate is given
+    clutter_map: ClutterMap | None = None  # Learned map of false detections; None without a map
+    # Detections of targets slower than this are learned as clutter, metres per second.
     clutter_map_speed: float = 0.0
+    # Learned factor of its detection probability; None if the probability is known.
     detection_factor: DetectionFactor | None = None
+    # Learned factors that its noise contains; None if the noise is known.
     noise_factor: NoiseFactor | None = None
+    # Correlation of detections of a target in consecutive looks; None if they are independent.
     correlation: Correlation | None = None
+    # Outliers among its ranges and azimuths; None without any. The Gaussian engine uses them.
     outliers: Outliers | None = None
+    # False detections behind the targets of a report; None if there are none.
     multipath: Multipath | None = None
 
     def at(self: SensorT, pose: Pose | None) -> SensorT:

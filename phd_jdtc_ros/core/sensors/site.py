@@ -57,13 +57,6 @@ class Plane(Protocol):
 class Site:
     """Position and orientation of a radar on the earth, and in the plane.
 
-    Parameters
-    ----------
-    geodetic : tuple of three floats
-        Latitude and longitude, degrees, and height of the antenna, metres.
-    yaw_from_east : float
-        Direction of the sensor's x axis from true east, radians counter-clockwise.
-
     Notes
     -----
     All heights are above the ellipsoid. Heights above the sea, or of the standard atmosphere,
@@ -71,8 +64,10 @@ class Site:
     wrong by a ten-thousandth of the difference.
     """
 
+    # Latitude and longitude, degrees, and height of the antenna, metres.
     geodetic: tuple[float, float, float]
     plane: Plane
+    # Direction of the sensor's x axis from true east, radians counter-clockwise.
     yaw_from_east: float = 0.0
 
     @cached_property

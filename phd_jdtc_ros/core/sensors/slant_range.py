@@ -25,19 +25,13 @@ SETTLING = 25
 
 
 class Ground(NamedTuple):
-    """Positions in the plane, arrays of shape (M,).
+    """Positions in the plane, arrays of shape (M,)."""
 
-    Parameters
-    ----------
-    distance, azimuth : array
-        Around the radar, metres and radians counter-clockwise from the sensor's x axis.
-    possible : bool array
-        Whether the height is plausible and within the slant range.
-    """
-
+    # `distance`, `azimuth`: around the radar, metres and radians counter-clockwise from the
+    # sensor's x axis.
     distance: FloatArray
     azimuth: FloatArray
-    possible: BoolArray
+    possible: BoolArray  # Whether the height is plausible and within the slant range
 
 
 def over_ground(
@@ -127,24 +121,13 @@ def slant_of(
 
 @dataclass(frozen=True)
 class HeightProjection:
-    """Projection of a radar's plots to the plane, given their heights.
+    """Projection of a radar's plots to the plane, given their heights."""
 
-    Parameters
-    ----------
-    antenna : float
-        Height of the antenna above the world's zero, metres.
-    datum : float
-        Height of the world's zero above the site's reference surface, metres.
-    site : Site or None
-        None for a flat earth: without a height the slant range is the ground range.
-    assumed : float or None
-        See `supposed_height`.
-    """
-
-    antenna: float
-    datum: float = 0.0
+    antenna: float  # Height of the antenna above the world's zero, metres
+    datum: float = 0.0  # Height of the world's zero above the site's reference surface, metres
+    # None for a flat earth: without a height the slant range is the ground range.
     site: Site | None = None
-    assumed: float | None = None
+    assumed: float | None = None  # See `supposed_height`
 
     def at(self, measurement: FloatArray, before: FloatArray, height: FloatArray) -> FloatArray:
         """Return plots projected at other heights than before, (M, 2).

@@ -51,25 +51,16 @@ def sector_probability(
 
 @dataclass(frozen=True)
 class Visibility:
-    """A radar's field of view, and its detection probability if it is given.
-
-    Parameters
-    ----------
-    min_range, max_range : float
-        Limits of the range in which targets are detected, metres.
-    fov : Coverage
-        Azimuths of the field of view.
-    blind : tuple of Coverage
-        Obstructed azimuths within the field of view.
-    ranges, probabilities : tuples of K floats
-        Detection probability by range, metres; linear between the entries and constant outside.
-        Empty if it follows from the classes' signal-to-noise ratios.
-    """
+    """A radar's field of view, and its detection probability if it is given."""
 
     max_range: float
+    # `min_range`, `max_range`: limits of the range in which targets are detected, metres.
     min_range: float = 0.0
-    fov: Coverage = WHOLE_TURN
-    blind: tuple[Coverage, ...] = ()
+    fov: Coverage = WHOLE_TURN  # Azimuths of the field of view
+    blind: tuple[Coverage, ...] = ()  # Obstructed azimuths within the field of view
+    # `ranges`, `probabilities`: tuples of K floats. Detection probability by range, metres; linear
+    # between the entries and constant outside. Empty if it follows from the classes' signal-to-
+    # noise ratios.
     ranges: tuple[float, ...] = ()
     probabilities: tuple[float, ...] = ()
 

@@ -21,19 +21,11 @@ from .particle_set import ParticleSet
 
 
 class Corrected(NamedTuple):
-    """The intensity after one radar's detections.
-
-    Parameters
-    ----------
-    claimed : array of shape (M,)
-        Probability that a target caused each detection.
-    pair : array of shape (P,)
-        Weight of each pair's particle under its detection.
-    """
+    """The intensity after one radar's detections."""
 
     particles: ParticleSet
-    claimed: FloatArray
-    pair: FloatArray
+    claimed: FloatArray  # Probability that a target caused each detection, (M,)
+    pair: FloatArray  # Weight of each pair's particle under its detection, (P,)
 
 
 class Correction(Protocol):
@@ -45,16 +37,10 @@ class Correction(Protocol):
 
 @dataclass(frozen=True)
 class Corrector:
-    """A correction rule, and whether it gives one label to each target.
-
-    Parameters
-    ----------
-    labelled : bool
-        Whether the particles of one label represent at most one target.
-    """
+    """A correction rule, and whether it gives one label to each target."""
 
     correct: Correction
-    labelled: bool
+    labelled: bool  # Whether the particles of one label represent at most one target
 
 
 def _poisson(particles: ParticleSet, claims: Claims) -> Corrected:

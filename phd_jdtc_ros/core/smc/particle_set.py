@@ -27,38 +27,26 @@ class ParticleSet:
     ``weight = poisson + components.sum(axis=1)``. With labels, a component is the mass of one
     label, and the Poisson part is zero. With the corrector of the PHD filter, a component is the
     mass that explains one detection. See `correction`.
-
-    Parameters
-    ----------
-    state : array of shape (N, D)
-        In the world frame; metres, metres per second, radians per second.
-    mode : int array of shape (N,)
-        Flat index into the mode space.
-    row_label : int array of shape (N,)
-        Label of the birth from which the particle descends: a birth term and scan, a detection, or
-        a parent and scan; see `labels`.
-    parent : int array of shape (N,)
-        Row in the previous scan's stored set from which it was predicted; -1 for a birth.
-    multiplicity : int array of shape (N,)
-        Number of equal particles that the row represents.
-    poisson : array of shape (N,)
-        Weight outside all components.
-    components : sparse array of shape (N, J)
-        Weight in component j.
-    label : int array of shape (J,)
-        Label of the component's target; -1 for the component of a detection.
-    log_snr : array of shape (N,)
-        ln(1 + SNR) of each particle's target with the amplitude model `memory`; otherwise zeros.
     """
 
+    # (N, D). In the world frame; metres, metres per second, radians per second.
     state: Annotated[FloatArray, floats("ND", -MAX_STATE, MAX_STATE)]
-    mode: Annotated[IntArray, integers("N", 0, below="O")]
+    mode: Annotated[IntArray, integers("N", 0, below="O")]  # Flat index into the mode space, (N,)
+    # (N,). Label of the birth from which the particle descends: a birth term and scan, a detection,
+    # or a parent and scan; see `labels`.
     row_label: Annotated[IntArray, integers("N", 0, key="origin")]
+    # (N,). Row in the previous scan's stored set from which it was predicted; -1 for a birth.
     parent: Annotated[IntArray, integers("N", -1)]
+    # Number of equal particles that the row represents, (N,).
     multiplicity: Annotated[IntArray, integers("N", 1)]
+    # Weight outside all components, (N,).
     poisson: Annotated[FloatArray, floats("N", 0.0, MAX_INDEX)]
+    # Weight in component j, (N, J).
     components: Annotated[SparseArray, sparse_rows("NJ", MAX_INDEX)]
+    # (J,). Label of the component's target; -1 for the component of a detection.
     label: Annotated[IntArray, integers("J", -1)]
+    # (N,). ln(1 + SNR) of each particle's target with the amplitude model `memory`; otherwise
+    # zeros.
     log_snr: Annotated[FloatArray, floats("N", -MAX_LOG_SNR, MAX_LOG_SNR)]
 
     def __post_init__(self) -> None:
@@ -180,13 +168,7 @@ class ParticleSet:
 
 
 class Aged(NamedTuple):
-    """A stored set and its age.
-
-    Parameters
-    ----------
-    dt : float
-        Time since its scan, seconds.
-    """
+    """A stored set and its age."""
 
     particles: ParticleSet
-    dt: float
+    dt: float  # Time since its scan, seconds

@@ -189,24 +189,12 @@ def resample(
 
 @dataclass(frozen=True)
 class ParticleBudget:
-    """The numbers of particles that represent the intensity.
+    """The numbers of particles that represent the intensity."""
 
-    Parameters
-    ----------
-    per_target : int
-        Number of copies to which unit mass is resampled.
-    least : int
-        Minimum number of copies of a (class, label) group.
-    per_birth_term : int
-        Particles of each birth term per scan; a power of two.
-    most : int
-        Maximum number of copies in a stored set.
-    """
-
-    per_target: int
-    least: int
-    per_birth_term: int
-    most: int
+    per_target: int  # Number of copies to which unit mass is resampled
+    least: int  # Minimum number of copies of a (class, label) group
+    per_birth_term: int  # Particles of each birth term per scan; a power of two
+    most: int  # Maximum number of copies in a stored set
 
     def remaining(self, used: int) -> ParticleBudget:
         """Return the budget of a further set, when other sets have `used` copies in total."""

@@ -74,18 +74,10 @@ def bernoulli_death_term(
 
 
 class _Message(NamedTuple):
-    """The content of a backward message to N earlier rows.
+    """The content of a backward message to N earlier rows."""
 
-    Parameters
-    ----------
-    survival : array of shape (N,)
-        P_s.
-    backward : array of shape (N,)
-        B; see `backward_step`.
-    """
-
-    survival: FloatArray
-    backward: FloatArray
+    survival: FloatArray  # P_s, (N,)
+    backward: FloatArray  # (N,). B; see `backward_step`.
 
 
 DEATH_TERMS: dict[str, DeathTerm] = {

@@ -19,13 +19,6 @@ BIRTH_GATE_SIGMA = 8.0
 class BirthTerm:
     """One Gaussian term of the birth intensity.
 
-    Parameters
-    ----------
-    mean, std : arrays of shape (D,)
-        In the world frame, uncorrelated.
-    rate : array of shape (O,)
-        Expected births per nominal interval in every flat mode.
-
     Notes
     -----
     Sec. V, gamma_{k,c}. A term has births of all classes, so that its position does not imply the
@@ -33,9 +26,10 @@ class BirthTerm:
     """
 
     name: str
+    # `mean`, `std`: in the world frame, uncorrelated, (D,).
     mean: FloatArray
     std: FloatArray
-    rate: FloatArray
+    rate: FloatArray  # Expected births per nominal interval in every flat mode, (O,)
 
     def __post_init__(self) -> None:
         for name in ("mean", "std", "rate"):

@@ -29,25 +29,14 @@ GENERATOR_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class ClassModel:
-    """The model of one class of targets.
-
-    Parameters
-    ----------
-    snr_band : tuple of two floats
-        Lowest and highest mean signal-to-noise ratio of the class's targets (linear, not dB).
-    motions : tuple of MotionModel
-        The class's R motion modes.
-    mode_transition : array of shape (R, R)
-        Motion-mode matrix for the nominal interval.
-    survival_probability : float
-        Probability to survive one nominal interval.
-    """
+    """The model of one class of targets."""
 
     name: str
+    # Lowest and highest mean signal-to-noise ratio of the class's targets (linear, not dB).
     snr_band: tuple[float, float]
-    motions: tuple[MotionModel, ...]
-    mode_transition: FloatArray
-    survival_probability: float
+    motions: tuple[MotionModel, ...]  # The class's R motion modes
+    mode_transition: FloatArray  # Motion-mode matrix for the nominal interval, (R, R)
+    survival_probability: float  # Probability to survive one nominal interval
 
 
 def markov_generator(transition: FloatArray) -> FloatArray | None:
@@ -96,16 +85,10 @@ def _stationary_distribution(transition: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class ModeSpace:
-    """The flat mode space of a set of classes.
-
-    Parameters
-    ----------
-    interval_s : float
-        Nominal interval of the classes' matrices and probabilities, seconds.
-    """
+    """The flat mode space of a set of classes."""
 
     classes: tuple[ClassModel, ...]
-    interval_s: float
+    interval_s: float  # Nominal interval of the classes' matrices and probabilities, seconds
 
     @cached_property
     def class_of(self) -> IntArray:

@@ -69,18 +69,13 @@ def _planar_noise(dt: float, spectral_density: float) -> FloatArray:
 class ConstantVelocity:
     """Nearly constant velocity, turn rate zero.
 
-    Parameters
-    ----------
-    noise_density : float
-        Spectral density l of the white acceleration, m^2/s^3.
-
     Notes
     -----
     Sec. V, F_{k,CV} and Q_{k,CV}. Deviation: the printed variance of omega is zero, a point mass,
     so the densities of this mode are four-dimensional here.
     """
 
-    noise_density: float
+    noise_density: float  # Spectral density l of the white acceleration, m^2/s^3
     support: tuple[int, ...] = (X, VX, Y, VY)
     space: StateSpace = PLANAR
 
@@ -109,13 +104,6 @@ class ConstantVelocity:
 class CoordinatedTurn:
     """Coordinated turn with unknown turn rate.
 
-    Parameters
-    ----------
-    noise_density : float
-        Spectral density l1 of the white acceleration, m^2/s^3.
-    turn_noise_density : float
-        Spectral density l2 of the white turn acceleration, rad^2/s^3.
-
     Notes
     -----
     Sec. V, F_{k,CT} and Q_{k,CT}. Deviation: the printed position terms -cos(wT)/w do not vanish
@@ -124,8 +112,8 @@ class CoordinatedTurn:
     T (sin a / a) cos a and T (sin a / a) sin a, which is exact at w = 0.
     """
 
-    noise_density: float
-    turn_noise_density: float
+    noise_density: float  # Spectral density l1 of the white acceleration, m^2/s^3
+    turn_noise_density: float  # Spectral density l2 of the white turn acceleration, rad^2/s^3
     support: tuple[int, ...] = (X, VX, Y, VY, OMEGA)
     space: StateSpace = PLANAR
 
@@ -191,15 +179,10 @@ class CoordinatedTurn:
 
 @dataclass(frozen=True)
 class Stationary:
-    """At rest: a position that drifts slowly, with neither velocity nor turn rate.
+    """At rest: a position that drifts slowly, with neither velocity nor turn rate."""
 
-    Parameters
-    ----------
-    noise_density : float
-        Spectral density of the white velocity with which the position drifts, m^2/s, as that of a
-        ship at anchor.
-    """
-
+    # Spectral density of the white velocity with which the position drifts, m^2/s, as that of a
+    # ship at anchor.
     noise_density: float
     support: tuple[int, ...] = (X, Y)
     space: StateSpace = PLANAR

@@ -11,18 +11,6 @@ from ..arrays import FloatArray, read_only
 class SpawnModel:
     """The spawn intensity beta.
 
-    Parameters
-    ----------
-    rate : float
-        lambda_beta, expected spawned targets per target and nominal interval.
-    transition : array of shape (O, O)
-        Flat mode of the parent to flat mode of the spawned target; rows sum to one. It is the
-        class matrix b times the mode matrix; unlike survival, it can change the class.
-    std : array of shape (D,)
-        Standard deviations of the spawned state about its predicted parent, in the world frame.
-    particles_per_target : int
-        Number of particles for the expected number of targets that one target spawns.
-
     Notes
     -----
     Sec. V, beta_{k|k-1}. Deviation: the printed kernel is centred on x_{k-1}, one interval behind
@@ -30,9 +18,13 @@ class SpawnModel:
     mean.
     """
 
-    rate: float
+    rate: float  # lambda_beta, expected spawned targets per target and nominal interval
+    # (O, O). Flat mode of the parent to flat mode of the spawned target; rows sum to one. It is the
+    # class matrix b times the mode matrix; unlike survival, it can change the class.
     transition: FloatArray
+    # Standard deviations of the spawned state about its predicted parent, in the world frame, (D,).
     std: FloatArray
+    # Number of particles for the expected number of targets that one target spawns.
     particles_per_target: int
 
     def __post_init__(self) -> None:

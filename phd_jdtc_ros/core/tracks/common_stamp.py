@@ -26,15 +26,9 @@ TURN_STEP = 1e-6
 
 @dataclass(frozen=True)
 class Schedule:
-    """Stamps at which estimates are published.
+    """Stamps at which estimates are published."""
 
-    Parameters
-    ----------
-    period_ns : int
-        Estimates are published at multiples of this; 0 for the stamp of every scan.
-    """
-
-    period_ns: int
+    period_ns: int  # Estimates are published at multiples of this; 0 for the stamp of every scan
 
     def between(self, after_ns: int, before_ns: int) -> list[int]:
         """Return the publication stamps from one scan's stamp to before the next one's, ascending.

@@ -100,18 +100,10 @@ def _among_reflectors(estimates: Estimates, model: TrackerModel) -> FloatArray:
 
 
 class _Detection(NamedTuple):
-    """Detection or miss of each track in a scan, arrays of shape (T,).
+    """Detection or miss of each track in a scan, arrays of shape (T,)."""
 
-    Parameters
-    ----------
-    miss_probability : array
-        Probability that no radar of the scan detects the track.
-    covered : bool array
-        Whether the scan can show that the track was missed.
-    """
-
-    miss_probability: FloatArray
-    covered: BoolArray
+    miss_probability: FloatArray  # Probability that no radar of the scan detects the track
+    covered: BoolArray  # Whether the scan can show that the track was missed
     missed: BoolArray
     detected: BoolArray
 

@@ -15,31 +15,22 @@ MAX_COUNT = 1e18
 
 
 class ConfirmationRecords(NamedTuple):
-    """Confirmation state of each live track, confirmed or not.
+    """Confirmation state of each live track, confirmed or not."""
 
-    Parameters
-    ----------
-    label : int array of shape (T,)
-        Ascending.
-    stamp_ns, detected_ns : int arrays of shape (T,)
-        Stamps of the last scan that swept the track, and of its last detection.
-    existence : array of shape (T,)
-        Existence probability at `stamp_ns`.
-    state : int array of shape (T,)
-        `TENTATIVE`, `CONFIRMED` or `COASTING`.
-    expected, missed : arrays of shape (T,)
-        Expected and actual number of missed detections since confirmation.
-    factor : array of shape (T,)
-        Correction of the odds of existence for the misses since the last detection.
-    """
-
-    label: Annotated[IntArray, integers("T", 1, ascending=True)]
+    label: Annotated[IntArray, integers("T", 1, ascending=True)]  # Ascending, (T,)
+    # `stamp_ns`, `detected_ns`: stamps of the last scan that swept the track, and of its last
+    # detection, (T,).
     stamp_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]
     detected_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]
+    # Existence probability at `stamp_ns`, (T,).
     existence: Annotated[FloatArray, floats("T", 0.0, MAX_MASS)]
+    # `TENTATIVE`, `CONFIRMED` or `COASTING`, (T,).
     state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)]
+    # `expected`, `missed`: expected and actual number of missed detections since confirmation,
+    # (T,).
     expected: Annotated[FloatArray, floats("T", 0.0, MAX_COUNT)]
     missed: Annotated[FloatArray, floats("T", 0.0, MAX_COUNT)]
+    # Correction of the odds of existence for the misses since the last detection, (T,).
     factor: Annotated[FloatArray, floats("T", 0.0, MAX_COUNT)]
 
     @staticmethod

@@ -37,18 +37,10 @@ MAX_ADDRESS = (1 << 24) - 1
 
 @dataclass(frozen=True)
 class Reach:
-    """Limits within which a new track may belong to an aircraft without a track.
+    """Limits within which a new track may belong to an aircraft without a track."""
 
-    Parameters
-    ----------
-    kept_s : float
-        Time for which aircraft are stored, seconds.
-    speed : float
-        Speed of the fastest aircraft, metres per second.
-    """
-
-    kept_s: float
-    speed: float
+    kept_s: float  # Time for which aircraft are stored, seconds
+    speed: float  # Speed of the fastest aircraft, metres per second
 
     @staticmethod
     def of(model: TrackerModel) -> Reach | None:
@@ -60,20 +52,12 @@ class Reach:
 
 
 class LastSeen(NamedTuple):
-    """Last confirmed estimate of a track.
-
-    Parameters
-    ----------
-    position : tuple of two floats
-        In the world frame, metres.
-    speed : float
-        Metres per second.
-    """
+    """Last confirmed estimate of a track."""
 
     address: int
     stamp_ns: int
-    position: tuple[float, float]
-    speed: float
+    position: tuple[float, float]  # In the world frame, metres
+    speed: float  # Metres per second
 
     def may_be_at(self, position: Sequence[float], stamp_ns: int, reach: Reach) -> bool:
         """Return whether the aircraft can be at a position at an earlier or later time."""
@@ -95,14 +79,9 @@ class Seen(NamedTuple):
 
 @dataclass
 class KnownAircraft:
-    """Numbers and last estimates of the tracks with known addresses.
+    """Numbers and last estimates of the tracks with known addresses."""
 
-    Parameters
-    ----------
-    seen : dict of number to LastSeen
-        In the order of their last confirmed estimates.
-    """
-
+    # Dict of number to LastSeen. In the order of their last confirmed estimates.
     seen: dict[int, LastSeen] = field(default_factory=dict)
     _of_address: dict[int, set[int]] = field(init=False, repr=False)
 

@@ -19,20 +19,14 @@ from ..types import Detections, Estimates
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle in the world frame.
+    """A rectangle in the world frame."""
 
-    Parameters
-    ----------
-    x_min, y_min, x_max, y_max : float
-        Bounds of the core region, metres.
-    margin : float
-        Width of the strip around the core region that the tracker also covers, metres.
-    """
-
+    # `x_min`, `y_min`, `x_max`, `y_max`: bounds of the core region, metres.
     x_min: float
     y_min: float
     x_max: float
     y_max: float
+    # Width of the strip around the core region that the tracker also covers, metres.
     margin: float = 0.0
 
     def depth(self, position: FloatArray) -> FloatArray:

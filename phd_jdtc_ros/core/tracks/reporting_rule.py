@@ -31,33 +31,21 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class ReportingRule:
-    """Thresholds for the confirmation and the deletion of tracks.
+    """Thresholds for the confirmation and the deletion of tracks."""
 
-    Parameters
-    ----------
-    confirm : array of shape (C,)
-        Existence probability above which a track of each class is confirmed.
-    delete : array of shape (C,)
-        Existence probability below which a confirmed track is no longer reported.
-    hidden : array of shape (C,)
-        As `delete`, for tracks without coverage for `confirmation.PATIENCE`.
-    reported : bool array of shape (C,)
-        Whether targets of each class are reported at all; see `report_resting` of `rule_of`.
-    record_weight : array of shape (C,)
-        Weight of the class's detection probability against the track's own record, as a number of
-        expected misses. Infinite if the record is not used.
-    labelled : bool
-        Whether estimates have labels. If not, estimates above `confirm` are reported in each scan.
-    coasting_s : float
-        Time for which tracks outside all coverage are reported after their last detection, seconds.
-    """
-
+    # Existence probability above which a track of each class is confirmed, (C,).
     confirm: FloatArray
+    # Existence probability below which a confirmed track is no longer reported, (C,).
     delete: FloatArray
-    hidden: FloatArray
+    hidden: FloatArray  # As `delete`, for tracks without coverage for `confirmation.PATIENCE`, (C,)
+    # (C,). Whether targets of each class are reported at all; see `report_resting` of `rule_of`.
     reported: BoolArray
+    # (C,). Weight of the class's detection probability against the track's own record, as a number
+    # of expected misses. Infinite if the record is not used.
     record_weight: FloatArray
+    # Whether estimates have labels. If not, estimates above `confirm` are reported in each scan.
     labelled: bool = True
+    # Time for which tracks outside all coverage are reported after their last detection, seconds.
     coasting_s: float = np.inf
 
     @property

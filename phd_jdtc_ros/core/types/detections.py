@@ -21,18 +21,11 @@ SENSORS = ("psr", "ssr", "mds")
 
 @dataclass(frozen=True)
 class Coverage:
-    """The azimuths that a radar's antenna swept for one report.
+    """The azimuths that a radar's antenna swept for one report."""
 
-    Parameters
-    ----------
-    start : float
-        First azimuth in the radar's frame, radians counter-clockwise from the x axis.
-    width : float
-        Extent counter-clockwise from `start`, radians; more than 0 and at most 2 pi. An antenna
-        that turns clockwise sweeps it from end to start.
-    """
-
-    start: float
+    start: float  # First azimuth in the radar's frame, radians counter-clockwise from the x axis
+    # Extent counter-clockwise from `start`, radians; more than 0 and at most 2 pi. An antenna that
+    # turns clockwise sweeps it from end to start.
     width: float
 
     def __post_init__(self) -> None:
@@ -54,73 +47,52 @@ UNKNOWN_COVERAGE = Coverage(0.0, 1e-9)
 
 @dataclass(frozen=True)
 class Pose:
-    """Position, heading and velocity of a sensor or its platform.
+    """Position, heading and velocity of a sensor or its platform."""
 
-    Parameters
-    ----------
-    position : tuple of two floats
-        In the world frame, metres.
-    yaw : float
-        Direction of its x axis in the world frame, radians counter-clockwise; NaN if unknown.
-    velocity : tuple of two floats
-        In the world frame, metres per second; zero where it is not needed.
-    """
-
-    position: tuple[float, float]
+    position: tuple[float, float]  # In the world frame, metres
+    # Direction of its x axis in the world frame, radians counter-clockwise; NaN if unknown.
     yaw: float
+    # In the world frame, metres per second; zero where it is not needed.
     velocity: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Detections:
-    """Detections of one radar in one scan, in the frame of that radar.
+    """Detections of one radar in one scan, in the frame of that radar."""
 
-    Parameters
-    ----------
-    measurement : array of shape (M, Z)
-        For the polar radar Z = 2: range in metres, azimuth in radians counter-clockwise from the
-        sensor's x axis.
-    amplitude : array of shape (M,) or None
-        Linear envelope in units of the noise's per-quadrature standard deviation. NaN where it is
-        unknown. None when the radar reports no amplitude: the class likelihood is then neutral.
-    time_s : array of shape (M,) or None
-        Time of each detection relative to the scan's stamp, seconds; None if all are at the stamp.
-    noise_std : array of shape (M, Z) or None
-        Standard deviations of each detection, in the units of the measurement; None for the radar
-        model's.
-    coverage : Coverage or None
-        The swept azimuths; None for the radar's whole field of view, `UNKNOWN_COVERAGE` if they are
-        unknown. Detections outside the coverage are valid.
-    pose : Pose or None
-        Pose of the radar at the scan's stamp, to which all measurements are relative; None for the
-        radar model's.
-    range_rate : array of shape (M,) or None
-        Metres per second relative to the radar, positive for a receding target, modulo the radar's
-        ambiguity; NaN if unknown. None when the radar reports none.
-    range_rate_std : array of shape (M,) or None
-        Standard deviation of each range rate, metres per second; NaN, and None for all, for the
-        radar model's.
-    height : array of shape (M,) or None
-        Above the world's zero, metres; NaN where it is unknown. None when the radar reports none.
-    code, address : int array of shape (M,) or None
-        Mode A code, 12 bits, and Mode S address, 24 bits, of the transponder's reply; `UNKNOWN`
-        without one. None when the radar reports none.
-    kind : int array of shape (M,) or None
-        Sensor type, the TYP of I048/020: 1 primary, 2 secondary, 3 both, 4 and 5 Mode S, 6 and 7
-        Mode S and primary; `UNKNOWN` otherwise. None when the radar reports none.
-    """
-
+    # For the polar radar Z = 2: range in metres, azimuth in radians counter-clockwise from the
+    # sensor's x axis, (M, Z).
     measurement: FloatArray
+    # (M,). Linear envelope in units of the noise's per-quadrature standard deviation. NaN where it
+    # is unknown. None when the radar reports no amplitude: the class likelihood is then neutral.
     amplitude: FloatArray | None
+    # (M,). Time of each detection relative to the scan's stamp, seconds; None if all are at the
+    # stamp.
     time_s: FloatArray | None = None
+    # (M, Z). Standard deviations of each detection, in the units of the measurement; None for the
+    # radar model's.
     noise_std: FloatArray | None = None
+    # The swept azimuths; None for the radar's whole field of view, `UNKNOWN_COVERAGE` if they are
+    # unknown. Detections outside the coverage are valid.
     coverage: Coverage | None = None
+    # Pose of the radar at the scan's stamp, to which all measurements are relative; None for the
+    # radar model's.
     pose: Pose | None = None
+    # (M,). Metres per second relative to the radar, positive for a receding target, modulo the
+    # radar's ambiguity; NaN if unknown. None when the radar reports none.
     range_rate: FloatArray | None = None
+    # (M,). Standard deviation of each range rate, metres per second; NaN, and None for all, for the
+    # radar model's.
     range_rate_std: FloatArray | None = None
+    # (M,). Above the world's zero, metres; NaN where it is unknown. None when the radar reports
+    # none.
     height: FloatArray | None = None
+    # `code`, `address`: (M,). Mode A code, 12 bits, and Mode S address, 24 bits, of the
+    # transponder's reply; `UNKNOWN` without one. None when the radar reports none.
     code: IntArray | None = None
     address: IntArray | None = None
+    # (M,). Sensor type, the TYP of I048/020: 1 primary, 2 secondary, 3 both, 4 and 5 Mode S, 6 and
+    # 7 Mode S and primary; `UNKNOWN` otherwise. None when the radar reports none.
     kind: IntArray | None = None
 
     def __post_init__(self) -> None:
@@ -158,16 +130,10 @@ class Detections:
 
 @dataclass(frozen=True)
 class Scan:
-    """All detections with a common stamp.
+    """All detections with a common stamp."""
 
-    Parameters
-    ----------
-    stamp_ns : int
-        Time of the scan in nanoseconds.
-    detections : tuple of (Detections or None), one entry per radar, in the configured order
-        None if that radar did not report at this stamp. The filter is then not updated with it,
-        which differs from an update with zero detections.
-    """
-
-    stamp_ns: int
+    stamp_ns: int  # Time of the scan in nanoseconds
+    # Tuple of (Detections or None), one entry per radar, in the configured order. None if that
+    # radar did not report at this stamp. The filter is then not updated with it, which differs from
+    # an update with zero detections.
     detections: tuple[Detections | None, ...]

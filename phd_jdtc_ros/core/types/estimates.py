@@ -27,25 +27,18 @@ _NOT_GIVEN: IntArray = np.zeros(0, dtype=np.int64)
 
 @dataclass(frozen=True)
 class Attributes:
-    """Heights and identities of targets, in addition to their states.
+    """Heights and identities of targets, in addition to their states."""
 
-    Parameters
-    ----------
-    height : array of shape (T, 2)
-        Above the world's zero and climb rate, metres and metres per second; NaN where unknown.
-    height_covariance : array of shape (T, 2, 2)
-        NaN where unknown.
-    code, address : int arrays of shape (T,)
-        Mode A code and Mode S address; `UNKNOWN` if there is none or none is probable enough.
-    seen_ns : int array of shape (T, S) or None
-        Time of the last detection by each of `SENSORS`, nanoseconds; `UNKNOWN` for never. None if
-        no radar reports sensor types, and in smoothed estimates.
-    """
-
+    # (T, 2). Above the world's zero and climb rate, metres and metres per second; NaN where
+    # unknown.
     height: FloatArray
-    height_covariance: FloatArray
+    height_covariance: FloatArray  # NaN where unknown, (T, 2, 2)
+    # `code`, `address`: (T,). Mode A code and Mode S address; `UNKNOWN` if there is none or none is
+    # probable enough.
     code: IntArray
     address: IntArray
+    # (T, S). Time of the last detection by each of `SENSORS`, nanoseconds; `UNKNOWN` for never.
+    # None if no radar reports sensor types, and in smoothed estimates.
     seen_ns: IntArray | None = None
 
     def __post_init__(self) -> None:
@@ -103,46 +96,28 @@ class _Targets:
 
 @dataclass(frozen=True)
 class Estimates(_Targets):
-    """Targets extracted from an intensity.
+    """Targets extracted from an intensity."""
 
-    Parameters
-    ----------
-    stamp_ns : int
-        Time of the states in nanoseconds.
-    lag : int
-        Number of later scans used in the estimates; 0 for filtered ones.
-    state : array of shape (T, D)
-        In the world frame; metres, metres per second, radians per second.
-    covariance : array of shape (T, D, D)
-        Covariance of the state, in the same units.
-    weight : array of shape (T,)
-        Existence probability of the target: the mass of its component; biased with the PHD filter.
-    class_probability : array of shape (T, C)
-    class_id : int array of shape (T,)
-    track_id : int array of shape (T,)
-        Track number, from 1. Within an engine, before `TrackNumbers.assign`, label + 1. 0 for an
-        estimate without a label.
-    space : StateSpace
-        Axes of the states.
-    track_state : int array of shape (T,)
-        `TENTATIVE`, `CONFIRMED` or `COASTING`; by default all are confirmed.
-    attributes : Attributes or None
-        Heights and identities; None if no radar reports any.
-    """
-
-    stamp_ns: int
-    lag: int
+    stamp_ns: int  # Time of the states in nanoseconds
+    lag: int  # Number of later scans used in the estimates; 0 for filtered ones
+    # (T, D). In the world frame; metres, metres per second, radians per second.
     state: Annotated[FloatArray, floats("TD", -MAX_STATE, MAX_STATE)]
+    # Covariance of the state, in the same units, (T, D, D).
     covariance: Annotated[FloatArray, covariances("TDD", MAX_STATE)]
+    # (T,). Existence probability of the target: the mass of its component; biased with the PHD
+    # filter.
     weight: Annotated[FloatArray, floats("T", 0.0, MAX_MASS)]
-    class_probability: Annotated[FloatArray, floats("TC", 0.0, MAX_MASS)]
-    class_id: Annotated[IntArray, integers("T", 0, below="C")]
+    class_probability: Annotated[FloatArray, floats("TC", 0.0, MAX_MASS)]  # (T, C)
+    class_id: Annotated[IntArray, integers("T", 0, below="C")]  # (T,)
+    # (T,). Track number, from 1. Within an engine, before `TrackNumbers.assign`, label + 1. 0 for
+    # an estimate without a label.
     track_id: Annotated[IntArray, integers("T", 0)]
-    space: StateSpace = PLANAR
+    space: StateSpace = PLANAR  # Axes of the states
+    # (T,). `TENTATIVE`, `CONFIRMED` or `COASTING`; by default all are confirmed.
     track_state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)] = field(
         default_factory=lambda: _NOT_GIVEN
     )
-    attributes: Attributes | None = None
+    attributes: Attributes | None = None  # Heights and identities; None if no radar reports any
 
     @property
     def position_covariance(self) -> FloatArray:
@@ -214,25 +189,14 @@ FILTERED, SMOOTHED = SOURCES = ("filtered", "smoothed")
 
 @dataclass(frozen=True)
 class Truth(_Targets):
-    """The targets that exist at one stamp.
-
-    Parameters
-    ----------
-    state : array of shape (T, D)
-    track_id : int array of shape (T,)
-        Counted from 1 in the order of the scenario.
-    class_id : int array of shape (T,)
-    space : StateSpace
-        What the axes of the states are.
-    height : array of shape (T, 2) or None
-        Height and climb rate, metres and metres per second; None if they are not known.
-    """
+    """The targets that exist at one stamp."""
 
     stamp_ns: int
-    state: FloatArray
-    track_id: IntArray
-    class_id: IntArray
-    space: StateSpace = PLANAR
+    state: FloatArray  # (T, D)
+    track_id: IntArray  # Counted from 1 in the order of the scenario, (T,)
+    class_id: IntArray  # (T,)
+    space: StateSpace = PLANAR  # What the axes of the states are
+    # (T, 2). Height and climb rate, metres and metres per second; None if they are not known.
     height: FloatArray | None = None
 
     def __post_init__(self) -> None:

@@ -30,27 +30,17 @@ LEAST_DETECTED = 1e-3
 
 
 class AntennaPass(NamedTuple):
-    """The sectors that an antenna has passed within half a turn.
+    """The sectors that an antenna has passed within half a turn."""
 
-    Parameters
-    ----------
-    stamp_ns : int
-        Stamp of the last sector.
-    start, width : float
-        Azimuths that the sectors cover together, as in `Coverage`, radians.
-    label : int array of shape (K,)
-        Targets that these sectors may have detected, ascending.
-    unseen : array of shape (K,)
-        Probability that they have not detected each target, given that it exists.
-    seen_ns : int array of shape (K,)
-        Stamp of the last sector that may have detected each target.
-    """
-
-    stamp_ns: Annotated[int, integers("", 0, MAX_STAMP_NS)]
+    stamp_ns: Annotated[int, integers("", 0, MAX_STAMP_NS)]  # Stamp of the last sector
+    # `start`, `width`: azimuths that the sectors cover together, as in `Coverage`, radians.
     start: Annotated[float, floats("", -np.pi, np.pi)]
     width: Annotated[float, floats("", 1e-12, WIDEST)]
+    # Targets that these sectors may have detected, ascending, (K,).
     label: Annotated[IntArray, integers("K", 0, ascending=True)]
+    # Probability that they have not detected each target, given that it exists, (K,).
     unseen: Annotated[FloatArray, floats("K", 0.0, 1.0)]
+    # Stamp of the last sector that may have detected each target, (K,).
     seen_ns: Annotated[IntArray, integers("K", 0, MAX_STAMP_NS)]
 
     @staticmethod
@@ -94,14 +84,9 @@ class AntennaPass(NamedTuple):
 
 @dataclass
 class AntennaPasses:
-    """The latest sectors of each turning sensor.
+    """The latest sectors of each turning sensor."""
 
-    Parameters
-    ----------
-    passes : dict of name to AntennaPass
-        By sensor, after its first sector.
-    """
-
+    # By sensor, after its first sector.
     passes: dict[str, AntennaPass] = field(default_factory=dict)
 
     def with_earlier_sectors(self, report: Report, stamp_ns: int) -> Report:

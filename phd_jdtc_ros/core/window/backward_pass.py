@@ -14,21 +14,12 @@ MessageT = TypeVar("MessageT")
 
 @dataclass(frozen=True)
 class Message(Generic[MessageT]):
-    """A backward message to some rows of an earlier set.
+    """A backward message to some rows of an earlier set."""
 
-    Parameters
-    ----------
-    rows : int array or None
-        Receiving rows, ascending; None for all rows.
-    part : slice
-        Indices of these rows in the content, which covers the rows of all sources of the later set.
-    content : object
-        The engine's quantities for the rows of all sources.
-    """
-
-    rows: IntArray | None
+    rows: IntArray | None  # Receiving rows, ascending; None for all rows
+    # Indices of these rows in the content, which covers the rows of all sources of the later set.
     part: slice
-    content: MessageT
+    content: MessageT  # The engine's quantities for the rows of all sources
 
 
 def smoothed_sets(

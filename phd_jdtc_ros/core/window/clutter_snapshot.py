@@ -20,14 +20,9 @@ NAME, MAP, RATE, USUAL = "clutter", "clutter_map", "clutter_rate", "usual_detect
 
 
 class Place(NamedTuple):
-    """The location of a radar with learned clutter.
+    """The location of a radar with learned clutter."""
 
-    Parameters
-    ----------
-    pose : array of shape (3,)
-        World x and y in metres, and yaw in radians.
-    """
-
+    # World x and y in metres, and yaw in radians, (3,).
     pose: Annotated[FloatArray, floats("X", -MAX_STATE, MAX_STATE)]
 
 

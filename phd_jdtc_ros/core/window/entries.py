@@ -21,24 +21,14 @@ from ..state_space import StateSpace
 
 @dataclass(frozen=True)
 class Extents:
-    """Position and velocity of the target of each label, with their spread.
+    """Position and velocity of the target of each label, with their spread."""
 
-    Parameters
-    ----------
-    label : int array of shape (T,)
-        Ascending.
-    target : int array of shape (N,)
-        Index of each row's label in `label`.
-    position, velocity : arrays of shape (T, 2)
-        Means, metres and metres per second.
-    position_std, velocity_std : arrays of shape (T,)
-        Root mean square distances from the means.
-    """
-
-    label: IntArray
-    target: IntArray
+    label: IntArray  # Ascending, (T,)
+    target: IntArray  # Index of each row's label in `label`, (N,)
+    # `position`, `velocity`: means, metres and metres per second, (T, 2).
     position: FloatArray
     velocity: FloatArray
+    # `position_std`, `velocity_std`: root mean square distances from the means, (T,).
     position_std: FloatArray
     velocity_std: FloatArray
 
@@ -81,41 +71,23 @@ LinkT = TypeVar("LinkT")
 
 @dataclass(frozen=True)
 class Source:
-    """The rows of an earlier set that a scan continues.
+    """The rows of an earlier set that a scan continues."""
 
-    Parameters
-    ----------
-    stamp_ns : int
-        Stamp of the earlier set's scan.
-    rows : int array or None
-        Continued rows, ascending; None for all rows.
-    size : int
-        Number of rows.
-    """
-
-    stamp_ns: int
-    rows: IntArray | None
-    size: int
+    stamp_ns: int  # Stamp of the earlier set's scan
+    rows: IntArray | None  # Continued rows, ascending; None for all rows
+    size: int  # Number of rows
 
 
 @dataclass(frozen=True)
 class Entry(Generic[RowsT, LinkT]):
-    """The set that an engine keeps of one scan.
-
-    Parameters
-    ----------
-    stored : Rows
-        Rows of the labels that the scan swept or created.
-    sources : tuple of Source
-        The earlier rows that these continue; empty if there are none.
-    link : object or None
-        Link from `stored` back to the concatenated rows of all sources; None without sources or
-        without smoothing.
-    """
+    """The set that an engine keeps of one scan."""
 
     stamp_ns: int
-    stored: RowsT
+    stored: RowsT  # Rows. Rows of the labels that the scan swept or created.
+    # The earlier rows that these continue; empty if there are none.
     sources: tuple[Source, ...] = ()
+    # Link from `stored` back to the concatenated rows of all sources; None without sources or
+    # without smoothing.
     link: LinkT | None = None
 
     @property
@@ -136,16 +108,10 @@ class Entry(Generic[RowsT, LinkT]):
 
 @dataclass(frozen=True)
 class UnsweptRows(Generic[RowsT, LinkT]):
-    """The rows of an entry that no later scan has swept.
-
-    Parameters
-    ----------
-    rows : int array or None
-        These rows, ascending; None for all rows.
-    """
+    """The rows of an entry that no later scan has swept."""
 
     entry: Entry[RowsT, LinkT]
-    rows: IntArray | None = None
+    rows: IntArray | None = None  # These rows, ascending; None for all rows
 
     def __len__(self) -> int:
         return len(self.entry.stored) if self.rows is None else len(self.rows)

@@ -39,19 +39,11 @@ NUMBERS = "numbers"
 
 @dataclass(frozen=True)
 class Part(Generic[RowsT]):
-    """Some targets of a set, for extraction.
-
-    Parameters
-    ----------
-    rows : int array or None
-        The rows of these targets; None for all rows.
-    stamp_ns : int
-        Stamp of the set's scan.
-    """
+    """Some targets of a set, for extraction."""
 
     stored: RowsT
-    rows: IntArray | None
-    stamp_ns: int
+    rows: IntArray | None  # The rows of these targets; None for all rows
+    stamp_ns: int  # Stamp of the set's scan
 
 
 @dataclass
@@ -60,11 +52,6 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     An engine is a subclass that implements the extraction of targets, the backward pass over the
     window, and the storage of an entry.
-
-    Parameters
-    ----------
-    rule : ReportingRule
-        When tracks are reported.
     """
 
     STATE: ClassVar[tuple[str, ...]] = (
@@ -74,7 +61,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     forward: ForwardFilter[RowsT, LinkT]
     lag: Lag
     schedule: Schedule
-    rule: ReportingRule
+    rule: ReportingRule  # When tracks are reported
     _states: TrackStates = field(init=False, repr=False)
     _tracks: TrackNumbers = field(init=False, repr=False)
     _window: list[Entry[RowsT, LinkT]] = field(init=False, repr=False)

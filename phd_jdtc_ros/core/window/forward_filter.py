@@ -31,52 +31,31 @@ def _ignore(stage: str) -> None:
 
 
 class Progress(NamedTuple):
-    """The filter's part of a snapshot, without its sets.
+    """The filter's part of a snapshot, without its sets."""
 
-    Parameters
-    ----------
-    scan_index : int
-        Index of the next scan.
-    birth, born_ns : int arrays of shape (B,)
-        Birth terms, and the time of the antenna's last pass over each, nanoseconds.
-    unswept_ns : int array of shape (Q,)
-        Stamps of the sets that later scans continue.
-    """
-
-    scan_index: Annotated[int, integers("", 0, MAX_SCANS)]
+    scan_index: Annotated[int, integers("", 0, MAX_SCANS)]  # Index of the next scan
+    # `birth`, `born_ns`: birth terms, and the time of the antenna's last pass over each,
+    # nanoseconds, (B,).
     birth: Annotated[IntArray, integers("B", 0, MAX_SCANS)]
     born_ns: Annotated[IntArray, integers("B", 0, MAX_STAMP_NS)]
+    # Stamps of the sets that later scans continue, (Q,).
     unswept_ns: Annotated[IntArray, integers("Q", 0, MAX_STAMP_NS, key="current_ns")]
 
 
 @dataclass(frozen=True)
 class Filtered(Generic[RowsT, LinkT]):
-    """The result of one step of a filter.
+    """The result of one step of a filter."""
 
-    Parameters
-    ----------
-    updated : Rows
-        The set after the update with all radars; the filtered targets are extracted from it.
-    entry : Entry
-        The entry to keep: the reduced set, and its link to earlier sets.
-    earlier : tuple of Entry
-        The entries it is linked to; the step may replace earlier entries of the same stamps.
-    """
-
+    # Rows. The set after the update with all radars; the filtered targets are extracted from it.
     updated: RowsT
-    entry: Entry[RowsT, LinkT]
+    entry: Entry[RowsT, LinkT]  # The entry to keep: the reduced set, and its link to earlier sets
+    # The entries it is linked to; the step may replace earlier entries of the same stamps.
     earlier: tuple[Entry[RowsT, LinkT], ...]
 
 
 @dataclass
 class ForwardFilter(ABC, Generic[RowsT, LinkT]):
-    """A filter over scans, with the sets that later scans continue.
-
-    Parameters
-    ----------
-    on_stage_end : callable
-        Called with the name of each stage of a step when it ends, for timing.
-    """
+    """A filter over scans, with the sets that later scans continue."""
 
     STATE: ClassVar[tuple[str, ...]] = (
         *("unswept", "stamp_ns", "_born_ns", "_scan_index"),
@@ -84,6 +63,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     )
 
     model: TrackerModel
+    # Called with the name of each stage of a step when it ends, for timing.
     on_stage_end: Callable[[str], None] = field(default=_ignore, kw_only=True)
     # The stamps ascend; the last element has all rows of the last scan's set.
     unswept: list[UnsweptRows[RowsT, LinkT]] = field(init=False, repr=False)

@@ -36,37 +36,21 @@ LEAST_EXISTENCE = 1e-12
 
 @dataclass(frozen=True)
 class UpdatedScan(Generic[RowsT]):
-    """Rows after the reports of a scan.
-
-    Parameters
-    ----------
-    newborns : tuple of Newborn
-        By report; empty if births at detections are disabled.
-    approximate : int
-        Number of clusters of targets too large for exact association probabilities.
-    """
+    """Rows after the reports of a scan."""
 
     rows: RowsT
-    newborns: tuple[Newborn, ...]
-    approximate: int
+    newborns: tuple[Newborn, ...]  # By report; empty if births at detections are disabled
+    approximate: int  # Number of clusters of targets too large for exact association probabilities
 
 
 @dataclass(frozen=True)
 class Updated(UpdatedScan[RowsT]):
-    """Rows after one report.
+    """Rows after one report."""
 
-    Parameters
-    ----------
-    label : int array of shape (T,)
-        Label of each target before the report, ascending.
-    detected : array of shape (T,)
-        Probability that the report detected each target, given that it exists.
-    look : Look or None
-        The report as a look at these targets; None if no sensor's misses are correlated.
-    """
-
-    label: IntArray
+    label: IntArray  # Label of each target before the report, ascending, (T,)
+    # Probability that the report detected each target, given that it exists, (T,).
     detected: FloatArray
+    # The report as a look at these targets; None if no sensor's misses are correlated.
     look: Look | None = None
 
 

@@ -26,36 +26,18 @@ RowsT = TypeVar("RowsT")
 
 @dataclass(frozen=True)
 class Posterior(Generic[RowsT]):
-    """Rows after one report, and the association that led to them.
-
-    Parameters
-    ----------
-    claims : Claims
-        Association likelihoods of the P pairs.
-    sources : CompetingSources
-        Sources of the detections other than these targets.
-    claimed_probability : array of shape (M,)
-        Probability that a known target is the source of each detection.
-    pair_probability : array of shape (P,)
-        Association probability of each pair.
-    existence : array of shape (T,)
-        Existence probability of each target.
-    evidence : Evidence or None
-        Identities and heights as evidence for these pairs.
-    noise : NoiseEvidence or None
-        Evidence on the sensor's noise; None if its noise is known.
-    approximate : int
-        Number of clusters of targets too large for exact association probabilities.
-    """
+    """Rows after one report, and the association that led to them."""
 
     rows: RowsT
-    claims: Claims
-    sources: CompetingSources
+    claims: Claims  # Association likelihoods of the P pairs
+    sources: CompetingSources  # Sources of the detections other than these targets
+    # Probability that a known target is the source of each detection, (M,).
     claimed_probability: FloatArray
-    pair_probability: FloatArray
-    existence: FloatArray
-    evidence: Evidence | None
-    noise: NoiseEvidence | None = None
+    pair_probability: FloatArray  # Association probability of each pair, (P,)
+    existence: FloatArray  # Existence probability of each target, (T,)
+    evidence: Evidence | None  # Identities and heights as evidence for these pairs
+    noise: NoiseEvidence | None = None  # Evidence on the sensor's noise; None if its noise is known
+    # Number of clusters of targets too large for exact association probabilities.
     approximate: int = 0
 
 

@@ -14,40 +14,22 @@ from .entries import Entry, LinkT, Rows, RowsT, Source, UnsweptRows
 
 
 class Window(NamedTuple):
-    """The window's part of a snapshot.
+    """The window's part of a snapshot."""
 
-    Parameters
-    ----------
-    stamps_ns : int array of shape (Q,)
-        Stamps whose smoothed estimates are pending.
-    entries : int
-        Number of sets.
-    """
-
+    # Stamps whose smoothed estimates are pending, (Q,).
     stamps_ns: Annotated[IntArray, integers("Q", 0, MAX_STAMP_NS, ascending=True)]
-    entries: Annotated[int, integers("", 0, MAX_SCANS)]
+    entries: Annotated[int, integers("", 0, MAX_SCANS)]  # Number of sets
 
 
 class Sources(NamedTuple):
-    """The stamp and sources of an entry as arrays.
-
-    Parameters
-    ----------
-    source_ns : int array of shape (Q,)
-        Stamp of each source.
-    size : int array of shape (Q,)
-        Number of rows of each source.
-    listed : int array of shape (Q,)
-        1 if the rows of a source are listed in `rows`, 0 if it has all rows of its set.
-    rows : int array of shape (R,)
-        Concatenated rows of all listed sources.
-    """
+    """The stamp and sources of an entry as arrays."""
 
     stamp_ns: Annotated[int, integers("", 0, MAX_STAMP_NS)]
-    source_ns: Annotated[IntArray, integers("Q", 0, MAX_STAMP_NS)]
-    size: Annotated[IntArray, integers("Q", 0)]
+    source_ns: Annotated[IntArray, integers("Q", 0, MAX_STAMP_NS)]  # Stamp of each source, (Q,)
+    size: Annotated[IntArray, integers("Q", 0)]  # Number of rows of each source, (Q,)
+    # 1 if the rows of a source are listed in `rows`, 0 if it has all rows of its set, (Q,).
     listed: Annotated[IntArray, integers("Q", 0, 1)]
-    rows: Annotated[IntArray, integers("R", 0)]
+    rows: Annotated[IntArray, integers("R", 0)]  # Concatenated rows of all listed sources, (R,)
 
 
 class UnsweptIndices(NamedTuple):

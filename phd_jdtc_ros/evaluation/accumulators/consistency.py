@@ -25,17 +25,10 @@ EXPECTED_OUTSIDE = float(np.exp(-0.5 * BOUND**2))
 
 
 class Ages(NamedTuple):
-    """A group of track ages, in scans since the number was first reported.
+    """A group of track ages, in scans since the number was first reported."""
 
-    Parameters
-    ----------
-    name : str
-        Part of the keys of values and figures; empty for the group of all pairs.
-    first, last : int
-        Lowest and highest age, inclusive.
-    """
-
-    name: str
+    name: str  # Part of the keys of values and figures; empty for the group of all pairs
+    # `first`, `last`: lowest and highest age, inclusive.
     first: int
     last: int
 

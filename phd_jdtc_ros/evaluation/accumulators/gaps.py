@@ -17,22 +17,13 @@ LONG_GAP_S = 16.4
 
 
 class Gap(NamedTuple):
-    """A time in which a target had no estimate.
+    """A time in which a target had no estimate."""
 
-    Parameters
-    ----------
-    class_id : int
-        Class of the target.
-    duration_s : float
-        Time from the previous estimate, or else the target's first stamp, to the next estimate, or
-        else the target's last stamp.
-    missed : int
-        Number of scans without an estimate.
-    """
-
-    class_id: int
+    class_id: int  # Class of the target
+    # Time from the previous estimate, or else the target's first stamp, to the next estimate, or
+    # else the target's last stamp.
     duration_s: float
-    missed: int
+    missed: int  # Number of scans without an estimate
 
     @property
     def is_long(self) -> bool:

@@ -21,19 +21,11 @@ OSPA2_WINDOW = 10
 
 @dataclass(frozen=True)
 class TrackSet:
-    """Labelled positions of N tracks in K scans.
+    """Labelled positions of N tracks in K scans."""
 
-    Parameters
-    ----------
-    track_id : int array of shape (N,)
-    position : array of shape (N, K, 2)
-        Metres; 0 where the track does not exist.
-    exists : bool array of shape (N, K)
-    """
-
-    track_id: IntArray
-    position: FloatArray
-    exists: BoolArray
+    track_id: IntArray  # (N,)
+    position: FloatArray  # (N, K, 2). Metres; 0 where the track does not exist.
+    exists: BoolArray  # (N, K)
 
     def __len__(self) -> int:
         return len(self.exists)

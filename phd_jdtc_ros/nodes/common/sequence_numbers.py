@@ -16,21 +16,11 @@ WINDOW, MIN_DECREASES = 6, 2
 
 @dataclass
 class _Sequence:
-    """One publisher's sequence of numbers.
+    """One publisher's sequence of numbers."""
 
-    Parameters
-    ----------
-    number : int
-        The number of its latest message.
-    received : int
-        Number of messages received on the topic up to its latest message.
-    skipped : range
-        The numbers missing before its latest message.
-    """
-
-    number: int
-    received: int
-    skipped: range = range(0)
+    number: int  # The number of its latest message
+    received: int  # Number of messages received on the topic up to its latest message
+    skipped: range = range(0)  # The numbers missing before its latest message
 
 
 class SequenceNumbers:

@@ -20,18 +20,12 @@ LINGER_S = 0.5
 
 @dataclass
 class ReceivedClouds:
-    """Counts the clouds of the truth and of the estimates.
+    """Counts the clouds of the truth and of the estimates."""
 
-    Parameters
-    ----------
-    truth, estimates : str, mapping of source to str
-        Their topics.
-    received, refused : Counter
-        Numbers of valid and invalid clouds by topic.
-    """
-
+    # `truth`, `estimates`: str, mapping of source to str. Their topics.
     truth: str
     estimates: Mapping[str, str]
+    # `received`, `refused`: numbers of valid and invalid clouds by topic.
     received: Counter[str] = field(default_factory=Counter)
     refused: Counter[str] = field(default_factory=Counter)
     _first_ns: dict[str, int] = field(default_factory=dict)

@@ -23,11 +23,6 @@ LONGEST_TURN_S = 12.0
 class TrackerHealth:
     """The estimates received from a tracker.
 
-    Parameters
-    ----------
-    limit_s : float
-        Time without clouds beyond the usual interval after which the tracker is quiet, seconds.
-
     Attributes
     ----------
     clouds : Counter
@@ -40,6 +35,7 @@ class TrackerHealth:
         Time of the last cloud by the steady clock, seconds.
     """
 
+    # Time without clouds beyond the usual interval after which the tracker is quiet, seconds.
     limit_s: float
     clouds: Counter[str] = field(default_factory=Counter)
     refused: Counter[str] = field(default_factory=Counter)

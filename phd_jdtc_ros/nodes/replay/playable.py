@@ -30,25 +30,13 @@ _TYPE_NAME = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 
 @dataclass(frozen=True)
 class Playable:
-    """The part of a bag that is played.
-
-    Parameters
-    ----------
-    scan_topics : tuple of str
-        Detections and truth, whose stamps define the scans.
-    detections : tuple of str
-        The scan topics to which a tracker replies with an estimate.
-    truth : tuple of str
-        The other scan topics.
-    skipped : tuple of str
-        One line per topic that cannot be published.
-    """
+    """The part of a bag that is played."""
 
     classes: dict[str, Any]
-    scan_topics: tuple[str, ...]
-    detections: tuple[str, ...]
-    truth: tuple[str, ...]
-    skipped: tuple[str, ...]
+    scan_topics: tuple[str, ...]  # Detections and truth, whose stamps define the scans
+    detections: tuple[str, ...]  # The scan topics to which a tracker replies with an estimate
+    truth: tuple[str, ...]  # The other scan topics
+    skipped: tuple[str, ...]  # One line per topic that cannot be published
 
 
 def select(bag: BagReader, wanted: list[str]) -> Playable:

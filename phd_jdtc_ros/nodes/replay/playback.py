@@ -16,18 +16,10 @@ TOGETHER_NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class Group:
-    """Messages that are published together.
+    """Messages that are published together."""
 
-    Parameters
-    ----------
-    messages : tuple of BagMessage
-        In order of log time; not empty.
-    stamp_ns : int or None
-        Stamp of the scan; None if no message is of a scan topic.
-    """
-
-    messages: tuple[BagMessage, ...]
-    stamp_ns: int | None
+    messages: tuple[BagMessage, ...]  # In order of log time; not empty
+    stamp_ns: int | None  # Stamp of the scan; None if no message is of a scan topic
 
     @property
     def log_time_ns(self) -> int:

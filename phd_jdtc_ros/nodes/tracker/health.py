@@ -61,14 +61,10 @@ class Load:
 
 @dataclass
 class StepHealth:
-    """The tracker's own step time, and whether it keeps up.
+    """The tracker's own step time, and whether it keeps up."""
 
-    Parameters
-    ----------
-    rhythm, pace : Rhythm
-        Intervals of the scans, by their stamps, and of the steps, by the wall clock.
-    """
-
+    # `rhythm`, `pace`: intervals of the scans, by their stamps, and of the steps, by the wall
+    # clock.
     rhythm: Rhythm
     pace: Rhythm
     engine: str = "gaussian"

@@ -29,51 +29,31 @@ WORKING_SHARE = 0.5
 
 @dataclass(frozen=True)
 class Publishers:
-    """The publishers on a topic according to the graph, which lists a killed one for a while.
+    """The publishers on a topic according to the graph, which lists a killed one for a while."""
 
-    Parameters
-    ----------
-    identities : frozenset
-        One identifier per publisher.
-    incompatible : tuple of str
-        One reason per publisher whose QoS prevents receiving from it.
-    hint : str
-        Fault of a topic without publishers of the type; empty if it has some.
-    """
-
-    identities: frozenset[Hashable]
+    identities: frozenset[Hashable]  # One identifier per publisher
+    # One reason per publisher whose QoS prevents receiving from it.
     incompatible: tuple[str, ...] = ()
-    hint: str = ""
+    hint: str = ""  # Fault of a topic without publishers of the type; empty if it has some
 
 
 @dataclass
 class InputHealth:
-    """One radar's stream of reports since the tracker was configured.
-
-    Parameters
-    ----------
-    topic : str
-        Its full name, after remapping.
-    rhythm : Rhythm
-        Intervals between its usable reports, by the wall clock.
-    turn_found_s : float
-        Estimated time of a turn that is not configured, seconds; 0 if there is none.
-    fit : Fit or None
-        The radar's innovations compared with its noise, if known.
-    learned : mapping of name to number
-        What was learned of the radar, without its name; see `SensorMemory.figures`.
-    """
+    """One radar's stream of reports since the tracker was configured."""
 
     name: str
-    topic: str
-    rhythm: Rhythm
+    topic: str  # Its full name, after remapping
+    rhythm: Rhythm  # Intervals between its usable reports, by the wall clock
     received: int = 0
     deadlines_missed: int = 0
     incompatible_qos: int = 0
+    # Estimated time of a turn that is not configured, seconds; 0 if there is none.
     turn_found_s: float = 0.0
     anomalies: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
-    fit: Fit | None = None
+    fit: Fit | None = None  # The radar's innovations compared with its noise, if known
+    # Mapping of name to number. What was learned of the radar, without its name; see
+    # `SensorMemory.figures`.
     learned: Mapping[str, float] = field(default_factory=dict)
     _last_s: float | None = None
     _worked_s: float = 0.0

@@ -31,17 +31,10 @@ SOURCE_ORDER = (SMOOTHED, FILTERED)
 
 
 class Chart(NamedTuple):
-    """An interactive chart of a page.
+    """An interactive chart of a page."""
 
-    Parameters
-    ----------
-    name : str
-        Id of the chart's element.
-    title, caption : str
-        The caption describes the chart and its main message.
-    """
-
-    name: str
+    name: str  # Id of the chart's element
+    # `title`, `caption`: the caption describes the chart and its main message.
     title: str
     caption: str
     figure: Figure

@@ -31,22 +31,13 @@ BY_ESTIMATE = "The colour is the estimated class."
 
 
 class Key(NamedTuple):
-    """Identifies the estimates of one curve.
+    """Identifies the estimates of one curve."""
 
-    Parameters
-    ----------
-    name, label : str
-        Text in the legend, and text of a single curve.
-    class_id : int or None
-        Determines the colour; None for no class.
-    number : int
-        Number of the target or the track; 0 for none, whose points are not joined.
-    """
-
+    # `name`, `label`: text in the legend, and text of a single curve.
     name: str
     label: str
-    class_id: int | None
-    number: int
+    class_id: int | None  # Determines the colour; None for no class
+    number: int  # Number of the target or the track; 0 for none, whose points are not joined
 
 
 class Curve(NamedTuple):

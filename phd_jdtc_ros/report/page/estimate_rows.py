@@ -22,18 +22,10 @@ AXIS_STEPS, LEAST_AXIS = 16, 0.01
 
 @dataclass(frozen=True)
 class Grid:
-    """The integer grid of positions.
+    """The integer grid of positions."""
 
-    Parameters
-    ----------
-    corner : array of shape (2,)
-        Origin of the grid, metres.
-    quantum : float
-        Spacing of the grid, metres.
-    """
-
-    corner: FloatArray
-    quantum: float
+    corner: FloatArray  # Origin of the grid, metres, (2,)
+    quantum: float  # Spacing of the grid, metres
     columns: Columns
 
     def add(self, name: str, places: FloatArray) -> None:

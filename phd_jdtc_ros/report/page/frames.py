@@ -18,14 +18,9 @@ MOST = 3600
 
 @dataclass(frozen=True)
 class Frames:
-    """The stamps that the page can show, ascending.
+    """The stamps that the page can show, ascending."""
 
-    Parameters
-    ----------
-    stamp_ns : int array of shape (F,)
-    """
-
-    stamp_ns: IntArray
+    stamp_ns: IntArray  # (F,)
 
     @staticmethod
     def of(record: Record) -> Frames:

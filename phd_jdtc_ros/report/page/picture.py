@@ -39,15 +39,9 @@ TAXI, APRON = 25.0, 300.0
 
 @dataclass(frozen=True)
 class Picture:
-    """The data that the page's script draws.
+    """The data that the page's script draws."""
 
-    Parameters
-    ----------
-    header : dict
-        Data that do not vary with time, as JSON.
-    """
-
-    header: dict[str, Any]
+    header: dict[str, Any]  # Data that do not vary with time, as JSON
     columns: Columns
     frames: Frames
 

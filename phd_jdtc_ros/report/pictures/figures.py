@@ -41,17 +41,9 @@ def write_all(record: Record, evaluation: Evaluation, directory: Path) -> list[P
 
 
 class Picture(NamedTuple):
-    """One kind of picture.
+    """One kind of picture."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the file, without suffix.
-    has_data : callable of (Record, Evaluation)
-    draw : callable of (Record, Evaluation)
-    """
-
-    name: str
+    name: str  # Name of the file, without suffix
     has_data: Callable[[Record, Evaluation], bool]
     draw: Callable[[Record, Evaluation], Figure]
 

@@ -27,16 +27,11 @@ CROWDED = 400
 
 
 class Panel(NamedTuple):
-    """One row of a figure over time.
-
-    Parameters
-    ----------
-    series : dict
-        Times in the clock's unit and values, by source; no entry without scores.
-    """
+    """One row of a figure over time."""
 
     title: str
     colour: str
+    # Times in the clock's unit and values, by source; no entry without scores.
     series: dict[str, tuple[FloatArray, FloatArray]]
 
     @staticmethod

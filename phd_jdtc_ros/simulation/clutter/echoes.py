@@ -29,20 +29,12 @@ ECHOES = (
 
 @dataclass(frozen=True)
 class Echoes:
-    """Further detections of targets by one radar in a scan.
+    """Further detections of targets by one radar in a scan."""
 
-    Parameters
-    ----------
-    probability : float
-        Probability that a detected target has further detections.
-    most : int
-        Their largest number; all numbers from 1 to it are equally probable.
-    length_std, width_std : float
-        Standard deviations of their sources along and across the target's course, metres.
-    """
-
-    probability: float
-    most: int
+    probability: float  # Probability that a detected target has further detections
+    most: int  # Their largest number; all numbers from 1 to it are equally probable
+    # `length_std`, `width_std`: standard deviations of their sources along and across the target's
+    # course, metres.
     length_std: float
     width_std: float
 

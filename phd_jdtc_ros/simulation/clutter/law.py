@@ -46,15 +46,9 @@ class ClutterLaw(Protocol):
 
 @dataclass(frozen=True)
 class RayleighClutter:
-    """Noise, or clutter of many reflectors.
+    """Noise, or clutter of many reflectors."""
 
-    Parameters
-    ----------
-    level : float
-        Mean square of the envelope in units of the noise's; 1 is noise.
-    """
-
-    level: float = 1.0
+    level: float = 1.0  # Mean square of the envelope in units of the noise's; 1 is noise
 
     def draw(self, threshold: float, count: int, rng: np.random.Generator) -> FloatArray:
         """Return envelopes above a threshold, shape (count,)."""

@@ -35,23 +35,14 @@ MIRRORS = (
 
 @dataclass(frozen=True)
 class Mirror:
-    """A surface that reflects the replies of targets in some directions.
+    """A surface that reflects the replies of targets in some directions."""
 
-    Parameters
-    ----------
-    position : tuple of two floats
-        Position in the world frame, metres.
-    start, width : float
-        First azimuth and width of the sector, seen from the radar, of the targets whose replies are
-        reflected: radians clockwise from the world's y axis.
-    probability : float
-        Probability of a reflection in each turn of a radar.
-    """
-
-    position: tuple[float, float]
+    position: tuple[float, float]  # Position in the world frame, metres
+    # `start`, `width`: first azimuth and width of the sector, seen from the radar, of the targets
+    # whose replies are reflected: radians clockwise from the world's y axis.
     start: float
     width: float
-    probability: float
+    probability: float  # Probability of a reflection in each turn of a radar
 
     def reflects(
         self, position: FloatArray, radar: RadarModel, rng: np.random.Generator

@@ -38,39 +38,21 @@ MOST = 10_000
 
 
 class ReflectorDetections(NamedTuple):
-    """A radar's measurements of reflectors.
+    """A radar's measurements of reflectors."""
 
-    Parameters
-    ----------
-    measurement : array of shape (N, 2)
-        Range and azimuth with noise, metres and radians.
-    amplitude : array of shape (N,)
-    seen : bool array of shape (N,)
-        Whether the radar detects each.
-    """
-
-    measurement: FloatArray
-    amplitude: FloatArray
-    seen: BoolArray
+    measurement: FloatArray  # Range and azimuth with noise, metres and radians, (N, 2)
+    amplitude: FloatArray  # (N,)
+    seen: BoolArray  # Whether the radar detects each, (N,)
 
 
 @dataclass(frozen=True)
 class Reflectors:
-    """Reflectors of one kind.
+    """Reflectors of one kind."""
 
-    Parameters
-    ----------
-    points : tuple of pairs of floats
-        Positions in the world frame, metres.
-    detection_probability : float
-        Probability of detection of a point per scan or turn if it is in a radar's coverage.
-    law : ClutterLaw
-        Law of the envelopes.
-    """
-
-    points: tuple[tuple[float, float], ...]
+    points: tuple[tuple[float, float], ...]  # Positions in the world frame, metres
+    # Probability of detection of a point per scan or turn if it is in a radar's coverage.
     detection_probability: float
-    law: ClutterLaw = NOISE
+    law: ClutterLaw = NOISE  # Law of the envelopes
 
     def measure(
         self, exact: FloatArray, radar: RadarModel, rng: np.random.Generator

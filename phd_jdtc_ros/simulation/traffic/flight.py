@@ -17,19 +17,11 @@ ROUNDING_S = 1e-6
 
 @dataclass(frozen=True)
 class Leg:
-    """A part of a flight: straight, with a constant acceleration, or a turn at constant speed.
-
-    Parameters
-    ----------
-    turn_rate : float
-        Radians per second, counter-clockwise.
-    acceleration : float
-        Acceleration along the course, m/s^2.
-    """
+    """A part of a flight: straight, with a constant acceleration, or a turn at constant speed."""
 
     duration_s: float
-    turn_rate: float = 0.0
-    acceleration: float = 0.0
+    turn_rate: float = 0.0  # Radians per second, counter-clockwise
+    acceleration: float = 0.0  # Acceleration along the course, m/s^2
 
     def __post_init__(self) -> None:
         if not self.duration_s > 0.0:
@@ -42,29 +34,16 @@ class Leg:
 
 @dataclass(frozen=True)
 class Flight:
-    """One target that exists from its start until its last leg ends.
-
-    Parameters
-    ----------
-    snr : float
-        Mean signal-to-noise ratio, linear.
-    start_s : float
-        Seconds after scan 0.
-    position, velocity : tuples of two floats
-        State at the start, world frame, metres and metres per second.
-    legs : tuple of Leg
-        Successive legs.
-    height : float
-        Height above the world's zero, metres.
-    """
+    """One target that exists from its start until its last leg ends."""
 
     class_id: int
-    snr: float
-    start_s: float
+    snr: float  # Mean signal-to-noise ratio, linear
+    start_s: float  # Seconds after scan 0
+    # `position`, `velocity`: state at the start, world frame, metres and metres per second.
     position: tuple[float, float]
     velocity: tuple[float, float]
-    legs: tuple[Leg, ...]
-    height: float = 0.0
+    legs: tuple[Leg, ...]  # Successive legs
+    height: float = 0.0  # Height above the world's zero, metres
 
     def __post_init__(self) -> None:
         slowest = self._marks[:, 2].min()

@@ -29,17 +29,10 @@ APART_S = 60.0
 
 
 class Gap(NamedTuple):
-    """A time in which a target is out of sight.
+    """A time in which a target is out of sight."""
 
-    Parameters
-    ----------
-    number : int
-        Number of the target, from 1.
-    start_s, end_s : float
-        Seconds after scan 0.
-    """
-
-    number: int
+    number: int  # Number of the target, from 1
+    # `start_s`, `end_s`: seconds after scan 0.
     start_s: float
     end_s: float
 

@@ -16,50 +16,28 @@ NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
 
 @dataclass(frozen=True)
 class Turn:
-    """A part of a target's life in which its velocity rotates at a constant rate.
+    """A part of a target's life in which its velocity rotates at a constant rate."""
 
-    Parameters
-    ----------
-    first_scan, last_scan : int
-        The turn lasts from the stamp of the first scan to the stamp of the last, at which the
-        target flies straight again.
-    turn_rate : float
-        Radians per second, counter-clockwise.
-    """
-
+    # `first_scan`, `last_scan`: the turn lasts from the stamp of the first scan to the stamp of the
+    # last, at which the target flies straight again.
     first_scan: int
     last_scan: int
-    turn_rate: float
+    turn_rate: float  # Radians per second, counter-clockwise
 
 
 @dataclass(frozen=True)
 class TargetScript:
-    """One target that moves at constant velocity except in its turns.
-
-    Parameters
-    ----------
-    snr : float
-        Mean signal-to-noise ratio, linear.
-    position : tuple of two floats
-        Position at the first scan, world frame, metres.
-    velocity : tuple of two floats
-        Velocity at the first scan, metres per second.
-    first_scan, last_scan : int
-        First and last scan in which the target exists.
-    turns : tuple of Turn
-        Successive turns, none before the first scan.
-    height : float
-        Height above the world's zero, metres.
-    """
+    """One target that moves at constant velocity except in its turns."""
 
     class_id: int
-    snr: float
-    position: tuple[float, float]
-    velocity: tuple[float, float]
+    snr: float  # Mean signal-to-noise ratio, linear
+    position: tuple[float, float]  # Position at the first scan, world frame, metres
+    velocity: tuple[float, float]  # Velocity at the first scan, metres per second
+    # `first_scan`, `last_scan`: first and last scan in which the target exists.
     first_scan: int
     last_scan: int
-    turns: tuple[Turn, ...] = ()
-    height: float = 0.0
+    turns: tuple[Turn, ...] = ()  # Successive turns, none before the first scan
+    height: float = 0.0  # Height above the world's zero, metres
 
     def __post_init__(self) -> None:
         edges = [self.first_scan, *(e for t in self.turns for e in (t.first_scan, t.last_scan))]

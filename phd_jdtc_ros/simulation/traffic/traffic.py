@@ -40,36 +40,21 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class Traffic:
-    """The distribution of random traffic.
+    """The distribution of random traffic."""
 
-    Parameters
-    ----------
-    aircraft, taxiing : int
-        Number of aircraft in the air, and of taxiing aircraft.
-    entering : int
-        Number of aircraft that enter over the edge during the run and pass over or near the field.
-    straight_s : tuple of two floats
-        Shortest and longest straight flight between turns in the air, seconds.
-    turn_deg : tuple of two floats
-        Least and largest angle of these turns, degrees.
-    centre : tuple of two floats
-        Reference point of the airfield, world frame, metres.
-    radius : float
-        Aircraft begin and end within this distance of the centre, metres.
-    snr : float
-        Mean signal-to-noise ratio of all aircraft, linear.
-    """
-
+    # `aircraft`, `taxiing`: number of aircraft in the air, and of taxiing aircraft.
     aircraft: int
     taxiing: int
     seed: int
-    centre: tuple[float, float]
-    radius: float
+    centre: tuple[float, float]  # Reference point of the airfield, world frame, metres
+    radius: float  # Aircraft begin and end within this distance of the centre, metres
     duration_s: float
-    snr: float
+    snr: float  # Mean signal-to-noise ratio of all aircraft, linear
+    # Number of aircraft that enter over the edge during the run and pass over or near the field.
     entering: int = 0
+    # Shortest and longest straight flight between turns in the air, seconds.
     straight_s: Range = STRAIGHT_S
-    turn_deg: Range = TURN_DEG
+    turn_deg: Range = TURN_DEG  # Least and largest angle of these turns, degrees
 
 
 def draw(traffic: Traffic) -> tuple[Flight, ...]:

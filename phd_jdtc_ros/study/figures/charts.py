@@ -21,15 +21,9 @@ from .over_time import (
 
 
 class Chart(NamedTuple):
-    """One kind of picture of a case.
+    """One kind of picture of a case."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the file, without suffix.
-    """
-
-    name: str
+    name: str  # Name of the file, without suffix
     has_data: Callable[[Sequence[Result]], bool]
     draw: Callable[[Sequence[Result]], Figure]
 

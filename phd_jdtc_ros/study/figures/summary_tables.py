@@ -37,14 +37,9 @@ FALSE = "false at 0"
 
 
 class Sheet(NamedTuple):
-    """A table of a case.
+    """A table of a case."""
 
-    Parameters
-    ----------
-    title, text : str
-        Title in the terminal, and sentence above the table in Markdown.
-    """
-
+    # `title`, `text`: title in the terminal, and sentence above the table in Markdown.
     title: str
     text: str
     headings: Sequence[str]

@@ -29,29 +29,18 @@ OWN = ("lag", "seed")
 
 @dataclass(frozen=True)
 class Case:
-    """A scenario and the tracker's parameters for it, shared by all variants.
-
-    Parameters
-    ----------
-    parameters : dict
-        Parameters of the tracker by dotted name; they also define the scenario's radars.
-    cutoff : float or None
-        c of OSPA and GOSPA, metres; None for the study's.
-    ignored : Ignored
-        Unscored targets if antennas turn.
-    run_share : float
-        Share of the requested runs, above 0 and at most 1, for expensive cases.
-    lags : tuple of int or None
-        The only lags of variants that are run on this case; None for all.
-    """
+    """A scenario and the tracker's parameters for it, shared by all variants."""
 
     name: str
     scenario: Scenario
+    # Parameters of the tracker by dotted name; they also define the scenario's radars.
     parameters: dict[str, Any]
     classes: int
-    cutoff: float | None = None
-    ignored: Ignored = TAXIING
+    cutoff: float | None = None  # c of OSPA and GOSPA, metres; None for the study's
+    ignored: Ignored = TAXIING  # Unscored targets if antennas turn
+    # Share of the requested runs, above 0 and at most 1, for expensive cases.
     run_share: float = 1.0
+    # The only lags of variants that are run on this case; None for all.
     lags: tuple[int, ...] | None = None
 
     def lags_of(self, variant: Variant) -> tuple[int, ...]:
@@ -61,78 +50,44 @@ class Case:
 
 @dataclass(frozen=True)
 class Variant:
-    """One tracker with its settings.
-
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`.
-    reading : Reading or None
-        Set only for this package's tracker on scans.
-    parameters : dict
-        Parameters of the tracker that replace the case's; they do not change the simulated data. A
-        name with `EVERY_CLASS` in the place of a class applies to all classes of the case.
-    lags : tuple of int
-        Ascending.
-    run_share : float
-        As for a case; the smaller of both applies.
-    """
+    """One tracker with its settings."""
 
     name: str
-    kind: str
-    reading: Reading | None
+    kind: str  # One of `KINDS`
+    reading: Reading | None  # Set only for this package's tracker on scans
+    # Parameters of the tracker that replace the case's; they do not change the simulated data. A
+    # name with `EVERY_CLASS` in the place of a class applies to all classes of the case.
     parameters: dict[str, Any]
     cases: tuple[str, ...]
-    lags: tuple[int, ...]
-    run_share: float = 1.0
+    lags: tuple[int, ...]  # Ascending
+    run_share: float = 1.0  # As for a case; the smaller of both applies
 
 
 @dataclass(frozen=True)
 class Goal:
-    """A bound on the mean of a figure over all targets.
-
-    Parameters
-    ----------
-    figure : str
-        One of `FIGURES`.
-    at_most : bool
-        Whether it is an upper bound.
-    relative_to : str or None
-        Variant whose figure `bound` multiplies; None for an absolute bound.
-    relative_case : str
-        Case of that figure.
-    """
+    """A bound on the mean of a figure over all targets."""
 
     name: str
     case: str
     variant: str
     lag: int
-    figure: str
+    figure: str  # One of `FIGURES`
     bound: float
-    at_most: bool
-    relative_to: str | None
-    relative_case: str
+    at_most: bool  # Whether it is an upper bound
+    relative_to: str | None  # Variant whose figure `bound` multiplies; None for an absolute bound
+    relative_case: str  # Case of that figure
 
 
 @dataclass(frozen=True)
 class Study:
-    """A checked study.
-
-    Parameters
-    ----------
-    assigned : dict
-        Parameters that replace those of cases and variants.
-    cutoff : float
-        c of OSPA and GOSPA, metres, in cases without their own.
-    left_out : mapping of str to str
-        Variants that the assigned engine does not support, with the reasons.
-    """
+    """A checked study."""
 
     cases: tuple[Case, ...]
     variants: tuple[Variant, ...]
     goals: tuple[Goal, ...]
-    assigned: dict[str, Any]
-    cutoff: float = CUTOFF
+    assigned: dict[str, Any]  # Parameters that replace those of cases and variants
+    cutoff: float = CUTOFF  # c of OSPA and GOSPA, metres, in cases without their own
+    # Variants that the assigned engine does not support, with the reasons.
     left_out: Mapping[str, str] = field(default_factory=dict)
 
     def cutoff_of(self, case: Case) -> float:

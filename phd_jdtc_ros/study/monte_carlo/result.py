@@ -17,18 +17,12 @@ from .scores import Scores
 
 @dataclass(frozen=True)
 class Result:
-    """All runs of a variant at a case.
-
-    Parameters
-    ----------
-    scores : Scores
-        The first axis of its arrays is the run.
-    """
+    """All runs of a variant at a case."""
 
     case: str
     variant: Variant
     seeds: tuple[int, ...]
-    scores: Scores
+    scores: Scores  # The first axis of its arrays is the run
 
     def value(self, name: str, lag: int, of_set: str = ALL) -> FloatArray:
         """Return one of `VALUES`, shape (runs, scans)."""

@@ -19,24 +19,14 @@ from .metrics import VALUES, new_accumulators
 
 
 class Scores(NamedTuple):
-    """The scores of one variant in one or several runs.
-
-    Parameters
-    ----------
-    sets : tuple of str
-        ``all`` and, for trackers with classes, one ``class_k`` per class.
-    time_s : array of shape (scans,)
-        Time since the first scan, seconds.
-    values : array of shape (..., lags, scans, sets, VALUES)
-        NaN for missing values.
-    taken_for : int array of shape (..., lags, scans, C, C) or None
-        [true class, estimated class]: number of pairs. None for trackers without classes.
-    """
+    """The scores of one variant in one or several runs."""
 
     lags: tuple[int, ...]
-    sets: tuple[str, ...]
-    time_s: FloatArray
-    values: FloatArray
+    sets: tuple[str, ...]  # ``all`` and, for trackers with classes, one ``class_k`` per class
+    time_s: FloatArray  # Time since the first scan, seconds, (scans,)
+    values: FloatArray  # NaN for missing values, (..., lags, scans, sets, VALUES)
+    # (..., lags, scans, C, C). [true class, estimated class]: number of pairs. None for trackers
+    # without classes.
     taken_for: IntArray | None = None
 
 

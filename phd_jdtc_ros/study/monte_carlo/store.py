@@ -27,15 +27,9 @@ HEADER = ("case", "variant", "lag", "seed", "scan", "time_s", "set", *VALUES, "t
 
 @dataclass(frozen=True)
 class Store:
-    """Scores on disk, a file for each case, variant and seed.
+    """Scores on disk, a file for each case, variant and seed."""
 
-    Parameters
-    ----------
-    directory : Path
-        Created if necessary.
-    """
-
-    directory: Path
+    directory: Path  # Created if necessary
 
     def path(self, task: Task, variant: Variant) -> Path:
         """Return the path of a variant's scores, with a digest of all their inputs."""

@@ -38,34 +38,19 @@ FORMAT = 5
 
 @dataclass(frozen=True)
 class Task:
-    """One seeded run of variants that share their data and, for this package's engines, one filter.
-
-    Parameters
-    ----------
-    variants : tuple of Variant
-        All of one kind.
-    parameters : dict
-        Parameters of the tracker.
-    code : str
-        Digest of the tracker's code, see `code_of`.
-    digests : dict
-        Digest of all inputs of a variant's scores except the seed, by name of the variant.
-    cutoff : float
-        c of OSPA and GOSPA, metres.
-    ignored : Ignored
-        Unscored targets if antennas turn.
-    """
+    """One seeded run of variants that share data and, for this package's engines, one filter."""
 
     case: str
     scenario: Scenario
     classes: int
-    variants: tuple[Variant, ...]
-    parameters: dict[str, Any]
+    variants: tuple[Variant, ...]  # All of one kind
+    parameters: dict[str, Any]  # Parameters of the tracker
     seed: int
-    code: str
+    code: str  # Digest of the tracker's code, see `code_of`
+    # Digest of all inputs of a variant's scores except the seed, by name of the variant.
     digests: dict[str, str]
-    cutoff: float
-    ignored: Ignored = TAXIING
+    cutoff: float  # c of OSPA and GOSPA, metres
+    ignored: Ignored = TAXIING  # Unscored targets if antennas turn
 
     @property
     def kind(self) -> str:
@@ -80,35 +65,21 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of a task: scores or an error.
-
-    Parameters
-    ----------
-    scores : dict
-        Scores by name of the variant; empty if the task failed.
-    error : str
-        Empty if the task succeeded.
-    """
+    """The outcome of a task: scores or an error."""
 
     task: Task
+    # Scores by name of the variant; empty if the task failed.
     scores: dict[str, Scores] = field(default_factory=dict)
-    error: str = ""
+    error: str = ""  # Empty if the task succeeded
 
 
 class Plan(NamedTuple):
-    """The tasks of a study.
+    """The tasks of a study."""
 
-    Parameters
-    ----------
-    tasks : list of Task
-        Ordered by seed, so that a study stopped early has results of all variants. A reduced
-        number of runs uses the first seeds.
-    notes : list of str
-        Omitted variants, with the reasons.
-    """
-
+    # Ordered by seed, so that a study stopped early has results of all variants. A reduced number
+    # of runs uses the first seeds.
     tasks: list[Task]
-    notes: list[str]
+    notes: list[str]  # Omitted variants, with the reasons
 
 
 def plan(study: Study, seeds: Sequence[int]) -> Plan:

@@ -52,16 +52,10 @@ class NumberedTracks:
 
 @dataclass(frozen=True)
 class BirthPlaces:
-    """An initiator for Stone Soup: detections near a birth place start a track from its prior.
-
-    Parameters
-    ----------
-    gate : float
-        Gate in standard deviations of the innovation.
-    """
+    """An initiator for Stone Soup: detections near a birth place start a track from its prior."""
 
     problem: Problem
-    gate: float
+    gate: float  # Gate in standard deviations of the innovation
 
     def initiate(self, detections: set[Part], timestamp: datetime) -> set[Part]:
         """Return new tracks."""

@@ -39,27 +39,17 @@ SEEN_TURNS = 1.25
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of the nearest-neighbour Kalman tracker.
+    """Settings of the nearest-neighbour Kalman tracker."""
 
-    Parameters
-    ----------
-    noise_density : float
-        Spectral density of the white acceleration, m^2/s^3.
-    speed_std : float
-        Standard deviation of a new track's velocity along each axis, metres per second.
-    gate : float
-        In standard deviations of the innovation.
-    hits, turns : int
-        A track is confirmed by `hits` plots within `turns` turns.
-    tentative_turns, coasted_turns : float
-        A tentative and a confirmed track end after this many turns without a plot.
-    """
-
-    noise_density: float = 40.0
+    noise_density: float = 40.0  # Spectral density of the white acceleration, m^2/s^3
+    # Standard deviation of a new track's velocity along each axis, metres per second.
     speed_std: float = 150.0
-    gate: float = 4.5
+    gate: float = 4.5  # In standard deviations of the innovation
+    # `hits`, `turns`: a track is confirmed by `hits` plots within `turns` turns.
     hits: int = 3
     turns: float = 4.5
+    # `tentative_turns`, `coasted_turns`: a tentative and a confirmed track end after this many
+    # turns without a plot.
     tentative_turns: float = 2.5
     coasted_turns: float = 3.5
 

@@ -21,19 +21,13 @@ from .soup import Part, Soup, require
 
 @dataclass(frozen=True)
 class Problem:
-    """A run with its model, and the parts of Stone Soup built from them.
-
-    Parameters
-    ----------
-    model : TrackerModel
-        The model, with the run's radars.
-    predictor, updater : Part
-        Stone Soup's extended Kalman predictor and updater for constant velocity.
-    """
+    """A run with its model, and the parts of Stone Soup built from them."""
 
     soup: Soup
     run: SimulatedRun
-    model: TrackerModel
+    model: TrackerModel  # The model, with the run's radars
+    # `predictor`, `updater`: stone Soup's extended Kalman predictor and updater for constant
+    # velocity.
     predictor: Part
     updater: Part
 

@@ -7,27 +7,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class PhdSettings:
-    """Settings of the GM-PHD.
+    """Settings of the GM-PHD."""
 
-    Parameters
-    ----------
-    gate : float
-        Gate in standard deviations of the innovation.
-    prune : float
-        Least weight of a component.
-    merge : float
-        Squared Mahalanobis distance below which components merge.
-    most : int
-        Largest number of components.
-    extract : float
-        Weight above which a component is reported as a target.
-    """
-
-    gate: float
-    prune: float
-    merge: float
-    most: int
-    extract: float
+    gate: float  # Gate in standard deviations of the innovation
+    prune: float  # Least weight of a component
+    merge: float  # Squared Mahalanobis distance below which components merge
+    most: int  # Largest number of components
+    extract: float  # Weight above which a component is reported as a target
 
 
 @dataclass(frozen=True)
@@ -35,28 +21,18 @@ class TrackSettings:
     """Settings of the track-based peers.
 
     A look is one radar's report of one scan.
-
-    Parameters
-    ----------
-    gate : float
-        In standard deviations of the innovation.
-    points : int
-        Number of detections that confirm a tentative track.
-    tentative_looks, looks : int
-        Number of consecutive missed looks after which a tentative and a confirmed track end.
-    birth_gate : float or None
-        A detection starts a track if it is within this many standard deviations of a birth place;
-        None for anywhere.
-    min_speed : float
-        Slower targets are not reported, metres per second.
     """
 
-    gate: float
-    points: int
+    gate: float  # In standard deviations of the innovation
+    points: int  # Number of detections that confirm a tentative track
+    # `tentative_looks`, `looks`: number of consecutive missed looks after which a tentative and a
+    # confirmed track end.
     tentative_looks: int
     looks: int
+    # A detection starts a track if it is within this many standard deviations of a birth place;
+    # None for anywhere.
     birth_gate: float | None
-    min_speed: float = 0.0
+    min_speed: float = 0.0  # Slower targets are not reported, metres per second
 
 
 GM_PHD = PhdSettings(gate=5.0, prune=1e-5, merge=4.0, most=100, extract=0.5)

@@ -20,16 +20,10 @@ from .soup import Part, Soup
 
 @dataclass(frozen=True)
 class History:
-    """The confirmed tracks of a run.
-
-    Parameters
-    ----------
-    confirmed : dict
-        The scan that confirmed each track.
-    """
+    """The confirmed tracks of a run."""
 
     stamps: list[datetime]
-    confirmed: dict[Part, int]
+    confirmed: dict[Part, int]  # The scan that confirmed each track
 
 
 def follow(

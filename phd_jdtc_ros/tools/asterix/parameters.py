@@ -51,16 +51,11 @@ MAX_EQUIPPED = 0.99
 
 @dataclass
 class Proposal:
-    """Parameters with comments by name, and hints for the user.
-
-    Parameters
-    ----------
-    untracked : dict of name to values
-        Parameters of radars that cannot be tracked with the others.
-    """
+    """Parameters with comments by name, and hints for the user."""
 
     values: dict[str, Any]
     comments: dict[str, str] = field(default_factory=dict)
+    # Dict of name to values. Parameters of radars that cannot be tracked with the others.
     untracked: dict[str, dict[str, Any]] = field(default_factory=dict)
     hints: list[str] = field(default_factory=list)
 

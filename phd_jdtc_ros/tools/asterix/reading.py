@@ -42,25 +42,16 @@ NOT_MEANT = ("unknown_radar", "second_source", "no_detection", "field_monitor", 
 
 @dataclass
 class Converted:
-    """The counts of a conversion to a bag.
-
-    Parameters
-    ----------
-    recording : Counter
-        Skipped parts of the file, by reason.
-    clouds, plots : int
-        Number of clouds and plots written.
-    hints : list of str
-        Remarks on the proposed parameters.
-    newest_ns, disorder_ns : int
-        Newest stamp, and the largest difference to the stamp of a later cloud.
-    """
+    """The counts of a conversion to a bag."""
 
     stream: PlotStream
-    recording: Counter[str] = field(default_factory=Counter)
+    recording: Counter[str] = field(default_factory=Counter)  # Skipped parts of the file, by reason
+    # `clouds`, `plots`: number of clouds and plots written.
     clouds: int = 0
     plots: int = 0
-    hints: list[str] = field(default_factory=list)
+    hints: list[str] = field(default_factory=list)  # Remarks on the proposed parameters
+    # `newest_ns`, `disorder_ns`: newest stamp, and the largest difference to the stamp of a later
+    # cloud.
     newest_ns: int = 0
     disorder_ns: int = 0
 

@@ -36,29 +36,17 @@ OWN_SAC = 1
 
 @dataclass
 class ConversionCounts:
-    """The counts of a conversion to ASTERIX.
+    """The counts of a conversion to ASTERIX."""
 
-    Parameters
-    ----------
-    what : str
-        Name of the records, in the plural.
-    records, blocks : int
-        Number of records and data blocks written.
-    clouds, offered : int
-        Number of clouds that were used, and of all clouds.
-    dropped : Counter
-        Number of unused clouds, by reason.
-    out_of_range : int
-        Number of plots beyond the largest range of CAT048, which are left out.
-    """
-
-    what: str
+    what: str  # Name of the records, in the plural
+    # `records`, `blocks`: number of records and data blocks written.
     records: int = 0
     blocks: int = 0
+    # `clouds`, `offered`: number of clouds that were used, and of all clouds.
     clouds: int = 0
-    dropped: Counter[str] = field(default_factory=Counter)
+    dropped: Counter[str] = field(default_factory=Counter)  # Number of unused clouds, by reason
     offered: int = 0
-    out_of_range: int = 0
+    out_of_range: int = 0  # Number of plots beyond the largest range of CAT048, which are left out
 
     @property
     def used(self) -> float:

@@ -37,25 +37,15 @@ def predicted_covariance(
 
 
 class Innovation(NamedTuple):
-    """The innovation of a measurement, linearised at the posterior position.
+    """The innovation of a measurement, linearised at the posterior position."""
 
-    Parameters
-    ----------
-    jacobian : array of shape (N, 2, 2)
-        Jacobian of the measurement with respect to the position at the detection's time. For a
-        sensor that is not polar, `linearised.innovations` replaces the measurement by the position.
-    weighted : array of shape (N, 2)
-        Inverse of the innovation's covariance times the innovation.
-    inverse : array of shape (N, 2, 2)
-        Inverse of the innovation's covariance.
-    log_likelihood : array of shape (N,)
-        log N(z; h, S) of the measurement alone.
-    """
-
+    # (N, 2, 2). Jacobian of the measurement with respect to the position at the detection's time.
+    # For a sensor that is not polar, `linearised.innovations` replaces the measurement by the
+    # position.
     jacobian: FloatArray
-    weighted: FloatArray
-    inverse: FloatArray
-    log_likelihood: FloatArray
+    weighted: FloatArray  # Inverse of the innovation's covariance times the innovation, (N, 2)
+    inverse: FloatArray  # Inverse of the innovation's covariance, (N, 2, 2)
+    log_likelihood: FloatArray  # (N,). log N(z; h, S) of the measurement alone.
 
 
 @compiled

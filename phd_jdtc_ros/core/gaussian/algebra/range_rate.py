@@ -20,18 +20,11 @@ from . import kalman
 
 
 class Rated(NamedTuple):
-    """Gaussians after their range rates.
+    """Gaussians after their range rates."""
 
-    Parameters
-    ----------
-    mean : array of shape (N, D)
-    covariance : array of shape (N, D, D)
-    log_likelihood : array of shape (N,)
-        Log likelihood of the range rate alone, summed over all folds; 0 where there is none.
-    """
-
-    mean: FloatArray
-    covariance: FloatArray
+    mean: FloatArray  # (N, D)
+    covariance: FloatArray  # (N, D, D)
+    # (N,). Log likelihood of the range rate alone, summed over all folds; 0 where there is none.
     log_likelihood: FloatArray
 
     def take(self, rows: IntArray) -> Rated:
@@ -40,21 +33,11 @@ class Rated(NamedTuple):
 
 
 class Expected(NamedTuple):
-    """Expected range rates of Gaussians.
+    """Expected range rates of Gaussians."""
 
-    Parameters
-    ----------
-    rate : array of shape (N,)
-        Expected range rate, metres per second.
-    cross : array of shape (N, D)
-        Covariance of the range rate with the state.
-    variance : array of shape (N,)
-        Variance without the radar's noise.
-    """
-
-    rate: FloatArray
-    cross: FloatArray
-    variance: FloatArray
+    rate: FloatArray  # Expected range rate, metres per second, (N,)
+    cross: FloatArray  # Covariance of the range rate with the state, (N, D)
+    variance: FloatArray  # Variance without the radar's noise, (N,)
 
 
 def expected_rates(

@@ -23,18 +23,10 @@ LEAST_VARIANCE = 1e-12
 
 
 class DetectionProbability(NamedTuple):
-    """Probabilities of detection of H hypotheses.
+    """Probabilities of detection of H hypotheses."""
 
-    Parameters
-    ----------
-    by_class : array of shape (H, R, C)
-        Probability of each Gaussian and class.
-    by_cell : array of shape (H, C, S)
-        Probability of each cell of SNR as a factor on its class's.
-    """
-
-    by_class: FloatArray
-    by_cell: FloatArray
+    by_class: FloatArray  # Probability of each Gaussian and class, (H, R, C)
+    by_cell: FloatArray  # Probability of each cell of SNR as a factor on its class's, (H, C, S)
 
 
 def detection_probability(
@@ -113,17 +105,10 @@ def relative(
 
 
 class Amplitudes(NamedTuple):
-    """Likelihoods of the amplitudes of M detections.
+    """Likelihoods of the amplitudes of M detections."""
 
-    Parameters
-    ----------
-    largest : array of shape (M,)
-        The largest log p_D g(a) of all cells.
-    relative : array of shape (M, C, S)
-        p_D g(a) of each cell relative to the largest one; 0 where all are.
-    """
-
-    largest: FloatArray
+    largest: FloatArray  # The largest log p_D g(a) of all cells, (M,)
+    # (M, C, S). p_D g(a) of each cell relative to the largest one; 0 where all are.
     relative: FloatArray
 
     @staticmethod

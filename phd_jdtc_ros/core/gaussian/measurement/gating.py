@@ -24,16 +24,10 @@ GATE_SIGMA = 5.0
 
 
 class Expected(NamedTuple):
-    """Expected measurement of each Gaussian.
+    """Expected measurement of each Gaussian."""
 
-    Parameters
-    ----------
-    measured : array of shape (H, R, Z)
-    covariance : array of shape (H, R, Z, Z)
-        Covariance of the expected measurement, without the sensor's noise.
-    """
-
-    measured: FloatArray
+    measured: FloatArray  # (H, R, Z)
+    # Covariance of the expected measurement, without the sensor's noise, (H, R, Z, Z).
     covariance: FloatArray
 
     @staticmethod

@@ -15,23 +15,15 @@ from ..mixture import Mixture
 
 
 class PairUpdate(NamedTuple):
-    """Innovations of pairs of Gaussians and detections, leading shape (P R,).
+    """Innovations of pairs of Gaussians and detections, leading shape (P R,)."""
 
-    Parameters
-    ----------
-    innovation : kalman.Innovation
-        Innovation of the measurement without range rate, with the sensor's usual noise.
-    matched : kalman.Innovation
-        The same, or that of the mixture with outliers; see `heavy_tails.mixed`.
-    rated : range_rate.Rated or None
-        The Gaussians updated with range rates; None if the report has none.
-    row, column : int arrays of shape (P,)
-        The hypothesis and the detection of each pair.
-    """
-
+    # Innovation of the measurement without range rate, with the sensor's usual noise.
     innovation: kalman.Innovation
+    # The same, or that of the mixture with outliers; see `heavy_tails.mixed`.
     matched: kalman.Innovation
+    # The Gaussians updated with range rates; None if the report has none.
     rated: range_rate.Rated | None
+    # `row`, `column`: the hypothesis and the detection of each pair, (P,).
     row: IntArray
     column: IntArray
     report: Report

@@ -29,30 +29,18 @@ class PairLikelihoods(NamedTuple):
 
     p_D L_z is exp(`measurement` + `largest` + `evidence`) times `amplitude`, broadcast over modes
     and classes.
-
-    Parameters
-    ----------
-    row, column : int arrays of shape (P,)
-        Hypothesis and detection of each pair.
-    measurement : array of shape (P, R)
-        Log likelihood of the measurement for each motion mode; -inf outside its gate.
-    largest : array of shape (M,)
-        Scale of each detection's amplitude likelihoods; see `amplitude.Amplitudes`.
-    amplitude : array of shape (P, C)
-        p_D g(a) of each class relative to that scale.
-    evidence : array of shape (P,)
-        Log likelihood of the identity and the height.
-    other : array of shape (1 + C, M)
-        See `competing_sources.log_intensities`.
     """
 
+    # `row`, `column`: hypothesis and detection of each pair, (P,).
     row: IntArray
     column: IntArray
+    # (P, R). Log likelihood of the measurement for each motion mode; -inf outside its gate.
     measurement: FloatArray
+    # (M,). Scale of each detection's amplitude likelihoods; see `amplitude.Amplitudes`.
     largest: FloatArray
-    amplitude: FloatArray
-    evidence: FloatArray
-    other: FloatArray
+    amplitude: FloatArray  # p_D g(a) of each class relative to that scale, (P, C)
+    evidence: FloatArray  # Log likelihood of the identity and the height, (P,)
+    other: FloatArray  # See `competing_sources.log_intensities`, (1 + C, M)
 
     def take(self, pairs: IntArray) -> PairLikelihoods:
         """Return these pairs alone."""
@@ -61,35 +49,18 @@ class PairLikelihoods(NamedTuple):
 
 
 class Association(NamedTuple):
-    """The association of pairs, and the hypotheses that follow from it.
-
-    Parameters
-    ----------
-    claims : Claims
-    sources : CompetingSources
-    claimed : array of shape (M,)
-        Probability that a known target is the source of each detection.
-    pair : array of shape (P,)
-        Association probability of each pair.
-    existence : array of shape (T,)
-        Existence probability of each target.
-    kept : int array of shape (K,)
-        The kept hypotheses, by target and descending probability: below H, the prior hypothesis of
-        this row with a missed detection; from H on, the pairs.
-    weight : array of shape (K, R, C)
-        Their weights.
-    approximate : int
-        Number of clusters of targets too large for exact association probabilities.
-    """
+    """The association of pairs, and the hypotheses that follow from it."""
 
     claims: Claims
     sources: CompetingSources
-    claimed: FloatArray
-    pair: FloatArray
-    existence: FloatArray
+    claimed: FloatArray  # Probability that a known target is the source of each detection, (M,)
+    pair: FloatArray  # Association probability of each pair, (P,)
+    existence: FloatArray  # Existence probability of each target, (T,)
+    # (K,). The kept hypotheses, by target and descending probability: below H, the prior hypothesis
+    # of this row with a missed detection; from H on, the pairs.
     kept: IntArray
-    weight: FloatArray
-    approximate: int
+    weight: FloatArray  # Their weights, (K, R, C)
+    approximate: int  # Number of clusters of targets too large for exact association probabilities
 
 
 def sum_modes(weight: FloatArray) -> FloatArray:

@@ -35,21 +35,13 @@ KERNEL_GATE_SIGMA = 7.5
 
 @dataclass(frozen=True)
 class Transition:
-    """The cached backward kernel between two consecutive stored sets.
+    """The cached backward kernel between two consecutive stored sets."""
 
-    Parameters
-    ----------
-    ratio : sparse array of shape (N_t, N_{t+1})
-        K[q, s] / mu_q, transposed, so that ``B = ratio @ w_{t+1|k}``.
-    survival : array of shape (N_t,)
-        P_s over the true interval.
-    orphans : int
-        Number of rows of the later set for which mu is zero: no survivor, spawned target or birth
-        is within the gate. Each is linked to its parent instead.
-    """
-
+    # K[q, s] / mu_q, transposed, so that ``B = ratio @ w_{t+1|k}``, (N_t, N_{t+1}).
     ratio: Annotated[SparseArray, sparse_columns("EN")]
-    survival: Annotated[FloatArray, floats("E", 0.0, 1.0)]
+    survival: Annotated[FloatArray, floats("E", 0.0, 1.0)]  # P_s over the true interval, (N_t,)
+    # Number of rows of the later set for which mu is zero: no survivor, spawned target or birth is
+    # within the gate. Each is linked to its parent instead.
     orphans: Annotated[int, integers("", 0)]
 
 
@@ -58,22 +50,12 @@ UnsweptParticles = UnsweptRows[ParticleSet, Transition]
 
 
 class _Sums(NamedTuple):
-    """A kernel's pairs by later row, and their contribution to mu.
+    """A kernel's pairs by later row, and their contribution to mu."""
 
-    Parameters
-    ----------
-    value : array of shape (pairs,)
-    column : int array of shape (pairs,)
-        The earlier rows.
-    start : int array of shape (N_{t+1} + 1,)
-        Index at which the pairs of each later row begin.
-    mu : array of shape (N_{t+1},)
-        Sum of kernel times weight over all pairs of each later row, before thinning.
-    """
-
-    value: FloatArray
-    column: npt.NDArray[np.int32]
-    start: npt.NDArray[np.int32]
+    value: FloatArray  # (pairs,)
+    column: npt.NDArray[np.int32]  # The earlier rows, (pairs,)
+    start: npt.NDArray[np.int32]  # Index at which the pairs of each later row begin, (N_{t+1} + 1,)
+    # Sum of kernel times weight over all pairs of each later row, before thinning, (N_{t+1},).
     mu: FloatArray
 
 

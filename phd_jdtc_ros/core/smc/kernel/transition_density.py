@@ -17,26 +17,16 @@ from ..particle_set import ParticleSet
 
 
 class TransitionDensity(NamedTuple):
-    """A transition density: a Gaussian about the noise-free successor times a mode matrix.
+    """A transition density: a Gaussian about the noise-free successor times a mode matrix."""
 
-    Parameters
-    ----------
-    transition : array of shape (O, O)
-    whitening : dict of motion model to array of shape (D, D)
-        Whitens states by multiplication from the right; zero outside the motion's support.
-    peak : array of shape (O,)
-        Density at the centre of the Gaussian, by mode of the later row.
-    successor : dict of motion model to array of shape (N_t, D)
-        Noise-free successors of the earlier rows.
-    scale : array of shape (N_t,)
-        Factor of each earlier row.
-    """
-
-    transition: FloatArray
+    transition: FloatArray  # (O, O)
+    # Dict of motion model to array of shape (D, D). Whitens states by multiplication from the
+    # right; zero outside the motion's support.
     whitening: dict[MotionModel, FloatArray]
-    peak: FloatArray
+    peak: FloatArray  # Density at the centre of the Gaussian, by mode of the later row, (O,)
+    # Dict of motion model to array of shape (N_t, D). Noise-free successors of the earlier rows.
     successor: dict[MotionModel, FloatArray]
-    scale: FloatArray
+    scale: FloatArray  # Factor of each earlier row, (N_t,)
 
 
 def transition_density(

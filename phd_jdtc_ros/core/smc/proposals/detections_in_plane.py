@@ -17,21 +17,11 @@ from ...types import Scan
 
 @dataclass(frozen=True)
 class Places:
-    """The detections of a scan in the world frame.
+    """The detections of a scan in the world frame."""
 
-    Parameters
-    ----------
-    position : array of shape (M, 2)
-        Position at the time of the detection, metres.
-    covariance : array of shape (M, 2, 2)
-        Square metres.
-    time_s : array of shape (M,)
-        Time relative to the scan's stamp, seconds.
-    """
-
-    position: FloatArray
-    covariance: FloatArray
-    time_s: FloatArray
+    position: FloatArray  # Position at the time of the detection, metres, (M, 2)
+    covariance: FloatArray  # Square metres, (M, 2, 2)
+    time_s: FloatArray  # Time relative to the scan's stamp, seconds, (M,)
 
     def __len__(self) -> int:
         return len(self.position)
