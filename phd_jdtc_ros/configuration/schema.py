@@ -82,6 +82,8 @@ class Parameter:
     form: Form | None = None  # Notation of a value that is not a plain number, word or list
     # Keys of a mapping of strings; each key that is given is a parameter ``NAME.KEY``.
     keys: tuple[str, ...] = ()
+    # Whether a value must be given; the default then only fixes the type.
+    required: bool = False
 
     @property
     def allowed(self) -> str:
@@ -152,9 +154,12 @@ def parameter(
 ) -> Any:
     """Return a field of a dataclass that is a parameter; see `Parameter`.
 
-    `name` is the parameter's dotted name if it differs from the field's.
+    `name` is the parameter's dotted name if it differs from the field's. The field of a required
+    parameter has no default.
     """
     declared = Parameter(name, default, description, *bounds, **more)
+    if declared.required:
+        return field(metadata={_DECLARED: declared})
     usual = default if declared.form is None else declared.form.value(default)
     return field(default_factory=lambda: usual, metadata={_DECLARED: declared})
 

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phd_jdtc_ros.configuration.schema import SMALL, parameter
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FULL_TURN
+
+from .checked import degrees
 
 # Fixed-point steps for the time of a direction; each reduces the error at least by the factor
 # `wobble`.
@@ -17,19 +20,29 @@ STEPS = 12
 
 @dataclass(frozen=True)
 class Antenna:
-    """The rotation of a radar's antenna: sense, uniformity, and direction at scan 0."""
+    """The rotation of a radar's antenna; the block ``antennas`` of a scenario document.
 
-    # Direction at scan 0: radians from the sensor's y axis in the sense of rotation, from 0 to 2
-    # pi. A turn, and its first sector, begins at the y axis.
-    bearing: float = 0.0
-    clockwise: bool = True
-    # Largest relative deviation from the mean rotation rate, as by wind; below 1.
-    wobble: float = 0.0
-    wobble_period_s: float = 600.0  # Period of the deviation, seconds
-    # `lowest`, `highest`: elevations between which targets are in the beam, radians. Used only for
-    # radars on the round earth.
-    lowest: float = -0.5 * math.pi
-    highest: float = 0.5 * math.pi
+    A turn, and its first sector, begins at the y axis.
+    """
+
+    bearing: float = degrees(
+        0.0,
+        "Direction at scan 0: angle from the radar's y axis in the sense of rotation, degrees.",
+        (0.0, 360.0),
+        "bearing_deg",
+    )
+    clockwise: bool = parameter(True, "Whether the antenna turns clockwise.")
+    wobble: float = parameter(
+        0.0, "Largest relative deviation of the rotation rate from its mean.", (0.0, 0.5)
+    )
+    wobble_period_s: float = parameter(600.0, "Period of this deviation, s.", (SMALL, 1e6))
+    # Only for radars on the round earth.
+    lowest: float = degrees(
+        -90.0, "Lowest elevation of the beam, degrees.", (-90.0, 90.0), "lowest_deg"
+    )
+    highest: float = degrees(
+        90.0, "Highest elevation of the beam, degrees.", (-90.0, 90.0), "highest_deg"
+    )
 
     @property
     def begin(self) -> float:

@@ -1,52 +1,115 @@
-"""Checked values of a scenario document's mappings; faults are collected, not raised."""
+"""Checked values of a scenario document's mappings; faults are collected, not raised.
+
+A block is declared as a dataclass whose fields are parameters; `read` makes an instance of it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar
 
-from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.configuration.schema import (
+    UNBOUNDED,
+    ConfigError,
+    Form,
+    Parameter,
+    build,
+    parameter,
+    table,
+)
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 
 PLACE = Parameter("", [0.0, 0.0], "Latitude and longitude, degrees.", -180.0, 360.0, length=2)
+T = TypeVar("T")
+
+
+def converted(
+    default: Any,
+    description: str,
+    bounds: tuple[float, float],
+    convert: Callable[[Any], Any],
+    name: str = "",
+    **more: Any,
+) -> Any:
+    """Return a field like `parameter`'s for a value that the document gives in another unit."""
+    plain = Parameter(name, default, description, *bounds, **more)
+    form = Form(plain.allowed, plain.coerce, convert)
+    return parameter(default, description, bounds, name, form=form, **more)
+
+
+def degrees(
+    default: float, description: str, bounds: tuple[float, float], name: str, **more: Any
+) -> Any:
+    """Return a field in radians of a parameter in degrees."""
+    return converted(default, description, bounds, math.radians, name, **more)
+
+
+def pair(description: str, **more: Any) -> Any:
+    """Return a field of x and y."""
+    return converted([0.0, 0.0], description, UNBOUNDED, tuple, length=2, **more)
+
+
+def signal_to_noise(default_db: float, **more: Any) -> Any:
+    """Return a field of a linear signal-to-noise ratio, which the document gives in decibels."""
+    text, bounds = "Mean signal-to-noise ratio, dB.", (-100.0, 200.0)
+    return converted(default_db, text, bounds, snr_from_db, "snr_db", **more)
 
 
 def take(
-    table: tuple[Parameter, ...],
+    parameters: Iterable[Parameter],
     given: Mapping[str, Any],
     prefix: str,
     faults: list[str],
-    optional: tuple[str, ...] = (),
     also: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Return the checked values of a table; add faults to `faults`.
+    """Return the checked values of parameters; add faults to `faults`.
 
     Parameters
     ----------
     prefix : str
         Prefix of the names in faults.
-    optional : tuple of str
-        Names that have defaults and may be missing.
     also : tuple of str
         Other allowed keys.
     """
-    known = {parameter.name for parameter in table}.union(also)
-    faults += [f"{prefix}{name}: unknown key" for name in given if name not in known]
+    by_name = {parameter.name: parameter for parameter in parameters}
+    faults += [
+        f"{prefix}{name}: unknown key" for name in given if name not in by_name and name not in also
+    ]
     values = {}
-    for parameter in table:
-        if parameter.name not in given and parameter.name not in optional:
-            faults.append(f"{prefix}{parameter.name}: missing, must be {parameter.allowed}")
+    for name, own in by_name.items():
+        if own.required and name not in given:
+            faults.append(f"{prefix}{name}: missing, must be {own.allowed}")
             continue
-        value = given.get(parameter.name, parameter.default)
-        values[parameter.name] = parameter.coerce(value)
-        if values[parameter.name] is None:
-            faults.append(f"{prefix}{parameter.name}: {value!r} given, must be {parameter.allowed}")
+        values[name] = own.coerce(given.get(name, own.default))
+        if values[name] is None:
+            faults.append(prefix + own.fault(given[name]))
     return values
 
 
-def names_of(table: tuple[Parameter, ...]) -> tuple[str, ...]:
-    """Return the names in a table."""
-    return tuple(parameter.name for parameter in table)
+def read(
+    declared: type[T],
+    given: Mapping[str, Any],
+    prefix: str,
+    faults: list[str],
+    also: tuple[str, ...] = (),
+    **others: Any,
+) -> T | None:
+    """Return an instance of a dataclass that declares a block; add faults and then return None.
+
+    `others` are fields that are not parameters; the other arguments are those of `take`. Faults
+    that the class itself finds, raised as a `ConfigError`, are added too.
+    """
+    found: list[str] = []
+    values = take(table(declared), given, prefix, found, also)
+    if not found:
+        try:
+            return build(declared, values, **others)
+        except ConfigError as error:
+            found = [f"{prefix}{fault}" for fault in error.faults]
+    faults += found
+    return None
 
 
 def mappings(
@@ -58,6 +121,17 @@ def mappings(
         return value
     faults.append(f"{prefix}{name}: must be a list of mappings")
     return []
+
+
+def read_list(
+    declared: type[T], given: Mapping[str, Any], name: str, prefix: str, faults: list[str]
+) -> tuple[T, ...]:
+    """Return what a list of mappings declares, without those that have faults; see `read`."""
+    every = (
+        read(declared, entry, f"{prefix}{name}[{index}].", faults)
+        for index, entry in enumerate(mappings(given, name, prefix, faults))
+    )
+    return tuple(each for each in every if each is not None)
 
 
 def mapping(given: Mapping[str, Any], name: str, faults: list[str]) -> Mapping[str, Any]:
@@ -83,32 +157,30 @@ def by_radar(
     return given
 
 
-def values_by_radar(
-    table: tuple[Parameter, ...],
+def read_by_radar(
+    declared: type[T],
     document: Mapping[str, Any],
     block: str,
     radars: tuple[RadarModel, ...],
     faults: list[str],
-) -> list[dict[str, Any] | None]:
-    """Return the checked values of each radar in a block, all optional; add faults to `faults`.
+) -> list[T | None]:
+    """Return what a block declares for each radar; see `read`.
 
-    They are None for a radar without a mapping there, or with faults.
+    It is None for a radar without a mapping there, or with faults.
     """
     given = by_radar(document, block, radars, faults)
-    every: list[dict[str, Any] | None] = []
-    for radar in radars:
-        found: list[str] = []
-        own = mapping(given, radar.name, found)
-        values = take(table, own, f"{block}.{radar.name}.", found, names_of(table))
-        every.append(values if radar.name in given and not found else None)
-        faults += found
-    return every
+    return [
+        read(declared, mapping(given, radar.name, faults), f"{block}.{radar.name}.", faults)
+        if radar.name in given
+        else None
+        for radar in radars
+    ]
 
 
 def place(given: Any, name: str, faults: list[str]) -> tuple[float, float]:
     """Return a latitude and a longitude, degrees; add a fault for any other value."""
-    pair = PLACE.coerce(given)
-    if isinstance(pair, list) and abs(float(pair[0])) <= 90.0:
-        return float(pair[0]), float(pair[1])
+    found = PLACE.coerce(given)
+    if isinstance(found, list) and abs(found[0]) <= 90.0:
+        return found[0], found[1]
     faults.append(f"{name}: {given!r} given, must be a latitude and a longitude, degrees")
     return 0.0, 0.0

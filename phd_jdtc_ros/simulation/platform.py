@@ -9,23 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.configuration.schema import ConfigError, Parameter
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.intake.poses import Mount
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import Pose
 
 from .checked import mapping, take
-from .traffic.flight import Flight
+from .traffic.flight import PLACES, Flight
 from .traffic.targets import legs
 
 PLATFORM = (
-    Parameter("radars", [], "Names of the radars on the platform.", element=str),
+    Parameter("radars", [], "Names of the radars on the platform.", element=str, required=True),
     Parameter("pose_interval_s", 0.5, "Interval between poses, s.", 1e-3, 60.0),
-    Parameter("position", [0.0, 0.0], "Position at scan 0, world frame, m.", length=2),
-    Parameter("velocity", [0.0, 0.0], "Velocity at scan 0, world frame, m/s.", length=2),
+    *PLACES,
 )
-_POSITION, _VELOCITY = list(PLANAR.position), list(PLANAR.velocity)
+_POSITION = list(PLANAR.position)
 
 
 @dataclass(frozen=True)
@@ -56,11 +56,7 @@ class MovingPlatform:
 
     def radar_pose(self, radar: RadarModel, time_s: float) -> Pose:
         """Return the pose of a carried radar in the world."""
-        own, (ahead, left) = self.pose(time_s), radar.position
-        cos, sin = math.cos(own.yaw), math.sin(own.yaw)
-        x, y = own.position
-        place = x + cos * ahead - sin * left, y + sin * ahead + cos * left
-        return Pose(place, math.remainder(own.yaw + radar.yaw, 2.0 * math.pi))
+        return Mount(radar.position, radar.yaw).on(self.pose(time_s))
 
     def to_platform(self, state: FloatArray, time_s: FloatArray) -> FloatArray:
         """Return states with positions in the platform's frame at these times, shape (N, D)."""
@@ -80,7 +76,7 @@ def platform(
     if not given:
         return None
     found: list[str] = []
-    values = take(PLATFORM, given, "platform.", found, ("pose_interval_s",), ("legs",))
+    values = take(PLATFORM, given, "platform.", found, ("legs",))
     ways = legs(given, "platform.", found)
     known = [radar.name for radar in radars]
     found += [
@@ -101,7 +97,7 @@ def platform(
             motion = Flight(0, 0.0, 0.0, tuple(values["position"]), tuple(values["velocity"]), ways)
             carried = tuple(known.index(name) for name in values["radars"])
             return MovingPlatform(motion, carried, values["pose_interval_s"])
-        except ValueError as error:
-            found.append(f"platform.{error}")
+        except ConfigError as error:
+            found += [f"platform.{fault}" for fault in error.faults]
     faults += found
     return None

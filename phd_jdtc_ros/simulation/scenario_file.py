@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Parameter
+from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Parameter, parameter
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 from .antenna import Antenna, usual_antenna
-from .checked import mapping, names_of, place, take, values_by_radar
+from .checked import mapping, place, read_by_radar, take
 from .clutter import echoes, law
 from .clutter.mirrors import mirrors
 from .clutter.reflectors import reflectors
@@ -24,6 +25,26 @@ from .transponder import transponders
 
 # Limit of a stamp's seconds, which are signed 32-bit integers.
 END_OF_TIME_S = 2**31
+
+
+@dataclass(frozen=True)
+class Bias:
+    """The biases of a radar; the block ``biases``."""
+
+    range_bias: float = parameter(0.0, "Range bias: measured minus true range, m.", (-1e5, 1e5))
+    range_gain: float = parameter(0.0, "Range scale error: bias per metre of range.", (-0.5, 0.5))
+    azimuth_bias_deg: float = parameter(
+        0.0, "Azimuth bias: measured minus true azimuth, clockwise, degrees.", (-180.0, 180.0)
+    )
+    time_offset_s: float = parameter(0.0, "Time bias: reported minus true time, s.", (-60.0, 60.0))
+
+    @property
+    def error(self) -> SensorBias:
+        """The same biases with the azimuth counter-clockwise."""
+        azimuth = -math.radians(self.azimuth_bias_deg)
+        return SensorBias(self.range_bias, self.range_gain, azimuth, self.time_offset_s)
+
+
 TIMING = (
     # The stamp 0 marks an unset time.
     Parameter("start_s", 1000.0, "Stamp of scan 0, s.", 1e-3, 4e9),
@@ -36,34 +57,6 @@ TIMING = (
         0,
         1000,
     ),
-)
-ANTENNA = (
-    Parameter(
-        "bearing_deg",
-        0.0,
-        "Direction at scan 0: angle from the radar's y axis in the sense of rotation, degrees.",
-        0.0,
-        360.0,
-    ),
-    Parameter("clockwise", True, "Whether the antenna turns clockwise."),
-    Parameter(
-        "wobble", 0.0, "Largest relative deviation of the rotation rate from its mean.", 0.0, 0.5
-    ),
-    Parameter("wobble_period_s", 600.0, "Period of this deviation, s.", SMALL, 1e6),
-    Parameter("lowest_deg", -90.0, "Lowest elevation of the beam, degrees.", -90.0, 90.0),
-    Parameter("highest_deg", 90.0, "Highest elevation of the beam, degrees.", -90.0, 90.0),
-)
-BIAS = (
-    Parameter("range_bias", 0.0, "Range bias: measured minus true range, m.", -1e5, 1e5),
-    Parameter("range_gain", 0.0, "Range scale error: bias per metre of range.", -0.5, 0.5),
-    Parameter(
-        "azimuth_bias_deg",
-        0.0,
-        "Azimuth bias: measured minus true azimuth, clockwise, degrees.",
-        -180.0,
-        180.0,
-    ),
-    Parameter("time_offset_s", 0.0, "Time bias: reported minus true time, s.", -60.0, 60.0),
 )
 OTHER_KEYS = (
     "targets",
@@ -93,7 +86,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     document : mapping
         The keys of `TIMING`, all optional, and ``targets``, see `traffic.targets`. ``traffic`` and
         ``manoeuvres`` generate many targets, see `generators`. By name of the radar, ``antennas``
-        has the keys of `ANTENNA`, ``biases`` the keys of `BIAS`, ``clutter`` the law of the
+        has the keys of `Antenna`, ``biases`` the keys of `Bias`, ``clutter`` the law of the
         amplitudes, see `clutter.law`, and ``echoes`` further detections of targets, see `echoes`.
         ``world_origin`` is the latitude and longitude of the world's zero, and ``sites`` has the
         positions of radars by name, see `site_parameters`. ``reflectors`` is a list of mappings,
@@ -111,10 +104,10 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     if not isinstance(document, Mapping):
         raise ConfigError(["scenario: must be a mapping"])
     faults: list[str] = []
-    timing = take(TIMING, document, "", faults, names_of(TIMING), OTHER_KEYS)
+    timing = take(TIMING, document, "", faults, OTHER_KEYS)
     every = targets.targets(document, faults)
-    antennas = _antennas(document, radars, faults)
-    biases = _biases(document, radars, faults)
+    antennas = read_by_radar(Antenna, document, "antennas", radars, faults)
+    biases = read_by_radar(Bias, document, "biases", radars, faults)
     clutter = law.laws(document, radars, faults)
     echo_laws = echoes.of_radars(document, radars, faults)
     carrier = platform(document, radars, faults)
@@ -137,14 +130,14 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         scans=timing["scans"],
         targets=tuple(every),
         radars=radars,
-        antennas=antennas,
+        antennas=tuple(each or usual_antenna(index) for index, each in enumerate(antennas)),
         most_radars=timing["most_radars"],
         clutter=clutter,
         echoes=echo_laws,
         reflectors=fixed,
         platform=carrier,
         transponders=replies,
-        biases=biases,
+        biases=tuple(each.error if each else NO_BIAS for each in biases) if any(biases) else (),
         gaps=unseen,
         mirrors=reflecting,
     )
@@ -187,45 +180,6 @@ def _has_height(document: Mapping[str, Any]) -> bool:
     """Return whether the world's origin has a height, so that the world is on the round earth."""
     origin = document.get("world_origin")
     return isinstance(origin, list) and len(origin) == 3
-
-
-def _antennas(
-    document: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
-) -> tuple[Antenna, ...]:
-    """Return every radar's antenna, by default the usual one; add faults to `faults`."""
-    every = values_by_radar(ANTENNA, document, "antennas", radars, faults)
-    return tuple(
-        usual_antenna(index)
-        if values is None
-        else Antenna(
-            math.radians(values["bearing_deg"]),
-            values["clockwise"],
-            values["wobble"],
-            values["wobble_period_s"],
-            math.radians(values["lowest_deg"]),
-            math.radians(values["highest_deg"]),
-        )
-        for index, values in enumerate(every)
-    )
-
-
-def _biases(
-    document: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
-) -> tuple[SensorBias, ...]:
-    """Return every radar's biases; empty if none are given; add faults to `faults`."""
-    every = values_by_radar(BIAS, document, "biases", radars, faults)
-    biases = tuple(
-        NO_BIAS
-        if values is None
-        else SensorBias(
-            values["range_bias"],
-            values["range_gain"],
-            -math.radians(values["azimuth_bias_deg"]),
-            values["time_offset_s"],
-        )
-        for values in every
-    )
-    return biases if any(every) else ()
 
 
 def _time_faults(timing: Mapping[str, Any]) -> list[str]:

@@ -12,30 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.configuration.schema import parameter
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
-from .checked import mapping, names_of, take
+from .checked import mapping, read
 from .traffic.flight import Flight
 
-TRANSPONDERS = (
-    Parameter("share", 1.0, "Share of the targets with a transponder.", 0.0, 1.0),
-    Parameter(
-        "reply_probability",
-        0.95,
-        "Probability that an equipped target's plot has a reply.",
-        0.0,
-        1.0,
-    ),
-    Parameter("mode_s_share", 1.0, "Share of the equipped targets with an address.", 0.0, 1.0),
-    # A garbled value is replaced by a random one.
-    Parameter("code_garbled", 0.0, "Probability that a reply's code is garbled.", 0.0, 1.0),
-    Parameter("height_garbled", 0.0, "Probability that a reply's height is garbled.", 0.0, 1.0),
-    Parameter("address_garbled", 0.0, "Probability that a reply's address is garbled.", 0.0, 1.0),
-    Parameter("shared_code_share", 0.1, "Share of the targets with the code 7000.", 0.0, 1.0),
-    Parameter("seed", 0, "Seed of the targets' codes and heights.", 0, 2**31 - 1),
-)
 SHARED = 0o7000
 # Heights in metres: resolution of Mode C (100 ft), range of the levels, range of garbled heights.
 MODE_C, LEVELS, GARBLED = 30.48, (1500.0, 11e3), (0.0, 14e3)
@@ -74,14 +57,23 @@ class Card(NamedTuple):
 class Transponders:
     """The transponders of a scenario's targets, and the quality of their replies."""
 
-    share: float = 1.0
-    reply_probability: float = 0.95
-    mode_s_share: float = 1.0
-    code_garbled: float = 0.0
-    height_garbled: float = 0.0
-    address_garbled: float = 0.0
-    shared_code_share: float = 0.1  # See `TRANSPONDERS`
-    seed: int = 0
+    share: float = parameter(1.0, "Share of the targets with a transponder.", (0.0, 1.0))
+    reply_probability: float = parameter(
+        0.95, "Probability that an equipped target's plot has a reply.", (0.0, 1.0)
+    )
+    mode_s_share: float = parameter(
+        1.0, "Share of the equipped targets with an address.", (0.0, 1.0)
+    )
+    # A garbled value is replaced by a random one.
+    code_garbled: float = parameter(0.0, "Probability that a reply's code is garbled.", (0.0, 1.0))
+    height_garbled: float = parameter(
+        0.0, "Probability that a reply's height is garbled.", (0.0, 1.0)
+    )
+    address_garbled: float = parameter(
+        0.0, "Probability that a reply's address is garbled.", (0.0, 1.0)
+    )
+    shared_code_share: float = parameter(0.1, "Share of targets with the code 7000.", (0.0, 1.0))
+    seed: int = parameter(0, "Seed of the targets' codes and heights.", (0, 2**31 - 1))
 
     def card(self, number: int, flight: Flight, duration_s: float) -> Card:
         """Return the replies' content of a target, by number from 1; it is deterministic.
@@ -160,8 +152,5 @@ def transponders(document: Mapping[str, Any], faults: list[str]) -> Transponders
     """Return the document's ``transponders``, None without; add its faults to `faults`."""
     if "transponders" not in document:
         return None
-    found: list[str] = []
-    given = mapping(document, "transponders", found)
-    values = take(TRANSPONDERS, given, "transponders.", found, names_of(TRANSPONDERS))
-    faults += found
-    return None if found else Transponders(**values)
+    given = mapping(document, "transponders", faults)
+    return read(Transponders, given, "transponders.", faults)

@@ -146,12 +146,6 @@ def test_positions_follow_the_velocity_through_two_turns():
     np.testing.assert_allclose(states[1:, [0, 2]], start + moved, atol=1e-2)
 
 
-@pytest.mark.parametrize("turns", [(Turn(1, 4, 0.1),), (Turn(5, 9, 0.1), Turn(8, 12, 0.1))])
-def test_a_target_refuses_turns_out_of_order(turns):
-    with pytest.raises(ValueError, match="one after the other"):
-        flown(*turns)
-
-
 FLIGHT = {
     "class_id": 1,
     "position": [1.0, 2.0],

@@ -10,33 +10,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.schema import SMALL, Parameter
+from phd_jdtc_ros.configuration.schema import SMALL, parameter
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.state_space import StateSpace
 
-from ..checked import values_by_radar
-
-ECHOES = (
-    Parameter(
-        "probability", 0.3, "Probability that a detected target has further detections.", 0.0, 1.0
-    ),
-    Parameter("most", 2, "Their largest number; all up to it are equally probable.", 1, 100),
-    Parameter("length_std", 1.2, "Their standard deviation along the course, m.", SMALL, 1e3),
-    Parameter("width_std", 0.5, "Their standard deviation across the course, m.", SMALL, 1e3),
-)
+from ..checked import read_by_radar
 
 
 @dataclass(frozen=True)
 class Echoes:
     """Further detections of targets by one radar in a scan."""
 
-    probability: float  # Probability that a detected target has further detections
-    most: int  # Their largest number; all numbers from 1 to it are equally probable
-    # `length_std`, `width_std`: standard deviations of their sources along and across the target's
-    # course, metres.
-    length_std: float
-    width_std: float
+    probability: float = parameter(
+        0.3, "Probability that a detected target has further detections.", (0.0, 1.0)
+    )
+    most: int = parameter(2, "Their largest number; all up to it are equally probable.", (1, 100))
+    length_std: float = parameter(
+        1.2, "Their standard deviation along the course, m.", (SMALL, 1e3)
+    )
+    width_std: float = parameter(
+        0.5, "Their standard deviation across the course, m.", (SMALL, 1e3)
+    )
 
     def sources(
         self, state: FloatArray, space: StateSpace, rng: np.random.Generator
@@ -71,11 +66,10 @@ def of_radars(
     document: Mapping[str, object], radars: tuple[RadarModel, ...], faults: list[str]
 ) -> tuple[Echoes | None, ...]:
     """Return every radar's echoes, None for a radar without; empty if no radar has any."""
-    every = values_by_radar(ECHOES, document, "echoes", radars, faults)
+    echoes = tuple(read_by_radar(Echoes, document, "echoes", radars, faults))
     faults += [
         f"echoes.{radar.name}: given, must be absent for a turning radar"
-        for radar, values in zip(radars, every, strict=True)
-        if values is not None and radar.rotation_s
+        for radar, own in zip(radars, echoes, strict=True)
+        if own is not None and radar.rotation_s
     ]
-    echoes = tuple(None if values is None else Echoes(**values) for values in every)
     return echoes if any(echoes) else ()

@@ -12,28 +12,22 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.configuration.schema import Parameter, parameter
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.clutter.amplitude_law import DB_PER_NEPER, level_db
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.amplitude_density import SMALLEST_AMPLITUDE, snr_from_db
 
-from ..checked import by_radar, take
+from ..checked import by_radar, converted, read, take
 
 LAW = Parameter(
-    "law", "rayleigh", "Law of the envelopes.", choices=("rayleigh", "log_normal", "uniform")
+    "law",
+    "rayleigh",
+    "Law of the envelopes.",
+    choices=("rayleigh", "log_normal", "uniform"),
+    required=True,
 )
-# Parameters that several laws share.
-LEVEL = Parameter("level_db", 0.0, "Mean level; for log_normal the median, dB.", -100.0, 200.0)
-MEMBERS = {
-    "rayleigh": (LAW, LEVEL),
-    "log_normal": (LAW, LEVEL, Parameter("std_db", 6.0, "Standard deviation, dB.", 0.1, 100.0)),
-    "uniform": (
-        LAW,
-        Parameter("lowest_db", 0.0, "Lowest level, dB.", -100.0, 200.0),
-        Parameter("highest_db", 0.0, "Highest level, dB.", -100.0, 200.0),
-    ),
-}
+LEVELS_DB = (-100.0, 200.0)
 
 
 class ClutterLaw(Protocol):
@@ -48,7 +42,10 @@ class ClutterLaw(Protocol):
 class RayleighClutter:
     """Noise, or clutter of many reflectors."""
 
-    level: float = 1.0  # Mean square of the envelope in units of the noise's; 1 is noise
+    # Mean square of the envelope in units of the noise's; 1 is noise.
+    level: float = converted(
+        0.0, "Mean level, dB.", LEVELS_DB, snr_from_db, "level_db", required=True
+    )
 
     def draw(self, threshold: float, count: int, rng: np.random.Generator) -> FloatArray:
         """Return envelopes above a threshold, shape (count,)."""
@@ -62,8 +59,8 @@ class RayleighClutter:
 class LogNormalClutter:
     """Clutter whose level in dB is Gaussian."""
 
-    median_db: float
-    std_db: float
+    median_db: float = parameter(0.0, "Median level, dB.", LEVELS_DB, "level_db", required=True)
+    std_db: float = parameter(6.0, "Standard deviation, dB.", (0.1, 100.0), required=True)
 
     def draw(self, threshold: float, count: int, rng: np.random.Generator) -> FloatArray:
         """Return envelopes above a threshold, shape (count,)."""
@@ -76,8 +73,8 @@ class LogNormalClutter:
 class UniformClutter:
     """Clutter whose level is uniform in dB."""
 
-    lowest_db: float
-    highest_db: float
+    lowest_db: float = parameter(0.0, "Lowest level, dB.", LEVELS_DB, required=True)
+    highest_db: float = parameter(0.0, "Highest level, dB.", LEVELS_DB, required=True)
 
     def draw(self, threshold: float, count: int, rng: np.random.Generator) -> FloatArray:
         """Return envelopes above a threshold, shape (count,)."""
@@ -85,7 +82,12 @@ class UniformClutter:
         return _envelope(rng.uniform(lowest, self.highest_db, count))
 
 
-NOISE = RayleighClutter()
+NOISE = RayleighClutter(1.0)
+LAWS: dict[str, type[RayleighClutter | LogNormalClutter | UniformClutter]] = {
+    "rayleigh": RayleighClutter,
+    "log_normal": LogNormalClutter,
+    "uniform": UniformClutter,
+}
 
 
 def laws(
@@ -108,24 +110,19 @@ def law_of(given: Any, prefix: str, radar: RadarModel, faults: list[str]) -> Clu
     if not isinstance(given, Mapping):
         faults.append(f"{prefix[:-1]}: must be a mapping")
         return NOISE
-    found: list[str] = []
-    table = MEMBERS.get(str(given.get("law")), (LAW,))
-    values = take(table, given, prefix, found)
-    faults += found
-    if found:
+    declared = LAWS.get(str(given.get("law")))
+    if declared is None:
+        take((LAW,), given, prefix, faults)
         return NOISE
-    if values["law"] == "rayleigh":
-        return RayleighClutter(snr_from_db(values["level_db"]))
-    if values["law"] == "log_normal":
-        return LogNormalClutter(values["level_db"], values["std_db"])
-    least = max(values["lowest_db"], _level(radar.threshold))
-    if values["highest_db"] <= least:
-        faults.append(
-            f"{prefix}highest_db: {values['highest_db']:g} given, must be above lowest_db and the "
-            f"radar's threshold, {least:.1f} dB"
-        )
-        return NOISE
-    return UniformClutter(values["lowest_db"], values["highest_db"])
+    law = read(declared, given, prefix, faults, ("law",))
+    if isinstance(law, UniformClutter):
+        least = max(law.lowest_db, _level(radar.threshold))
+        if law.highest_db <= least:
+            faults.append(
+                f"{prefix}highest_db: {law.highest_db:g} given, must be above lowest_db and the "
+                f"radar's threshold, {least:.1f} dB"
+            )
+    return law or NOISE
 
 
 def _level(threshold: float) -> float:

@@ -12,37 +12,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.schema import SMALL, Parameter
+from phd_jdtc_ros.configuration.schema import SMALL, parameter
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import FULL_TURN
 
-from ..checked import mappings, take
-
-MIRRORS = (
-    Parameter("position", [0.0, 0.0], "Position, world frame, m.", length=2),
-    Parameter(
-        "start_deg",
-        0.0,
-        "First azimuth of reflected targets, clockwise from the y axis, degrees.",
-        -360.0,
-        360.0,
-    ),
-    Parameter("width_deg", 360.0, "Width of these azimuths, degrees.", SMALL, 360.0),
-    Parameter("probability", 0.1, "Probability of a reflection in each turn.", 0.0, 1.0),
-)
+from ..checked import degrees, pair, read_list
 
 
 @dataclass(frozen=True)
 class Mirror:
     """A surface that reflects the replies of targets in some directions."""
 
-    position: tuple[float, float]  # Position in the world frame, metres
-    # `start`, `width`: first azimuth and width of the sector, seen from the radar, of the targets
-    # whose replies are reflected: radians clockwise from the world's y axis.
-    start: float
-    width: float
-    probability: float  # Probability of a reflection in each turn of a radar
+    position: tuple[float, float] = pair("Position, world frame, m.", required=True)
+    # The directions are seen from the radar.
+    start: float = degrees(
+        0.0,
+        "First azimuth of reflected targets, clockwise from the y axis, degrees.",
+        (-360.0, 360.0),
+        "start_deg",
+        required=True,
+    )
+    width: float = degrees(
+        360.0, "Width of these azimuths, degrees.", (SMALL, 360.0), "width_deg", required=True
+    )
+    probability: float = parameter(
+        0.1, "Probability of a reflection in each turn.", (0.0, 1.0), required=True
+    )
 
     def reflects(
         self, position: FloatArray, radar: RadarModel, rng: np.random.Generator
@@ -65,13 +61,4 @@ class Mirror:
 
 def mirrors(document: Mapping[str, object], faults: list[str]) -> tuple[Mirror, ...]:
     """Return the mirrors in a scenario document; add faults to `faults`."""
-    every = []
-    for index, given in enumerate(mappings(document, "mirrors", "", faults)):
-        found: list[str] = []
-        values = take(MIRRORS, given, f"mirrors[{index}].", found)
-        faults += found
-        if not found:
-            start, width = (math.radians(values[name]) for name in ("start_deg", "width_deg"))
-            place = float(values["position"][0]), float(values["position"][1])
-            every.append(Mirror(place, start, width, values["probability"]))
-    return tuple(every)
+    return read_list(Mirror, document, "mirrors", "", faults)

@@ -23,7 +23,7 @@ from ..noise import with_noise
 from .law import NOISE, ClutterLaw, law_of
 
 REFLECTORS = (
-    Parameter("points", [0.0, 0.0], "x and y of points, world frame, m.", -1e7, 1e7),
+    Parameter("points", [0.0, 0.0], "x and y of points, world frame, m.", -1e7, 1e7, required=True),
     Parameter(
         "spacing",
         0.0,
@@ -31,7 +31,14 @@ REFLECTORS = (
         0.0,
         1e6,
     ),
-    Parameter("detection_probability", 0.5, "Of each reflector per scan or turn.", 0.0, 1.0),
+    Parameter(
+        "detection_probability",
+        0.5,
+        "Of each reflector per scan or turn.",
+        0.0,
+        1.0,
+        required=True,
+    ),
 )
 # Largest number of points of a line, which bounds the memory for a small spacing.
 MOST = 10_000
@@ -71,7 +78,7 @@ def reflectors(
     kinds = []
     for index, given in enumerate(mappings(document, "reflectors", "", faults)):
         prefix, found = f"reflectors[{index}].", list[str]()
-        values = take(REFLECTORS, given, prefix, found, ("spacing",), ("amplitude",))
+        values = take(REFLECTORS, given, prefix, found, ("amplitude",))
         # The bounds of a law follow from the threshold; the highest threshold is the strictest.
         strictest = max(radars, key=lambda radar: radar.threshold)
         law: ClutterLaw = NOISE

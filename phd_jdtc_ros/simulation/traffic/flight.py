@@ -5,31 +5,44 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Parameter, parameter
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.state_space import PLANAR
 
+from ..checked import degrees
+
 # Tolerance of a flight's end, which is a sum of durations, at a scan's time.
 ROUNDING_S = 1e-6
+# The state at the start in a document.
+PLACES = (
+    Parameter("position", [0.0, 0.0], "Position, world frame, m.", length=2, required=True),
+    Parameter("velocity", [0.0, 0.0], "Velocity, world frame, m/s.", length=2, required=True),
+)
+
+
+def turn_rate_field(**more: Any) -> Any:
+    """Return a field of a turn rate in radians per second."""
+    text = "Turn rate, counter-clockwise, degrees per second."
+    return degrees(0.0, text, (-180.0, 180.0), "turn_rate_deg_s", **more)
 
 
 @dataclass(frozen=True)
 class Leg:
     """A part of a flight: straight, with a constant acceleration, or a turn at constant speed."""
 
-    duration_s: float
-    turn_rate: float = 0.0  # Radians per second, counter-clockwise
-    acceleration: float = 0.0  # Acceleration along the course, m/s^2
+    duration_s: float = parameter(0.0, "Length of the leg, s.", (SMALL, 1e7), required=True)
+    turn_rate: float = turn_rate_field()
+    acceleration: float = parameter(0.0, "Change of the speed, m/s^2.", (-1e3, 1e3))
 
     def __post_init__(self) -> None:
         if not self.duration_s > 0.0:
-            raise ValueError(f"duration_s: {self.duration_s}, expected more than 0")
+            raise ConfigError([f"duration_s: {self.duration_s} given, must be above 0"])
         if self.turn_rate and self.acceleration:
-            raise ValueError(
-                f"acceleration: {self.acceleration} in a turn of {self.turn_rate} rad/s, expected 0"
-            )
+            raise ConfigError([f"acceleration: {self.acceleration} given, must be 0 in a turn"])
 
 
 @dataclass(frozen=True)
@@ -48,7 +61,7 @@ class Flight:
     def __post_init__(self) -> None:
         slowest = self._marks[:, 2].min()
         if slowest < -ROUNDING_S:
-            raise ValueError(f"legs: a speed of {slowest:.3g} m/s, expected none below 0")
+            raise ConfigError([f"legs: a speed of {slowest:.3g} m/s, expected none below 0"])
 
     @property
     def end_s(self) -> float:

@@ -7,25 +7,39 @@ its flight and keeps its identity.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.schema import SMALL, Parameter
+from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, parameter
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 
-from ..checked import mapping, names_of, take
+from ..checked import mapping, read
 from .flight import Flight
 
-GAPS = (
-    Parameter("count", 0, "Number of gaps in the run.", 0, 10**5),
-    Parameter("shortest_s", 10.0, "Shortest duration of a gap, s.", SMALL, 1e6),
-    Parameter("longest_s", 120.0, "Longest duration of a gap, s.", SMALL, 1e6),
-    Parameter("slowest", 20.0, "Least initial speed of a target with a gap, m/s.", 0.0, 1e4),
-    Parameter("seed", 0, "Seed of the choice of targets and times.", 0, 2**31 - 1),
-)
 # Least time in sight before and after a gap, seconds.
 APART_S = 60.0
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """The block ``gaps``."""
+
+    count: int = parameter(0, "Number of gaps in the run.", (0, 10**5))
+    shortest_s: float = parameter(10.0, "Shortest duration of a gap, s.", (SMALL, 1e6))
+    longest_s: float = parameter(120.0, "Longest duration of a gap, s.", (SMALL, 1e6))
+    slowest: float = parameter(20.0, "Least initial speed of a target with a gap, m/s.", (0.0, 1e4))
+    seed: int = parameter(0, "Seed of the choice of targets and times.", (0, 2**31 - 1))
+
+    def __post_init__(self) -> None:
+        if self.longest_s < self.shortest_s:
+            raise ConfigError(
+                [
+                    f"longest_s: {self.longest_s:g} given, must be at least shortest_s, "
+                    f"{self.shortest_s:g}"
+                ]
+            )
 
 
 class Gap(NamedTuple):
@@ -58,27 +72,19 @@ def of_targets(
     """
     if "gaps" not in document:
         return ()
-    found: list[str] = []
-    given = mapping(document, "gaps", found)
-    values = take(GAPS, given, "gaps.", found, names_of(GAPS))
-    if not found and values["longest_s"] < values["shortest_s"]:
-        found.append(
-            f"gaps.longest_s: {values['longest_s']:g} given, must be at least shortest_s, "
-            f"{values['shortest_s']:g}"
-        )
-    faults += found
-    return () if found else _draw(values, flights)
+    found = read(Gaps, mapping(document, "gaps", faults), "gaps.", faults)
+    return _draw(found, flights) if found else ()
 
 
-def _draw(values: Mapping[str, float], flights: Sequence[Flight]) -> tuple[Gap, ...]:
+def _draw(drawn: Gaps, flights: Sequence[Flight]) -> tuple[Gap, ...]:
     """Return gaps of random targets, drawn in proportion to the time that a gap can begin in."""
-    rng = np.random.default_rng(int(values["seed"]))
+    rng = np.random.default_rng(drawn.seed)
     speed = np.array([np.hypot(*flight.velocity) for flight in flights])
     life_s = np.array([flight.end_s - flight.start_s for flight in flights])
-    free = speed >= values["slowest"]
+    free = speed >= drawn.slowest
     gaps: list[Gap] = []
-    for _ in range(int(values["count"])):
-        length_s = float(rng.uniform(values["shortest_s"], values["longest_s"]))
+    for _ in range(drawn.count):
+        length_s = float(rng.uniform(drawn.shortest_s, drawn.longest_s))
         # Time in which a gap can begin; a target has at most one gap.
         spare = np.where(free, np.maximum(life_s - length_s - 2.0 * APART_S, 0.0), 0.0)
         if not spare.any():

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from phd_jdtc_ros.configuration.schema import ConfigError, parameter
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
 
-from .flight import ROUNDING_S, Flight, Leg
+from ..checked import pair, signal_to_noise
+from .flight import ROUNDING_S, Flight, Leg, turn_rate_field
 
+SCANS, HEIGHTS = (0, 10**6), (-1e4, 3e4)
 # True targets follow this model's mean; turn rate 0 is a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
 
@@ -18,31 +21,51 @@ NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
 class Turn:
     """A part of a target's life in which its velocity rotates at a constant rate."""
 
-    # `first_scan`, `last_scan`: the turn lasts from the stamp of the first scan to the stamp of the
-    # last, at which the target flies straight again.
-    first_scan: int
-    last_scan: int
-    turn_rate: float  # Radians per second, counter-clockwise
+    # From the stamp of the first scan to the stamp of the last, at which the target flies straight
+    # again.
+    first_scan: int = parameter(0, "Scan at which the turn begins.", SCANS, required=True)
+    last_scan: int = parameter(0, "Scan at which the turn ends.", SCANS, required=True)
+    turn_rate: float = turn_rate_field(required=True)
 
 
 @dataclass(frozen=True)
 class TargetScript:
     """One target that moves at constant velocity except in its turns."""
 
-    class_id: int
-    snr: float  # Mean signal-to-noise ratio, linear
-    position: tuple[float, float]  # Position at the first scan, world frame, metres
-    velocity: tuple[float, float]  # Velocity at the first scan, metres per second
-    # `first_scan`, `last_scan`: first and last scan in which the target exists.
-    first_scan: int
-    last_scan: int
+    class_id: int = parameter(0, "Class, from 0.", (0, 1000), required=True)
+    snr: float = signal_to_noise(30.0, required=True)
+    position: tuple[float, float] = pair(
+        "Position at the first scan, world frame, m.", required=True
+    )
+    velocity: tuple[float, float] = pair(
+        "Velocity at the first scan, world frame, m/s.", required=True
+    )
+    first_scan: int = parameter(0, "First scan in which the target exists.", SCANS, required=True)
+    last_scan: int = parameter(0, "Last scan in which the target exists.", SCANS, required=True)
     turns: tuple[Turn, ...] = ()  # Successive turns, none before the first scan
-    height: float = 0.0  # Height above the world's zero, metres
+    height: float = parameter(0.0, "Height above the world's zero, m.", HEIGHTS)
 
     def __post_init__(self) -> None:
-        edges = [self.first_scan, *(e for t in self.turns for e in (t.first_scan, t.last_scan))]
-        if edges != sorted(edges):
-            raise ValueError(f"turns: {self.turns}, expected one after the other")
+        faults = []
+        first, last = self.first_scan, self.last_scan
+        if last < first:
+            faults = [f"last_scan: {last} given, must be at least first_scan, {first}"]
+        event = "target appears"
+        for index, turn in enumerate(() if faults else self.turns):
+            begin, end = turn.first_scan, turn.last_scan
+            if begin < first:
+                faults.append(
+                    f"turns[{index}].first_scan: {begin} given, must be at least {first}, when the "
+                    f"{event}"
+                )
+            if not begin < end <= last:
+                faults.append(
+                    f"turns[{index}].last_scan: {end} given, must be above its first_scan, "
+                    f"{begin}, and at most the target's last_scan, {last}"
+                )
+            first, event = end, "previous turn ends"
+        if faults:
+            raise ConfigError(faults)
 
     def state_at(self, scan: int, interval_s: float) -> FloatArray | None:
         """Return the exact state at a scan, with the present turn's rate, (D,); None if absent.

@@ -10,6 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from phd_jdtc_ros.configuration.schema import parameter
+
+from ..checked import converted, pair, signal_to_noise
 from .flight import ROUNDING_S, Flight, Leg
 from .geodesy import STANDARD_GRAVITY
 
@@ -38,23 +41,34 @@ LONGEST_S = 3600.0
 Range = tuple[float, float]
 
 
+def _ordered(pair: Sequence[float]) -> Range:
+    return min(pair), max(pair)
+
+
 @dataclass(frozen=True)
 class Traffic:
-    """The distribution of random traffic."""
+    """The distribution of random traffic; the block ``traffic`` of a scenario document."""
 
-    # `aircraft`, `taxiing`: number of aircraft in the air, and of taxiing aircraft.
-    aircraft: int
-    taxiing: int
-    seed: int
-    centre: tuple[float, float]  # Reference point of the airfield, world frame, metres
-    radius: float  # Aircraft begin and end within this distance of the centre, metres
-    duration_s: float
-    snr: float  # Mean signal-to-noise ratio of all aircraft, linear
-    # Number of aircraft that enter over the edge during the run and pass over or near the field.
-    entering: int = 0
-    # Shortest and longest straight flight between turns in the air, seconds.
-    straight_s: Range = STRAIGHT_S
-    turn_deg: Range = TURN_DEG  # Least and largest angle of these turns, degrees
+    aircraft: int = parameter(0, "Number of aircraft in the air.", (0, 10**4))
+    taxiing: int = parameter(0, "Number of aircraft that taxi.", (0, 10**4))
+    entering: int = parameter(0, "Number of aircraft that enter over the edge.", (0, 10**4))
+    seed: int = parameter(0, "Seed of the random generator.", (0, 2**31 - 1))
+    centre: tuple[float, float] = pair("Reference point of the airfield, world frame, m.")
+    radius: float = parameter(
+        105e3, "Aircraft end at this distance from the centre, m.", (1e4, 1e6)
+    )
+    straight_s: Range = converted(
+        list(STRAIGHT_S),
+        "Shortest and longest straight flight between turns, s.",
+        (1.0, 1e5),
+        _ordered,
+        length=2,
+    )
+    turn_deg: Range = converted(
+        list(TURN_DEG), "Least and largest turn, degrees.", (0.1, 360.0), _ordered, length=2
+    )
+    snr: float = signal_to_noise(30.0)
+    duration_s: float = 0.0  # Length of the run
 
 
 def draw(traffic: Traffic) -> tuple[Flight, ...]:

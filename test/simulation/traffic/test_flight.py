@@ -67,7 +67,7 @@ def test_a_leg_refuses_no_duration(leg, fault):
 
 
 def test_a_leg_refuses_an_acceleration_in_a_turn():
-    with pytest.raises(ValueError, match=r"acceleration: 1\.0 in a turn"):
+    with pytest.raises(ValueError, match=r"acceleration: 1\.0 given, must be 0 in a turn"):
         Leg(5.0, 0.1, 1.0)
 
 

@@ -6,7 +6,7 @@ import pytest
 from phd_jdtc_ros.simulation.traffic.traffic import APRON, Traffic, draw
 
 CENTRE = (2e3, -1.5e3)
-BUSY = Traffic(50, 13, 4, CENTRE, 105e3, 480.0, 1e3)
+BUSY = Traffic(aircraft=50, taxiing=13, seed=4, centre=CENTRE, duration_s=480.0)
 
 
 @pytest.fixture(scope="module")
