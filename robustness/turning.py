@@ -37,7 +37,7 @@ PARAMETERS = {
     "births": "[]",
     "detection_births.rates": "[0.1]",
     "detection_births.velocity_std": 100.0,
-    "detection_births.particles": 256,
+    "particles_per_birth": 256,
     "spawn.rate": 0.0,
     "aircraft.motions": "[cv]",
     "aircraft.mode_transition": "[1.0]",

@@ -217,7 +217,8 @@ def _config(values: dict[str, Any], parts: Parts, plane: Plane | None) -> Tracke
     top = parts.tracking
     inputs = tuple(on_earth(radar, plane) for radar in parts.radars.values())
     level = ACCURACY[top.accuracy]
-    model = tracker_model(parts, inputs, top.birth_particles or level.per_detection, MOST_PARTICLES)
+    per_detection = top.particles_per_birth or level.per_detection
+    model = tracker_model(parts, inputs, per_detection, MOST_PARTICLES)
     per_target = top.particles_per_target or level.per_target
     labelled = top.engine in LABELLED
     thresholds = (top.confirm_probability, top.delete_probability, top.coasting_scans)

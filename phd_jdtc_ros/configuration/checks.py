@@ -80,12 +80,9 @@ def _tracking(parts: Parts) -> Faults:
             f"particles_per_target: {top.particles_per_target} given, must be 0 or at least "
             f"{LEAST_PER_TARGET}"
         )
-    for name, count in (
-        ("particles_per_birth", top.particles_per_birth),
-        ("detection_births.particles", top.birth_particles),
-    ):
-        if count & (count - 1):
-            yield f"{name}: {count} given, must be a power of two"
+    count = top.particles_per_birth
+    if count & (count - 1):
+        yield f"particles_per_birth: {count} given, must be a power of two"
     confirm, delete = top.confirm_probability, top.delete_probability
     if 0.0 < confirm < delete and top.engine in LABELLED:
         yield (

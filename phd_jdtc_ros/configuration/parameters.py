@@ -150,7 +150,8 @@ class Tracking:
     )
     particles_per_birth: int = parameter(
         0,
-        "Particles per birth term, a power of two; 0 for the number that accuracy sets.",
+        "Particles per birth term, and per target born at a detection, a power of two; 0 for the "
+        "numbers that accuracy sets.",
         (0, 2**20),
     )
     birth_rates: list[float] = parameter(
@@ -171,13 +172,6 @@ class Tracking:
         "Standard deviation of the turn rate of a target born at a detection, rad/s.",
         POSITIVE,
         name="detection_births.turn_rate_std",
-    )
-    birth_particles: int = parameter(
-        0,
-        "Particles per target born at a detection, a power of two; 0 for the number that accuracy "
-        "sets.",
-        (0, 2**16),
-        name="detection_births.particles",
     )
     birth_least_probability: float = parameter(
         1e-4,

@@ -25,6 +25,7 @@ TRACKER: Mapping[str, str] = {
     "fixed_interval": "a matrix without a rate matrix applies to whole intervals",
     "reorder_scans": "use reorder_s, or late_reports: rework",
     "region_margin": REGION,
+    "detection_births.particles": "use particles_per_birth",
     "lag_s": "use lag, as in '20 s'",
     **dict.fromkeys(("corrector", "death_term", "extraction"), ENGINE),
     **dict.fromkeys(

@@ -23,7 +23,7 @@ ROAD = {
     "births": [],
     "detection_births.rates": [0.02],
     "detection_births.velocity_std": 12.0,
-    "detection_births.particles": 4096,
+    "particles_per_birth": 4096,
     "particles_per_target": 4000,
     "budget.least": 2000,
     "cv.noise_density": 4.0,

@@ -17,7 +17,7 @@ GIVEN = {
     "births": [],
     "detection_births.rates": [0.2],
     "detection_births.velocity_std": 100.0,
-    "detection_births.particles": 256,
+    "particles_per_birth": 256,
     "detection_births.least_probability": 0.005,
     "particles_per_target": 300,
     "budget.least": 100,

@@ -28,7 +28,7 @@ GIVEN = {
     "radar.detection_probability": 0.95,
     "detection_births.rates": [0.5],
     "detection_births.velocity_std": 150.0,
-    "detection_births.particles": 256,
+    "particles_per_birth": 256,
     "detection_births.least_probability": 5e-3,
     "spawn.rate": 0.0,
     "aircraft.motions": ["cv", "ct"],

@@ -126,7 +126,7 @@ def test_goals_are_the_published_results():
 def test_the_command_prints_our_figures_beside_the_published_ones(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "160")
     arguments = ["--minutes", "2", "--out", str(tmp_path), "--seed", "2"]
-    arguments += ["-p", "particles_per_target:=100", "-p", "detection_births.particles:=256"]
+    arguments += ["-p", "particles_per_target:=100", "-p", "particles_per_birth:=256"]
     assert main(["madap", *arguments]) == 0
     text = capsys.readouterr().out
     assert "published" in text

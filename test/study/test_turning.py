@@ -42,7 +42,7 @@ PARAMETERS = {
     "detection_births.velocity_std": 150.0,
     "spawn.rate": 0.0,
     "particles_per_target": 200,
-    "detection_births.particles": 512,
+    "particles_per_birth": 512,
 }
 EAST = Flight(0, 1e3, 0.0, (-10e3, 20e3), (200.0, 0.0), (Leg(100.0),))
 TURNING = Flight(0, 1e3, 0.0, (15e3, -10e3), (0.0, 150.0), (Leg(40.0), Leg(30.0, 0.03), Leg(30.0)))

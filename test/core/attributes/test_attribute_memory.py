@@ -20,7 +20,7 @@ GIVEN = {
     "births": [],
     "detection_births.rates": [0.05],
     "detection_births.velocity_std": 100.0,
-    "detection_births.particles": 256,
+    "particles_per_birth": 256,
     "particles_per_target": 400,
     "budget.least": 100,
     "lag": 3,

@@ -38,7 +38,7 @@ HARBOUR = {
     "ct.noise_density": 0.02,
     "spawn.rate": 0.0,
     "particles_per_target": 1000,
-    "detection_births.particles": 1024,
+    "particles_per_birth": 1024,
     "mast.range_std": 10.0,
     "mast.azimuth_std_deg": 0.2,
     "mast.max_range": 20e3,
@@ -146,7 +146,7 @@ def test_targets_at_rest_stay_if_they_may():
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_restored_engine_goes_on_with_its_map_bit_by_bit(engine):
-    given = {**HARBOUR, **MAPPED, "engine": engine, "detection_births.particles": 64}
+    given = {**HARBOUR, **MAPPED, "engine": engine, "particles_per_birth": 64}
     run = [scan for _, scan in harbour(10, 3)]
     both = restored_after(6, lambda: new_engine(small(given)), run)
     ours, theirs = (each.forward.clutter.maps["mast"] for each in both)

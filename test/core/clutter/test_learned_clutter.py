@@ -21,7 +21,7 @@ from phd_jdtc_ros.simulation.simulate import simulate
 ANYWHERE = {
     "births": [],
     "detection_births.rates": [0.05, 0.05],
-    "detection_births.particles": 256,
+    "particles_per_birth": 256,
     "radar_1.clutter_rate": 3.0,
     "radar_2.clutter_rate": 3.0,
     "lag": 2,

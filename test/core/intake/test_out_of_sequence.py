@@ -207,7 +207,7 @@ APPEARING = {
     "births": [],
     "detection_births.rates": [0.05, 0.05],
     "detection_births.velocity_std": 150.0,
-    "detection_births.particles": 256,
+    "particles_per_birth": 256,
 }
 
 

@@ -19,7 +19,7 @@ SINCE_S, TIME_S, EXISTENCE = 4.0, -0.5, 0.8
 
 def strayed(seed=3):
     """Return a set with a target's strays, the target's state, the place and the model."""
-    config = lone({"engine": "particles", "detection_births.particles": 4096})
+    config = lone({"engine": "particles", "particles_per_birth": 4096})
     (radar,) = config.model.radars
     count = 10
     before = ParticleSet(
