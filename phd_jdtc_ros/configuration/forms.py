@@ -16,6 +16,9 @@ from .schema import Form, number, numbers
 # A target with a detection probability of 1 would be deleted at its first missed detection.
 MOST_PROBABILITY = 0.999
 MOST_LAG_SCANS, MOST_LAG_S = 100, 1e5
+MOST_CLUTTER = 1e6
+# At a correlation of 1, a target that is missed once would never be detected again.
+MOST_CORRELATION = 0.98
 _LAG = re.compile(r"\s*([0-9]+)\s*|\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*s\s*")
 
 
@@ -45,150 +48,109 @@ LAG = Form(
     _lag,
 )
 
+# --- values that may be learned -------------------------------------------------------------------
 
-# The word for a value that is learned while the tracker runs.
-AUTO = "auto"
+# The words for a value that is learned while the tracker runs, for a noise that is larger for some
+# measurements, for false detections that are more frequent behind targets, and for the correlation
+# of detections in consecutive looks.
+AUTO, OUTLIERS, MULTIPATH, CORRELATED = "auto", "outliers", "multipath", "correlated"
+
+
+class _Words(NamedTuple):
+    """The parts of a notation such as ``auto 0.9 correlated 0.5``."""
+
+    learned: bool  # Whether it begins with auto
+    numbers: list[float]
+    flag: bool = False  # Whether the notation's own word follows, here correlated
+    after: Sequence[float] = ()
+
+
+def _words_of(value: Any, flag: str, tables: bool) -> _Words | None:
+    """Return the parts of a number, of a list if there may be `tables`, or of a text with words."""
+    if not isinstance(value, str):
+        listed = numbers(value) if tables and number(value) is None else numbers([value])
+        return _Words(False, listed) if listed else None
+    head, found, tail = value.partition(flag) if flag else (value, "", "")
+    before = head.split()
+    learned = before[:1] == [AUTO]
+    try:
+        parts = [[float(word) for word in words] for words in (before[learned:], tail.split())]
+    except ValueError:
+        return None
+    if not (learned or found) or None in map(numbers, parts):
+        return None
+    return _Words(learned, parts[0], bool(found), parts[1])
+
+
+def _form(
+    allowed: str,
+    complete: Callable[[list[float], bool], list[float] | None],
+    value_of: Callable[[_Words], Any],
+    flag: str = "",
+    most_after: float | None = None,
+) -> Form:
+    """Return the form of a value that may be learned, and that a word may follow.
+
+    Parameters
+    ----------
+    complete : callable of (numbers, learned)
+        Returns the numbers with the usual ones, or None if they are not allowed.
+    flag : str
+        The word that may follow.
+    most_after : float or None
+        Largest value of the number that may follow this word; None if none may.
+    """
+    tables = flag == CORRELATED
+
+    def read(value: Any) -> float | list[float] | str | None:
+        words = _words_of(value, flag, tables)
+        given = None if words is None else complete(words.numbers, words.learned)
+        if words is None or given is None or len(words.after) > (most_after is not None):
+            return None
+        if any(number(each, 0.0, most_after or 0.0) is None for each in words.after):
+            return None
+        if isinstance(value, str):
+            text = [AUTO] * words.learned + _texts(given) + [flag] * words.flag
+            return " ".join([*text, *_texts(words.after)])
+        return given[0] if len(given) == 1 else given or None
+
+    def value(notation: Any) -> Any:
+        words = _words_of(notation, flag, tables)
+        return None if words is None else value_of(words)
+
+    return Form(f"{allowed}; {flag} may follow" if flag and not tables else allowed, read, value)
+
+
+def _texts(given: Sequence[float]) -> list[str]:
+    return [f"{each:.10g}" for each in given]
+
+
+def learned_from(start: Sequence[float]) -> str:
+    """Return the notation of a value that is learned from these numbers."""
+    return " ".join([AUTO, *_texts(start)])
 
 
 class Learnable(NamedTuple):
     """A value of a sensor."""
 
-    start: Any  # The value, or the one that learning starts from
+    start: float  # The value, or the one that learning starts from
     learned: bool  # Whether it is learned while the tracker runs
 
 
-def _after_auto(value: Any) -> list[float] | None:
-    """Return the numbers after the word auto; None for another value."""
-    words = value.split() if isinstance(value, str) else []
-    if words[:1] != [AUTO]:
-        return None
-    try:
-        return numbers([float(word) for word in words[1:]])
-    except ValueError:
-        return None
-
-
-def learned_from(start: Sequence[float]) -> str:
-    """Return the notation of a value that is learned from these numbers."""
-    return " ".join([AUTO, *_words(start)])
-
-
-def std(start: float, low: float, high: float = math.inf) -> Form:
-    """Return the form of a standard deviation from `low` to `high` that can be learned.
-
-    Learning begins at `start` without another value.
-    """
-
-    def read(value: Any) -> float | str | None:
-        plain, after = number(value, low, high), _after_auto(value)
-        if plain is not None or after is None:
-            return plain
-        given = number((after or [start])[0], low, high) if len(after) <= 1 else None
-        return None if given is None else learned_from([given])
-
-    def learnable(given: float | str) -> Learnable:
-        if isinstance(given, str):
-            return Learnable(float(given.split()[1]), True)
-        return Learnable(given, False)
-
-    most = f", at most {high:g}" if high < math.inf else ""
-    return Form(
-        f"a finite number, at least {low:g}{most} or {AUTO}, with or without a start value",
-        read,
-        learnable,
-    )
-
-
-# The word after a standard deviation if some measurements have a larger noise.
-OUTLIERS = "outliers"
-
-
 class Noise(NamedTuple):
-    """The standard deviation of a measurement's first component."""
+    """The standard deviation of a measurement's first component; see `Learnable`."""
 
-    # `start`, `learned`: see `Learnable`.
     start: float
     learned: bool
     outliers: bool  # Whether some detections have a larger noise in all components
 
 
-def noise(usual: Form) -> Form:
-    """Return the form of a standard deviation that the word outliers may follow."""
-    return _followed(usual, OUTLIERS, lambda own, outliers: Noise(own.start, own.learned, outliers))
-
-
-def _followed(usual: Form, word: str, value_of: Callable[[Any, bool], Any]) -> Form:
-    """Return the form of a number or auto that a word may follow."""
-
-    def read(value: Any) -> float | str | None:
-        if not isinstance(value, str) or not value.endswith(f" {word}"):
-            own: float | str | None = usual.read(value)
-            return own
-        try:
-            found = usual.read(before(value))
-        except ValueError:
-            return None
-        return None if found is None else f"{_text(found)} {word}"
-
-    def before(given: str) -> float | str:
-        head = given.removesuffix(word).strip()
-        return head if head.startswith(AUTO) else float(head)
-
-    def value(given: float | str) -> Any:
-        if isinstance(given, str) and given.endswith(word):
-            return value_of(usual.value(before(given)), True)
-        return value_of(usual.value(given), False)
-
-    return Form(f"{usual.allowed}; {word} may follow", read, value)
-
-
-def _text(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:.10g}"
-
-
-# The word after a clutter rate if false detections are more frequent behind targets.
-MULTIPATH = "multipath"
-MOST_CLUTTER = 1e6
-
-
 class ClutterRate(NamedTuple):
-    """The rate of a sensor's false detections."""
+    """The rate of a sensor's false detections; see `Learnable`."""
 
-    # `start`, `learned`: see `Learnable`.
     start: float
     learned: bool
     multipath: bool  # Whether false detections are more frequent behind targets
-
-
-def _read_rate(value: Any) -> float | str | None:
-    return AUTO if value == AUTO else number(value, 0.0, MOST_CLUTTER)
-
-
-def _rate(given: float | str) -> Learnable:
-    return Learnable(START_RATE, True) if isinstance(given, str) else Learnable(given, False)
-
-
-CLUTTER_RATE = _followed(
-    Form(f"a finite number, at least 0, at most {MOST_CLUTTER:g} or {AUTO}", _read_rate, _rate),
-    MULTIPATH,
-    lambda own, multipath: ClutterRate(own.start, own.learned, multipath),
-)
-
-
-def _read_table(given: list[float]) -> float | list[float] | None:
-    """Return a probability, or pairs of range and probability; None if they are not allowed."""
-    if len(given) == 1:
-        return number(given[0], 0.0, MOST_PROBABILITY)
-    ranges, probabilities = given[::2], given[1::2]
-    rising = all(near < far for near, far in pairwise(ranges))
-    sound = len(given) > 0 and len(given) % 2 == 0
-    sound = sound and all(0.0 < p <= MOST_PROBABILITY for p in probabilities)
-    return given if sound and rising else None
-
-
-# The word between a probability and the correlation of detections in consecutive looks, and the
-# largest one: at 1, a target that is missed once would never be detected again.
-CORRELATED, MOST_CORRELATION = "correlated", 0.98
 
 
 class Detectability(NamedTuple):
@@ -200,68 +162,79 @@ class Detectability(NamedTuple):
     correlation: Learnable | None  # None for independent looks
 
 
-def _read_probability(value: Any) -> float | list[float] | str | None:
-    head, found, tail = value.partition(CORRELATED) if isinstance(value, str) else (value, "", "")
-    if found:
-        return _read_correlated(head.split(), tail.split())
-    after = _after_auto(value)
-    if after is None:
-        plain = number(value, 0.0, MOST_PROBABILITY)
-        return _read_table(numbers(value) or []) if plain is None else plain
-    if after and _read_table(after) is None:
-        return None
-    return learned_from(after)
+def std(start: float, low: float, high: float = math.inf, outliers: bool = False) -> Form:
+    """Return the form of a standard deviation from `low` to `high` that can be learned.
+
+    Learning begins at `start` without another value. The word outliers may follow if it is True.
+    """
+
+    def complete(given: list[float], learned: bool) -> list[float] | None:
+        given = given or [start] * learned
+        return given if len(given) == 1 and number(given[0], low, high) is not None else None
+
+    def value_of(words: _Words) -> Learnable | Noise:
+        own = words.numbers[0], words.learned
+        return Noise(*own, words.flag) if outliers else Learnable(*own)
+
+    most = f", at most {high:g}" if high < math.inf else ""
+    allowed = f"a finite number, at least {low:g}{most} or {AUTO}, with or without a start value"
+    return _form(allowed, complete, value_of, OUTLIERS if outliers else "")
 
 
-def _read_correlated(head: list[str], tail: list[str]) -> str | None:
-    """Return the notation of a probability and a correlation, given as words."""
-    learned = [AUTO] if head[:1] == [AUTO] else []
-    try:
-        given, of_looks = ([float(word) for word in w] for w in (head[len(learned) :], tail))
-    except ValueError:
-        return None
-    sound = all(number(each, 0.0, MOST_CORRELATION) is not None for each in of_looks)
-    if not sound or len(of_looks) > 1 or (given and _read_table(given) is None):
-        return None
-    return " ".join([*learned, *_words(given), CORRELATED, *_words(of_looks)])
+def _complete_rate(given: list[float], learned: bool) -> list[float] | None:
+    if learned:
+        return None if given else []
+    return given if len(given) == 1 and 0.0 <= given[0] <= MOST_CLUTTER else None
 
 
-def _words(given: Sequence[float]) -> list[str]:
-    return [f"{each:.10g}" for each in given]
+CLUTTER_RATE = _form(
+    f"a finite number, at least 0, at most {MOST_CLUTTER:g} or {AUTO}",
+    _complete_rate,
+    lambda words: ClutterRate([*words.numbers, START_RATE][0], words.learned, words.flag),
+    MULTIPATH,
+)
 
 
-def probability_numbers(given: float | list[float] | str) -> list[float]:
-    """Return the numbers of a detection probability in a notation of `PROBABILITY`."""
-    if isinstance(given, str):
-        return [float(word) for word in given.partition(CORRELATED)[0].split() if word != AUTO]
-    return given if isinstance(given, list) else [given]
+def _complete_table(given: list[float], _: bool) -> list[float] | None:
+    """Return a probability or pairs of range and probability; None if they are not allowed."""
+    if len(given) == 1:
+        return given if 0.0 <= given[0] <= MOST_PROBABILITY else None
+    rising = all(near < far for near, far in pairwise(given[::2]))
+    sound = len(given) % 2 == 0 and all(0.0 < p <= MOST_PROBABILITY for p in given[1::2])
+    return given if sound and rising else None
 
 
-def _detectability(given: float | list[float] | str) -> Detectability:
-    """Return the value of a notation that `_read_probability` has returned."""
-    text = given if isinstance(given, str) else ""
-    _, found, tail = text.partition(CORRELATED)
-    of_looks = Learnable(float(tail), False) if tail.split() else Learnable(0.0, True)
+def _detectability(words: _Words) -> Detectability:
+    of_looks = Learnable(words.after[0], False) if words.after else Learnable(0.0, True)
+    given = words.numbers
+    if len(given) == 1:
+        given = [0.0, *given] if any(given) else []
     return Detectability(
-        _over_range(probability_numbers(given)), text.startswith(AUTO), of_looks if found else None
+        tuple(zip(given[::2], given[1::2], strict=True)),
+        words.learned,
+        of_looks if words.flag else None,
     )
 
 
-def _over_range(values: list[float]) -> tuple[tuple[float, float], ...]:
-    """Return pairs of range and probability; none if the probability is not given."""
-    if len(values) > 1:
-        return tuple(zip(values[::2], values[1::2], strict=True))
-    return ((0.0, values[0]),) if any(values) else ()
-
-
-PROBABILITY = Form(
+PROBABILITY = _form(
     f"a number from 0 to {MOST_PROBABILITY}, or pairs of range (m, ascending) and probability "
     f"(above 0 and at most {MOST_PROBABILITY}) in one list, or {AUTO}, with or without such "
     f"numbers after it in one string; {CORRELATED} may follow in the string, with or without a "
     f"number from 0 to {MOST_CORRELATION}",
-    _read_probability,
+    _complete_table,
     _detectability,
+    CORRELATED,
+    MOST_CORRELATION,
 )
+
+
+def probability_numbers(given: float | list[float] | str) -> list[float]:
+    """Return the numbers of a detection probability in a notation of `PROBABILITY`."""
+    words = _words_of(given, CORRELATED, True)
+    return [] if words is None else words.numbers
+
+
+# --- clutter amplitudes ---------------------------------------------------------------------------
 
 CLUTTER_LAWS = ("rayleigh", "log_normal", "learned")
 

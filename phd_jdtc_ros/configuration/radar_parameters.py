@@ -90,7 +90,7 @@ class RadarParameters:
         "learns it from the targets, within a factor of 4. Add outliers, as in 45 outliers, if one "
         "detection in twenty has several times this noise and that of the azimuth (engine: "
         "gaussian).",
-        form=forms.noise(forms.std(300.0, SMALL)),
+        form=forms.std(300.0, SMALL, outliers=True),
         mutable=True,
     )
     azimuth_std_deg: forms.Learnable = parameter(
