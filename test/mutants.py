@@ -86,7 +86,7 @@ PARTS = {
         ("rauch_tung_striebel",),
     ),
     "gaussian smoother": Part(
-        ("gaussian/hindsight.py", "gaussian/smoother.py"),
+        ("gaussian/hindsight.py", "gaussian/lineages.py", "gaussian/smoother.py"),
         (
             "gaussian/test_smoother.py",
             "gaussian/test_enumeration.py",

@@ -18,6 +18,7 @@ from sweep import (
 )
 
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.gaussian.smoother import backward_pass
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 
 PERIOD = {"estimates_period_s": ROTATION_S, "lag": 3}
@@ -188,7 +189,7 @@ def test_smoothed_gaussians_that_later_sectors_did_not_touch_are_filtered_ones()
         for row in (range(source.size) if source.rows is None else source.rows.tolist())
     }
     untouched = touched = 0
-    for entry, told in zip(window, list(engine._backward(window))[::-1], strict=True):
+    for entry, told in zip(window, backward_pass(window)[::-1], strict=True):
         for row in range(len(entry.stored)):
             same = np.array_equal(told.mean[row], entry.stored.mean[row])
             if (entry.stamp_ns, row) in later:

@@ -10,8 +10,8 @@ from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.core.window import window_snapshot
 from phd_jdtc_ros.core.window.backward_pass import smoothed_sets
 from phd_jdtc_ros.core.window.entries import Entry, Extents, UnsweptRows
-from phd_jdtc_ros.core.window.fixed_lag import FixedLagEngine
 from phd_jdtc_ros.core.window.forward_filter import Filtered, ForwardFilter
+from phd_jdtc_ros.core.window.smoothed_sets import SetSmoother
 from phd_jdtc_ros.core.window.swept import partition_swept
 
 MODEL = configuration().model
@@ -79,7 +79,7 @@ class MarkFilter(ForwardFilter):
         return replace(rows.entry, stored=Marks(rows.entry.stored.row_label, mark))
 
 
-class MarkEngine(FixedLagEngine):
+class MarkEngine(SetSmoother):
     def _extract(self, stored, stamp_ns, lag, threshold):
         count, modes = len(stored), self.forward.model.modes
         state = np.zeros((count, len(modes.space)))

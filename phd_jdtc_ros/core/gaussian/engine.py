@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-from ..arrays import IntArray
 from ..snapshot import Snapshot
 from ..types import Estimates
-from ..window.fixed_lag import FixedLagEngine, Part
+from ..window.fixed_lag import FixedLagEngine
 from ..window.forward_filter import Filtered
 from . import snapshot
-from .extraction import extract, extract_all
+from .extraction import extract
 from .filter import GaussianFilter
+from .lineages import Lineages, Link
 from .mixture import Mixture
-from .smoother import Link, backward_pass
+from .smoother import extract_at
 from .snapshot import GaussianEntry
 
 
@@ -29,15 +29,19 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
     """
 
     forward: GaussianFilter
+    # What was smoothed of the window; found again if the window is another one.
+    _lineages: Lineages = field(init=False, default_factory=Lineages, repr=False)
 
     def _extract(self, stored: Mixture, stamp_ns: int, lag: int, threshold: float) -> Estimates:
         return extract(stored, self.forward.dynamics, stamp_ns, lag, threshold)
 
-    def _extract_all(self, parts: Sequence[Part[Mixture]], lag: int) -> tuple[Estimates, IntArray]:
-        return extract_all(parts, self.forward.dynamics, lag)
-
-    def _backward(self, window: Sequence[GaussianEntry]) -> Sequence[Mixture]:
-        return backward_pass(window)
+    def _smoothed_at(self, stamp_ns: int, lag: int, threshold: float) -> Estimates:
+        if not self._lineages.continued_by(self._window):
+            self._lineages = Lineages()
+        self._lineages.extend(self._window)
+        self._lineages.smooth(stamp_ns)
+        self.forward.on_stage_end("backward")
+        return extract_at(self._lineages, self.forward.dynamics, stamp_ns, lag, threshold)
 
     def _figures(self, step: Filtered[Mixture, Link]) -> Mapping[str, float]:
         stored = step.entry.stored

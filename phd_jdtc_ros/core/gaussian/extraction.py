@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..compilation import Float3, Float4, Int1, compiled
 from ..types import Estimates
-from ..window.fixed_lag import Part
 from .algebra import kalman
 from .algebra.blocks import SIZE, add_mean, add_spread
 from .algebra.vectors import add
@@ -59,9 +57,31 @@ def extract(
     A target's class is the one of largest weight. State and covariance are the moments of that
     class over all hypotheses and motion modes. The `track_id` of a target is its label plus one.
     """
-    class_mass, majority, state, covariance = _class_moments(
-        mixture.target, len(mixture.label), *mixture.gaussians
-    )
+    targets = mixture.label, mixture.target, mixture.gaussians
+    return extract_targets(*targets, dynamics, stamp_ns, lag, threshold)
+
+
+def extract_targets(
+    label: IntArray,
+    target: IntArray,
+    gaussians: Sequence[FloatArray],
+    dynamics: Dynamics,
+    stamp_ns: int,
+    lag: int,
+    threshold: float,
+) -> Estimates:
+    """Return targets as `extract` does.
+
+    Parameters
+    ----------
+    label : int array of shape (T,)
+        A label may occur several times.
+    target : int array of shape (H,)
+        The target of each hypothesis.
+    gaussians : sequence of arrays
+        See `Mixture.gaussians`.
+    """
+    class_mass, majority, state, covariance = _class_moments(target, len(label), *gaussians)
     mass = class_mass.sum(axis=1)
     rows = np.flatnonzero(mass > threshold)
     mass = mass[rows]
@@ -73,34 +93,6 @@ def extract(
         weight=mass,
         class_probability=class_mass[rows] / np.where(mass > 0.0, mass, 1.0)[:, None],
         class_id=majority[rows],
-        track_id=mixture.label[rows] + 1,
+        track_id=label[rows] + 1,
         space=dynamics.model.modes.space,
     )
-
-
-def extract_all(
-    parts: Sequence[Part[Mixture]], dynamics: Dynamics, lag: int
-) -> tuple[Estimates, IntArray]:
-    """Return the targets of several mixtures at any existence probability, and each one's time.
-
-    One call handles all mixtures, because a turning radar leaves a few targets in each of many.
-    """
-    stored = [part.stored for part in parts]
-    sizes = np.array([len(mixture) for mixture in stored])
-    labels = np.array([len(mixture.label) for mixture in stored])
-    first = np.concatenate([[0], np.cumsum(sizes)])
-    rows = np.concatenate(
-        [
-            begin + (np.arange(len(part.stored)) if part.rows is None else part.rows)
-            for begin, part in zip(first.tolist(), parts, strict=False)
-        ]
-    )
-    # A target that occurs in several mixtures gets several rows.
-    place = np.concatenate([mixture.target for mixture in stored])
-    place += (np.cumsum(labels) - labels).repeat(sizes)
-    whole = replace(Mixture.concatenate(stored), row_label=place).take(rows)
-    found = extract(whole, dynamics, parts[-1].stamp_ns, lag, 0.0)
-    at = found.track_id - 1
-    origin = np.concatenate([mixture.label for mixture in stored])
-    time_ns = np.array([part.stamp_ns for part in parts]).repeat(labels)
-    return replace(found, track_id=origin[at] + 1), time_ns[at]

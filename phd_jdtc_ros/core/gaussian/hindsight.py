@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled, inner
+from ..compilation import Bool1, Float2, Float3, Float4, Int1, Int2, compiled, inner
 from .algebra.blocks import (
     SIZE,
     add_mean,
@@ -34,22 +34,44 @@ class Gaussians(NamedTuple):
     covariance: Float4
 
 
-class _Moves(NamedTuple):
-    """The predictions of rows; see `prediction.Moves`."""
+class Updates(NamedTuple):
+    """U updates of single targets, oldest first, and the rows of each in the other tables."""
 
-    of: IntArray
-    to: IntArray
-    change: FloatArray
-    survival: FloatArray
-    mean: FloatArray
-    factor: FloatArray
-    gain: FloatArray
-    base: FloatArray
-    place: IntArray
+    before: Int1  # The update that each continues; -1 for none
+    # `row`, `predicted`, `edge`: (U, 2). First row and end of the updated hypotheses, of the
+    # predicted ones and of the edges between them.
+    row: Int2
+    predicted: Int2
+    edge: Int2
+
+
+class Edges(NamedTuple):
+    """The edges from updated to predicted hypotheses; see `reduction.Ancestry`."""
+
+    child: Int1
+    parent: Int1
+    share: Float3
+
+
+class Predicted(NamedTuple):
+    """The predicted hypotheses; see `prediction.Moves`."""
+
+    change: Float2
+    survival: Float2
+    place: Int2
+
+
+class Pairs(NamedTuple):
+    """The predictions from one motion mode to another; see `prediction.Moves`."""
+
+    mean: Float2
+    factor: Float3
+    gain: Float3
+    base: Float3
 
 
 class _Scratch(NamedTuple):
-    """What the smoothing of one row needs, allocated once."""
+    """What the smoothing of one update needs, allocated once."""
 
     # `fit`, `mass`: (K,).
     fit: FloatArray
@@ -59,10 +81,21 @@ class _Scratch(NamedTuple):
     mean: FloatArray
     covariance: FloatArray
     vector: FloatArray  # (D,)
+    part: FloatArray  # (E, R). The weight of each edge of an update
 
 
 @inner
-def _scratch(pairs: int, classes: int) -> _Scratch:
+def _longest(updates: Updates) -> tuple[int, int]:
+    """Return the largest number of predicted hypotheses and of edges of an update."""
+    rows, edges = 0, 0
+    for one in range(len(updates.before)):
+        rows = max(rows, updates.predicted[one, 1] - updates.predicted[one, 0])
+        edges = max(edges, updates.edge[one, 1] - updates.edge[one, 0])
+    return rows, edges
+
+
+@inner
+def _scratch(pairs: int, modes: int, classes: int, edges: int) -> _Scratch:
     return _Scratch(
         np.empty(pairs),
         np.empty(pairs),
@@ -70,58 +103,63 @@ def _scratch(pairs: int, classes: int) -> _Scratch:
         np.empty((pairs, SIZE)),
         np.empty((pairs, SIZE, SIZE)),
         np.empty(SIZE),
+        np.empty((edges, modes)),
     )
 
 
 @inner
-def _of_children(
-    count: int, child: IntArray, parent: IntArray, share: FloatArray, later: Gaussians
-) -> Gaussians:
-    """Return `count` predicted hypotheses, given their smoothed children.
+def _write_predicted(
+    updates: Updates, one: int, edges: Edges, later: Gaussians, part: FloatArray, ahead: Gaussians
+) -> None:
+    """Write the predicted hypotheses of an update, given their smoothed children.
 
     A predicted hypothesis has the summed weight of its smoothed children, and its Gaussians match
     their moments. The weight of a child that was merged from several parents is divided among
     them in proportion to their filtered weights. A hypothesis without children has no weight.
     """
     modes, classes = later.weight.shape[1:]
-    weight, total = np.zeros((count, modes, classes)), np.zeros((count, modes))
-    mean, covariance = np.zeros((count, modes, SIZE)), np.zeros((count, modes, SIZE, SIZE))
-    part = np.zeros((len(child), modes))
-    for edge in range(len(child)):
-        one, other = parent[edge], child[edge]
-        if one < 0:
-            continue
+    first, count = updates.predicted[one, 0], updates.predicted[one, 1] - updates.predicted[one, 0]
+    begin, end = updates.edge[one, 0], updates.edge[one, 1]
+    ahead.weight[:count], ahead.mean[:count], ahead.covariance[:count] = 0.0, 0.0, 0.0
+    for edge in range(begin, end):
+        to, child = edges.parent[edge] - first, edges.child[edge]
         for mode in range(modes):
+            part[edge - begin, mode] = 0.0
+            if not 0 <= to < count:
+                continue
             for class_id in range(classes):
-                given = later.weight[other, mode, class_id] * share[edge, mode, class_id]
-                weight[one, mode, class_id] += given
-                part[edge, mode] += given
-            total[one, mode] += part[edge, mode]
-    for edge in range(len(child)):
-        one, other = parent[edge], child[edge]
+                given = later.weight[child, mode, class_id] * edges.share[edge, mode, class_id]
+                ahead.weight[to, mode, class_id] += given
+                part[edge - begin, mode] += given
+    for edge in range(begin, end):
+        to, child = edges.parent[edge] - first, edges.child[edge]
         for mode in range(modes):
-            if part[edge, mode] > 0.0:
-                part[edge, mode] /= total[one, mode]
-                add_mean(part[edge, mode], later.mean[other, mode], mean[one, mode])
-    for edge in range(len(child)):
-        one, other = parent[edge], child[edge]
+            if part[edge - begin, mode] > 0.0:
+                part[edge - begin, mode] /= total_of(ahead.weight[to, mode])
+                add_mean(part[edge - begin, mode], later.mean[child, mode], ahead.mean[to, mode])
+    for edge in range(begin, end):
+        to, child = edges.parent[edge] - first, edges.child[edge]
         for mode in range(modes):
-            if part[edge, mode] > 0.0:
-                own, around = later.mean[other, mode], later.covariance[other, mode]
-                at, spread = mean[one, mode], covariance[one, mode]
-                add_spread(part[edge, mode], own, around, at, spread)
-    return Gaussians(weight, mean, covariance)
+            if part[edge - begin, mode] > 0.0:
+                own, around = later.mean[child, mode], later.covariance[child, mode]
+                at, spread = ahead.mean[to, mode], ahead.covariance[to, mode]
+                add_spread(part[edge - begin, mode], own, around, at, spread)
 
 
 @inner
 def _write_fit(
-    moves: _Moves, row: int, later: Gaussians, at: int, apart: FloatArray, fit: FloatArray
+    to: IntArray,
+    place: IntArray,
+    pairs: Pairs,
+    later: Gaussians,
+    at: int,
+    apart: FloatArray,
+    fit: FloatArray,
 ) -> None:
     """Write how well the mean of each later mode fits what its pairs predicted, shape (K,).
 
     A normal density, divided by the largest of the pairs of the later mode; 1 for a single pair.
     """
-    to, place = moves.to, moves.place[row]
     for mode in range(later.mean.shape[1]):
         largest, many, some = -np.inf, 0, total_of(later.weight[at, mode]) > 0.0
         for pair in range(len(to)):
@@ -132,7 +170,7 @@ def _write_fit(
             continue
         for pair in range(len(to)):
             if to[pair] == mode and place[pair] >= 0:
-                factor, predicted = moves.factor[place[pair]], moves.mean[place[pair]]
+                factor, predicted = pairs.factor[place[pair]], pairs.mean[place[pair]]
                 square = square_distance(factor, later.mean[at, mode], predicted, apart)
                 density = 0.5 * (log_determinant(factor) - square)
                 fit[pair] = density if math.isfinite(density) else LEAST_DENSITY
@@ -205,20 +243,29 @@ def _blend(
 
 @inner
 def _write_row(
-    own: Gaussians, at: int, moves: _Moves, row: int, later: Gaussians, part: int, scratch: _Scratch
+    of: IntArray,
+    to: IntArray,
+    own: Gaussians,
+    at: int,
+    predicted: Predicted,
+    pairs: Pairs,
+    row: int,
+    later: Gaussians,
+    part: int,
+    scratch: _Scratch,
 ) -> None:
     """Write the joint weights and the earlier Gaussians of a row's pairs, given later modes."""
-    of, to, fit, mass = moves.of, moves.to, scratch.fit, scratch.mass
-    _write_fit(moves, row, later, part, scratch.vector, fit)
+    fit, mass = scratch.fit, scratch.mass
+    _write_fit(to, predicted.place[row], pairs, later, part, scratch.vector, fit)
     for pair in range(len(of)):
-        prior = moves.change[row, pair] * fit[pair]
+        prior = predicted.change[row, pair] * fit[pair]
         write_scaled(prior, own.weight[at, of[pair]], scratch.joint[pair])
     _given_later(scratch.joint, to, later.weight[part])
     for pair in range(len(of)):
         mass[pair] = total_of(scratch.joint[pair])
         if mass[pair] > 0.0:
-            one = moves.place[row, pair]
-            columns = own.mean[at, of[pair]], moves.mean[one], moves.gain[one], moves.base[one]
+            one = predicted.place[row, pair]
+            columns = own.mean[at, of[pair]], pairs.mean[one], pairs.gain[one], pairs.base[one]
             given = later.mean[part, to[pair]], later.covariance[part, to[pair]]
             mean, covariance = scratch.mean[pair], scratch.covariance[pair]
             _earlier(columns, given, scratch.vector, mean, covariance)
@@ -270,75 +317,56 @@ def _add_deaths(
 
 @compiled
 def go_back(
-    smoothed: Gaussians,
     of: Int1,
     to: Int1,
-    edges: Int1,
-    rows: Int1,
-    child: Int1,
-    parent: Int1,
-    share: Float3,
-    change: Float2,
-    survival: Float2,
-    pair_mean: Float2,
-    factor: Float3,
-    gain: Float3,
-    base: Float3,
-    place: Int2,
-    source: Int1,
-    target: Int1,
-    weight: Float3,
-    mean: Float3,
-    covariance: Float4,
-    later_weight: Float3,
-    later_mean: Float3,
-    later_covariance: Float4,
+    first: int,
+    needed: Bool1,
+    updates: Updates,
+    edges: Edges,
+    predicted: Predicted,
+    pairs: Pairs,
+    own: Gaussians,
+    smoothed: Gaussians,
 ) -> None:
-    """Write the smoothed rows that links continue, given the later rows, link by link.
+    """Smooth the updates that those from `first` on continue, directly or not, latest first.
 
     Parameters
     ----------
-    smoothed : Gaussians
-        The rows to write, which may be later rows of the links that follow.
     of, to : int arrays of shape (K,)
         The pairs of motion modes of `prediction.Moves`.
-    edges, rows : int arrays of shape (L + 1,)
-        Where the edges and the predicted rows of each link begin, and where those of the last end.
-    child, parent, share : arrays of shapes (E,), (E,) and (E, R, C)
-        See `reduction.Ancestry`; a parent is counted from the first predicted row of its link.
-    change, survival, pair_mean, factor, gain, base, place
-        See `prediction.Moves`.
-    source : int array of shape (P,)
-        The filtered row from which each row was predicted; -1 if it has left the window.
-    target : int array of shape (N,)
-        The target of each filtered row.
-    weight, mean, covariance : arrays of shapes (N, R, C), (N, R, D) and (N, R, D, D)
-        The filtered rows.
-    later_weight, later_mean, later_covariance : arrays
-        The later rows.
+    first : int
+        The first new update.
+    needed : bool array of shape (U,)
+        Whether each update is still of use; the others are left as they are.
+    own, smoothed : Gaussians
+        The filtered and the smoothed hypotheses; those of new updates are equal.
     """
-    moves = _Moves(of, to, change, survival, pair_mean, factor, gain, base, place)
-    own = Gaussians(weight, mean, covariance)
-    later = Gaussians(later_weight, later_mean, later_covariance)
-    targets = target.max() + 1 if len(target) else 0
-    alive, dead = np.zeros(targets), np.ones(targets)
-    scratch = _scratch(len(of), weight.shape[2])
-    for link in range(len(rows) - 1):
-        begin, end, part = rows[link], rows[link + 1], slice(edges[link], edges[link + 1])
-        ahead = _of_children(end - begin, child[part], parent[part], share[part], later)
-        for row in range(begin, end):
-            at = source[row]
-            if at < 0:
-                continue
+    count, (most_rows, most_edges) = len(updates.before), _longest(updates)
+    modes, classes = own.weight.shape[1:]
+    scratch = _scratch(len(of), modes, classes, most_edges)
+    ahead = Gaussians(
+        np.empty((most_rows, modes, classes)),
+        np.empty((most_rows, modes, SIZE)),
+        np.empty((most_rows, modes, SIZE, SIZE)),
+    )
+    changed = np.arange(count) >= first
+    for one in range(count - 1, -1, -1):
+        before = updates.before[one]
+        if before < 0 or not changed[one] or not needed[before]:
+            continue
+        changed[before] = True
+        begin, alive, dead = updates.row[before, 0], 0.0, 1.0
+        first_row, end_row = updates.predicted[one, 0], updates.predicted[one, 1]
+        _write_predicted(updates, one, edges, smoothed, scratch.part, ahead)
+        for row in range(first_row, end_row):
+            part, at = row - first_row, begin + row - first_row
             smoothed.weight[at], smoothed.mean[at], smoothed.covariance[at] = 0.0, 0.0, 0.0
-            for mode in range(weight.shape[1]):
-                dead[target[at]] -= survival[row, mode] * total_of(weight[at, mode])
-            if sum_of(ahead.weight[row - begin]) > 0.0:
-                _write_row(own, at, moves, row, ahead, row - begin, scratch)
-                alive[target[at]] += _add_pairs(of, scratch, smoothed, at)
-        for row in range(begin, end):
-            at = source[row]
-            if at >= 0:
-                one = target[at]
-                death = (1.0 - min(alive[one], 1.0)) / dead[one] if dead[one] > 0.0 else 0.0
-                _add_deaths(death, survival[row], own, at, smoothed, scratch.vector)
+            for mode in range(modes):
+                dead -= predicted.survival[row, mode] * total_of(own.weight[at, mode])
+            if sum_of(ahead.weight[part]) > 0.0:
+                _write_row(of, to, own, at, predicted, pairs, row, ahead, part, scratch)
+                alive += _add_pairs(of, scratch, smoothed, at)
+        death = (1.0 - min(alive, 1.0)) / dead if dead > 0.0 else 0.0
+        for row in range(first_row, end_row):
+            at, survival = begin + row - first_row, predicted.survival[row]
+            _add_deaths(death, survival, own, at, smoothed, scratch.vector)

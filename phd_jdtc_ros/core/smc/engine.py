@@ -10,8 +10,8 @@ import numpy as np
 
 from ..snapshot import Snapshot
 from ..types import Estimates
-from ..window.fixed_lag import FixedLagEngine
 from ..window.forward_filter import Filtered
+from ..window.smoothed_sets import SetSmoother
 from . import snapshot
 from .extraction import Extraction
 from .filter import ParticleFilter
@@ -24,7 +24,7 @@ EXTRACTION_STREAM = 1
 
 
 @dataclass
-class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
+class ParticleEngine(SetSmoother[ParticleSet, Transition]):
     """Sequential Monte Carlo filter with a fixed-lag backward smoother over the general mode.
 
     The corrector of `forward` makes it a labelled multi-Bernoulli filter or a PHD filter.
@@ -39,7 +39,7 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
     Sec. IV-C: Steps 1 to 3 in `forward`, Step 4 in `smoother`, Steps 5 and 6 in `extraction`.
     """
 
-    STATE: ClassVar[tuple[str, ...]] = (*FixedLagEngine.STATE, "_rng")
+    STATE: ClassVar[tuple[str, ...]] = (*SetSmoother.STATE, "_rng")
 
     forward: ParticleFilter
     death_term: DeathTerm

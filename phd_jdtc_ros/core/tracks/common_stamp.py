@@ -188,11 +188,36 @@ def at_stamp(
     unlabelled = (estimates.track_id == 0) & (time_ns <= stamp_ns)
     latest = time_ns[unlabelled].max(initial=0)
     only = np.append(only, np.flatnonzero(unlabelled & (time_ns == latest)))
+    return between(estimates, time_ns, both, after, only, stamp_ns, threshold, modes)
+
+
+def between(
+    estimates: Estimates,
+    time_ns: IntArray,
+    before: IntArray,
+    after: IntArray,
+    alone: IntArray,
+    stamp_ns: int,
+    threshold: float,
+    modes: ModeSpace,
+) -> Estimates:
+    """Return the targets at a stamp, given the rows to interpolate between and those to predict.
+
+    Parameters
+    ----------
+    before, after : int arrays of shape (B,)
+        Rows of targets before the stamp, and of the same targets after it.
+    alone : int array
+        Rows of targets up to the stamp that have no later ones.
+    """
     parts = [
         interpolate(
-            estimates.take(both), estimates.take(after), (time_ns[both], time_ns[after]), stamp_ns
+            estimates.take(before),
+            estimates.take(after),
+            (time_ns[before], time_ns[after]),
+            stamp_ns,
         ),
-        predict(estimates.take(only), time_ns[only], stamp_ns, modes),
+        predict(estimates.take(alone), time_ns[alone], stamp_ns, modes),
     ]
     whole, _ = Estimates.concatenate(parts, estimates.lag)
     return whole.take(np.flatnonzero(whole.weight > threshold))

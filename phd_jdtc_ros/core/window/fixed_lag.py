@@ -9,7 +9,7 @@ from typing import ClassVar, Generic
 
 import numpy as np
 
-from ..arrays import IntArray, contains
+from ..arrays import contains
 from ..engine import EngineState, Lag, Reprocessed, Step
 from ..models.clutter_raster import ClutterRaster, raster
 from ..models.tracker_model import TrackerModel
@@ -22,7 +22,7 @@ from ..snapshot import (
     to_snapshot,
 )
 from ..tracks import renumbering
-from ..tracks.common_stamp import Schedule, at_stamp, predict
+from ..tracks.common_stamp import Schedule, predict
 from ..tracks.confirmation import TrackStates
 from ..tracks.known_aircraft import Reach
 from ..tracks.reporting_rule import ReportingRule
@@ -30,20 +30,11 @@ from ..tracks.track_numbers import NoNumbers, TrackNumbers
 from ..types import Estimates, Scan
 from .entries import Entry, LinkT, RowsT
 from .forward_filter import Filtered, ForwardFilter
-from .window_rows import interpolation_stamps, rows_at, trimmed
+from .window_rows import trimmed
 from .window_snapshot import window_from_snapshot, window_to_snapshot
 
 # Key of the track numbers in a saved state.
 NUMBERS = "numbers"
-
-
-@dataclass(frozen=True)
-class Part(Generic[RowsT]):
-    """Some targets of a set, for extraction."""
-
-    stored: RowsT
-    rows: IntArray | None  # The rows of these targets; None for all rows
-    stamp_ns: int  # Stamp of the set's scan
 
 
 @dataclass
@@ -82,23 +73,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         labelled target is its label plus one, of others 0.
         """
 
-    def _extract_all(self, parts: Sequence[Part[RowsT]], lag: int) -> tuple[Estimates, IntArray]:
-        """Return the targets of several sets at any existence probability, and each one's time."""
-        every = []
-        for part in parts:
-            estimates = self._extract(part.stored, part.stamp_ns, lag, 0.0)
-            if part.rows is not None:
-                alive = np.isin(estimates.track_id - 1, part.stored.row_label[part.rows])
-                estimates = estimates.take(np.flatnonzero(alive))
-            every.append(estimates)
-        return Estimates.concatenate(every, lag)
-
     @abstractmethod
-    def _backward(self, window: Sequence[Entry[RowsT, LinkT]]) -> Sequence[RowsT]:
-        """Return the smoothed sets of a window, newest first; the window is oldest first.
-
-        A source that is not in the window has been dropped; nothing is sent to it.
-        """
+    def _smoothed_at(self, stamp_ns: int, lag: int, threshold: float) -> Estimates:
+        """Return the targets of the window at a stamp, smoothed with all later scans."""
 
     @abstractmethod
     def _figures(self, step: Filtered[RowsT, LinkT]) -> Mapping[str, float]:
@@ -307,21 +284,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         Entries that no later stamp needs are then dropped from the window.
         """
         stamp_ns, lag = self._stamps[0], len(self._stamps) - 1
-        modes, threshold = self.forward.model.modes, self.rule.least_smoothed
-        alive = rows_at(self._window, self.forward.unswept, stamp_ns)
-        backward = self._backward(self._window)
-        self.forward.on_stage_end("backward")
-        place = {entry.stamp_ns: -1 - index for index, entry in enumerate(self._window)}
-        if alive.keys() == {stamp_ns}:
-            smoothed = backward[place[stamp_ns]]
-            estimates = self._extract_and_record(smoothed, stamp_ns, lag, threshold)
-        elif stamps := interpolation_stamps(self._window, stamp_ns, alive):
-            parts = [Part(backward[place[each]], alive.get(each), each) for each in stamps]
-            every, time_ns = self._extract_all(parts, lag)
-            estimates = at_stamp(every, time_ns, stamp_ns, threshold, modes)
-            self.forward.on_stage_end("extraction")
-        else:
-            estimates = self._empty(stamp_ns, lag)
+        estimates = self._smoothed_at(stamp_ns, lag, self.rule.least_smoothed)
+        self.forward.on_stage_end("extraction")
         estimates = self._states.report_smoothed(estimates)
         self._given_ns = self._given_ns[0], stamp_ns
         self._stamps = self._stamps[1:]

@@ -5,6 +5,7 @@ import pytest
 from scenes import short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.gaussian.smoother import backward_pass
 from phd_jdtc_ros.simulation.simulate import simulate
 
 SCANS = [scan for _, scan in simulate(short_scenario(12), 5)]
@@ -59,8 +60,11 @@ def test_smoothed_existence_is_a_probability_and_hindsight_agrees_with_the_last_
     engine = gaussian({"lag": 5})
     for scan in SCANS[:8]:
         engine.step(scan)
-    smoothed = list(engine._backward(engine._window))
-    assert smoothed[0] is engine._window[-1].stored
+    smoothed = backward_pass(engine._window)
+    for found, filtered in zip(
+        smoothed[0].gaussians, engine._window[-1].stored.gaussians, strict=True
+    ):
+        np.testing.assert_array_equal(found, filtered)
     for mixture in smoothed:
         assert (mixture.weight >= 0.0).all()
         assert mixture.existence.max() <= 1.0 + 1e-9

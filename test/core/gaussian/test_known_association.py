@@ -8,6 +8,7 @@ import textbook
 from lone import MEAN, STD, TWO_MOTIONS, lone, path, scan_at, started
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman
+from phd_jdtc_ros.core.gaussian.smoother import backward_pass
 from phd_jdtc_ros.core.types import Detections, Scan
 
 EVEN = 6.0 * np.arange(1, 15)
@@ -215,7 +216,7 @@ def test_mode_probabilities_of_the_filter_and_the_smoother_are_those_of_the_text
         engine.step(scan_at(second, measured[index]))
         told = [(radar, measured[index], 0.0)]
         steps.append(textbook.imm(steps[-1], modes.motions, modes.transition(6.0), 6.0, told))
-    backward = list(engine._backward(engine._window))
+    backward = backward_pass(engine._window)
     for lag, mixture in enumerate(backward):
         probability, parts = textbook.imm_smoothed(steps[len(steps) - 1 - lag :], modes.motions)
         np.testing.assert_allclose(mixture.mode_weight[0], probability, rtol=1e-9)

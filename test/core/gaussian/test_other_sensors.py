@@ -11,6 +11,7 @@ from position_sensor import PositionSensor
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.algebra import kalman
+from phd_jdtc_ros.core.gaussian.smoother import backward_pass
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 SECONDS = INTERVAL_S * np.arange(1.0, 9.0)
@@ -37,7 +38,7 @@ def with_sensor(config, sensor):
 
 def smoothed(engine):
     """Return the smoothed mixtures of an engine's window, oldest first."""
-    return list(engine._backward(engine._window))[::-1]
+    return backward_pass(engine._window)[::-1]
 
 
 @pytest.mark.parametrize("timed", [False, True], ids=["at the stamp", "at their own times"])

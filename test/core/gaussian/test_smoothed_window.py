@@ -9,6 +9,7 @@ import textbook
 from lone import GIVEN, MEAN, STD, TWO_MOTIONS, lone, path, scan_at, started
 from scipy.linalg import block_diag
 
+from phd_jdtc_ros.core.gaussian import smoother
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 
 SECONDS = np.cumsum([6.0, 0.4, 11.0, 6.0, 25.0, 3.0, 7.0, 60.0])
@@ -23,7 +24,7 @@ def _all_iterations(monkeypatch):
 
 def smoothed(engine):
     """Return the smoothed mixtures of an engine's window, oldest first."""
-    return list(engine._backward(engine._window))[::-1]
+    return smoother.backward_pass(engine._window)[::-1]
 
 
 def measured_at(config, seconds, turn_rate=0.0, seed=0):

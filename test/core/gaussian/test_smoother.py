@@ -7,7 +7,7 @@ import pytest
 from sweep import ROTATION_S, START_NS, configuration, scans
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.gaussian import smoother
+from phd_jdtc_ros.core.gaussian import lineages, smoother
 from phd_jdtc_ros.core.window.entries import Entry, Source
 
 SECTORED = {"engine": "gaussian", "estimates_period_s": ROTATION_S, "lag": 4}
@@ -51,7 +51,7 @@ def alone(entries, label):
             moves, ancestry = entry.link.moves, entry.link.ancestry
             columns = {name: getattr(moves, name)[kept] for name in ("change", "survival", "place")}
             edges = np.flatnonzero(np.isin(ancestry.parent, kept))
-            link = smoother.Link(
+            link = lineages.Link(
                 replace(moves, **columns),
                 replace(
                     ancestry,
@@ -114,24 +114,53 @@ def test_window_of_no_targets_has_none():
     assert [len(mixture) for mixture in found] == [0] * (len(entries) - 1)
 
 
-def test_chain_of_whole_turns_is_smoothed_as_a_window_of_any_scans():
-    engine = new_engine(configuration({**SECTORED, "estimates_period_s": 0.0}))
-    for scan in scans(4, sectors=1):
-        engine.step(replace(scan, detections=(replace(scan.detections[0], coverage=None),)))
-    entries = engine._window
-    assert len(entries) == 4
-    listed = [
-        replace(entry, sources=tuple(replace(s, rows=np.arange(s.size)) for s in entry.sources))
-        for entry in entries
-    ]
-    found = zip(smoother.backward_pass(entries), smoother.backward_pass(listed), strict=True)
-    for chain, other in found:
-        np.testing.assert_array_equal(chain.weight, other.weight)
-        np.testing.assert_array_equal(chain.mean, other.mean)
-        np.testing.assert_array_equal(chain.covariance, other.covariance)
-
-
 def test_window_whose_sources_have_left_is_what_was_filtered():
     last = window(5)[-1:]
     (alone,) = smoother.backward_pass(last)
     np.testing.assert_array_equal(alone.weight, last[0].stored.weight)
+
+
+def test_window_that_grows_is_smoothed_as_one_that_was_always_whole():
+    entries = window(7)
+    grown = lineages.Lineages()
+    for end in range(50, len(entries) + 1):
+        since_ns = entries[end - 40].stamp_ns
+        assert grown.continued_by(entries[:end]) == (end > 50)
+        grown.extend(entries[:end])
+        grown.smooth(since_ns)
+        whole = lineages.Lineages()
+        whole.extend(entries[:end])
+        whole.smooth()
+        before, after = grown.around(since_ns)
+        updates = np.concatenate([before, after[after >= 0]])
+        found, expected = (each.hypotheses(updates)[1] for each in (grown, whole))
+        for own, other in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(own, other)
+
+
+def test_updates_around_a_stamp_are_the_last_before_it_and_the_first_after_it():
+    entries = window(7)
+    every = lineages.Lineages()
+    every.extend(entries)
+    for entry in entries[::5]:
+        before, after = every.around(entry.stamp_ns)
+        for one, other in zip(before, after, strict=True):
+            (label,) = every.labels(np.array([one]))
+            stamps = [each.stamp_ns for each in entries if label in each.stored.label]
+            earlier = [stamp for stamp in stamps if stamp <= entry.stamp_ns]
+            later = [stamp for stamp in stamps if stamp > entry.stamp_ns]
+            assert every.stamps(np.array([one])) == max(earlier)
+            assert (every.stamps(np.array([other])).tolist() if other >= 0 else []) == later[:1]
+
+
+def test_lineages_of_another_window_are_not_continued():
+    entries = window(5)
+    own = lineages.Lineages()
+    assert not own.continued_by(entries)
+    own.extend(entries[:-1])
+    assert own.continued_by(entries)
+    assert own.continued_by(entries[9:])
+    assert not own.continued_by(entries[:-2])  # it went back
+    assert not own.continued_by(entries[-1:])  # it has none of them
+    copied = replace(entries[20], stored=replace(entries[20].stored))
+    assert not own.continued_by([*entries[:20], copied, *entries[21:]])
