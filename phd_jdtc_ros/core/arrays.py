@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import field, fields
+from functools import cache
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +36,37 @@ def read_only(array: npt.ArrayLike, dtype: type = np.float64) -> Any:
     view = view.view()
     view.flags.writeable = False
     return view
+
+
+_ELEMENTS = ((FloatArray, np.float64), (IntArray, np.int64), (BoolArray, np.bool_))
+
+
+@cache
+def _array_fields(kind: Any) -> list[tuple[str, type]]:
+    """Return the names of a dataclass's fields that are arrays, or None, and their elements."""
+    hints = get_type_hints(kind)
+    return [
+        (each.name, element)
+        for each in fields(kind)
+        for array, element in _ELEMENTS
+        if array in (hints[each.name], *get_args(hints[each.name]))
+    ]
+
+
+class ReadOnly:
+    """Base of frozen dataclasses, whose arrays become read-only and get their declared type."""
+
+    def __post_init__(self) -> None:
+        kind: Any = type(self)
+        for name, element in _array_fields(kind):
+            array = getattr(self, name)
+            if array is not None:
+                object.__setattr__(self, name, read_only(array, element))
+
+
+def zeros(*shape: int, dtype: type = np.float64) -> Any:
+    """Return the default of a dataclass's field: an array of zeros."""
+    return field(default_factory=lambda: np.zeros(shape, dtype))
 
 
 def contiguous(*arrays: Any) -> tuple[Any, ...]:

@@ -109,13 +109,9 @@ class Evidence:
     ) -> tuple[AttributeRecords, IntArray]:
         """Return the records that an association updates, and the labels of restarted heights.
 
-        Parameters
-        ----------
-        mass : array of shape (P,)
-            Joint probability that each pair's target exists, is represented by its row and is the
-            source of its detection.
-        existence : array of shape (T,)
-            Existence probability of each of the engine's targets after the update.
+        `mass` has the joint probability that each pair's target exists, is represented by its row
+        and is the source of its detection, (P,). `existence` has the existence probability of each
+        of the engine's targets after the update.
         """
         targets = len(self.engine_target)
         exists = np.maximum(existence[self.engine_target], np.finfo(float).tiny)

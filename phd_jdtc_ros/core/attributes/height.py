@@ -107,16 +107,8 @@ def compare(
 ) -> HeightUpdate:
     """Return the likelihoods of the heights measured in edges, and the updated heights.
 
-    Parameters
-    ----------
-    prior : Heights
-        Of T targets, at the scan's stamp.
-    target : int array of shape (E,)
-        Row of each edge's target in `prior`.
-    height : array of shape (E,)
-        Metres; NaN where it is unknown.
-    since : array of shape (E,)
-        Time of each detection after the scan's stamp, seconds.
+    `prior` is at the scan's stamp. For each edge, (E,), given are the row of its target in `prior`,
+    the height in metres, NaN where it is unknown, and the time after the stamp, seconds.
     """
     before = prior.take(target)
     given = np.isfinite(height)

@@ -58,10 +58,7 @@ class History(NamedTuple):
     def smooth(self, label: IntArray, stamp_ns: int, model: HeightModel) -> Heights:
         """Return the heights of labels at a stamp, given the detections of all later scans.
 
-        Returns
-        -------
-        Heights
-            `known` is 1 for labels with any row, and 0 for others.
+        `known` is 1 for labels with any row, and 0 for others.
         """
         first = np.searchsorted(self.label, label)
         end = np.searchsorted(self.label, label, side="right")

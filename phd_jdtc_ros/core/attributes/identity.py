@@ -130,8 +130,6 @@ def compare(
 
     Parameters
     ----------
-    belief : Belief
-        Of T targets.
     target : int array of shape (E,)
         Row of each edge's target in `belief`.
     shown : int array of shape (E,)
@@ -188,14 +186,8 @@ def update(
 ) -> Belief:
     """Return the belief after an association.
 
-    Parameters
-    ----------
-    target : int array of shape (E,)
-        Row of each edge's target in the belief.
-    probability : array of shape (E,)
-        Probability of each edge, given that its target exists.
-    missed : array of shape (T,)
-        Probability that a target has none of its edges.
+    Given are the row of each edge's target in the belief, the probability of each edge, given that
+    its target exists, (E,), and the probability that a target has none of its edges, (T,).
 
     Notes
     -----

@@ -37,14 +37,9 @@ class AttributeMemory:
         return AttributesAt(self, stamp_ns)
 
     def describe(self, estimates: Estimates, smoothed: bool) -> Estimates:
-        """Return estimates with their targets' heights and identities.
+        """Return estimates, whose `track_id` is still label + 1, with heights and identities.
 
-        Parameters
-        ----------
-        estimates : Estimates
-            Their `track_id` is still label + 1.
-        smoothed : bool
-            Whether heights are smoothed by later scans. Identities are always the latest.
+        Heights are smoothed by later scans on request; identities are always the latest.
         """
         label = estimates.track_id - 1
         records = self.predicted(label, estimates.stamp_ns)
@@ -121,10 +116,7 @@ class AttributesAt(NamedTuple):
     def pair(self, gate: Gate, label: IntArray, target: IntArray, report: Report) -> Paired:
         """Return the pairs in gates, with false heights replaced by those of the targets.
 
-        Parameters
-        ----------
-        target : int array of shape (N,)
-            Target of each of the engine's rows.
+        `target` has the target of each of the engine's rows, (N,).
         """
         projection, detections = report.sensor.height_projection, report.detections
         if projection is None or detections.height is None:
@@ -154,16 +146,9 @@ class AttributesAt(NamedTuple):
     ) -> Evidence | None:
         """Return the likelihoods of the identities and heights of one report.
 
-        Parameters
-        ----------
-        undetected : array of shape (T,)
-            Existence probability of each target, given that it was not detected.
-
-        Returns
-        -------
-        Evidence or None
-            None if the radar reports neither identities, heights nor sensor types, and the model
-            has no `ages`.
+        `undetected` has the existence probability of each target, given that it was not detected,
+        (T,). The result is None if the radar reports neither identities, heights nor sensor types,
+        and the model has no `ages`.
         """
         model, size = self.memory.model, len(detections)
         given = detections.code, detections.address, detections.height, detections.kind

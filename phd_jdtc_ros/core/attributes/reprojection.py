@@ -65,14 +65,8 @@ def pair(
 ) -> Paired:
     """Return the pairs of detections, some of them projected at the heights of the targets.
 
-    Parameters
-    ----------
-    target : int array of shape (N,)
-        Target of each of the engine's rows.
-    heights : Heights
-        Of all targets, at the scan's stamp.
-    std : array of shape (M, 2)
-        Standard deviations of the detections, metres and radians.
+    Given are the target of each of the engine's rows, (N,), the heights of all targets at the
+    scan's stamp, and the standard deviations of the detections, metres and radians, (M, 2).
     """
     first, size = plain(gate, detections), len(detections)
     edge = np.unique(target[first.row] * size + first.column)

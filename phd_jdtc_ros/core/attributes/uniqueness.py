@@ -45,16 +45,9 @@ def identity_conflicts(
 ) -> Conflicts:
     """Return the probabilities that known targets have the detections' identities.
 
-    Parameters
-    ----------
-    belief : Belief
-        Of T targets.
-    target, column : int arrays of shape (E,)
-        The edges: the distinct pairs of targets and detections.
-    shown : int array of shape (M,)
-        The identity that each detection shows; negative without one.
-    undetected : array of shape (T,)
-        Existence probability of each target, given that it is not the source of a detection.
+    Given are the target and the detection of each edge, (E,), the identity that each detection
+    shows, negative without one, (M,), and the existence probability of each target, given that it
+    is not the source of a detection, (T,).
 
     Notes
     -----
@@ -81,18 +74,9 @@ def find_out_of_gate(
 ) -> OutOfGate | None:
     """Return the targets whose identities detections show outside their gates, or None.
 
-    Parameters
-    ----------
-    identity : int array of shape (T,)
-        The unique identity of each target, negative if unknown.
-    seen_ns : int array of shape (T,)
-        Time of each target's last detection, nanoseconds.
-    shown : int array of shape (M,)
-        The identity that each detection shows; negative without one.
-    shown_ns : int array of shape (M,)
-        Time of each detection, nanoseconds.
-    near : tuple of two int arrays of shape (P,)
-        Targets and detections of the pairs in gates.
+    Given are the identity of each target and the time of its last detection, (T,), the identity
+    that each detection shows and its time, (M,), and the targets and detections of the pairs in
+    gates, (P,). Identities are negative if unknown; times are in nanoseconds.
     """
     away = (identity[:, None] == shown) & (shown >= 0)
     away[near] = False

@@ -62,17 +62,10 @@ def update(
     detections: Detections,
     stamp_ns: int,
 ) -> IntArray:
-    """Return the times after an association.
+    """Return the times of targets, (T, S), after an association at a scan's stamp.
 
-    Parameters
-    ----------
-    before : int array of shape (T, S)
-    target, column : int arrays of shape (E,)
-        The target and the detection of each edge.
-    probability : array of shape (E,)
-        Probability of the edge, given that its target exists.
-    stamp_ns : int
-        Of the scan.
+    Given are the target and the detection of each edge, and its probability, given that its target
+    exists, (E,).
     """
     sure = np.flatnonzero(probability >= MIN_PROBABILITY)
     sensors = sensors_of(detections)[column[sure]]

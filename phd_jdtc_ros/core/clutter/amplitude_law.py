@@ -8,14 +8,14 @@ is almost certainly a target. `Learned` bounds this error by a predictive densit
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
 from scipy.special import log_ndtr
 
-from ..arrays import FloatArray, read_only
+from ..arrays import FloatArray, ReadOnly, read_only, zeros
 from ..snapshot import floats
 from ..targets.amplitude_density import SMALLEST_AMPLITUDE, log_clutter_density
 
@@ -102,7 +102,7 @@ class LogNormal:
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
+class Learned(ReadOnly):
     """Histogram, in half decibels, of the levels of detections that no target claims.
 
     Notes
@@ -117,17 +117,15 @@ class Learned:
 
     threshold: float  # Detection threshold of the radar; the prior is noise above it
     # (CELLS,). Remembered detections by cell of level; at most `MEMORY` in all.
-    count: Annotated[FloatArray, floats("K", 0.0, MAX_COUNT)] = field(
-        default_factory=lambda: np.zeros(CELLS)
-    )
-    _mass: FloatArray = field(init=False, repr=False)
+    count: Annotated[FloatArray, floats("K", 0.0, MAX_COUNT)] = zeros(CELLS)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "count", read_only(self.count))
+    @cached_property
+    def _mass(self) -> FloatArray:
+        """Probability of each cell, shape (CELLS,)."""
         cells = _cells(self.threshold)
         total = cells.prior + self.count @ cells.kernel
-        mass = (1.0 - UNIFORM_SHARE) * total / total.sum() + UNIFORM_SHARE * cells.uniform
-        object.__setattr__(self, "_mass", read_only(mass))
+        mass: FloatArray = (1.0 - UNIFORM_SHARE) * total / total.sum()
+        return mass + UNIFORM_SHARE * cells.uniform
 
     def log_density(self, amplitude: FloatArray) -> FloatArray:
         """Return the log predictive density of envelopes, elementwise."""
@@ -143,14 +141,9 @@ class Learned:
         return self._log_tail(threshold) - self._log_tail(above)
 
     def after(self, amplitude: FloatArray, weight: FloatArray) -> Learned:
-        """Return the law after further detections.
+        """Return the law after further detections, (M,); those with unknown amplitudes are ignored.
 
-        Parameters
-        ----------
-        amplitude : array of shape (M,)
-            NaN if unknown; such detections are ignored.
-        weight : array of shape (M,)
-            Probability that no target is the source of each detection.
+        `weight` has the probability that no target is the source of each detection.
 
         Notes
         -----

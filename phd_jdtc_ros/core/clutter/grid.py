@@ -36,12 +36,8 @@ class Grid(Protocol):
     def places(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
         """Return row and column of each detection, (2, M); cell centres are integers.
 
-        Parameters
-        ----------
-        measurement : array of shape (M, 2)
-            Range and azimuth, metres and radians.
-        world : array of shape (M, 2)
-            The same in the world frame, metres.
+        Given are range and azimuth, metres and radians, and the same in the world frame, metres,
+        (M, 2).
         """
 
     def world(self, places: FloatArray, radar: ToWorld) -> FloatArray:

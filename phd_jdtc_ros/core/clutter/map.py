@@ -6,12 +6,12 @@ clutter are stored, so that the map of a precise radar with a long range is smal
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, read_only
+from ..arrays import FloatArray, IntArray, ReadOnly, zeros
 from ..snapshot import floats, integers
 from . import neighbourhood
 from .grid import Grid, corners
@@ -42,11 +42,10 @@ MAX_CELLS = 1 << 16
 MAX_IN_CELL = 1e9
 # Upper bound of the turns accepted in a snapshot: rounding may slightly exceed the memory.
 MAX_TURNS = 1.001 * MEMORY_TURNS
-NO_CELLS = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
-class ClutterMap:
+class ClutterMap(ReadOnly):
     """False detections remembered by cell.
 
     Notes
@@ -63,25 +62,14 @@ class ClutterMap:
 
     grid: Grid  # The cells. A detection counts in the four nearest ones.
     # (K,). Ascending; the row times the grid's columns plus the column.
-    cell: Annotated[IntArray, integers("K", 0, ascending=True)] = field(
-        default_factory=lambda: NO_CELLS
-    )
+    cell: Annotated[IntArray, integers("K", 0, ascending=True)] = zeros(0, dtype=np.int64)
     # Remembered detections of each cell, (K,).
-    count: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = field(
-        default_factory=lambda: np.zeros(0)
-    )
+    count: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = zeros(0)
     # Remembered turns; a scan of the whole field is one.
     turns: Annotated[float, floats("", 0.0, MAX_TURNS)] = 0.0
     # Detections of each cell that do not count yet, (K,).
-    recent: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = field(
-        default_factory=lambda: np.zeros(0)
-    )
+    recent: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = zeros(0)
     recent_turns: Annotated[float, floats("", 0.0, MAX_TURNS)] = 0.0  # Turns that do not count yet
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "cell", read_only(self.cell, np.int64))
-        object.__setattr__(self, "count", read_only(self.count))
-        object.__setattr__(self, "recent", read_only(self.recent))
 
     def log_factor(
         self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
@@ -90,10 +78,8 @@ class ClutterMap:
 
         Parameters
         ----------
-        measurement : array of shape (M, 2)
-            Range and azimuth, metres and radians.
-        world : array of shape (M, 2)
-            The same in the world frame, metres.
+        measurement, world : arrays of shape (M, 2)
+            Range and azimuth, metres and radians, and the same in the world frame, metres.
         rate : float
             Expected false detections per turn, uniform in azimuth and up to `max_range`; above 0.
         max_range : float
@@ -123,12 +109,8 @@ class ClutterMap:
     ) -> FloatArray:
         """Return the detections per turn in the neighbourhood of each place, (M,).
 
-        Those of one reflector and of uniform clutter are subtracted.
-
-        Parameters
-        ----------
-        measurement, world, rate, max_range
-            As in `log_factor`.
+        Those of one reflector and of uniform clutter are subtracted. For the arguments see
+        `log_factor`.
         """
         found = neighbourhood.detections_around(
             self.grid, self.cell, self.count, self.grid.places(measurement, world)
@@ -143,14 +125,8 @@ class ClutterMap:
     ) -> ClutterMap:
         """Return the map after a further report.
 
-        Parameters
-        ----------
-        measurement, world : arrays of shape (M, 2)
-            As in `log_factor`.
-        weight : array of shape (M,)
-            Probability that no target is the source of each detection.
-        turns : float
-            Part of a turn that the report covers.
+        `weight` has the probability that no target is the source of each detection, (M,), and
+        `turns` is the part of a turn that the report covers; for the others see `log_factor`.
         """
         kept, fading = np.exp(-turns / MEMORY_TURNS), np.exp(-turns / RECENT_TURNS)
         corner, share = corners(self.grid, self.grid.places(measurement, world))

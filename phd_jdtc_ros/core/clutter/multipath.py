@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from ..arrays import FloatArray, wrap_angle
+from ..arrays import FloatArray, wrap_angle, zeros
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,23 +27,17 @@ class Multipath:
     OF_AZIMUTHS: ClassVar[float] = 2.0
 
     # Expected (range, azimuth) of each target, (T, 2).
-    measured: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    measured: FloatArray = zeros(0, 2)
     # Existence probability of each target, (T,).
-    existence: FloatArray = field(default_factory=lambda: np.empty(0))
+    existence: FloatArray = zeros(0)
 
     def density(
         self, measurement: FloatArray, azimuth_std: float, least_detour: float
     ) -> FloatArray:
         """Return the density of echoes relative to that of uniform false detections, (M,).
 
-        Parameters
-        ----------
-        measurement : array of shape (M, 2)
-            Range in metres and azimuth in radians.
-        azimuth_std : float
-            The radar's, radians.
-        least_detour : float
-            Distance behind a target from which on its echoes are not its detections, metres.
+        The measurements, (M, 2), are ranges in metres and azimuths in radians. Closer behind a
+        target than `least_detour`, in metres, are its own detections.
         """
         difference = measurement[:, None] - self.measured
         behind = difference[..., 0] > least_detour

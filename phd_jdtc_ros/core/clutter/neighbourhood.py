@@ -30,14 +30,7 @@ def detections_around(
 ) -> FloatArray:
     """Return the number of detections in the neighbourhood of each place, shape (M,).
 
-    Parameters
-    ----------
-    cell : int array of shape (K,)
-        Ascending, as in `ClutterMap`.
-    count : array of shape (K,)
-        Detections of each cell.
-    places : array of shape (2, M)
-        Rows and columns, see `Grid.places`.
+    Cells and counts, (K,), are as in `ClutterMap`; for the places, (2, M), see `Grid.places`.
     """
     centre = np.floor(places + 0.5).astype(np.int64)
     before = np.concatenate([[0.0], np.cumsum(count)])
@@ -48,10 +41,7 @@ def detections_around(
 def probability_among_reflectors(excess: FloatArray) -> FloatArray:
     """Return the probability that a neighbourhood is fixed clutter, elementwise.
 
-    Parameters
-    ----------
-    excess : array
-        Detections per turn in the neighbourhood; see `ClutterMap.neighbourhood_excess`.
+    For the excess see `ClutterMap.neighbourhood_excess`.
     """
     return excess / (excess + EVEN_EXCESS)
 

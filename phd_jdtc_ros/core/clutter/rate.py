@@ -43,14 +43,9 @@ class ClutterCount:
         return (self.count + ADDED_COUNT) / (self.turns + ADDED_COUNT / START_RATE)
 
     def after(self, unclaimed: float, turns: float) -> ClutterCount:
-        """Return the estimate after a further report.
+        """Return the estimate after a further report, which covers a part of a turn.
 
-        Parameters
-        ----------
-        unclaimed : float
-            Expected number of detections without a known target.
-        turns : float
-            Part of a turn that the report covers.
+        `unclaimed` is the expected number of detections without a known target.
         """
         kept = float(np.exp(-turns / MEMORY_TURNS))
         return ClutterCount(kept * self.count + unclaimed, kept * self.turns + turns)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, read_only
+from ..arrays import BoolArray, FloatArray, ReadOnly, zeros
 from ..snapshot import floats
 from .detection_factor import AZIMUTHS, RANGES, Counted, DetectionFactor
 from .noise_factor import NoiseEvidence, NoiseFactor
@@ -25,12 +25,8 @@ RAISED, MOST = 12.0, 24.0
 SETTLED, SETTLED_SECTOR = 50.0, 20.0
 
 
-def _none(size: int) -> FloatArray:
-    return np.zeros(size)
-
-
 @dataclass(frozen=True, eq=False)
-class ChangeAlarm:
+class ChangeAlarm(ReadOnly):
     """Evidence of changes of a sensor, as cumulative sums (CUSUM).
 
     Notes
@@ -42,15 +38,9 @@ class ChangeAlarm:
 
     # Of fewer detections in the sensor as a whole, and of next to none in each sector of azimuth,
     # (1 + A,).
-    detection: Annotated[FloatArray, floats("A", 0.0, MOST)] = field(
-        default_factory=lambda: _none(1 + AZIMUTHS)
-    )
+    detection: Annotated[FloatArray, floats("A", 0.0, MOST)] = zeros(1 + AZIMUTHS)
     # Of a larger noise in each component of a measurement, (2,).
-    noise: Annotated[FloatArray, floats("Z", 0.0, MOST)] = field(default_factory=lambda: _none(2))
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "detection", read_only(self.detection))
-        object.__setattr__(self, "noise", read_only(self.noise))
+    noise: Annotated[FloatArray, floats("Z", 0.0, MOST)] = zeros(2)
 
     @property
     def fewer_detections(self) -> bool:
@@ -74,15 +64,7 @@ class ChangeAlarm:
         return (sector + 0.5) * 2.0 * np.pi / AZIMUTHS
 
     def after_looks(self, factor: DetectionFactor, counted: Counted) -> ChangeAlarm:
-        """Return the alarm after looks that count.
-
-        Parameters
-        ----------
-        factor : DetectionFactor
-            As learned before these looks.
-        counted : Counted
-            Of all cells.
-        """
+        """Return the alarm after looks that count, given the factor learned before them."""
         usual = factor.by_cell * counted.expected
         by_cell = np.stack([counted.looks, counted.detected, usual, factor.expected])
         looks, detected, usual, known = by_cell.reshape(4, RANGES, AZIMUTHS).sum(axis=1)
@@ -106,10 +88,7 @@ def _evidence(
 ) -> FloatArray:
     """Return the log likelihood ratio of two ratios to the learned probability, elementwise.
 
-    Parameters
-    ----------
-    looks, detected, usual : arrays
-        Numbers of looks, of detections, and of detections with the learned probability.
+    Given are numbers of looks, of detections, and of detections with the learned probability.
     """
     learned = np.clip(usual / np.where(looks > 0.0, looks, 1.0), 0.01, 0.99)
     of_miss = np.log((1.0 - ratio * learned) / (1.0 - against * learned))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated
 
 import numpy as np
 
-from ..arrays import FloatArray, read_only
+from ..arrays import FloatArray, ReadOnly, zeros
 from ..snapshot import floats
 from .prior import RatioPrior
 
@@ -47,12 +47,8 @@ def sums_of(
     )
 
 
-def _nothing() -> FloatArray:
-    return np.zeros(SUMS)
-
-
 @dataclass(frozen=True, eq=False)
-class Correlation:
+class Correlation(ReadOnly):
     """Correlation of the detections of a target in consecutive looks of a sensor.
 
     Notes
@@ -73,10 +69,7 @@ class Correlation:
     start: float  # The correlation, or the one that learning starts from
     learned: bool  # Whether it is learned
     # (B,). Sums over the remembered pairs of looks; see `sums_of`.
-    sums: Annotated[FloatArray, floats("B", 0.0, MAX_REMEMBERED)] = field(default_factory=_nothing)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "sums", read_only(self.sums))
+    sums: Annotated[FloatArray, floats("B", 0.0, MAX_REMEMBERED)] = zeros(SUMS)
 
     @cached_property
     def value(self) -> float:

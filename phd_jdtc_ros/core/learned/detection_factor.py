@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, read_only
+from ..arrays import FloatArray, IntArray, ReadOnly, zeros
 from ..snapshot import floats
 from .prior import RatioPrior
 
@@ -46,12 +46,8 @@ class Counted(NamedTuple):
         return Counted(*(column[cells] for column in self))
 
 
-def _no_looks() -> FloatArray:
-    return np.zeros(CELLS)
-
-
 @dataclass(frozen=True, eq=False)
-class DetectionFactor:
+class DetectionFactor(ReadOnly):
     """Expected and actual detections of known targets, as remembered by cell.
 
     Notes
@@ -66,21 +62,13 @@ class DetectionFactor:
     max_range: float  # Largest range, metres
     # `expected`, `detected`: detections in each cell: the number expected with the configured
     # probability, and the actual one, (K,).
-    expected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = field(
-        default_factory=_no_looks
-    )
-    detected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = field(
-        default_factory=_no_looks
-    )
+    expected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = zeros(CELLS)
+    detected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = zeros(CELLS)
     # `all_looks`, `all_expected`, `all_detected`: looks at targets, and their expected and actual
     # detections, in all cells, with a memory of their own.
     all_looks: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
     all_expected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
     all_detected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "expected", read_only(self.expected))
-        object.__setattr__(self, "detected", read_only(self.detected))
 
     @cached_property
     def _of_sensor(self) -> tuple[float, float]:
@@ -124,12 +112,9 @@ class DetectionFactor:
         return cells
 
     def probability(self, configured: FloatArray, measured: FloatArray) -> FloatArray:
-        """Return the learned probabilities, given the configured ones, at (range, azimuth) rows.
+        """Return the learned probabilities, (..., N), given the configured ones.
 
-        Parameters
-        ----------
-        configured : array of shape (..., N)
-        measured : array of shape (N, 2)
+        They are at (range, azimuth) rows, (N, 2).
         """
         factor = self.by_cell.take(self.cell(measured))
         found = np.maximum(configured * factor, LEAST_PROBABILITY)

@@ -20,13 +20,9 @@ LIMITED_MEAN = float(chdtr(3.0, LIMIT) + LIMIT * (1.0 - chdtr(1.0, LIMIT)))
 def evidence_of(square: float, part: float) -> tuple[float, float]:
     """Return the weight of an innovation, and weight times the ratio of variances beyond 1.
 
-    Parameters
-    ----------
-    square : float
-        Square of a component of an innovation relative to its expected value.
-    part : float
-        Part that the sensor's own variance R has in the expected value; NaN if the noise is not
-        the sensor's own.
+    Given are the square of a component of an innovation relative to its expected value, and the
+    part that the sensor's own variance R has in the expected value; NaN if the noise is not its
+    own.
 
     Notes
     -----

@@ -6,12 +6,12 @@ are a Markov chain from look to look, whose state is known as far as the associa
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, contains, read_only
+from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly, contains, zeros
 from ..snapshot import MAX_INDEX, MAX_STAMP_NS, floats, integers
 from .correlation import MAX_REMEMBERED, SUMS, sums_of
 
@@ -93,45 +93,27 @@ class Remembered:
         return np.clip((probability - detected) / (1.0 - looked), 0.0, 1.0)
 
 
-def _numbers() -> FloatArray:
-    return np.zeros(0)
-
-
-def _integers() -> IntArray:
-    return np.zeros(0, dtype=np.int64)
-
-
-def _sums() -> FloatArray:
-    return np.zeros((0, SUMS))
-
-
 @dataclass(frozen=True, eq=False)
-class LastLooks:
+class LastLooks(ReadOnly):
     """The last look of one sensor at each of K targets."""
 
     # Ascending, (K,).
-    label: Annotated[IntArray, integers("K", 0, MAX_INDEX, ascending=True)] = field(
-        default_factory=_integers
+    label: Annotated[IntArray, integers("K", 0, MAX_INDEX, ascending=True)] = zeros(
+        0, dtype=np.int64
     )
     # Stamp of the look, of its first sector, (K,).
-    stamp_ns: Annotated[IntArray, integers("K", 0, MAX_STAMP_NS)] = field(default_factory=_integers)
+    stamp_ns: Annotated[IntArray, integers("K", 0, MAX_STAMP_NS)] = zeros(0, dtype=np.int64)
     # `covered`, `detected`: probability that it covered each target, and that it detected it, (K,).
-    covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
-    detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
+    covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
+    detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
     # `before_covered`, `before_detected`: the columns of `Remembered` at the look, (K,).
-    before_covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
-    before_detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
+    before_covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
+    before_detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
     # See `Look`, (K,).
-    expected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = field(default_factory=_numbers)
+    expected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
     # (K, B). Sums over the pairs of looks that do not count yet; see `correlation.sums_of`. As with
     # `open_looks`, they count when the target is detected again.
-    pairs: Annotated[FloatArray, floats("KB", 0.0, MAX_REMEMBERED)] = field(default_factory=_sums)
-
-    def __post_init__(self) -> None:
-        for name in ("label", "stamp_ns"):
-            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
-        for name in _NUMBERS:
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+    pairs: Annotated[FloatArray, floats("KB", 0.0, MAX_REMEMBERED)] = zeros(0, SUMS)
 
     def __len__(self) -> int:
         return len(self.label)
@@ -147,10 +129,7 @@ class LastLooks:
     def remembered(self, stamp_ns: int, turn_ns: float, correlation: float) -> Remembered:
         """Return what these looks imply for a look at a stamp.
 
-        Parameters
-        ----------
-        turn_ns : float
-            Duration of a turn in nanoseconds, if the look is at a sector; otherwise 0.
+        `turn_ns` is the duration of a turn, if the look is at a sector; otherwise 0.
         """
         new, looks = self._new(stamp_ns, turn_ns)
         factor = correlation**looks

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, read_only
+from ..arrays import BoolArray, FloatArray, ReadOnly, zeros
 from ..snapshot import floats
 from .prior import RatioPrior
 
@@ -37,16 +37,8 @@ class NoiseEvidence(NamedTuple):
     excess: FloatArray
 
 
-def _every() -> BoolArray:
-    return np.ones(2, dtype=np.bool_)
-
-
-def _nothing() -> FloatArray:
-    return np.zeros(2)
-
-
 @dataclass(frozen=True, eq=False)
-class NoiseFactor:
+class NoiseFactor(ReadOnly):
     """Variances of the components of a measurement relative to the configured ones.
 
     Notes
@@ -55,18 +47,11 @@ class NoiseFactor:
     """
 
     # (Z,). Components whose noise is learned; the factors of the others are 1.
-    learned: BoolArray = field(default_factory=_every)
+    learned: BoolArray = field(default_factory=lambda: np.ones(2, dtype=np.bool_))
     # Number of remembered innovations, (Z,).
-    weight: Annotated[FloatArray, floats("Z", 0.0, MAX_WEIGHT)] = field(default_factory=_nothing)
+    weight: Annotated[FloatArray, floats("Z", 0.0, MAX_WEIGHT)] = zeros(2)
     # Sum of weight times the ratio that each of them shows, (Z,).
-    ratio: Annotated[FloatArray, floats("Z", -MAX_RATIO, MAX_RATIO)] = field(
-        default_factory=_nothing
-    )
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "learned", read_only(self.learned, np.bool_))
-        object.__setattr__(self, "weight", read_only(self.weight))
-        object.__setattr__(self, "ratio", read_only(self.ratio))
+    ratio: Annotated[FloatArray, floats("Z", -MAX_RATIO, MAX_RATIO)] = zeros(2)
 
     @cached_property
     def _posterior(self) -> tuple[FloatArray, FloatArray]:

@@ -9,12 +9,12 @@ when a target disappears, or was false, its open looks disappear with it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, contains, contiguous, read_only
+from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly, contains, contiguous, zeros
 from ..compilation import Float1, Int1, compiled
 from ..snapshot import MAX_INDEX, floats, integers
 from .detection_factor import Counted
@@ -37,32 +37,18 @@ class Looks(NamedTuple):
     existence: FloatArray  # Existence probability after the report
 
 
-def _none() -> FloatArray:
-    return np.zeros(0)
-
-
-def _no_labels() -> IntArray:
-    return np.zeros(0, dtype=np.int64)
-
-
 @dataclass(frozen=True, eq=False)
-class OpenLooks:
+class OpenLooks(ReadOnly):
     """Open looks, arrays of shape (E,)."""
 
     # Label of each look's target.
-    label: Annotated[IntArray, integers("E", 0, MAX_INDEX)] = field(default_factory=_no_labels)
+    label: Annotated[IntArray, integers("E", 0, MAX_INDEX)] = zeros(0, dtype=np.int64)
     # `cell`, `expected`, `detected`: see `Looks`.
-    cell: Annotated[IntArray, integers("E", 0, below="K")] = field(default_factory=_no_labels)
-    expected: Annotated[FloatArray, floats("E", 0.0, MOST_EXPECTED)] = field(default_factory=_none)
-    detected: Annotated[FloatArray, floats("E", 0.0, 1.0)] = field(default_factory=_none)
+    cell: Annotated[IntArray, integers("E", 0, below="K")] = zeros(0, dtype=np.int64)
+    expected: Annotated[FloatArray, floats("E", 0.0, MOST_EXPECTED)] = zeros(0)
+    detected: Annotated[FloatArray, floats("E", 0.0, 1.0)] = zeros(0)
     # Share of each look that is open.
-    still: Annotated[FloatArray, floats("E", 0.0, 1.0)] = field(default_factory=_none)
-
-    def __post_init__(self) -> None:
-        for name in ("label", "cell"):
-            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
-        for name in ("expected", "detected", "still"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+    still: Annotated[FloatArray, floats("E", 0.0, 1.0)] = zeros(0)
 
     def __len__(self) -> int:
         return len(self.label)
@@ -84,10 +70,7 @@ class OpenLooks:
     def after(self, looks: Looks, cells: int) -> tuple[OpenLooks, Counted]:
         """Return the open looks after a report, and those that count now.
 
-        Parameters
-        ----------
-        cells : int
-            Number of all sensors' cells, K.
+        `cells` is the number of all sensors' cells, K.
 
         Notes
         -----

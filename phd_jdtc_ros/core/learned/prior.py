@@ -28,12 +28,7 @@ class RatioPrior(NamedTuple):
     ) -> tuple[FloatArray, FloatArray]:
         """Return the mean and the variance of log ratios, elementwise.
 
-        Parameters
-        ----------
-        log_ratio : array
-            As the data show it.
-        precision : array
-            Inverse of its variance; 0 without data.
+        Given is the log ratio that the data show, and the inverse of its variance; 0 without data.
         """
         means, variances, log_weights = [], [], []
         for share, std in ((self.right, self.scale), (1.0 - self.right, self.wide)):

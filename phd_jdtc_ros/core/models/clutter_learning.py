@@ -92,12 +92,10 @@ class ClutterMemory:
         return report.complete and (learning or sensor.clutter_count is not None)
 
     def learn(self, report: Report, claimed: FloatArray, stationary: FloatArray) -> None:
-        """Learn from one report.
+        """Learn from one report, whose sensor is as `with_learned_clutter` returns it.
 
         Parameters
         ----------
-        report : Report
-            Of M detections; its sensor is as `with_learned_clutter` returns it.
         claimed : array of shape (M,)
             Probability that a known target is the source of each detection.
         stationary : array of shape (M,)

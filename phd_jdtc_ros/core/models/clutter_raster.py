@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import FloatArray, read_only
+from ..arrays import FloatArray, ReadOnly
 from ..clutter.map import ClutterMap
 from ..sensors.sensor import Sensor
 
@@ -25,7 +25,7 @@ REPEATED = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class ClutterRaster:
+class ClutterRaster(ReadOnly):
     """Density of false detections by square of the world."""
 
     corner: tuple[float, float]  # Least x and y, world frame, metres
@@ -33,9 +33,6 @@ class ClutterRaster:
     # (rows, columns). False detections per turn, or scan, and km^2; rows by y, columns by x. Each
     # radar counts by its own turns, and the densities of several radars are added.
     density: FloatArray
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "density", read_only(self.density))
 
     @property
     def extent(self) -> tuple[float, float, float, float]:

@@ -35,15 +35,8 @@ class CompetingSources:
     def newborn(self, claimed: FloatArray, report: Report, model: TrackerModel) -> Newborn | None:
         """Return the probabilities that unclaimed detections are unknown targets.
 
-        Parameters
-        ----------
-        claimed : array of shape (M,)
-            Probability that a known target is the source of each detection.
-
-        Returns
-        -------
-        Newborn or None
-            None if births at detections are disabled.
+        `claimed` has the probability that a known target is the source of each detection, (M,). The
+        result is None if births at detections are disabled.
         """
         if not model.detection_births.enabled:
             return None
@@ -61,14 +54,8 @@ def log_intensities(
 ) -> FloatArray:
     """Return the log intensities of the other sources of a report's detections, (1 + C, M).
 
-    Parameters
-    ----------
-    dt : float
-        True interval since the previous scan, seconds.
-    earlier : sequence of Newborn
-        Targets born at the detections of the scan's earlier reports.
-    evidence : Evidence or None
-        Identities and heights of the detections; they multiply both intensities.
+    `dt` are the seconds since the previous scan; `earlier` has the targets born at the detections
+    of the scan's earlier reports. The detections' identities and heights multiply both intensities.
     """
     log_clutter = 0.0 if evidence is None else evidence.log_clutter
     log_other: FloatArray = report.log_clutter[None] + log_clutter
@@ -84,14 +71,8 @@ def competing_sources(
 ) -> CompetingSources:
     """Return the competing sources, scaled with the likelihoods of the known targets.
 
-    Parameters
-    ----------
-    log_other : array of shape (1 + C, M)
-        See `log_intensities`.
-    column : int array of shape (P,)
-        The detection of each pair with a known target.
-    log_likelihood : array of shape (P,)
-        Log p_D L_z of each pair.
+    Given are the result of `log_intensities`, and the detection and log p_D L_z of each pair with a
+    known target, (P,).
     """
     scale = log_other.max(axis=0)
     np.maximum.at(scale, column, log_likelihood)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, read_only
+from ..arrays import FloatArray, IntArray, ReadOnly
 from ..sensors.range_rate import Rates
 from ..sensors.report import Report
 from ..sensors.sensor import Sensor
@@ -29,7 +29,7 @@ MIN_PARTICLES = 16
 
 
 @dataclass(frozen=True)
-class DetectionBirthModel:
+class DetectionBirthModel(ReadOnly):
     """The rate of unknown targets, and the distribution of their velocity."""
 
     # (C,). Expected births in a radar's field per nominal interval and class; all zero for none.
@@ -39,9 +39,6 @@ class DetectionBirthModel:
     particles: int  # Particles per detection; a power of two
     most: int = 1 << 24  # Largest number of particles at the detections of one radar in one scan
     least_mass: float = 1e-4  # Smallest newborn mass with which a detection gets particles
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "rate", read_only(self.rate))
 
     @property
     def enabled(self) -> bool:
@@ -88,14 +85,9 @@ class DetectionBirthModel:
         return stationary.at_even_odds(slower, bound, self.velocity_std) if self.enabled else slower
 
     def log_range_rate(self, toward: FloatArray, measured: Rates, sensor: Sensor) -> FloatArray:
-        """Return the log density of range rates of targets of unknown velocity, shape (M,).
+        """Return the log density of range rates of targets of unknown velocity, (M,); 0 for NaN.
 
-        Parameters
-        ----------
-        toward : array of shape (M, 2)
-            Directions from the sensor to the targets, world frame.
-        measured : Rates
-            M range rates; for NaN the result is 0.
+        `toward` has the directions from the sensor to the targets, world frame, (M, 2).
         """
         radial = measured.rate + toward @ np.asarray(sensor.velocity)
         return measured.model.log_density(radial, self.velocity_std**2 + measured.std**2)

@@ -26,14 +26,9 @@ NOISE_SIGMA = 2.0
 def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     """Return detections with each group merged to one at its centre.
 
-    Parameters
-    ----------
-    detections : Detections
-        M detections.
-    sensor : Sensor
-        Its `cluster_distance` is the largest distance, beside the noise, of a group's detections
-        from the detection with the most neighbours; range rates agree with the rate of that one.
-        With 0 the detections are returned unchanged.
+    The sensor's `cluster_distance` is the largest distance, beside the noise, of a group's
+    detections from the detection with the most neighbours; range rates agree with the rate of that
+    one. With 0 the detections are returned unchanged.
 
     Notes
     -----

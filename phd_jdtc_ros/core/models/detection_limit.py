@@ -28,23 +28,12 @@ EXPLAINED_SIGMA = 5.0
 def limit_detections(report: Report, predicted: FloatArray, targets: float) -> Report:
     """Return a report within the limits, with a sensor that reports only these detections.
 
-    Parameters
-    ----------
-    report : Report
-        Of M detections.
-    predicted : array of shape (N, Z)
-        Predicted measurements of the rows: particles, or means of Gaussians.
-    targets : float
-        Expected number of targets that the rows represent.
-
-    Returns
-    -------
-    Report
-        The same report if it has at most `MAX_DETECTIONS` detections, or `MAX_UNEXPLAINED` if
-        there are more than the targets and the clutter explain, and `MAX_CANDIDATES` candidate
-        pairs. Otherwise the detections with the largest amplitudes; among equal ones, or without
-        amplitudes, an even draw. The sensor's threshold is raised accordingly, and its clutter
-        rate is at least the number of detections beyond the expected targets.
+    It is the same report if it has at most `MAX_DETECTIONS` detections, or `MAX_UNEXPLAINED` if
+    there are more than the targets and the clutter explain, and `MAX_CANDIDATES` candidate pairs
+    with the predicted measurements, (N, Z). Otherwise it has the detections with the largest
+    amplitudes; among equal ones, or without amplitudes, an even draw. The sensor's threshold is
+    raised accordingly, and its clutter rate is at least the number of detections beyond the
+    expected number of targets.
     """
     detections, sensor, size = report.detections, report.sensor, len(report)
     # The rate is per whole turn, of which the report may cover a part; an unknown part counts as

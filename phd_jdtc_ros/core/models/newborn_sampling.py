@@ -27,19 +27,11 @@ def sample(
     count: int,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
-    """Draw the newborn targets of one radar.
-
-    Parameters
-    ----------
-    newborn : Newborn
-        M detections.
-    count : int
-        Particles per detection; a power of two.
+    """Draw the newborn targets of one radar, `count` particles, a power of two, for each detection.
 
     Returns
     -------
     state : array of shape (N, D)
-        In the world frame; N is M times `count`.
     mode : int array of shape (N,)
     weight : array of shape (N,)
         Expected targets per particle.
@@ -145,14 +137,8 @@ def _known_velocity(
 ) -> FloatArray:
     """Return velocities drawn given the range rates of their detections, shape (N, 2).
 
-    Parameters
-    ----------
-    position, drawn : arrays of shape (N, 2)
-        Positions at the time of the detection, and velocities drawn from the prior.
-    measured : Rates
-        Range rate of each row.
-    uniform : array of shape (N,)
-        In [0, 1); selects the fold.
+    Given are the positions at the time of the detection, the velocities drawn from the prior, (N,
+    2), the range rate of each row, and uniform numbers that select the fold, (N,).
     """
     toward = sensor.line_of_sight(position)
     radial = (drawn * toward).sum(axis=1)

@@ -135,18 +135,17 @@ class SensorMemory:
     ) -> None:
         """Learn from the detections and misses of T targets in one report.
 
+        The report's sensor is as `with_learned_sensor` returns it.
+
         Parameters
         ----------
-        report : Report
-            Its sensor is as `with_learned_sensor` returns it.
         label : int array of shape (T,)
             Ascending.
         measured : array of shape (T, Z)
             Expected measurement of each target.
-        before : array of shape (T,)
-            Probability, before the report, that each target exists and is no clutter.
-        after : array of shape (T,)
-            Existence probability of each target after the report.
+        before, after : arrays of shape (T,)
+            Probability that each target exists and is no clutter, before the report, and its
+            existence probability after it.
         probability : array of shape (T,)
             Detection probability of each target, if it exists.
         detected : array of shape (T,)
@@ -203,10 +202,7 @@ class SensorMemory:
     def learn_looks(self, report: Report, stamp_ns: int, look: Look) -> None:
         """Remember a sensor's look at targets, and learn how misses are correlated.
 
-        Parameters
-        ----------
-        report : Report
-            As `with_last_looks` returns it.
+        The report is as `with_last_looks` returns it.
         """
         for name, correlation in self.correlation.items():
             last, sums = self.last[name].counted(look)
@@ -226,10 +222,7 @@ class SensorMemory:
     def forget_ended(self, labels: Iterable[IntArray]) -> None:
         """Drop the open looks at targets that have ended, when there are twice as many as before.
 
-        Parameters
-        ----------
-        labels : iterable of int arrays
-            Labels of the living targets.
+        `labels` are those of the living targets, in parts.
         """
         remembered = len(self.looks) + sum(map(len, self.last.values()))
         if remembered > 2 * self.settled + FEW_LOOKS:
@@ -250,16 +243,9 @@ def look_at(
 ) -> Look:
     """Return a report as a look at T targets, whose misses may be correlated.
 
-    Parameters
-    ----------
-    report : Report
-        As `SensorMemory.with_last_looks` returns it.
-    label, measured, probability, after
-        See `SensorMemory.learn_detections`.
-    before : array of shape (T,)
-        Existence probability of each target before the report.
-    detected : array of shape (T,)
-        Probability that each target was detected, given that it exists.
+    The report is as `SensorMemory.with_last_looks` returns it. `before` is each target's existence
+    probability, and `detected` the probability that it was detected, given that it exists, (T,);
+    for the others see `SensorMemory.learn_detections`.
     """
     covered = report.sensor.coverage_probability(measured, report.detections.coverage)
     expected = np.zeros(len(label))

@@ -23,19 +23,11 @@ MIN_SPEED_STD_SHARE = 0.05
 
 
 def probability_slower(mean: FloatArray, covariance: FloatArray, bound: float) -> FloatArray:
-    """Return the probability that each velocity is slower than a bound, shape (...).
-
-    Parameters
-    ----------
-    mean : array of shape (..., 2)
-        Metres per second.
-    covariance : array of shape (..., 2, 2)
-    bound : float
-        Metres per second; above 0.
+    """Return the probability that velocities, (..., 2), are slower than a bound above 0, in m/s.
 
     Notes
     -----
-    The covariance ellipse of a velocity is replaced by a circle of the same area.
+    The covariance ellipse of a velocity, (..., 2, 2), is replaced by a circle of the same area.
     """
     area = np.sqrt(np.maximum(np.linalg.det(covariance), 0.0))
     variance = np.maximum(area, max(MIN_SPEED_STD, MIN_SPEED_STD_SHARE * bound) ** 2)
@@ -46,19 +38,10 @@ def probability_slower(mean: FloatArray, covariance: FloatArray, bound: float) -
 
 
 def at_even_odds(probability: FloatArray, bound: float, velocity_std: float) -> FloatArray:
-    """Return probabilities of being slower than a bound, for even prior odds.
+    """Return probabilities of being slower than a bound, for even prior odds, elementwise.
 
-    Parameters
-    ----------
-    probability : array
-        Probability under a prior velocity with standard deviation `velocity_std` along each axis.
-    bound, velocity_std : float
-        Metres per second.
-
-    Returns
-    -------
-    array
-        Same shape; unchanged if newborn targets are all slower, or all faster.
+    The given ones are under a prior velocity with standard deviation `velocity_std` along each
+    axis. They are unchanged if newborn targets are all slower, or all faster.
     """
     prior = -math.expm1(-0.5 * (bound / velocity_std) ** 2)
     rest, motion = probability * (1.0 - prior), (1.0 - probability) * prior
@@ -69,12 +52,8 @@ def at_even_odds(probability: FloatArray, bound: float, velocity_std: float) -> 
 def among_reflectors(probability: FloatArray, reflectors: FloatArray) -> FloatArray:
     """Return probabilities of being stationary beside fixed clutter, elementwise.
 
-    Parameters
-    ----------
-    probability : array
-        Probability of being stationary in a place without clutter.
-    reflectors : array of the same shape
-        Probability that a target's neighbourhood is fixed clutter; below 1.
+    Given are the probability of being stationary in a place without clutter, and the probability,
+    below 1, that a target's neighbourhood is fixed clutter.
 
     Notes
     -----

@@ -22,7 +22,9 @@ def gated_pairs(
     own_std: FloatArray | None,
     rate: FloatArray | None = None,
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the (particle, detection) pairs within the gate and their log likelihood.
+    """Return the (particle, detection) pairs within the gate and their log likelihood, (P,).
+
+    It is log N(z; predicted, R), azimuth wrapped, at the time of the detection.
 
     Parameters
     ----------
@@ -34,12 +36,6 @@ def gated_pairs(
         Standard deviations of each detection; None for the radar's.
     rate : array of shape (N, 2) or None
         Time derivatives of `predicted`; required for detections with their own times.
-
-    Returns
-    -------
-    particle, detection : int arrays of shape (P,)
-    log_likelihood : array of shape (P,)
-        log N(z; predicted, R), azimuth wrapped, at the time of the detection.
 
     Notes
     -----

@@ -30,17 +30,7 @@ def measure(position: FloatArray, origin: Sequence[float], yaw: float) -> FloatA
 def linearise(
     position: FloatArray, origin: Sequence[float], yaw: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the measurements of positions, and their derivatives by the position.
-
-    Parameters
-    ----------
-    position : array of shape (..., 2)
-
-    Returns
-    -------
-    measured : array of shape (..., 2)
-    jacobian : array of shape (..., 2, 2)
-    """
+    """Return the measurements of positions, (..., 2), and their derivatives by the position."""
     line = position - np.asarray(origin)
     east, north = line[..., 0], line[..., 1]
     cos, sin = np.cos(yaw), np.sin(yaw)
@@ -81,16 +71,8 @@ def error_axes(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the principal axes of positions' errors and the standard deviations along them.
 
-    Parameters
-    ----------
-    measurement, std : arrays of shape (M, 2)
-
-    Returns
-    -------
-    axes : array of shape (M, 2, 2)
-        Along the line of sight and across it, unit vectors in columns.
-    std : array of shape (M, 2)
-        Metres.
+    Measurements and standard deviations are (M, 2). The axes are along the line of sight and across
+    it, unit vectors in columns, (M, 2, 2); the standard deviations along them are metres, (M, 2).
     """
     bearing = measurement[:, 1] + yaw
     along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
@@ -110,15 +92,8 @@ def may_have_swept(
 ) -> BoolArray:
     """Return a mask of the circles around positions that an antenna may have swept, (T,).
 
-    Parameters
-    ----------
-    position : array of shape (T, 2)
-    radius : array of shape (T,)
-        Metres.
-    gate : float
-        Largest offset of a detection from the antenna's direction, radians.
-    detections : Detections
-        The antenna swept their coverage, and the azimuths of the detections themselves.
+    `gate` is the largest offset of a detection from the antenna's direction, radians. The antenna
+    swept the coverage of the detections, and the azimuths of the detections themselves.
     """
     line = position - np.asarray(origin)
     distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), MIN_RANGE)

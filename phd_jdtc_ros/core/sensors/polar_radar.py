@@ -177,12 +177,8 @@ class RadarModel(Sensor):
     def neighbourhood_density(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
         """Return the detections per turn around places in the radar's clutter map, (M,).
 
-        Places outside the field of view have infinite density, except for a moving radar.
-
-        Parameters
-        ----------
-        measurement, world : arrays of shape (M, 2)
-            See `ClutterMap.neighbourhood_excess`.
+        Places outside the field of view have infinite density, except for a moving radar. For the
+        arguments see `ClutterMap.neighbourhood_excess`.
         """
         if self.clutter_map is None:
             return np.zeros(len(measurement))

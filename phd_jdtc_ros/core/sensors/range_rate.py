@@ -56,19 +56,9 @@ class RangeRateModel:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the innovation over all folds, its variance over them, and its log density.
 
-        Parameters
-        ----------
-        error : array
-            Measured less expected range rate, metres per second.
-        variance : array of the same shape, or float
-            Variance of the innovation without ambiguity.
-
-        Returns
-        -------
-        innovation, spread : arrays of the same shape
-            Mean and variance of the folds of the error, weighted by their densities.
-        log_density : array of the same shape
-            Log of the sum of these densities.
+        `error` is the measured less the expected range rate, and `variance` that of the innovation
+        without ambiguity. The first two results are the mean and the variance of the folds of the
+        error, weighted by their densities; the third is the log of the sum of these densities.
 
         Notes
         -----

@@ -32,16 +32,9 @@ class EarlierSectors:
     ) -> FloatArray | None:
         """Return the factor on the probability of a detection, shape (N, ...).
 
-        It is None if these sectors can have detected none of the targets.
-
-        Parameters
-        ----------
-        label : int array of shape (N,)
-            Label of each row's target.
-        in_turn : array of shape (N, ...)
-            Probability that a whole turn detects a target.
-        measured : array of shape (N, ...)
-            Probability that a target is measured in these sectors.
+        It is None if these sectors can have detected none of the targets. Given are the label of
+        each row's target, (N,), and the probabilities that a whole turn detects a target, and that
+        it is measured in these sectors, (N, ...).
 
         Notes
         -----

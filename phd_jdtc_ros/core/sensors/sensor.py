@@ -130,11 +130,8 @@ class Sensor(ABC):
     def with_known_targets(self: SensorT, measured: FloatArray, existence: FloatArray) -> SensorT:
         """Return the sensor with the false detections that the known targets cause.
 
-        Parameters
-        ----------
-        measured : array of shape (T, Z)
-            Expected measurement of each target.
-        existence : array of shape (T,)
+        Given are the expected measurement, (T, Z), and the existence probability of each target,
+        (T,).
         """
         if self.multipath is None:
             return self
@@ -219,14 +216,12 @@ class Sensor(ABC):
     ) -> FloatArray:
         """Return the probability that a report covers each target, (N,).
 
-        Only a covered target can be missed.
+        Only a covered target can be missed. A plot belongs to the sector of its measured azimuth.
 
         Parameters
         ----------
         predicted : array of shape (N, Z)
             Predicted measurements of the targets.
-        coverage : Coverage or None
-            Coverage of the report. A plot belongs to the sector of its measured azimuth.
         std : array of shape (N, Z) or None
             Standard deviations of the predicted measurements, without the sensor's noise; None if
             the positions are certain.
@@ -322,12 +317,8 @@ class Sensor(ABC):
     def range_rate_of(self, state: FloatArray, time_s: FloatArray | None = None) -> FloatArray:
         """Return the noise-free range rate of each state, m/s; shape (N, D) to (N,).
 
-        Parameters
-        ----------
-        state : array of shape (N, D)
-            At the scan's stamp.
-        time_s : array of shape (N,) or None
-            Time of each measurement relative to the stamp, seconds.
+        `time_s` has the time of each measurement relative to the stamp of the states, seconds,
+        (N,).
         """
         velocity = state[:, list(self.space.velocity)]
         line = state[:, list(self.space.position)] - np.asarray(self.position)
@@ -342,11 +333,7 @@ class Sensor(ABC):
     ) -> FloatArray | float:
         """Return the log likelihood of the range rates of pairs, (P,); 0 for unknown ones.
 
-        Parameters
-        ----------
-        state : array of shape (N, D)
-        pairs : tuple of two int arrays of shape (P,)
-            Rows of the states, and detections.
+        The pairs are of rows of the states, (N, D), and detections.
         """
         measured = self.rates_of(detections)
         if measured is None:

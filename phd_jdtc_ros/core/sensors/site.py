@@ -84,21 +84,11 @@ class Site:
     def elevation_of(
         self, distance: FloatArray, azimuth: FloatArray, height: FloatArray
     ) -> FloatArray:
-        """Return the sines of the elevations of targets at given heights.
+        """Return the sines of the elevations of targets at given heights, (N,).
 
-        Parameters
-        ----------
-        distance : array of shape (N,)
-            Slant ranges, metres; above 0 and at most `MAX_SLANT_RANGE`.
-        azimuth : array of shape (N,)
-            Radians counter-clockwise from the sensor's x axis.
-        height : array of shape (N,)
-            Metres.
-
-        Returns
-        -------
-        array of shape (N,)
-            Beyond -1 or 1 if the difference of heights exceeds the slant range.
+        Slant ranges are metres, above 0 and at most `MAX_SLANT_RANGE`, and azimuths radians
+        counter-clockwise from the sensor's x axis. The result is beyond -1 or 1 if the difference
+        of heights exceeds the slant range.
 
         Notes
         -----
@@ -121,21 +111,11 @@ class Site:
     def to_ground(
         self, distance: FloatArray, azimuth: FloatArray, sine: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return ranges and azimuths in the plane of measurements with elevations.
+        """Return ranges and azimuths in the plane of measurements with elevations, (N,).
 
-        Parameters
-        ----------
-        distance : array of shape (N,)
-            Slant ranges, metres, from 0 to `MAX_SLANT_RANGE`.
-        azimuth : array of shape (N,)
-            Radians counter-clockwise from the sensor's x axis.
-        sine : array of shape (N,)
-            Sines of the elevations, from -1 to 1.
-
-        Returns
-        -------
-        distance, azimuth : arrays of shape (N,)
-            Around the site's position in the plane, from the sensor's x axis in it.
+        Slant ranges are metres, from 0 to `MAX_SLANT_RANGE`, azimuths radians counter-clockwise
+        from the sensor's x axis, and elevations are given by their sines. The results are around
+        the site's position in the plane, from the sensor's x axis in it.
         """
         latitude, longitude, _ = wgs84.to_geodetic(self._cartesian(distance, azimuth, sine))
         x, y = self.plane.to_plane(latitude, longitude)
@@ -145,19 +125,10 @@ class Site:
     def to_slant(
         self, distance: FloatArray, azimuth: FloatArray, height: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return slant ranges and azimuths of targets at positions in the plane and heights.
+        """Return slant ranges and azimuths, as the sensor measures them, (N,).
 
-        Parameters
-        ----------
-        distance, azimuth : arrays of shape (N,)
-            Around the site's position in the plane, as `to_ground` returns them.
-        height : array of shape (N,)
-            Metres.
-
-        Returns
-        -------
-        distance, azimuth : arrays of shape (N,)
-            As the sensor measures them.
+        The targets are at positions around the site's position in the plane, as `to_ground` returns
+        them, and at heights in metres.
         """
         bearing = azimuth + self.yaw
         latitude, longitude = self.plane.to_geodetic(

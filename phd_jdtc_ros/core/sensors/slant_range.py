@@ -77,15 +77,10 @@ def over_ground(
 
 
 def supposed_height(site: Site, assumed: float | None, distance: FloatArray) -> FloatArray:
-    """Return the assumed heights of targets without a measured height.
+    """Return the assumed heights of targets without a measured height, (M,).
 
-    Parameters
-    ----------
-    assumed : float or None
-        Metres, limited to an elevation of 30 degrees near the radar; None for the height of the
-        site.
-    distance : array of shape (M,)
-        Slant ranges, metres.
+    `assumed` is in metres, limited to an elevation of 30 degrees near the radar; None for the
+    height of the site. The distances are slant ranges.
     """
     own = site.geodetic[2]
     if assumed is None:
@@ -100,14 +95,8 @@ def slant_of(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the slant ranges and azimuths that `over_ground` projects to positions in the plane.
 
-    Parameters
-    ----------
-    assumed : float or None
-        See `supposed_height`.
-    distance, azimuth : arrays of shape (M,)
-        Around the site's position in the plane, metres and radians.
-    height : array of shape (M,)
-        Metres above the same surface as the site's height; NaN if it was unknown.
+    The positions are around that of the site, metres and radians. The heights are in metres above
+    the same surface as the site's height; NaN if they were unknown.
     """
     known, slant = np.isfinite(height), distance
     for _ in range(SETTLING):
@@ -132,15 +121,9 @@ class HeightProjection:
     def at(self, measurement: FloatArray, before: FloatArray, height: FloatArray) -> FloatArray:
         """Return plots projected at other heights than before, (M, 2).
 
-        Parameters
-        ----------
-        measurement : array of shape (M, 2)
-            Ground ranges, metres, and azimuths, radians.
-        before : array of shape (M,)
-            Heights of the present projection above the world's zero, metres; NaN if unknown.
-        height : array of shape (M,)
-            Heights of the new projection; NaN for none. A plot with a height above its slant range
-            is projected to the radar's own position.
+        Given are ground ranges and azimuths, (M, 2), and the heights of the present and of the new
+        projection above the world's zero, (M,), NaN if unknown. A plot with a height above its
+        slant range is projected to the radar's own position.
         """
         distance, azimuth = measurement.T
         if self.site is None:

@@ -27,13 +27,8 @@ def sector_probability(
 ) -> FloatArray:
     """Return the probability that an azimuth of normal density is inside a sector, elementwise.
 
-    Parameters
-    ----------
-    azimuth : array
-        Expected azimuths, radians.
-    azimuth_std : array or float
-        Standard deviation of the azimuth, radians; 0 for all, or positive. A target near the edge
-        of a sector is reported in it or in the next one by chance.
+    The standard deviation is 0 for all, or positive. A target near the edge of a sector is reported
+    in it or in the next one by chance.
     """
     if sector.width > FULL_TURN - TURN_TOLERANCE:
         return np.ones_like(azimuth)
@@ -70,15 +65,10 @@ class Visibility:
         return len(self.probabilities) > 0
 
     def probability(self, distance: FloatArray, std: FloatArray | None = None) -> FloatArray:
-        """Return the given detection probability at ranges, elementwise.
+        """Return the given detection probability at expected ranges, (N,).
 
-        Parameters
-        ----------
-        distance : array of shape (N,)
-            Expected ranges, metres.
-        std : array of shape (N,) or None
-            Standard deviations of the ranges, metres; None if they are certain. The result is then
-            the mean over the part of each normal density that is within the range limits.
+        With standard deviations of the ranges, (N,), the result is the mean over the part of each
+        normal density that is within the range limits.
         """
         if std is None or len(self.probabilities) == 1:
             return np.interp(distance, self.ranges, self.probabilities)
@@ -104,12 +94,8 @@ class Visibility:
     def sees(self, measured: FloatArray, std: FloatArray | None = None) -> FloatArray:
         """Return the probability that targets are in the field of view, (N,).
 
-        Parameters
-        ----------
-        measured : array of shape (N, 2)
-            Expected ranges and azimuths, metres and radians.
-        std : array of shape (N, 2) or None
-            Their standard deviations; None if they are certain: the result is then 1 or 0.
+        Given are expected ranges and azimuths, (N, 2), and their standard deviations; without these
+        the result is 1 or 0.
 
         Notes
         -----

@@ -30,12 +30,7 @@ def to_cartesian(
 ) -> FloatArray:
     """Return Cartesian coordinates, metres, shape (..., 3).
 
-    Parameters
-    ----------
-    latitude, longitude : arrays of shape (...,)
-        Degrees.
-    height : array of shape (...,)
-        Above the ellipsoid, metres.
+    Latitudes and longitudes are in degrees, heights in metres above the ellipsoid, (...,).
     """
     north, east = np.radians(latitude), np.radians(longitude)
     across, above = (
@@ -56,10 +51,7 @@ def to_cartesian(
 def to_geodetic(place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return latitudes and longitudes, degrees, and heights above the ellipsoid, metres.
 
-    Parameters
-    ----------
-    place : array of shape (..., 3)
-        Cartesian, metres; not near the centre of the earth.
+    The places, (..., 3), are Cartesian, and not near the centre of the earth.
 
     Notes
     -----

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from ..arrays import FloatArray, IntArray, read_only
+from ..arrays import FloatArray, IntArray, ReadOnly
 from .modes import ModeSpace
 from .sobol import sobol_points
 
@@ -16,7 +16,7 @@ BIRTH_GATE_SIGMA = 8.0
 
 
 @dataclass(frozen=True)
-class BirthTerm:
+class BirthTerm(ReadOnly):
     """One Gaussian term of the birth intensity.
 
     Notes
@@ -31,10 +31,6 @@ class BirthTerm:
     std: FloatArray
     rate: FloatArray  # Expected births per nominal interval in every flat mode, (O,)
 
-    def __post_init__(self) -> None:
-        for name in ("mean", "std", "rate"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
 
 def shift_points(points: FloatArray, shift: FloatArray) -> FloatArray:
     """Return points of the unit cube shifted modulo one, kept off the faces; broadcast shape."""
@@ -46,19 +42,10 @@ def shift_points(points: FloatArray, shift: FloatArray) -> FloatArray:
 def sample(
     term: BirthTerm, modes: ModeSpace, count: int, rng: np.random.Generator
 ) -> tuple[FloatArray, IntArray]:
-    """Draw quasi-random states and flat modes from one term.
+    """Draw quasi-random states, (count, D), and flat modes from one term.
 
-    Parameters
-    ----------
-    count : int
-        A power of two.
-    rng : numpy.random.Generator
-        Draws the random shift (modulo one) that makes the Sobol points unbiased.
-
-    Returns
-    -------
-    state : array of shape (count, D)
-    mode : int array of shape (count,)
+    The count is a power of two. The generator draws the random shift (modulo one) that makes the
+    Sobol points unbiased.
     """
     size = len(term.mean)
     uniform = shift_points(sobol_points(size + 1, count), rng.random(size + 1))

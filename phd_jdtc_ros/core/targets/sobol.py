@@ -11,22 +11,14 @@ BITS = 30
 
 @lru_cache(maxsize=8)
 def sobol_points(dimension: int, count: int) -> FloatArray:
-    """Return the first points of the sequence; unscrambled, so the first is the origin.
+    """Return the first points of the sequence, (count, dimension), in the order of the Gray code.
 
-    Parameters
-    ----------
-    count : int
-        A power of two, at most 2^30.
-
-    Returns
-    -------
-    array of shape (count, dimension)
-        In [0, 1), in the order of the Gray code.
+    They are unscrambled, so that the first is the origin, and in [0, 1).
 
     Raises
     ------
     ValueError
-        If the count is not such a power of two.
+        If the count is not a power of two, at most 2^30.
     """
     if count < 1 or count & (count - 1) or count > 2**BITS:
         raise ValueError(f"count: {count} given, must be a power of two, at most 2^{BITS}")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..arrays import FloatArray, read_only
+from ..arrays import FloatArray, ReadOnly
 
 
 @dataclass(frozen=True)
-class SpawnModel:
+class SpawnModel(ReadOnly):
     """The spawn intensity beta.
 
     Notes
@@ -26,7 +26,3 @@ class SpawnModel:
     std: FloatArray
     # Number of particles for the expected number of targets that one target spawns.
     particles_per_target: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "transition", read_only(self.transition))
-        object.__setattr__(self, "std", read_only(self.std))

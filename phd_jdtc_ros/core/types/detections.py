@@ -7,14 +7,16 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, read_only
+from ..arrays import FloatArray, IntArray, ReadOnly
 
 FULL_TURN = 2.0 * np.pi
 # Marks an unknown code or address.
 UNKNOWN = -1
-# The columns of detections with one number per detection, and the integer columns of these.
-_WHOLE = ("code", "address", "kind")
-_PER_DETECTION = ("amplitude", "time_s", "range_rate", "range_rate_std", "height", *_WHOLE)
+# The columns of detections with one number per detection.
+_PER_DETECTION = (
+    *("amplitude", "time_s", "range_rate", "range_rate_std"),
+    *("height", "code", "address", "kind"),
+)
 # Sensor types of detections: primary radar, secondary radar, Mode S.
 SENSORS = ("psr", "ssr", "mds")
 
@@ -57,7 +59,7 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Detections:
+class Detections(ReadOnly):
     """Detections of one radar in one scan, in the frame of that radar."""
 
     # For the polar radar Z = 2: range in metres, azimuth in radians counter-clockwise from the
@@ -96,19 +98,15 @@ class Detections:
     kind: IntArray | None = None
 
     def __post_init__(self) -> None:
-        measurement = read_only(self.measurement)
-        if measurement.ndim != 2:
-            raise ValueError(f"measurement: expected shape (M, Z), got {measurement.shape}")
-        object.__setattr__(self, "measurement", measurement)
-        for name in (*_PER_DETECTION, "noise_std"):
-            value = getattr(self, name)
-            if value is None:
-                continue
-            value = read_only(value, np.int64) if name in _WHOLE else read_only(value)
-            shape = measurement.shape if name == "noise_std" else measurement.shape[:1]
-            if value.shape != shape:
-                raise ValueError(f"{name}: expected shape {shape}, got {value.shape}")
-            object.__setattr__(self, name, value)
+        super().__post_init__()
+        shape = self.measurement.shape
+        if len(shape) != 2:
+            raise ValueError(f"measurement: expected shape (M, Z), got {shape}")
+        expected = {**dict.fromkeys(_PER_DETECTION, shape[:1]), "noise_std": shape}
+        for name, wanted in expected.items():
+            column = getattr(self, name)
+            if column is not None and column.shape != wanted:
+                raise ValueError(f"{name}: expected shape {wanted}, got {column.shape}")
 
     def __len__(self) -> int:
         return len(self.measurement)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, read_only
+from ..arrays import FloatArray, IntArray, ReadOnly
 from ..snapshot import MAX_MASS, MAX_STATE, covariances, floats, integers
 from ..state_space import PLANAR, StateSpace
 from .detections import SENSORS, UNKNOWN
@@ -26,7 +26,7 @@ _NOT_GIVEN: IntArray = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
-class Attributes:
+class Attributes(ReadOnly):
     """Heights and identities of targets, in addition to their states."""
 
     # (T, 2). Above the world's zero and climb rate, metres and metres per second; NaN where
@@ -40,12 +40,6 @@ class Attributes:
     # (T, S). Time of the last detection by each of `SENSORS`, nanoseconds; `UNKNOWN` for never.
     # None if no radar reports sensor types, and in smoothed estimates.
     seen_ns: IntArray | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("height", "height_covariance"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-        for name in ("code", "address", *(() if self.seen_ns is None else ("seen_ns",))):
-            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
 
     @staticmethod
     def joined(parts: Sequence[Attributes]) -> Attributes:
@@ -77,7 +71,7 @@ class Attributes:
         return Attributes(**columns, seen_ns=None if self.seen_ns is None else self.seen_ns[rows])
 
 
-class _Targets:
+class _Targets(ReadOnly):
     """Positions and velocities of states in the world frame."""
 
     state: FloatArray
@@ -126,12 +120,9 @@ class Estimates(_Targets):
         return self.covariance[:, axes][:, :, axes]
 
     def __post_init__(self) -> None:
-        for name in ("state", "covariance", "weight", "class_probability"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
         if self.track_state is _NOT_GIVEN:
-            object.__setattr__(self, "track_state", np.full(len(self), CONFIRMED))
-        for name in ("class_id", "track_id", "track_state"):
-            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
+            object.__setattr__(self, "track_state", np.full(len(self.state), CONFIRMED))
+        super().__post_init__()
 
     def __len__(self) -> int:
         return len(self.state)
@@ -198,10 +189,3 @@ class Truth(_Targets):
     space: StateSpace = PLANAR  # What the axes of the states are
     # (T, 2). Height and climb rate, metres and metres per second; None if they are not known.
     height: FloatArray | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "state", read_only(self.state))
-        if self.height is not None:
-            object.__setattr__(self, "height", read_only(self.height))
-        for name in ("track_id", "class_id"):
-            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
