@@ -31,7 +31,7 @@ from scipy.spatial import cKDTree
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
-from phd_jdtc_ros.core.smc.correction import Corrector, scale_rows
+from phd_jdtc_ros.core.smc.correction import Corrector
 from phd_jdtc_ros.core.smc.kernel.backward_kernel import KERNEL_GATE_SIGMA, Transition
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_step
@@ -45,17 +45,7 @@ def copies(phd: ParticleSet) -> ParticleSet:
     """Return the set with every copy of a particle in a row of its own."""
     row = np.repeat(np.arange(len(phd)), phd.multiplicity)
     share = 1.0 / phd.multiplicity[row]
-    return replace(
-        phd,
-        state=phd.state[row],
-        mode=phd.mode[row],
-        row_label=phd.row_label[row],
-        parent=phd.parent[row],
-        multiplicity=np.ones(len(row), dtype=np.int64),
-        poisson=phd.poisson[row] * share,
-        components=scale_rows(phd.components[row], share),
-        log_snr=phd.log_snr[row],
-    )
+    return replace(phd.scaled(row, share), multiplicity=np.ones(len(row), dtype=np.int64))
 
 
 def smooth(
@@ -79,9 +69,9 @@ def smooth(
     """
     smoothed = stored[-1]
     for earlier, later in zip(stored[-2::-1], stored[:0:-1], strict=True):
-        smoothed = backward_step(
-            earlier, link(earlier, later, model, corrector, dt), smoothed.weight, death_term
-        )
+        own = link(earlier, later, model, corrector, dt)
+        backward = own.ratio @ smoothed.weight
+        smoothed = backward_step(earlier, own.survival, backward, death_term)
     return smoothed
 
 

@@ -9,15 +9,16 @@ detections, and a missed detection scales it down by 1 - p_D.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 
 from ..arrays import FloatArray, factorize, sum_by
 from ..association.bernoulli import Claims, bernoulli
-from .particle_set import ParticleSet
+from .particle_set import ParticleSet, scale_rows
 
 
 class Corrected(NamedTuple):
@@ -28,18 +29,11 @@ class Corrected(NamedTuple):
     pair: FloatArray  # Weight of each pair's particle under its detection, (P,)
 
 
-class Correction(Protocol):
-    """The rule by which one radar's detections change the intensity."""
-
-    def __call__(self, particles: ParticleSet, claims: Claims) -> Corrected:
-        """Return the intensity corrected with the association likelihoods of all pairs."""
-
-
-@dataclass(frozen=True)
-class Corrector:
+class Corrector(NamedTuple):
     """A correction rule, and whether it gives one label to each target."""
 
-    correct: Correction
+    # Returns the intensity corrected with the association likelihoods of all pairs.
+    correct: Callable[[ParticleSet, Claims], Corrected]
     labelled: bool  # Whether the particles of one label represent at most one target
 
 
@@ -93,12 +87,6 @@ def _bernoulli(particles: ParticleSet, claims: Claims) -> Corrected:
         label=distinct,
     )
     return Corrected(corrected, shares.claimed, pair)
-
-
-def scale_rows(matrix: sparse.csr_array, factor: FloatArray) -> sparse.csr_array:
-    """Return a CSR array with each row multiplied by its factor; the pattern is shared."""
-    data = matrix.data * factor.repeat(np.diff(matrix.indptr))
-    return sparse.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
 BERNOULLI = Corrector(_bernoulli, labelled=True)

@@ -29,11 +29,6 @@ class ParticleEngine(SetSmoother[ParticleSet, Transition]):
 
     The corrector of `forward` makes it a labelled multi-Bernoulli filter or a PHD filter.
 
-    Parameters
-    ----------
-    rule : ReportingRule
-        When tracks are reported.
-
     Notes
     -----
     Sec. IV-C: Steps 1 to 3 in `forward`, Step 4 in `smoother`, Steps 5 and 6 in `extraction`.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,23 +19,12 @@ CLUSTER_SAMPLES = 2000
 PRIOR_PARTICLES = 2.0
 
 
-class Extraction(Protocol):
-    """The computation of estimates from an intensity."""
-
-    def __call__(
-        self,
-        particles: ParticleSet,
-        modes: ModeSpace,
-        stamp_ns: int,
-        lag: int,
-        threshold: float,
-        rng: np.random.Generator,
-    ) -> Estimates:
-        """Return the filtered (lag 0) or smoothed targets of a particle set.
-
-        Targets with an existence probability above `threshold` are reported. The `track_id` of a
-        labelled target is its label plus one.
-        """
+# Returns the filtered (lag 0) or smoothed targets of a particle set, given its stamp, the lag, and
+# the existence probability above which targets are reported. The `track_id` of a labelled target is
+# its label plus one.
+Extraction: TypeAlias = Callable[
+    [ParticleSet, ModeSpace, int, int, float, np.random.Generator], Estimates
+]
 
 
 def components(
@@ -185,7 +175,7 @@ def clusters(
     from scipy.cluster.vq import kmeans2
 
     target_class = modes.class_of[particles.mode]
-    rows, groups, count = [], [], 0
+    rows, groups, count = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
     for class_id in range(len(modes.classes)):
         member = np.flatnonzero(target_class == class_id)
         weight = particles.weight[member]
@@ -203,8 +193,6 @@ def clusters(
         rows.append(drawn)
         groups.append(count + label)
         count += targets
-    if count == 0:
-        return _moments(particles, modes, stamp_ns, lag, *_no_entries())
     row, group = np.concatenate(rows), np.concatenate(groups)
     size = np.bincount(group, minlength=count)
     # k-means may leave a cluster empty, which is no target.
@@ -213,11 +201,6 @@ def clusters(
     return _moments(
         particles, modes, stamp_ns, lag, row, rank[group], 1.0 / size[group], unlabelled
     )
-
-
-def _no_entries() -> tuple[IntArray, IntArray, FloatArray, IntArray]:
-    none = np.zeros(0, dtype=np.int64)
-    return none, none, np.zeros(0), none
 
 
 EXTRACTIONS: dict[str, Extraction] = {"components": components, "clusters": clusters}

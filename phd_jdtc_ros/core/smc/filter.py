@@ -32,13 +32,7 @@ FILTER_STREAM = 2
 
 @dataclass
 class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
-    """The filter over scans; keeps the sets that later scans continue and the random generator.
-
-    Parameters
-    ----------
-    on_stage_end : callable
-        See `ForwardFilter`.
-    """
+    """The filter over scans; keeps the sets that later scans continue and the random generator."""
 
     STATE: ClassVar[tuple[str, ...]] = (*ForwardFilter.STATE, "_rng")
 

@@ -22,18 +22,9 @@ def noise_evidence(
 ) -> NoiseEvidence:
     """Return the evidence of the pairs of particles and detections on the sensor's noise.
 
-    Parameters
-    ----------
-    target : int array of shape (N,)
-        Index of each particle's target; the particles of a target are consecutive.
-    mass : array of shape (N,)
-        Weight of each particle before the update.
-    measured : array of shape (N, Z)
-        Measurement of each particle.
-    pairs : tuple of two int arrays of shape (P,)
-        Particle and detection of each pair.
-    probability : array of shape (P,)
-        Association probability of each pair.
+    Given are each particle's target, whose particles are consecutive, its weight before the update,
+    (N,), and its measurement, (N, Z); and the particle, the detection and the association
+    probability of each pair, (P,).
 
     Notes
     -----

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from scipy import sparse
 
-from ..arrays import FloatArray, IntArray, SparseArray, factorize, read_only, sum_by
+from ..arrays import FloatArray, IntArray, ReadOnly, SparseArray, factorize, read_only, sum_by
 from ..snapshot import MAX_INDEX, MAX_STATE, floats, integers, sparse_rows
 from ..state_space import StateSpace
 from ..window.entries import Extents
 
 # Bound, in a snapshot, on the logarithm of a signal-to-noise ratio.
 MAX_LOG_SNR = 100.0
+# All columns but the components.
+_COLUMNS = (
+    *("state", "mode", "row_label", "parent", "multiplicity"),
+    *("poisson", "label", "log_snr"),
+)
 
 
 @dataclass(frozen=True)
-class ParticleSet:
+class ParticleSet(ReadOnly):
     """A particle approximation of the intensity over (state, class, motion mode).
 
     After an update the posterior is a Poisson part and Bernoulli components, each of at most one
@@ -49,21 +55,14 @@ class ParticleSet:
     # zeros.
     log_snr: Annotated[FloatArray, floats("N", -MAX_LOG_SNR, MAX_LOG_SNR)]
 
-    def __post_init__(self) -> None:
-        for name in ("state", "poisson", "log_snr"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-        for name in ("mode", "row_label", "parent", "multiplicity", "label"):
-            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
-
     def __len__(self) -> int:
         return len(self.state)
 
     @cached_property
     def weight(self) -> FloatArray:
         """Total weight of each particle, shape (N,); sums to the expected number of targets."""
-        total: FloatArray = read_only(
-            self.poisson + self.components @ np.ones(self.components.shape[1])
-        )
+        parts = self.components
+        total: FloatArray = read_only(self.poisson + parts @ np.ones(parts.shape[1]))
         return total
 
     @cached_property
@@ -85,16 +84,23 @@ class ParticleSet:
 
     def take(self, rows: IntArray) -> ParticleSet:
         """Return the particles of these rows, with all weight in the Poisson part."""
-        return ParticleSet(
-            state=self.state.take(rows, axis=0),
-            mode=self.mode[rows],
-            row_label=self.row_label[rows],
-            parent=self.parent[rows],
-            multiplicity=self.multiplicity[rows],
-            poisson=self.weight[rows],
-            components=sparse.csr_array((len(rows), 0)),
-            label=self.label[:0],
-            log_snr=self.log_snr[rows],
+        return ParticleSet.unassigned(
+            self.state.take(rows, axis=0),
+            self.mode[rows],
+            self.row_label[rows],
+            self.parent[rows],
+            self.weight[rows],
+            self.log_snr[rows],
+            self.multiplicity[rows],
+        )
+
+    def scaled(self, rows: IntArray, factor: FloatArray) -> ParticleSet:
+        """Return the particles of these rows, with weights times `factor`, in all components."""
+        return replace(
+            self.take(rows),
+            poisson=self.poisson[rows] * factor,
+            components=scale_rows(self.components[rows], factor),
+            label=self.label,
         )
 
     @property
@@ -151,20 +157,49 @@ class ParticleSet:
         return Extents(label, target, position, velocity, position_std, velocity_std)
 
     @staticmethod
+    def unassigned(
+        state: FloatArray,
+        mode: IntArray,
+        row_label: IntArray,
+        parent: IntArray,
+        weight: FloatArray,
+        log_snr: FloatArray,
+        multiplicity: IntArray | None = None,
+    ) -> ParticleSet:
+        """Return particles outside all components, by default of multiplicity one."""
+        size = len(weight)
+        return ParticleSet(
+            state=state,
+            mode=mode,
+            row_label=row_label,
+            parent=parent,
+            multiplicity=np.ones(size, dtype=np.int64) if multiplicity is None else multiplicity,
+            poisson=weight,
+            components=sparse.csr_array((size, 0)),
+            label=np.zeros(0, dtype=np.int64),
+            log_snr=log_snr,
+        )
+
+    @staticmethod
     def empty(state_size: int) -> ParticleSet:
         """Return an intensity of no targets."""
-        none = np.zeros(0, dtype=np.int64)
-        return ParticleSet(
-            state=np.zeros((0, state_size)),
-            mode=none,
-            row_label=none,
-            parent=none,
-            multiplicity=none,
-            poisson=np.zeros(0),
-            components=sparse.csr_array((0, 0)),
-            label=none,
-            log_snr=np.zeros(0),
-        )
+        none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
+        return ParticleSet.unassigned(np.zeros((0, state_size)), none, none, none, nothing, nothing)
+
+    @staticmethod
+    def concatenate(parts: Sequence[ParticleSet]) -> ParticleSet:
+        """Return the particles and the components of all parts, at least one."""
+        columns = {
+            name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS
+        }
+        components = sparse.block_diag([part.components for part in parts], format="csr")
+        return ParticleSet(components=components, **columns)
+
+
+def scale_rows(matrix: SparseArray, factor: FloatArray) -> SparseArray:
+    """Return a CSR array with each row multiplied by its factor; the pattern is shared."""
+    data = matrix.data * factor.repeat(np.diff(matrix.indptr))
+    return sparse.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
 class Aged(NamedTuple):

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, factorize, sum_by
 from ..models.tracker_model import TrackerModel
@@ -41,8 +40,6 @@ def predict(
         Index of each birth term to draw, and the time since its last draw, seconds.
     seen : Places
         The detections of the scan, used in the proposal of the survivors' process noise.
-    corrector : Corrector
-        A labelled corrector gives every spawned target a new label.
     scan_index : int
         Determines the labels of births and spawned targets.
 
@@ -69,37 +66,7 @@ def predict(
     for index, dt in births:
         term = model.births[index]
         parts.append(_births(term, model, budget.per_birth_term, dt, label + index, rng))
-    return _concatenate(parts, len(model.modes.space))
-
-
-def _fresh(
-    state: FloatArray,
-    mode: IntArray,
-    row_label: IntArray,
-    parent: IntArray,
-    weight: FloatArray,
-    log_snr: FloatArray,
-) -> ParticleSet:
-    """Return particles of multiplicity one outside all components."""
-    return ParticleSet(
-        state=state,
-        mode=mode,
-        row_label=row_label,
-        parent=parent,
-        multiplicity=np.ones(len(weight), dtype=np.int64),
-        poisson=weight,
-        components=sparse.csr_array((len(weight), 0)),
-        label=np.zeros(0, dtype=np.int64),
-        log_snr=log_snr,
-    )
-
-
-def _concatenate(parts: list[ParticleSet], state_size: int) -> ParticleSet:
-    if not parts:
-        return ParticleSet.empty(state_size)
-    names = ("state", "mode", "row_label", "parent", "poisson", "log_snr")
-    columns = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
-    return _fresh(*columns)
+    return ParticleSet.concatenate(parts or [ParticleSet.empty(len(model.modes.space))])
 
 
 def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator) -> IntArray:
@@ -137,7 +104,7 @@ def _survivors(
     if (factor != 1.0).any():
         weight = _of_equal_mass(weight * factor, weight, row_label)
     log_snr = model.amplitudes.diffuse(particles.log_snr[copy], mode, modes, dt, rng)
-    return _fresh(state, mode, row_label, copy, weight, log_snr)
+    return ParticleSet.unassigned(state, mode, row_label, copy, weight, log_snr)
 
 
 def _of_equal_mass(weight: FloatArray, prior: FloatArray, row_label: IntArray) -> FloatArray:
@@ -179,7 +146,7 @@ def _spawn(
     row_label = particles.row_label[parent]
     if corrector.labelled:
         row_label = label + factorize(row_label)[1]
-    return _fresh(state, mode, row_label, parent, weight, log_snr)
+    return ParticleSet.unassigned(state, mode, row_label, parent, weight, log_snr)
 
 
 def _births(
@@ -192,7 +159,7 @@ def _births(
 ) -> ParticleSet:
     state, mode = birth.sample(term, model.modes, count, rng)
     expected = float(term.rate.sum()) * dt / model.modes.interval_s
-    return _fresh(
+    return ParticleSet.unassigned(
         state,
         mode,
         np.full(count, label),

@@ -25,14 +25,10 @@ def with_reacquired(
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> ParticleSet:
-    """Return the set with additional particles at the detections that show a target's identity.
+    """Return a predicted set with additional particles at detections that show a target's identity.
 
-    Parameters
-    ----------
-    particles : ParticleSet
-        The predicted set of a labelled filter.
-    out_of_gate : OutOfGate
-        By index of the distinct labels. These targets have deviated from their motion models.
+    The targets of `out_of_gate`, by index of the distinct labels of a labelled filter, have
+    deviated from their motion models.
     """
     target = factorize(particles.row_label)[1]
     count = model.detection_births.particles

@@ -17,7 +17,6 @@ import numpy as np
 from ..arrays import FloatArray, IntArray, factorize, run_starts, sum_by
 from ..targets.modes import ModeSpace
 from ..tracks.labels import birth_scan
-from .correction import scale_rows
 from .particle_set import ParticleSet
 
 # Age, in scans, below which a label gets `YOUNG_FACTOR` times the particles: only a few of a
@@ -30,23 +29,12 @@ YOUNG_FACTOR = 4.0
 def allocate(
     mass: FloatArray, particles_per_target: FloatArray | float, least: int, rng: np.random.Generator
 ) -> tuple[IntArray, FloatArray]:
-    """Return the number of copies, and the weight of each copy, of every group.
+    """Return the number of copies, and the weight of each copy, of every group, (G,).
 
-    Parameters
-    ----------
-    mass : array of shape (G,)
-        Weight of each group, in targets.
-    particles_per_target : float or array of shape (G,)
-    least : int
-        Minimum number of copies of a group with a mass of at least ``1 / particles_per_target``.
-
-    Returns
-    -------
-    count : int array of shape (G,)
-    weight : array of shape (G,)
-        Weight of one copy. The expected mass of every group is preserved: a group too small for one
-        particle keeps one of weight ``1 / particles_per_target`` with the probability that
-        preserves its mass, and none otherwise.
+    The mass, (G,), is in targets. A group with a mass of at least ``1 / particles_per_target`` has
+    at least `least` copies. The expected mass of every group is preserved: a group too small for
+    one particle keeps one of weight ``1 / particles_per_target`` with the probability that
+    preserves its mass, and none otherwise.
     """
     wanted = mass * particles_per_target
     kept = rng.random(len(mass)) < wanted
@@ -75,21 +63,9 @@ def fit_to_budget(
 def systematic(
     weight: FloatArray, group: IntArray, count: IntArray, rng: np.random.Generator
 ) -> IntArray:
-    """Return the number of copies of each particle, by one systematic comb per group.
+    """Return the number of copies of each particle, by one systematic comb per group; see `comb`.
 
-    Parameters
-    ----------
-    weight : array of shape (N,)
-        Non-negative; particles sorted by group.
-    group : int array of shape (N,)
-        Ascending, 0 to G - 1.
-    count : int array of shape (G,)
-        Copies to draw in each group.
-
-    Returns
-    -------
-    copies : int array of shape (N,)
-        Sums to `count` in every group; expectation proportional to `weight`.
+    Their expectation is proportional to `weight`.
     """
     if len(weight) == 0:
         return np.zeros(0, dtype=np.int64)
@@ -102,16 +78,13 @@ def comb(weight: FloatArray, group: IntArray, count: IntArray, offset: FloatArra
     Parameters
     ----------
     weight : array of shape (N,)
-        Not empty.
+        Non-negative; not empty.
     group : int array of shape (N,)
+        Ascending, 0 to G - 1.
     count : int array of shape (G,)
+        Copies to draw in each group; the result sums to it.
     offset : array of shape (G,)
         At least 0 and below 1; a uniform draw gives unbiased numbers of copies.
-
-    Returns
-    -------
-    copies : int array of shape (N,)
-        As for `systematic`.
     """
     mass = sum_by(group, weight, len(count))
     expected = weight * (count / np.where(mass > 0.0, mass, 1.0)).take(group)
@@ -139,24 +112,10 @@ def resample(
     rng: np.random.Generator,
     scan_index: int | None = None,
 ) -> ParticleSet:
-    """Resample within each (class, label) to unique rows with a multiplicity.
+    """Resample an updated set within each (class, label) to unique rows with a multiplicity.
 
-    Parameters
-    ----------
-    particles : ParticleSet
-        The updated set.
-    scan_index : int or None
-        If given, labels younger than `YOUNG_SCANS` have `YOUNG_FACTOR` times the particles.
-
-    Returns
-    -------
-    ParticleSet
-        Sorted by (class, label). The components of each row are scaled by the ratio of its new
-        weight to its old weight.
-
-    Notes
-    -----
-    Sec. IV-C, Step 3. Deviation: groups are (class, label) and not classes alone.
+    The rows are sorted by (class, label). With a scan index, labels younger than `YOUNG_SCANS` have
+    `YOUNG_FACTOR` times the particles.
     """
     distinct, place = factorize(particles.row_label)
     key = modes.class_of[particles.mode] * len(distinct) + place
@@ -178,13 +137,7 @@ def resample(
     kept = np.flatnonzero(copies)
     row = order[kept]
     factor = copies[kept] * copy_weight[group[kept]] / weight[kept]
-    return replace(
-        particles.take(row),
-        multiplicity=copies[kept],
-        poisson=particles.poisson[row] * factor,
-        components=scale_rows(particles.components[row], factor),
-        label=particles.label,
-    )
+    return replace(particles.scaled(row, factor), multiplicity=copies[kept])
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -14,25 +14,9 @@ from ..window.backward_pass import Message, smoothed_sets
 from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
 
-
-class DeathTerm(Protocol):
-    """The term of the backward step for targets that do not survive."""
-
-    def __call__(
-        self, particles: ParticleSet, survival: FloatArray, backward: FloatArray
-    ) -> FloatArray:
-        """Return phi_j, the factor on 1 - P_s, for every component; shape (J,).
-
-        Parameters
-        ----------
-        particles : ParticleSet
-            The filtered set at t, N rows and J components.
-        survival : array of shape (N,)
-            P_s over the interval to t + 1.
-        backward : array of shape (N,)
-            B(s), the smoothed mass of the later set that the particle explains, divided by its
-            weight.
-        """
+# The term of the backward step for targets that do not survive: returns phi_j, the factor on
+# 1 - P_s, for every component, (J,). The arguments are those of `backward_step`.
+DeathTerm: TypeAlias = Callable[[ParticleSet, FloatArray, FloatArray], FloatArray]
 
 
 def paper_death_term(
@@ -87,36 +71,19 @@ DEATH_TERMS: dict[str, DeathTerm] = {
 
 
 def backward_step(
-    particles: ParticleSet, link: Transition, later_weight: FloatArray, death_term: DeathTerm
+    particles: ParticleSet, survival: FloatArray, backward: FloatArray, death_term: DeathTerm
 ) -> ParticleSet:
     """Return the set at t with smoothed weights, given those at t + 1.
 
-    Parameters
-    ----------
-    particles : ParticleSet
-        The filtered set at t, with its filtered components.
-    link : Transition
-        Between t and t + 1.
-    later_weight : array of shape (N_{t+1},)
-        w_{t+1|k}.
-
-    Returns
-    -------
-    ParticleSet
-        The set at t with a_{j,t|k}(s) = a_{j,t|t}(s) [B(s) + (1 - P_s) phi_j]; for the Poisson
-        part phi is 1.
+    The set is the filtered one, with its filtered components. `survival` is P_s of each particle
+    over the interval to t + 1, and `backward` is B(s), the smoothed mass w_{t+1|k} of the later set
+    that it explains, divided by its weight; both (N,).
 
     Notes
     -----
-    Sec. IV-C, Step 4. Deviation: the superscript of w_{t+1|k} in the numerator is (q), not (s).
+    Sec. IV-C, Step 4: a_{j,t|k}(s) = a_{j,t|t}(s) [B(s) + (1 - P_s) phi_j]; for the Poisson part
+    phi is 1. Deviation: the superscript of w_{t+1|k} in the numerator is (q), not (s).
     """
-    return _reweight(particles, link.survival, link.ratio @ later_weight, death_term)
-
-
-def _reweight(
-    particles: ParticleSet, survival: FloatArray, backward: FloatArray, death_term: DeathTerm
-) -> ParticleSet:
-    """Return the set with the weights of `backward_step`, given P_s and B of every row."""
     death = 1.0 - survival
     factor = death_term(particles, survival, backward)
     parts = particles.components
@@ -131,18 +98,15 @@ def _reweight(
 def backward_pass(entries: Sequence[ParticleEntry], death_term: DeathTerm) -> Iterator[ParticleSet]:
     """Yield the smoothed sets of a window, newest first: lag 0, lag 1 and so on.
 
-    Parameters
-    ----------
-    entries : sequence of Entry
-        Oldest first. A source that is not among these entries has been dropped; nothing is sent to
-        it.
+    The entries are in order of time. A source that is not among them has been dropped; nothing is
+    sent to it.
     """
 
     def send(later: ParticleSet, link: Transition) -> _Message:
         return _Message(link.survival, link.ratio @ later.weight)
 
     def receive(particles: ParticleSet, received: Sequence[Message[_Message]]) -> ParticleSet:
-        return _reweight(particles, *_gather(len(particles), received), death_term)
+        return backward_step(particles, *_gather(len(particles), received), death_term)
 
     return smoothed_sets(entries, send, receive)
 

@@ -31,15 +31,8 @@ def entry_from_snapshot(
 ) -> ParticleEntry:
     """Return the stored entry of one scan.
 
-    Parameters
-    ----------
-    earlier : mapping of stamp to Entry
-        Entries stored before it. If a source is not among them it has left the window, and the
-        link is dropped.
-    modes : ModeSpace
-        Mode space of the tracker that continues from the entry.
-    most : int
-        Largest number of particles allowed.
+    If a source is not among the entries stored before it, it has left the window, and the link is
+    dropped. `most` is the largest number of particles allowed.
 
     Raises
     ------

@@ -60,18 +60,20 @@ class ParticleSteps:
         amplitude = None if amplitude is None else amplitude.take(detection)
         log_snr = model.amplitudes.draw(mode, model.modes, rng, amplitude)
         own = label + np.arange(births) if self.corrector.labelled else np.full(births, -1)
-        added = sparse.csr_array((weight, detection, np.arange(count + 1)), shape=(count, births))
-        return ParticleSet(
-            state=np.concatenate([rows.state, state]),
-            mode=np.concatenate([rows.mode, mode]),
-            row_label=np.concatenate([rows.row_label, label + detection]),
-            parent=np.concatenate([rows.parent, np.full(count, -1)]),
-            multiplicity=np.concatenate([rows.multiplicity, np.ones(count, dtype=np.int64)]),
-            poisson=np.concatenate([rows.poisson, np.zeros(count)]),
-            components=sparse.block_diag([rows.components, added], format="csr"),
-            label=np.concatenate([rows.label, own]),
-            log_snr=np.concatenate([rows.log_snr, log_snr]),
-        ), newborn
+        added = ParticleSet(
+            state=state,
+            mode=mode,
+            row_label=label + detection,
+            parent=np.full(count, -1),
+            multiplicity=np.ones(count, dtype=np.int64),
+            poisson=np.zeros(count),
+            components=sparse.csr_array(
+                (weight, detection, np.arange(count + 1)), shape=(count, births)
+            ),
+            label=own,
+            log_snr=log_snr,
+        )
+        return ParticleSet.concatenate([rows, added]), newborn
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ from scenes import intensity
 from scipy import sparse
 
 from phd_jdtc_ros.core.association.bernoulli import Claims
-from phd_jdtc_ros.core.smc.correction import BERNOULLI, CORRECTORS, POISSON, scale_rows
+from phd_jdtc_ros.core.smc.correction import BERNOULLI, CORRECTORS, POISSON
+from phd_jdtc_ros.core.smc.particle_set import scale_rows
 
 
 def claims(likelihood, weight, other, p_d=0.9):

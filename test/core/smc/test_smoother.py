@@ -49,12 +49,16 @@ def forward(start, model, method, scans, rng):
     return stored
 
 
+def step(particles, link, later_weight, death_term):
+    return backward_step(particles, link.survival, link.ratio @ later_weight, death_term)
+
+
 def backward(stored, model, method, death_term):
     """Return the smoothed set of every scan, given all scans."""
     smoothed = [stored[-1]]
     for earlier, later in zip(stored[-2::-1], stored[::-1], strict=False):
         link = backward_kernel.build(earlier, later, model, method.corrector, DT)
-        smoothed.append(backward_step(earlier, link, smoothed[-1].weight, death_term))
+        smoothed.append(step(earlier, link, smoothed[-1].weight, death_term))
     return smoothed[::-1]
 
 
@@ -109,7 +113,7 @@ def test_bernoulli_step_is_exact_for_a_component_that_alone_feeds_mu(survival, d
         kernel = survival[:, None] * motion  # K, transposed: [from, to]
         link = Transition(sparse.csr_array(kernel / (part @ kernel)), survival, 0)
         phd = intensity(np.zeros((3, 5)), np.zeros(3), components=part[:, None])
-        smoothed.append(backward_step(phd, link, smoothed[-1], bernoulli_death_term).weight)
+        smoothed.append(step(phd, link, smoothed[-1], bernoulli_death_term).weight)
     expected = bernoulli_paths(prior, motion, survival, likelihoods)
     np.testing.assert_allclose(smoothed[::-1], expected, rtol=0.0, atol=1e-12)
 
@@ -126,7 +130,7 @@ LATER = np.array([0.1, 0.2, 0.05, 0.3, 0.15])
 def one_step(death_term, survival=SURVIVAL, later=LATER, parts=PARTS):
     phd = intensity(np.zeros((4, 5)), FREE, components=parts)
     link = Transition(sparse.csr_array(RATIO), survival, 0)
-    return phd, backward_step(phd, link, later, death_term)
+    return phd, step(phd, link, later, death_term)
 
 
 def test_backward_step_with_the_paper_term_is_the_printed_equation():
@@ -407,8 +411,8 @@ def test_backward_pass_is_a_step_from_each_set_to_the_one_before():
         Entry(3, sets[2], (Source(2, None, 3),), links[1]),
     ]
     found = list(backward_pass(window, bernoulli_death_term))
-    middle = backward_step(sets[1], links[1], sets[2].weight, bernoulli_death_term)
-    first = backward_step(sets[0], links[0], middle.weight, bernoulli_death_term)
+    middle = step(sets[1], links[1], sets[2].weight, bernoulli_death_term)
+    first = step(sets[0], links[0], middle.weight, bernoulli_death_term)
     for one, expected in zip(found, (sets[2], middle, first), strict=True):
         np.testing.assert_allclose(one.weight, expected.weight, rtol=1e-12)
     assert not np.allclose(found[2].weight, sets[0].weight, rtol=1e-3)

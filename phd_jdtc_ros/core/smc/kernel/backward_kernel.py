@@ -67,18 +67,9 @@ def build(
     dt: float,
     found: tuple[Newborn, ...] = (),
 ) -> Transition:
-    """Return the cached transition between two stored sets.
+    """Return the cached transition between two stored sets, `dt` seconds apart.
 
-    Parameters
-    ----------
-    earlier, later : ParticleSet
-        Stored sets at t and t + 1, of N_t and N_{t+1} rows.
-    corrector : Corrector
-        With a labelled corrector, only rows of one label are paired.
-    dt : float
-        True interval between them, seconds.
-    found : tuple of Newborn
-        Targets born at the detections of the later scan, by radar.
+    `found` has the targets born at the detections of the later scan, by radar.
 
     Notes
     -----
@@ -127,23 +118,10 @@ def build_joint(
     corrector: Corrector,
     found: tuple[Newborn, ...] = (),
 ) -> Transition:
-    """Return the cached transition from stored sets to the set of a later scan.
+    """Return the transition from the concatenated rows of stored sets to a later set; see `build`.
 
-    Parameters
-    ----------
-    earlier : sequence of Aged
-        Stored sets and their ages; more than one only with a labelled corrector.
-    later : ParticleSet
-        Its parents are rows of the concatenated earlier sets.
-    corrector : Corrector
-        With a labelled corrector, only rows of one label are paired.
-    found : tuple of Newborn
-        Targets born at the detections of the later scan, by radar.
-
-    Returns
-    -------
-    Transition
-        Its earlier rows are the rows of the concatenated earlier sets.
+    There is more than one earlier set only with a labelled corrector. The parents of `later` are
+    rows of the concatenated sets.
     """
     if len(earlier) == 1:
         return build(earlier[0].particles, later, model, corrector, earlier[0].dt, found)
@@ -160,8 +138,6 @@ def build_joint(
 
 def _concatenate(parts: Sequence[tuple[IntArray, Transition]], size: int) -> Transition:
     """Return one transition, given those to the parts of a later set of `size` rows."""
-    if not parts:
-        return Transition(sparse.csc_array((0, size)), np.zeros(0), 0)
     placed, first = [], 0
     rows = sum(part.ratio.shape[0] for _, part in parts)
     for columns, part in parts:

@@ -57,21 +57,9 @@ def thin(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the pairs, with long rows replaced by a systematic selection of their pairs.
 
-    Parameters
-    ----------
-    row : int array of shape (pairs,)
-        Later rows, ascending; each with all of its pairs.
-    column : int array of shape (pairs,)
-        Earlier rows.
-    value : array of shape (pairs,)
-        The kernel.
-    weight : array of shape (pairs,)
-        Weight of each earlier row.
-
-    Returns
-    -------
-    row, column, value : arrays of shape (kept,)
-        At most `MAX_PAIRS_PER_ROW` pairs per row; each row keeps its sum of value times weight.
+    Given are the later row of each pair, ascending and with all of its pairs, the earlier row, the
+    kernel, and the weight of the earlier row. At most `MAX_PAIRS_PER_ROW` pairs per row are kept;
+    each row keeps its sum of value times weight.
     """
     if not (
         row[MAX_PAIRS_PER_ROW:] == row[:-MAX_PAIRS_PER_ROW]

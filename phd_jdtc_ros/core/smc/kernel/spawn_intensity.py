@@ -28,16 +28,8 @@ def spawn_intensity(
 ) -> FloatArray:
     """Return sum_s w(s) beta(q | s) for every later row, shape (N_{t+1},).
 
-    Parameters
-    ----------
-    mu : array of shape (N_{t+1},)
-        Intensity of survivors and births.
-    dt : float
-        True interval between the sets, seconds.
-    successor : dict of motion model to array of shape (N_t, D)
-        Noise-free successors of the earlier rows.
-    gate : float
-        Largest search radius, in standard deviations of the spawned state.
+    Given are the intensity `mu` of survivors and births at these rows, the noise-free successors of
+    the earlier rows, and the largest search radius, in standard deviations of the spawned state.
 
     Notes
     -----

@@ -36,12 +36,7 @@ def split_into_strata(
 ) -> tuple[IntArray, IntArray]:
     """Return the groups of the later and the earlier rows, with dense groups split into strata.
 
-    Parameters
-    ----------
-    groups : tuple of two int arrays
-        Groups of the later and of the earlier rows, from 0.
-    radius : float
-        In standard deviations of the process noise.
+    The radius is in standard deviations of the process noise.
     """
     count = int(max(side.max(initial=-1) for side in groups)) + 1
     size = [np.bincount(side, minlength=count) for side in groups]

@@ -36,17 +36,9 @@ def transition_density(
     successor: dict[MotionModel, FloatArray],
     scale: FloatArray,
 ) -> TransitionDensity:
-    """Return the density with a given noise covariance on each motion's support.
+    """Return the density with a given noise covariance, (K, K), on each motion's support.
 
-    Parameters
-    ----------
-    transition : array of shape (O, O)
-    covariance : dict of motion model to array of shape (K, K)
-        Noise covariance on the motion's support.
-    successor : dict of motion model to array of shape (N_t, D)
-        Noise-free successors of the earlier rows.
-    scale : array of shape (N_t,)
-        Factor of each earlier row.
+    For the other arguments see `TransitionDensity`.
     """
     whitening, peak = {}, {}
     for motion, noise in covariance.items():

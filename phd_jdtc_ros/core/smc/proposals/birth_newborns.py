@@ -17,7 +17,6 @@ from ...arrays import FloatArray, IntArray
 from ...models.tracker_model import TrackerModel
 from ...tracks import labels
 from ...types import Scan
-from ..correction import scale_rows
 from ..particle_set import ParticleSet
 
 
@@ -26,18 +25,9 @@ def redraw_velocities(
 ) -> ParticleSet:
     """Return a resampled set in which all copies of newborn particles have distinct velocities.
 
-    Parameters
-    ----------
-    scan : Scan
-        The scan of the last update. If it is informative on velocities the set is unchanged.
-    scan_index : int
-        Index of the scan.
-
-    Returns
-    -------
-    ParticleSet
-        It has a row for each copy of a particle of a birth term. The first copy keeps its velocity
-        and turn rate, the others draw them from the term.
+    It has a row for each copy of a particle of a birth term. The first copy keeps its velocity and
+    turn rate, the others draw them from the term. If the scan, that of the last update, is
+    informative on velocities, the set is unchanged.
     """
     newborn = (stored.parent < 0) & ~labels.born_at_detection(stored.row_label)
     newborn &= stored.multiplicity > 1
@@ -50,14 +40,8 @@ def redraw_velocities(
     term = stored.row_label[row[again]] - labels.first_predicted(scan_index)
     state = stored.state[row]
     _draw_velocities(state, again, stored.mode[row], term, model, rng)
-    return replace(
-        stored.take(row),
-        state=state,
-        multiplicity=np.where(newborn, 1, stored.multiplicity)[row],
-        poisson=stored.poisson[row] * share,
-        components=scale_rows(stored.components[row], share),
-        label=stored.label,
-    )
+    multiplicity = np.where(newborn, 1, stored.multiplicity)[row]
+    return replace(stored.scaled(row, share), state=state, multiplicity=multiplicity)
 
 
 def _tells_velocities(scan: Scan) -> bool:

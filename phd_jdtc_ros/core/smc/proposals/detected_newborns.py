@@ -20,9 +20,8 @@ from ...models.detection_birth import DetectionBirthModel
 from ...models.tracker_model import TrackerModel
 from ...tracks.labels import born_at_detection
 from ...window.entries import UnsweptRows
-from ..correction import scale_rows
 from ..kernel.backward_kernel import UnsweptParticles
-from ..particle_set import ParticleSet
+from ..particle_set import ParticleSet, scale_rows
 from .detections_in_plane import Places
 
 # Velocities are redrawn if they spread the target's position over more than this many standard
@@ -45,14 +44,7 @@ def redraw_velocities(
 ) -> list[UnsweptParticles]:
     """Return the rows that a scan sweeps, with the velocities of newborn targets redrawn.
 
-    Parameters
-    ----------
-    swept : sequence of UnsweptRows
-        The swept rows.
-    stamp_ns : int
-        Stamp of the scan.
-    seen : Places
-        Detections of the scan.
+    `stamp_ns` and `seen` are the stamp and the detections of the scan.
     """
     rated = any(radar.range_rate is not None for radar in model.radars)
     if rated or not model.detection_births.enabled:
@@ -73,7 +65,7 @@ def _redraw_velocities(
     stored, births = rows.entry.stored, model.detection_births
     broad = BROAD * np.sqrt(np.linalg.eigvalsh(seen.covariance)[:, -1])
     sharp = births.velocity_std * dt > broad
-    seen = Places(seen.position[sharp], seen.covariance[sharp], seen.time_s[sharp])
+    seen = seen.take(np.flatnonzero(sharp))
     newborn = (stored.parent < 0) & born_at_detection(stored.row_label)
     if rows.rows is not None:
         of_rows = np.zeros(len(stored), dtype=bool)
@@ -127,12 +119,8 @@ def _draw(
 ) -> tuple[FloatArray, FloatArray]:
     """Draw velocities from a mixture; return also the ratio of prior to mixture density.
 
-    Parameters
-    ----------
-    leads : array of shape (J, n, 2)
-        Velocities that lead each particle to each detection.
-    shapes : sequence of J arrays of shape (2, 2)
-        Cholesky factors of the covariances of the velocities about `leads`.
+    Given are the velocities that lead each particle to each detection, (J, n, 2), and the Cholesky
+    factors of the velocities' covariances about these.
     """
     count, size = leads.shape[:2]
     share = (1.0 - PRIOR_SHARE) / count

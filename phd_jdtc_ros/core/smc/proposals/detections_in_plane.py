@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,20 +15,16 @@ from ...sensors.report import Report
 from ...types import Scan
 
 
-@dataclass(frozen=True)
-class Places:
+class Places(NamedTuple):
     """The detections of a scan in the world frame."""
 
     position: FloatArray  # Position at the time of the detection, metres, (M, 2)
     covariance: FloatArray  # Square metres, (M, 2, 2)
     time_s: FloatArray  # Time relative to the scan's stamp, seconds, (M,)
 
-    def __len__(self) -> int:
-        return len(self.position)
-
     def take(self, rows: IntArray) -> Places:
         """Return the detections of these rows."""
-        return Places(self.position[rows], self.covariance[rows], self.time_s[rows])
+        return Places(*(column[rows] for column in self))
 
     def sharper_than(self, std: float) -> Places:
         """Return the detections whose larger standard deviation is below `std`, metres."""
@@ -37,12 +33,9 @@ class Places:
 
 def places(scan: Scan, model: TrackerModel) -> Places:
     """Return the places of the detections of all radars in a scan."""
-    found = [places_of(report) for report in model.reports(scan)]
-    return Places(
-        np.concatenate([np.zeros((0, 2)), *(part.position for part in found)]),
-        np.concatenate([np.zeros((0, 2, 2)), *(part.covariance for part in found)]),
-        np.concatenate([np.zeros(0), *(part.time_s for part in found)]),
-    )
+    none = Places(np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
+    found = (places_of(report) for report in model.reports(scan))
+    return Places(*map(np.concatenate, zip(none, *found, strict=True)))
 
 
 def places_of(report: Report) -> Places:

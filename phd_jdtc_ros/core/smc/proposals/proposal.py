@@ -42,22 +42,10 @@ MAX_PAIRS = 1 << 22
 def sample(
     model: MotionModel, state: FloatArray, dt: float, seen: Places, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Draw the next state of every row; return also the factor on its weight.
+    """Draw the state of every row after `dt` seconds, (N, D); return also the factor on its weight.
 
-    Parameters
-    ----------
-    state : array of shape (N, D)
-    dt : float
-        Seconds.
-    seen : Places
-        The detections at the next scan.
-
-    Returns
-    -------
-    state : array of shape (N, D)
-    factor : array of shape (N,)
-        At most 1 / `BLIND_SHARE`, with mean 1. It is 1 for a motion without velocity, whose noise
-        is too small to need detections.
+    The factors, (N,), are at most 1 / `BLIND_SHARE`, with mean 1. They are 1 for a motion without
+    velocity, whose noise is too small to need detections. `seen` are the detections at that time.
     """
     moved = motion.sample(model, state, dt, rng)
     if not set(model.space.velocity) <= set(model.support):
@@ -65,7 +53,7 @@ def sample(
     noise = model.noise_covariance(dt)
     place = [model.support.index(axis) for axis in model.space.position]
     sharp = seen.sharper_than(SHARP * float(np.sqrt(noise[place[0], place[0]])))
-    if not len(sharp) or not len(state) or len(sharp) * len(state) > MAX_PAIRS:
+    if not 0 < len(sharp.position) * len(state) <= MAX_PAIRS:
         return moved, np.ones(len(state))
     seen_noise = _seen_noise(sharp, model, noise)
     innovation = sharp.covariance + _position_covariance(sharp, model, seen_noise)

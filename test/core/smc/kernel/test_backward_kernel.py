@@ -161,7 +161,7 @@ def test_backward_steps_equal_the_dense_equations(run, name):
             factor = (1.0 - alive) / (1.0 - parts.T @ link.survival / mass)
         expected = earlier.poisson * (backward + death)
         expected = expected + (parts * (backward[:, None] + np.outer(death, factor))).sum(axis=1)
-        smoothed = backward_step(earlier, link, found, DEATH_TERMS[name])
+        smoothed = backward_step(earlier, link.survival, link.ratio @ found, DEATH_TERMS[name])
         assert_weights_equal(smoothed.weight, expected)
         found = smoothed.weight
 
