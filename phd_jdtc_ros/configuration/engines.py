@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.intake.input_checks import ResultWatch
-from phd_jdtc_ros.core.intake.out_of_sequence import POLICIES
+from phd_jdtc_ros.core.intake.out_of_sequence import OutOfSequence
 from phd_jdtc_ros.core.intake.turn_history import TurnHistory
 from phd_jdtc_ros.core.pipeline import EVERYWHERE, Pipeline, start_cold
 from phd_jdtc_ros.core.tracks.common_stamp import Schedule
@@ -94,7 +94,7 @@ def new_pipeline(
         config.watches(),
         ResultWatch(config.model.modes.interval_s),
         platforms,
-        POLICIES[config.late_reports](engine, len(turns)),
+        OutOfSequence(engine, len(turns), config.late_reports == "rework"),
         histories,
         config.region or EVERYWHERE,
         (config.model, config.rule),

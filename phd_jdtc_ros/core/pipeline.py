@@ -91,7 +91,7 @@ class Pipeline:
         self._watches = tuple(watches) or tuple(ReportWatch() for _ in range(grouper.radars))
         self._results = results or ResultWatch(math.inf)
         self._grouper = grouper
-        self._out_of_sequence = out_of_sequence or OutOfSequence(engine, grouper.radars)
+        self._out_of_sequence = out_of_sequence or OutOfSequence(engine, grouper.radars, False)
         self._histories = histories
         self._region, self._tuned = region, tuned
         self._posed = PosedReports(platforms)

@@ -157,14 +157,8 @@ class AntennaTrack(NamedTuple):
     ) -> AntennaTrack:
         """Return the estimate after a report.
 
-        Parameters
-        ----------
-        now_s : float
-            Stamp of the report, seconds.
-        time_s, azimuth : arrays of shape (M,)
-            Detections' times in seconds, and azimuths in radians counter-clockwise.
-        min_period_s : float
-            Lower bound of the search for an unknown period, seconds.
+        `now_s` is the stamp of the report, in seconds as the detections' times, (M,); azimuths are
+        radians counter-clockwise, (M,). `min_period_s` bounds the search for an unknown period.
         """
         period_s, line = self.period_s, self.antenna
         if line is not None and now_s - line.time_s > MAX_UNSEEN * period_s:
@@ -240,13 +234,8 @@ def search_lines(
 ) -> list[tuple[float, Antenna]]:
     """Return the best line of each direction, the better first, with its fit from 0 to 1.
 
-    Parameters
-    ----------
-    weight : array of shape (M,)
-    rates : array of shape (R,)
-        Candidate rates, radians per second.
-    log_prior : array of shape (R,) or float
-        Logarithm of the prior of each rate.
+    The weights are (M,); the candidate rates, radians per second, and the logarithms of their prior
+    are (R,).
     """
     last_s, sighted = float(seen.time_s[-1]), weight * np.exp(1j * seen.azimuth)
     back = np.exp(-1j * rates[:, None] * (seen.time_s - last_s))

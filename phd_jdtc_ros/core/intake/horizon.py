@@ -50,12 +50,8 @@ class Horizon(NamedTuple):
     def after(self, stamp_s: float, time_s: FloatArray, period_s: float) -> Horizon:
         """Return the horizon after a new report.
 
-        Parameters
-        ----------
-        time_s : array of shape (M,)
-            Times of its detections; empty if the detections have none.
-        period_s : float
-            Rotation period, seconds.
+        `time_s` has the times of its detections, (M,), empty without any; `period_s` is the
+        rotation period.
         """
         timing = [stamp_s, math.nan, math.nan]
         if len(time_s):

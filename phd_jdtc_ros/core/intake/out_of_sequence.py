@@ -5,15 +5,15 @@ scans again. Published estimates are not revised; estimates not yet published eq
 in which the report was on time.
 
 An out-of-sequence report waits for the next scan. Before that scan, all waiting reports are
-reprocessed together, so that each scan causes at most one reprocessing. `Budget` limits the mean
-number of scans that are stepped again.
+reprocessed together, so that each scan causes at most one reprocessing. The mean number of scans
+that are stepped again is limited.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 from ..engine import Engine, EngineState, Step
@@ -27,80 +27,6 @@ MAX_SAVED = 2.0
 Report = tuple[int, Detections]
 
 
-@dataclass
-class Budget:
-    """Limits the work for out-of-sequence reports.
-
-    Every scan earns `EARNED`, up to `MAX_SAVED` windows. An out-of-sequence report costs one, plus
-    one for each scan that must be stepped again and for each report that must be cut again.
-    """
-
-    saved: float = 0.0
-
-    def earn(self, window: int) -> None:
-        """Add the earnings of one scan; `window` is the number of scans that can be reprocessed."""
-        self.saved = min(self.saved + EARNED, MAX_SAVED * (window + 1))
-
-    def spend(self, cost: int) -> bool:
-        """Spend `cost` and return True; return False if the savings are too small."""
-        if cost > self.saved:
-            return False
-        self.saved -= cost
-        return True
-
-
-class OutOfSequence:
-    """The policy for out-of-sequence reports, which also steps the engine: here they are dropped.
-
-    Parameters
-    ----------
-    radars : int
-        Number of configured radars.
-    """
-
-    def __init__(self, engine: Engine, radars: int) -> None:
-        self._engine, self._radars = engine, radars
-
-    def step(self, scan: Scan) -> Step:
-        """Step the engine; estimates that waiting reports made due come first."""
-        return self._engine.step(scan)
-
-    def finish(self) -> tuple[Estimates, ...]:
-        """Reprocess waiting reports at the end of a run; return the smoothed estimates due."""
-        return ()
-
-    def since_ns(self) -> int | None:
-        """Return the stamp after which reports can be reprocessed; None if none can."""
-        return None
-
-    def spend(self, stamp_ns: int, extra: int) -> bool:
-        """Take the cost of reprocessing from this stamp, plus `extra`, from the budget.
-
-        Return False, and take nothing, if the budget is too small.
-        """
-        return False
-
-    def insert(self, radar: int, replaced_ns: Sequence[int], reports: Sequence[Report]) -> None:
-        """Insert reports of a radar into closed scans; they may replace other reports.
-
-        Parameters
-        ----------
-        radar : int
-            Index in the configured order.
-        replaced_ns : sequence of int
-            Stamps of the replaced reports.
-        reports : sequence of (stamp in nanoseconds, Detections)
-            All after `since_ns`, and not after the last scan.
-        """
-
-    def reported(self, radar: int, stamp_ns: int) -> bool:
-        """Return whether a scan contains, or is about to contain, a report of a radar."""
-        return False
-
-    def forget(self) -> None:
-        """Begin a new run."""
-
-
 class _PendingScan(NamedTuple):
     """A scan with pending smoothed estimates, and the engine's state before it."""
 
@@ -108,47 +34,87 @@ class _PendingScan(NamedTuple):
     scan: Scan
 
 
-class ReprocessOutOfSequence(OutOfSequence):
-    """Reprocesses reports while smoothed estimates of their time are pending."""
+class OutOfSequence:
+    """Steps the engine, and reprocesses reports while smoothed estimates of their time are pending.
 
-    def __init__(self, engine: Engine, radars: int) -> None:
-        super().__init__(engine, radars)
+    Every scan earns `EARNED`, up to `MAX_SAVED` windows. An out-of-sequence report costs one, plus
+    one for each scan that must be stepped again and for each report that must be cut again.
+
+    Parameters
+    ----------
+    radars : int
+        Number of configured radars.
+    reprocesses : bool
+        False to keep no scans, so that `since_ns` is None and out-of-sequence reports are dropped.
+    """
+
+    def __init__(self, engine: Engine, radars: int, reprocesses: bool) -> None:
+        self._engine, self._radars, self._reprocesses = engine, radars, reprocesses
         self.forget()
 
+    def forget(self) -> None:
+        """Begin a new run: forget all scans and reports."""
+        self._pending: list[_PendingScan] = []
+        # Changed reports by stamp and radar; None removes a report.
+        self._changed: dict[int, dict[int, Detections | None]] = {}
+        self._saved = 0.0
+
     def step(self, scan: Scan) -> Step:
-        """Reprocess waiting reports, and step the engine."""
+        """Reprocess waiting reports, and step the engine; estimates that those made due come first.
+
+        Without reprocessing, only step the engine.
+        """
+        if not self._reprocesses:
+            return self._engine.step(scan)
         filtered, smoothed = self._reprocess()
         before = self._engine.save_state()
         step = self._engine.step(scan)
         self._pending.append(_PendingScan(before, scan))
         self._trim(step.smoothed)
-        self._budget.earn(len(self._pending))
-        if not (filtered or smoothed):
-            return step
+        self._saved = min(self._saved + EARNED, MAX_SAVED * (len(self._pending) + 1))
         return replace(
-            step,
-            filtered=(*filtered, *step.filtered),
-            smoothed=(*smoothed, *step.smoothed),
+            step, filtered=(*filtered, *step.filtered), smoothed=(*smoothed, *step.smoothed)
         )
 
     def finish(self) -> tuple[Estimates, ...]:
-        """Reprocess waiting reports; return the smoothed estimates due."""
+        """Reprocess waiting reports at the end of a run; return the smoothed estimates due."""
         return self._reprocess()[1]
 
     def since_ns(self) -> int | None:
-        """Return the last stamp before the window, which includes a run's first scan."""
+        """Return the stamp after which reports can be reprocessed; None if none can.
+
+        It is the last stamp before the window, which includes a run's first scan.
+        """
         if not self._pending:
             return None
         before, scan = self._pending[0]
         return scan.stamp_ns - 1 if before.stamp_ns is None else before.stamp_ns
 
     def spend(self, stamp_ns: int, extra: int) -> bool:
-        """Take the cost from the budget; scans already due for reprocessing are free."""
+        """Take the cost of reprocessing from this stamp, plus `extra`, from the savings.
+
+        Scans already due for reprocessing are free. Return False, and take nothing, if the savings
+        are too small.
+        """
         due = self._since(min(self._changed)) if self._changed else 0
-        return self._budget.spend(max(self._since(stamp_ns) - due, 0) + 1 + extra)
+        cost = max(self._since(stamp_ns) - due, 0) + 1 + extra
+        if cost > self._saved:
+            return False
+        self._saved -= cost
+        return True
 
     def insert(self, radar: int, replaced_ns: Sequence[int], reports: Sequence[Report]) -> None:
-        """Record the change for the next reprocessing."""
+        """Insert reports of a radar into closed scans, at the next reprocessing.
+
+        Parameters
+        ----------
+        radar : int
+            Index in the configured order.
+        replaced_ns : sequence of int
+            Stamps of reports that these replace.
+        reports : sequence of (stamp in nanoseconds, Detections)
+            All after `since_ns`, and not after the last scan.
+        """
         stamps = {kept.scan.stamp_ns for kept in self._pending} | self._changed.keys()
         for stamp_ns in replaced_ns:
             if stamp_ns in stamps:
@@ -163,13 +129,6 @@ class ReprocessOutOfSequence(OutOfSequence):
             return waiting[radar] is not None
         scans = (kept.scan for kept in self._pending if kept.scan.stamp_ns == stamp_ns)
         return any(scan.detections[radar] is not None for scan in scans)
-
-    def forget(self) -> None:
-        """Forget all scans and reports."""
-        self._pending: list[_PendingScan] = []
-        # Changed reports by stamp and radar; None removes a report.
-        self._changed: dict[int, dict[int, Detections | None]] = {}
-        self._budget = Budget()
 
     def _since(self, stamp_ns: int) -> int:
         """Return the number of scans from a stamp on."""
@@ -214,9 +173,3 @@ class ReprocessOutOfSequence(OutOfSequence):
         if smoothed:
             latest = smoothed[-1].stamp_ns
             del self._pending[: self._index(latest + 1)]
-
-
-POLICIES: dict[str, type[OutOfSequence]] = {
-    "drop": OutOfSequence,
-    "rework": ReprocessOutOfSequence,
-}

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from ..types import Detections, Pose
@@ -26,8 +25,7 @@ class _Waiting(NamedTuple):
     latest_ns: int  # Latest stamp of the report's slices
 
 
-@dataclass(frozen=True)
-class PosedReport:
+class PosedReport(NamedTuple):
     """A report with its pose."""
 
     radar: int  # Index in the configured order

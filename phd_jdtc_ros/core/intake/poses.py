@@ -9,13 +9,14 @@ platform has been relocated, and no pose is interpolated across the jump.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
+from bisect import bisect_left
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, wrap_angle
+from ..arrays import wrap_angle
 from ..types import Detections, Pose
 
 # Tolerance of a plausible change of position in addition to the motion, metres.
@@ -55,6 +56,14 @@ class Mount:
         return Pose(position, math.remainder(platform.yaw + self.yaw, 2.0 * math.pi))
 
 
+class _Known(NamedTuple):
+    """A pose of a platform."""
+
+    stamp_ns: int
+    pose: Pose
+    segment: int  # The platform has jumped between poses of different segments
+
+
 @dataclass
 class PoseTrack:
     """The poses of one platform by stamp."""
@@ -67,11 +76,8 @@ class PoseTrack:
     max_speed: float = 100.0
     # A stamp that is further behind the newest than this begins a new run.
     reset_threshold_s: float = math.inf
-    _stamps: list[int] = field(init=False, default_factory=list)
-    _poses: list[Pose] = field(init=False, default_factory=list)
-    # The platform has jumped between poses of different segments.
-    _segments: list[int] = field(init=False, default_factory=list)
-    _suspect: tuple[int, Pose] | None = field(init=False, default=None)
+    _known: list[_Known] = field(init=False, default_factory=list)
+    _suspect: _Known | None = field(init=False, default=None)
 
     def add(self, stamp_ns: int, pose: Pose) -> PoseFault | None:
         """Add a pose; return why it was rejected, or None."""
@@ -79,112 +85,105 @@ class PoseTrack:
             pose = replace(pose, yaw=0.0)
         elif not math.isfinite(pose.yaw):
             return PoseFault.ORIENTATION
-        if self._stamps:
-            newest = self._stamps[-1]
-            if stamp_ns < newest - self.reset_threshold_s * 1e9:
-                self._clear()
-            elif stamp_ns <= newest:
-                return PoseFault.DUPLICATE if stamp_ns == newest else PoseFault.LATE
-            elif not self._reachable((newest, self._poses[-1]), stamp_ns, pose):
-                return self._reject_jump(stamp_ns, pose)
-        self._append(stamp_ns, pose, self._segments[-1] if self._segments else 0)
+        newest, new = self._known[-1] if self._known else None, _Known(stamp_ns, pose, 0)
+        if newest is not None and stamp_ns < newest.stamp_ns - self.reset_threshold_s * 1e9:
+            self._known, newest = [], None
+        if newest is not None:
+            if stamp_ns <= newest.stamp_ns:
+                return PoseFault.DUPLICATE if stamp_ns == newest.stamp_ns else PoseFault.LATE
+            if not self._reachable(newest, new):
+                return self._reject_jump(new, newest.segment + 1)
+            new = new._replace(segment=newest.segment)
+        self._append(new)
         return None
 
-    def segment(self, stamp_ns: int) -> tuple[tuple[int, Pose], tuple[int, Pose]] | None:
-        """Return the two poses, with stamps, for the velocity at a stamp; None if there are none.
+    def segment(self, stamp_ns: int) -> tuple[_Known, _Known] | None:
+        """Return the two poses for the velocity at a stamp; None if there are none.
 
-        The second is the first pose at or after the stamp, or else the last
-        one. The first is at least `VELOCITY_S` earlier, without a jump in between. Later poses have
-        no influence, so the result does not depend on how many of them have arrived.
+        The second is the first pose at or after the stamp, or else the last one. The first is at
+        least `VELOCITY_S` earlier, without a jump in between. Later poses have no influence, so the
+        result does not depend on how many of them have arrived.
         """
-        last = min(bisect_left(self._stamps, stamp_ns), len(self._stamps) - 1)
-        if last > 0 and self._segments[last - 1] != self._segments[last]:
+        last = min(self._index(stamp_ns), len(self._known) - 1)
+        if last > 0 and self._known[last - 1].segment != self._known[last].segment:
             last -= 1
-        first = bisect_right(self._stamps, self._stamps[last] - round(VELOCITY_S * 1e9)) - 1
-        first = max(first, 0)
-        while self._segments[first] != self._segments[last]:
-            first += 1
-        if first >= last:
-            return None
-        return (self._stamps[first], self._poses[first]), (self._stamps[last], self._poses[last])
+        until_ns = self._known[last].stamp_ns - round(VELOCITY_S * 1e9)
+        return self._pair(self._index(until_ns + 1) - 1, last)
 
     def reaches(self, stamp_ns: int) -> bool:
         """Return whether there is a pose at a stamp or after it."""
-        return bool(self._stamps) and self._stamps[-1] >= stamp_ns
+        return self._index(stamp_ns) < len(self._known)
 
     def at(self, stamp_ns: int) -> tuple[Pose | None, bool]:
         """Return the pose at a stamp, None if unknown; and whether it is extrapolated."""
-        last = bisect_right(self._stamps, stamp_ns) - 1
+        last = self._index(stamp_ns + 1) - 1
         if last < 0:
             return None, False
-        since = (stamp_ns - self._stamps[last]) * 1e-9
+        before = self._known[last]
+        since = (stamp_ns - before.stamp_ns) * 1e-9
         if not since:
-            return self._poses[last], False
-        following = last + 1
-        if following < len(self._stamps) and self._segments[last] == self._segments[following]:
-            until = (self._stamps[following] - stamp_ns) * 1e-9
-            near = min(since, until) <= self.max_age_s
-            return (self._between(last, following, stamp_ns) if near else None), False
+            return before.pose, False
+        for following in self._known[last + 1 : last + 2]:
+            if following.segment == before.segment:
+                until = (following.stamp_ns - stamp_ns) * 1e-9
+                near = min(since, until) <= self.max_age_s
+                return (_between(before, following, stamp_ns) if near else None), False
         if since > self.max_age_s:
             return None, False
         # The velocity of two close poses would be mostly their noise.
-        window_ns = self._stamps[last] - round(self.max_age_s * 1e9)
-        first = min(bisect_left(self._stamps, window_ns), max(last - 1, 0))
-        while self._segments[first] != self._segments[last]:
+        window = self._index(before.stamp_ns - round(self.max_age_s * 1e9))
+        pair = self._pair(min(window, last - 1), last)
+        return (None if pair is None else _between(*pair, stamp_ns)), True
+
+    def _index(self, stamp_ns: int) -> int:
+        """Return the index of the first pose at or after a stamp."""
+        return bisect_left(self._known, stamp_ns, key=lambda known: known.stamp_ns)
+
+    def _pair(self, first: int, last: int) -> tuple[_Known, _Known] | None:
+        """Return two poses without a jump in between: the first one not before an index."""
+        first = max(first, 0)
+        while self._known[first].segment != self._known[last].segment:
             first += 1
-        return (self._between(first, last, stamp_ns) if first < last else None), True
+        return (self._known[first], self._known[last]) if first < last else None
 
-    def _between(self, first: int, second: int, stamp_ns: int) -> Pose:
-        """Return the pose at a stamp on the straight line through two poses."""
-        begin, end = self._poses[first], self._poses[second]
-        begin_ns = self._stamps[first]
-        share = (stamp_ns - begin_ns) / (self._stamps[second] - begin_ns)
-        turn = math.remainder(end.yaw - begin.yaw, 2.0 * math.pi)
-        return Pose(
-            (
-                begin.position[0] + share * (end.position[0] - begin.position[0]),
-                begin.position[1] + share * (end.position[1] - begin.position[1]),
-            ),
-            math.remainder(begin.yaw + share * turn, 2.0 * math.pi),
-        )
-
-    def _reachable(self, known: tuple[int, Pose], stamp_ns: int, pose: Pose) -> bool:
-        since = (stamp_ns - known[0]) * 1e-9
-        moved = math.dist(known[1].position, pose.position)
-        turned = abs(math.remainder(pose.yaw - known[1].yaw, 2.0 * math.pi))
+    def _reachable(self, known: _Known, new: _Known) -> bool:
+        since = (new.stamp_ns - known.stamp_ns) * 1e-9
+        moved = math.dist(known.pose.position, new.pose.position)
+        turned = abs(math.remainder(new.pose.yaw - known.pose.yaw, 2.0 * math.pi))
         return (
             moved <= POSITION_TOLERANCE + self.max_speed * since
             and turned <= YAW_TOLERANCE + MAX_YAW_RATE * since
         )
 
-    def _reject_jump(self, stamp_ns: int, pose: Pose) -> PoseFault | None:
+    def _reject_jump(self, new: _Known, segment: int) -> PoseFault | None:
         """Ignore a pose that cannot be reached, unless it continues from another such pose."""
-        suspect, self._suspect = self._suspect, (stamp_ns, pose)
-        if suspect is None or stamp_ns <= suspect[0]:
+        suspect, self._suspect = self._suspect, new
+        if suspect is None or new.stamp_ns <= suspect.stamp_ns or not self._reachable(suspect, new):
             return PoseFault.JUMP
-        if not self._reachable(suspect, stamp_ns, pose):
-            return PoseFault.JUMP
-        segment = self._segments[-1] + 1
-        self._append(*suspect, segment)
-        self._append(stamp_ns, pose, segment)
+        self._append(suspect._replace(segment=segment))
+        self._append(new._replace(segment=segment))
         return None
 
-    def _append(self, stamp_ns: int, pose: Pose, segment: int) -> None:
+    def _append(self, new: _Known) -> None:
         self._suspect = None
-        self._stamps.append(stamp_ns)
-        self._poses.append(pose)
-        self._segments.append(segment)
+        self._known.append(new)
         kept_s = self.reset_threshold_s + 2.0 * self.max_age_s
-        oldest = max(len(self._stamps) - MAX_POSES, 0)
+        oldest = max(len(self._known) - MAX_POSES, 0)
         if math.isfinite(kept_s):
-            oldest = max(oldest, bisect_left(self._stamps, stamp_ns - round(kept_s * 1e9)))
+            oldest = max(oldest, self._index(new.stamp_ns - round(kept_s * 1e9)))
         # The two newest stay, because the next pose is compared with them.
-        oldest = min(oldest, len(self._stamps) - 2)
-        if oldest > 0:
-            del self._stamps[:oldest], self._poses[:oldest], self._segments[:oldest]
+        del self._known[: max(min(oldest, len(self._known) - 2), 0)]
 
-    def _clear(self) -> None:
-        self._stamps, self._poses, self._segments, self._suspect = [], [], [], None
+
+def _between(first: _Known, second: _Known, stamp_ns: int) -> Pose:
+    """Return the pose at a stamp on the straight line through two poses."""
+    (x, y), (later_x, later_y) = first.pose.position, second.pose.position
+    share = (stamp_ns - first.stamp_ns) / (second.stamp_ns - first.stamp_ns)
+    turn = math.remainder(second.pose.yaw - first.pose.yaw, 2.0 * math.pi)
+    return Pose(
+        (x + share * (later_x - x), y + share * (later_y - y)),
+        math.remainder(first.pose.yaw + share * turn, 2.0 * math.pi),
+    )
 
 
 @dataclass
@@ -215,8 +214,9 @@ class Platform:
         if detections.time_s is None or not len(detections):
             return replace(detections, pose=pose), extrapolated
         own = []
-        for time_s in detections.time_s.tolist():
-            then, beyond = self.track.at(stamp_ns + round(time_s * 1e9))
+        times_ns = [stamp_ns + round(time_s * 1e9) for time_s in detections.time_s.tolist()]
+        for own_ns in times_ns:
+            then, beyond = self.track.at(own_ns)
             if then is None:
                 return None, False
             mounted = self.mount.on(then)
@@ -224,12 +224,18 @@ class Platform:
             extrapolated |= beyond
         x, y, yaw = np.transpose(own)
         distance, azimuth = detections.measurement.T
-        east = x + distance * np.cos(azimuth + yaw) - pose.position[0]
-        north = y + distance * np.sin(azimuth + yaw) - pose.position[1]
+        bearing = azimuth + yaw
+        toward = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+        east = x + distance * toward[:, 0] - pose.position[0]
+        north = y + distance * toward[:, 1] - pose.position[1]
         seen = np.stack([np.hypot(east, north), np.arctan2(north, east) - pose.yaw], axis=1)
         seen[:, 1] = wrap_angle(seen[:, 1])
-        detections = replace(detections, measurement=seen, pose=pose)
-        return self._at_stamp(stamp_ns, detections, azimuth + yaw), extrapolated
+        rate = detections.range_rate
+        if rate is not None:  # relative to the radar's velocity at the stamp
+            change = np.array([self.velocity(own_ns) or pose.velocity for own_ns in times_ns])
+            rate = rate + ((change - pose.velocity) * toward).sum(axis=1)
+        posed = replace(detections, measurement=seen, pose=pose, range_rate=rate)
+        return posed, extrapolated
 
     def velocity(self, stamp_ns: int) -> tuple[float, float] | None:
         """Return the radar's velocity at a stamp in the world frame, m/s; None if unknown.
@@ -239,25 +245,10 @@ class Platform:
         known = self.track.segment(stamp_ns)
         if known is None:
             return None
-        (begin_ns, begin), (end_ns, end) = known
-        since = (end_ns - begin_ns) * 1e-9
-        (x, y), (later_x, later_y) = self.mount.on(begin).position, self.mount.on(end).position
+        first, second = known
+        since = (second.stamp_ns - first.stamp_ns) * 1e-9
+        (x, y), (later_x, later_y) = (self.mount.on(each.pose).position for each in known)
         return (later_x - x) / since, (later_y - y) / since
-
-    def _at_stamp(self, stamp_ns: int, detections: Detections, bearing: FloatArray) -> Detections:
-        """Return detections with range rates relative to the radar's velocity at the stamp.
-
-        `bearing` has their directions in the world frame, radians.
-        """
-        if detections.range_rate is None or detections.time_s is None or detections.pose is None:
-            return detections
-        then = [
-            self.velocity(stamp_ns + round(time_s * 1e9)) for time_s in detections.time_s.tolist()
-        ]
-        own = np.array([detections.pose.velocity if one is None else one for one in then])
-        change = own - np.asarray(detections.pose.velocity)
-        toward = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-        return replace(detections, range_rate=detections.range_rate + (change * toward).sum(axis=1))
 
     def reaches(self, stamp_ns: int, detections: Detections) -> bool:
         """Return whether the poses reach all times of some detections."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 
 from ..types import Detections, Scan
@@ -58,29 +58,19 @@ class ScanGrouper:
     max_gap_s: float = math.inf
     # Longest time that scans are held back for radars behind the newest stamp, seconds.
     reorder_s: float = 0.0
-    _pending: dict[int, dict[int, Detections]] = field(init=False, default_factory=dict)
-    _misses: list[int] = field(init=False)
-    _last_stamp: list[int | None] = field(init=False)
-    _first_stamp: int | None = field(init=False, default=None)
-    _closed_ns: int | None = field(init=False, default=None)
-    _overtaken: dict[int, tuple[int, int]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
         """Forget all stamps; every radar counts as live again."""
-        self._pending = {}
+        self.closed_ns: int | None = None  # Stamp of the newest closed scan
+        self._pending: dict[int, dict[int, Detections]] = {}
         self._misses = [0] * self.radars
-        self._last_stamp = [None] * self.radars
-        self._first_stamp = None
-        self._closed_ns = None
-        self._overtaken = {}
-
-    @property
-    def closed_ns(self) -> int | None:
-        """Stamp of the newest closed scan; None before the first."""
-        return self._closed_ns
+        self._last_stamp: list[int | None] = [None] * self.radars
+        self._first_stamp: int | None = None
+        # For each radar the interval of stamps before a jump back whose reports may still arrive.
+        self._overtaken: dict[int, tuple[int, int]] = {}
 
     @property
     def waiting(self) -> bool:
@@ -90,23 +80,12 @@ class ScanGrouper:
     def add(
         self, radar: int, stamp_ns: int, detections: Detections
     ) -> list[Scan | Reset] | Rejection:
-        """Add one report.
+        """Add one report; return the scans that it closes, oldest first, or why it is part of none.
 
-        Parameters
-        ----------
-        radar : int
-            Index in the configured order.
-
-        Returns
-        -------
-        list of Scan or Reset
-            The scans that this report closes, oldest first. A `Reset` stands between the scans of
-            one run and those of the next.
-        Rejection
-            If the report is not part of any scan.
+        A `Reset` stands between the scans of one run and those of the next.
         """
         events: list[Scan | Reset] = []
-        newest = max(self._pending, default=self._closed_ns)
+        newest = max(self._pending, default=self.closed_ns)
         if newest is not None and stamp_ns < newest - self.reset_threshold_s * 1e9:
             events = [*self.close_all(), Reset((stamp_ns - newest) * 1e-9)]
             overtaken = self._pending_intervals(newest)
@@ -118,7 +97,7 @@ class ScanGrouper:
         if stamp_ns == last or radar in self._pending.get(stamp_ns, ()):
             return Rejection.DUPLICATE
         self._misses[radar] = 0
-        if self._closed_ns is not None and stamp_ns <= self._closed_ns:
+        if self.closed_ns is not None and stamp_ns <= self.closed_ns:
             return Rejection.LATE
         self._last_stamp[radar] = stamp_ns if last is None else max(last, stamp_ns)
         if self._first_stamp is None:
@@ -129,18 +108,11 @@ class ScanGrouper:
     def replace(
         self, radar: int, stamps_ns: Sequence[int], reports: Sequence[tuple[int, Detections]]
     ) -> None:
-        """Replace reports of a radar in the scans that are not closed.
+        """Replace a radar's reports of some stamps by new ones, by ascending stamp, at least one.
 
-        Parameters
-        ----------
-        radar : int
-            Index in the configured order.
-        stamps_ns : sequence of int
-            Stamps of the reports to replace; those of closed scans are ignored.
-        reports : sequence of (stamp in nanoseconds, Detections)
-            At least one new report, by ascending stamp; those of closed scans are ignored.
+        Stamps of closed scans are ignored.
         """
-        closed_ns = -1 if self._closed_ns is None else self._closed_ns
+        closed_ns = -1 if self.closed_ns is None else self.closed_ns
         for stamp_ns in stamps_ns:
             others = self._pending.get(stamp_ns, {})
             others.pop(radar, None)
@@ -218,7 +190,7 @@ class ScanGrouper:
             # A radar that has already sent a newer report is not silent.
             if radar not in reports and (last is None or last < stamp_ns):
                 self._misses[radar] += 1
-        gap_ns = 0 if self._closed_ns is None else stamp_ns - self._closed_ns
-        self._closed_ns = stamp_ns
+        gap_ns = 0 if self.closed_ns is None else stamp_ns - self.closed_ns
+        self.closed_ns = stamp_ns
         scan = Scan(stamp_ns, tuple(reports.get(radar) for radar in range(self.radars)))
         return [Reset(gap_ns * 1e-9), scan] if gap_ns > self.max_gap_s * 1e9 else [scan]

@@ -21,17 +21,10 @@ MIN_DETECTIONS = 3
 
 
 def coverage_of(sector: int, sectors: int, compass: bool) -> Coverage:
-    """Return the azimuths of a sector.
+    """Return the azimuths of a sector, numbered from 0.
 
-    Parameters
-    ----------
-    sector : int
-        Number, from 0.
-    sectors : int
-        Sectors per turn.
-    compass : bool
-        Whether the radar counts azimuths clockwise from north, and not counter-clockwise from its
-        x axis.
+    With `compass` the radar counts azimuths clockwise from north, and not counter-clockwise from
+    its x axis.
     """
     width = FULL_TURN / sectors
     start = math.pi / 2.0 - (sector + 1) * width if compass else sector * width
@@ -46,12 +39,7 @@ def sector_of(coverage: Coverage, sectors: int, compass: bool) -> int:
 
 
 def is_sector(azimuth: FloatArray, sector: Coverage) -> bool:
-    """Return whether detections can belong to a sector: half are in or near it, or they are few.
-
-    Parameters
-    ----------
-    azimuth : array of shape (M,)
-    """
+    """Return whether detections can belong to a sector: half are in or near it, or they are few."""
     if len(azimuth) < MIN_DETECTIONS:
         return True
     half = 0.5 * sector.width
@@ -63,10 +51,7 @@ def is_sector(azimuth: FloatArray, sector: Coverage) -> bool:
 def smallest_arc(azimuth: FloatArray) -> tuple[float, float]:
     """Return the start and the width of the smallest arc that contains all azimuths, radians.
 
-    Parameters
-    ----------
-    azimuth : array of shape (M,)
-        At least one; the arc is counter-clockwise.
+    There is at least one azimuth, (M,); the arc is counter-clockwise.
     """
     ordered = np.sort(np.mod(azimuth, FULL_TURN))
     gaps = np.diff(np.append(ordered, ordered[0] + FULL_TURN))

@@ -60,13 +60,8 @@ def cut(
 ) -> list[UnstampedSlice]:
     """Return the slices of a report of detections with times of their own, oldest first.
 
-    Parameters
-    ----------
-    period_s : float
-        Rotation period of the antenna, seconds.
-    between_s, between : tuples of two floats
-        Begin and end of the time that the report covers, seconds, and the antenna's directions at
-        these times, radians.
+    `between_s` and `between` have the begin and the end of the time that the report covers, and the
+    antenna's directions at these times, radians.
     """
     start_s, end_s = between_s
     count = max(1, round(SLICES * (end_s - start_s) / period_s))

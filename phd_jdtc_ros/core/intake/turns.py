@@ -135,18 +135,10 @@ class Turns:
     ) -> list[Slice] | Rejection:
         """Return the slices of a report, oldest first, each with its stamp and coverage.
 
-        Parameters
-        ----------
-        sector : int or None
-            Number of the sector, if the report has one.
-
-        Returns
-        -------
-        list of (stamp in nanoseconds, Detections)
-            `time_s` is relative to the slice's stamp, and stamps increase over all reports. The
-            coverage is None if the report covers the radar's whole field.
-        Rejection
-            If the report belongs to a part of a turn that has been cut already.
+        `time_s` is relative to the slice's stamp, and stamps increase over all reports. The
+        coverage is None if the report covers the radar's whole field. A report of a part of a turn
+        that has been cut already is rejected. `sector` is the number of the sector, if the report
+        has one.
         """
         sector = sector if self.sectors > 1 else None
         if self.behind(stamp_ns):

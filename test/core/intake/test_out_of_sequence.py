@@ -10,7 +10,7 @@ from scenes import no_detections, short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.intake.out_of_sequence import EARNED, MAX_SAVED, Budget
+from phd_jdtc_ros.core.intake.out_of_sequence import EARNED, MAX_SAVED
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import REPROCESSED, Stepped
 from phd_jdtc_ros.core.types import Attributes, Estimates
@@ -179,16 +179,6 @@ def test_a_burst_is_limited_and_counted():
     # One rework for all of them, and the next scan is stepped.
     run.feed(REPORTS[20:])
     assert run.stepped == [scan.stamp_ns for scan in SCANS]
-
-
-def test_a_budget_is_earned_scan_by_scan():
-    budget = Budget()
-    assert not budget.spend(1)
-    for _ in range(3):
-        budget.earn(10)
-    assert not budget.spend(int(3 * EARNED) + 1)
-    assert budget.spend(int(3 * EARNED))
-    assert budget.saved == 0.0
 
 
 def test_every_late_report_in_a_row_costs_no_more_than_is_earned(monkeypatch):

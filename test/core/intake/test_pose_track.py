@@ -110,7 +110,7 @@ def test_poses_of_a_day_do_not_fill_the_memory():
     poses = PoseTrack(reset_threshold_s=10.0)
     for index in range(5000):
         poses.add(index * S, Pose((float(index), 0.0), 0.0))
-    assert len(poses._stamps) < 20
+    assert len(poses._known) < 20
 
 
 def test_a_mount_is_in_the_platforms_frame():
