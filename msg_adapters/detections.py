@@ -14,19 +14,16 @@ from phd_jdtc_ros.core.types import Detections
 
 from . import point_cloud, sent_columns, stamps
 from .errors import RejectedMessageError, quote
-from .selection import Columns, Report, select
+from .selection import Report, select
 
 # Numeric types of fields other than coordinates: some drivers send levels as whole decibels.
 NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
 # Times since the epoch must be doubles, because single precision resolves only two minutes.
 DOUBLES = ("f8",)
 # Columns that may have integer types.
-WHOLE = ("level", "sector", "code", "address", "kind")
-# Columns that a cloud may lack although the radar's configuration names their fields.
-OPTIONAL = (
-    *("level", "time", "sector", "height", "code", "address", "kind", "range_std", "azimuth_std"),
-    *("range_rate", "range_rate_std"),
-)
+WHOLE = ("amplitude", "sector", "code", "address", "kind")
+# Quantities that a cloud must have if the radar's configuration names their fields.
+REQUIRED = ("range", "azimuth", "elevation")
 # Usual field names, in lower case, that are recognised if a radar's own name is missing. An SNR is
 # in decibels; a power or an RCS has a reference that only the driver defines.
 SYNONYMS = {
@@ -96,7 +93,7 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     there = set(point_cloud.field_names(cloud))
     radar = _recognised(radar, there)
     named = _wanted_fields(radar)
-    missing = [what for what in OPTIONAL if what in named and named[what][0] not in there]
+    missing = [w for w, (name, _) in named.items() if w not in REQUIRED and name not in there]
     wanted = dict(entry for what, entry in named.items() if what not in missing)
     # Converting a signalling NaN warns. Such a value is handled like any other NaN.
     with np.errstate(invalid="ignore"):
@@ -105,8 +102,8 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
             for name, column in point_cloud.decode(cloud, wanted).items()
         }
     found = {what: columns[name] for what, (name, _) in named.items() if name in columns}
-    report = select(stamps.of_header(cloud.header), radar, Columns(**found))
-    lacking = Counter(f"{what}_missing" for what in missing if what != "level")
+    report = select(stamps.of_header(cloud.header), radar, found)
+    lacking = Counter(f"{what}_missing" for what in missing if what != "amplitude")
     return replace(report, anomalies=report.anomalies + lacking) if lacking else report
 
 

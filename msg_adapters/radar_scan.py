@@ -22,7 +22,7 @@ from . import cdr, ground_ranges, sent_columns, stamps
 from .detections import require_frame
 from .errors import RejectedMessageError
 from .point_cloud import MAX_POINTS
-from .selection import Columns, Report, select
+from .selection import Report, select
 
 TYPE_NAME = "radar_msgs/msg/RadarScan"
 TYPE_HASH = "RIHS01_9d270e9c9d9e2509e93e7c688fd8a813d75e43a6a37ef982e63e24e80e535cdc"
@@ -136,14 +136,9 @@ def _require_size(count: int) -> None:
 def _report(header: Header, rows: FloatArray, radar: RadarParameters) -> Report:
     """Return the detections of rows of a return's fields, (M, 5)."""
     require_frame(header.frame_id, radar)
-    return select(
-        stamps.of_header(header),
-        _fixed_convention(radar),
-        Columns(
-            distance=rows[:, 0],
-            azimuth=rows[:, 1],
-            elevation=rows[:, 2],
-            level=rows[:, 4] if radar.fields.amplitude else None,
-            range_rate=rows[:, 3] if radar.fields.range_rate else None,
-        ),
-    )
+    columns = {"range": rows[:, 0], "azimuth": rows[:, 1], "elevation": rows[:, 2]}
+    if radar.fields.amplitude:
+        columns["amplitude"] = rows[:, 4]
+    if radar.fields.range_rate:
+        columns["range_rate"] = rows[:, 3]
+    return select(stamps.of_header(header), _fixed_convention(radar), columns)

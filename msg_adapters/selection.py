@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
@@ -34,6 +35,9 @@ AN_INTERVAL = 1.0 + 1e-6
 # Plausible standard deviations of range rates, m/s.
 RANGE_RATE_STDS = (1e-3, 1e3)
 
+# A message's columns by quantity, as the radar reports them, arrays of shape (M,); see `Fields`.
+Columns: TypeAlias = Mapping[str, FloatArray]
+
 
 @dataclass(frozen=True)
 class Report:
@@ -49,36 +53,8 @@ class Report:
     sector: int | None = None  # Number of the sector; None if unknown
 
 
-@dataclass(frozen=True)
-class Columns:
-    """A message's columns as the radar reports them, arrays of shape (M,)."""
-
-    distance: FloatArray  # Metres; slant ranges if there are elevations or heights
-    azimuth: FloatArray
-    elevation: FloatArray | None = None  # Radians above the sensor's plane
-    level: FloatArray | None = None  # Amplitudes
-    time: FloatArray | None = None
-    height: FloatArray | None = None  # Metres; above the world's zero plus the radar's datum
-    # `code`, `address`: mode A codes and Mode S addresses.
-    code: FloatArray | None = None
-    address: FloatArray | None = None
-    kind: FloatArray | None = None  # See `Detections`
-    # `range_std`, `azimuth_std`: metres, and in the unit of the azimuth.
-    range_std: FloatArray | None = None
-    azimuth_std: FloatArray | None = None
-    sector: FloatArray | None = None
-    # `range_rate`, `range_rate_std`: metres per second, positive for a receding target.
-    range_rate: FloatArray | None = None
-    range_rate_std: FloatArray | None = None
-
-
 def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     """Return the valid detections of a message in the core's units, and count the other points.
-
-    Parameters
-    ----------
-    radar : RadarParameters
-        Units, conventions and the maximum range.
 
     Notes
     -----
@@ -88,68 +64,77 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
 
     The radar's systematic errors are removed first; a range that becomes negative is set to 0.
     """
+    distance, height = columns["range"], columns.get("height")
     if radar.bias != NO_BIAS:
-        true = np.maximum(radar.bias.true_range(columns.distance), 0.0)
-        columns = replace(
-            columns, distance=np.where(columns.distance < 0.0, columns.distance, true)
-        )
-    azimuth = np.radians(columns.azimuth) if radar.azimuth_in_degrees else columns.azimuth
+        true = np.maximum(radar.bias.true_range(distance), 0.0)
+        distance = np.where(distance < 0.0, distance, true)
+    azimuth = np.radians(columns["azimuth"]) if radar.azimuth_in_degrees else columns["azimuth"]
     turns = np.abs(azimuth)
     if radar.compass:
         azimuth = np.pi / 2.0 - azimuth
     if radar.bias.azimuth:
         azimuth = azimuth - radar.bias.azimuth
-    level, time = columns.level, None
-    if columns.time is not None:
-        time = plot_times.relative(columns.time, stamp_ns, radar)
-    amplitude = None if level is None else _linear_amplitude(level, radar)
-    finite = _finite(columns, azimuth)
-    ground = ground_ranges.read(columns.distance, azimuth, columns.elevation, columns.height, radar)
-    kept, dropped = _sorted_out(
-        {
-            "not_finite": finite,
-            "height": ground.possible,
-            # An elevation beyond the zenith is invalid, and makes the ground range negative.
-            "range": (columns.distance >= 0.0)
-            & (ground.distance >= 0.0)
-            & (ground.distance <= radar.max_range),
-            "azimuth": turns <= MAX_TURNS * FULL_TURN,
-            "time": _within_a_turn(time, len(azimuth), radar),
-            "amplitude": _possible(amplitude, len(azimuth)),
-        }
-    )
+    ground = ground_ranges.read(distance, azimuth, columns.get("elevation"), height, radar)
+    passed = {
+        "not_finite": _finite(columns),
+        "height": ground.possible,
+        # An elevation beyond the zenith is invalid, and makes the ground range negative.
+        "range": (distance >= 0.0)
+        & (ground.distance >= 0.0)
+        & (ground.distance <= radar.max_range),
+        "azimuth": turns <= MAX_TURNS * FULL_TURN,
+    }
+    time = amplitude = None
+    if "time" in columns:
+        time = plot_times.relative(columns["time"], stamp_ns, radar)
+        most = MAX_TURNS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
+        passed["time"] = np.abs(time) <= most  # False for NaN
+    if "amplitude" in columns:
+        amplitude = _linear_amplitude(columns["amplitude"], radar)
+        possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
+        passed["amplitude"] = possible | np.isnan(amplitude)
+    kept, dropped = _sorted_out(passed)
     repeats = kept & _repeats(columns)
-    repeated, kept = int(np.count_nonzero(repeats)), kept & ~repeats
-    noise_std, unusable = _noise_std(columns, kept, radar)
-    sector, confused = _sector(columns.sector, radar)
-    range_rate, rate_anomalies = _range_rate(columns.range_rate, kept, radar)
-    code, unusable_codes = identities.read(columns.code, kept, identities.CODES)
-    address, unusable_addresses = identities.read(columns.address, kept, identities.ADDRESSES)
-    range_rate_std, unusable_rates = _range_rate_std(columns.range_rate_std, kept)
+    kept &= ~repeats
+
+    range_std, bad_ranges = _own(columns, "range_std", kept, RANGE_STDS)
+    scale = np.pi / 180.0 if radar.azimuth_in_degrees else 1.0
+    azimuth_std, bad_azimuths = _own(columns, "azimuth_std", kept, AZIMUTH_STDS, scale)
+    noise_std = np.stack([range_std, azimuth_std], axis=1)
+    rate_std, bad_rate_stds = _own(columns, "range_rate_std", kept, RANGE_RATE_STDS)
+    rate, bad_rates = _own(columns, "range_rate", kept, (-MAX_RANGE_RATE, MAX_RANGE_RATE))
+    interval = radar.range_rate_ambiguity or np.inf
+    code, bad_codes = identities.read(columns.get("code"), kept, identities.CODES)
+    address, bad_addresses = identities.read(columns.get("address"), kept, identities.ADDRESSES)
+    sector, bad_sectors = _sector(columns.get("sector"), radar)
+    rated = "range_rate" in columns
     detections = Detections(
         np.stack([ground.distance[kept], wrap_angle(ground.azimuth[kept])], axis=1),
         None if amplitude is None else amplitude[kept],
         None if time is None else time[kept],
-        noise_std,
-        range_rate=range_rate,
-        range_rate_std=None if range_rate is None else range_rate_std,
-        height=None if columns.height is None else columns.height[kept] - radar.datum,
+        noise_std if np.isfinite(noise_std).any() else None,
+        range_rate=rate if rated else None,
+        range_rate_std=rate_std if rated and "range_rate_std" in columns else None,
+        height=None if height is None else height[kept] - radar.datum,
         code=code,
         address=address,
-        kind=identities.read(columns.kind, kept, identities.KINDS)[0],
+        kind=identities.read(columns.get("kind"), kept, identities.KINDS)[0],
     )
-    beyond = 0 if radar.azimuth_in_degrees else np.count_nonzero(turns[kept] > A_TURN)
-    unknown = 0 if columns.height is None else np.count_nonzero(~np.isfinite(columns.height[kept]))
     anomalies = Counter(
-        detections_repeated=repeated,
-        azimuths_beyond_a_turn=int(beyond),
-        heights_unknown=int(unknown),
-        deviations_unusable=unusable + unusable_rates,
-        sectors_unusable=confused,
-        identities_unusable=unusable_codes + unusable_addresses,
-        **rate_anomalies,
+        detections_repeated=_count(repeats),
+        azimuths_beyond_a_turn=0 if radar.azimuth_in_degrees else _count(turns[kept] > A_TURN),
+        heights_unknown=0 if height is None else _count(~np.isfinite(height[kept])),
+        deviations_unusable=bad_ranges + bad_azimuths + bad_rate_stds,
+        sectors_unusable=bad_sectors,
+        identities_unusable=bad_codes + bad_addresses,
+        range_rates_unusable=bad_rates,
+        range_rates_beyond_ambiguity=_count(np.abs(rate) > AN_INTERVAL * interval),
     )
     return Report(stamp_ns - radar.bias.offset_ns, detections, dropped, +anomalies, sector)
+
+
+def _count(which: BoolArray) -> int:
+    return int(np.count_nonzero(which))
 
 
 def _repeats(columns: Columns) -> BoolArray:
@@ -163,88 +148,41 @@ def _repeats(columns: Columns) -> BoolArray:
     1.4 degrees (uniform, 20,000 turns). The detection probability falls by that share, which costs
     less than the copies do.
     """
-    every_column = (getattr(columns, each.name) for each in fields(columns))
-    present = [column.astype(np.float64) for column in every_column if column is not None]
-    repeats = np.ones(len(columns.distance), dtype=bool)
+    repeats = np.ones(len(columns["range"]), dtype=bool)
     # Unique ranges, the common case, exclude repetitions at the lowest cost.
-    if len(np.unique(columns.distance)) == len(repeats):
+    if len(np.unique(columns["range"])) == len(repeats):
         return ~repeats
     # Comparing bits makes unknown amplitudes (NaN) equal.
-    rows = np.column_stack(present).view(np.int64)
+    every = [column.astype(np.float64) for column in columns.values()]
+    rows = np.column_stack(every).view(np.int64)
     repeats[np.unique(rows, axis=0, return_index=True)[1]] = False
     return repeats
 
 
-def _finite(columns: Columns, azimuth: FloatArray) -> BoolArray:
-    """Return which points have finite coordinates and a finite or unknown level."""
-    finite = np.isfinite(columns.distance) & np.isfinite(azimuth)
-    if columns.elevation is not None:
-        finite &= np.isfinite(columns.elevation)
-    if columns.level is not None:
+def _finite(columns: Columns) -> BoolArray:
+    """Return which points have finite coordinates and a finite or unknown amplitude."""
+    finite: BoolArray = np.isfinite(columns["range"]) & np.isfinite(columns["azimuth"])
+    if "elevation" in columns:
+        finite &= np.isfinite(columns["elevation"])
+    if "amplitude" in columns:
         # A level of -inf dB would become a valid envelope of zero.
-        finite &= columns.level != -np.inf
+        finite &= columns["amplitude"] != -np.inf
     return finite
 
 
-def _within_a_turn(time: FloatArray | None, count: int, radar: RadarParameters) -> BoolArray:
-    """Return which times, seconds, are as near to the stamp as a turn allows."""
-    if time is None:
-        return np.ones(count, dtype=bool)
-    most = MAX_TURNS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
-    near: BoolArray = np.abs(time) <= most  # False for NaN
-    return near
-
-
-def _possible(amplitude: FloatArray | None, count: int) -> BoolArray:
-    """Return which envelopes are plausible or unknown."""
-    if amplitude is None:
-        return np.ones(count, dtype=bool)
-    possible: BoolArray = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
-    return possible | np.isnan(amplitude)
-
-
-def _noise_std(
-    columns: Columns, kept: BoolArray, radar: RadarParameters
-) -> tuple[FloatArray | None, int]:
-    """Return the own standard deviations, (M, 2), NaN if unknown, and the unusable count.
-
-    The deviations are None if no detection has any.
-    """
-    scale = np.pi / 180.0 if radar.azimuth_in_degrees else 1.0
-    found = np.full((np.count_nonzero(kept), 2), np.nan)
-    if columns.range_std is not None:
-        found[:, 0] = columns.range_std[kept]
-    if columns.azimuth_std is not None:
-        found[:, 1] = columns.azimuth_std[kept] * scale
-    least, most = np.transpose([RANGE_STDS, AZIMUTH_STDS])
-    usable = (found >= least) & (found <= most)
-    unusable = int(np.count_nonzero(~usable & ~np.isnan(found)))
-    return (np.where(usable, found, np.nan) if usable.any() else None), unusable
-
-
-def _range_rate(
-    column: FloatArray | None, kept: BoolArray, radar: RadarParameters
-) -> tuple[FloatArray | None, dict[str, int]]:
-    """Return the range rates, NaN if unknown, and the numbers of doubtful ones."""
-    if column is None:
-        return None, {}
-    rate, interval = column[kept], radar.range_rate_ambiguity
-    possible = np.abs(rate) <= MAX_RANGE_RATE  # False for NaN
-    beyond = possible & (np.abs(rate) > AN_INTERVAL * interval) if interval else ~possible & False
-    counts = {
-        "range_rates_unusable": int(np.count_nonzero(~possible & ~np.isnan(rate))),
-        "range_rates_beyond_ambiguity": int(np.count_nonzero(beyond)),
-    }
-    return np.where(possible, rate, np.nan), counts
-
-
-def _range_rate_std(column: FloatArray | None, kept: BoolArray) -> tuple[FloatArray | None, int]:
-    """Return the range rates' own standard deviations, NaN if unknown, and the unusable count."""
-    if column is None:
-        return None, 0
-    own = column[kept]
-    usable = (own >= RANGE_RATE_STDS[0]) & (own <= RANGE_RATE_STDS[1])
-    return np.where(usable, own, np.nan), int(np.count_nonzero(~usable & ~np.isnan(own)))
+def _own(
+    columns: Columns,
+    quantity: str,
+    kept: BoolArray,
+    bounds: tuple[float, float],
+    scale: float = 1.0,
+) -> tuple[FloatArray, int]:
+    """Return a quantity of the kept points, NaN if unknown, and the number beyond the bounds."""
+    if quantity not in columns:
+        return np.full(_count(kept), np.nan), 0
+    own = columns[quantity][kept] * scale
+    usable = (own >= bounds[0]) & (own <= bounds[1])  # False for NaN
+    return np.where(usable, own, np.nan), _count(~usable & ~np.isnan(own))
 
 
 def _sector(column: FloatArray | None, radar: RadarParameters) -> tuple[int | None, int]:
@@ -262,7 +200,7 @@ def _sorted_out(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str
     dropped: Counter[str] = Counter()
     kept = np.ones(len(next(iter(passed.values()))), dtype=bool)
     for reason, passes in passed.items():
-        dropped[reason] = int(np.count_nonzero(kept & ~passes))
+        dropped[reason] = _count(kept & ~passes)
         kept = kept & passes
     return kept, +dropped
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,24 +17,8 @@ from . import ground_ranges, identities, plot_times
 
 
 def names_of(radar: RadarParameters) -> dict[str, str]:
-    """Return the radar's names of its columns, by their names in `Columns`."""
-    names = {
-        "distance": radar.fields.range,
-        "azimuth": radar.fields.azimuth,
-        "elevation": radar.fields.elevation,
-        "level": radar.fields.amplitude,
-        "time": radar.fields.time,
-        "sector": radar.fields.sector,
-        "height": radar.fields.height,
-        "code": radar.fields.code,
-        "address": radar.fields.address,
-        "kind": radar.fields.kind,
-        "range_std": radar.fields.range_std,
-        "azimuth_std": radar.fields.azimuth_std,
-        "range_rate": radar.fields.range_rate,
-        "range_rate_std": radar.fields.range_rate_std,
-    }
-    return {what: name for what, name in names.items() if name}
+    """Return the radar's names of its columns by quantity."""
+    return {quantity: name for quantity, name in vars(radar.fields).items() if name}
 
 
 def of(
@@ -42,17 +26,7 @@ def of(
 ) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of a planar radar's detections, under the radar's names.
 
-    Parameters
-    ----------
-    stamp_ns : int
-        Stamp of the report.
-    radar : RadarParameters
-        Names, units and conventions.
-
-    Returns
-    -------
-    dict of name to array of shape (M,)
-        There is always an elevation, which is 0.
+    There is always an elevation, which is 0; `stamp_ns` is the report's.
 
     Raises
     ------
@@ -63,49 +37,57 @@ def of(
     columns = {radar.fields.range: slant, radar.fields.azimuth: azimuth(measured, radar)}
     # The radar may use the default name of elevations for another field.
     columns.setdefault(radar.fields.elevation or "elevation", np.zeros(len(detections)))
-    if radar.fields.amplitude:
-        columns[radar.fields.amplitude] = level(detections, radar)
-    columns.update(_particulars(detections, stamp_ns, radar))
+    for quantity, name in names_of(radar).items():
+        if quantity in _COLUMNS:
+            columns[name] = _COLUMNS[quantity](detections, stamp_ns, radar)
     return columns
 
 
-def _particulars(
-    detections: Detections, stamp_ns: int, radar: RadarParameters
-) -> Iterator[tuple[str, npt.NDArray[Any]]]:
-    """Yield the radar's optional columns besides range, azimuth and elevation."""
-    count = len(detections)
-    if radar.fields.time:
-        time_s = np.zeros(count) if detections.time_s is None else detections.time_s
-        yield radar.fields.time, plot_times.encode(time_s, stamp_ns, radar)
-    if radar.fields.sector:
-        if detections.coverage is None or not radar.sectors:
-            raise ValueError("detections.coverage: None given, the cloud needs a sector")
-        sector = sector_of(detections.coverage, radar.sectors, radar.compass)
-        yield radar.fields.sector, np.full(count, sector, dtype=np.uint32)
-    if radar.fields.height:
-        yield radar.fields.height, ground_ranges.message_height(detections, radar)
-    for name, identity in (
-        (radar.fields.code, detections.code),
-        (radar.fields.address, detections.address),
-    ):
-        if name:
-            yield name, identities.encode(identity, count)
-    if radar.fields.kind:
-        kind = np.zeros(count) if detections.kind is None else np.maximum(detections.kind, 0)
-        yield radar.fields.kind, kind.astype(np.uint8)
+def _sector(detections: Detections, _: int, radar: RadarParameters) -> npt.NDArray[Any]:
+    if detections.coverage is None or not radar.sectors:
+        raise ValueError("detections.coverage: None given, the cloud needs a sector")
+    sector = sector_of(detections.coverage, radar.sectors, radar.compass)
+    return np.full(len(detections), sector, dtype=np.uint32)
+
+
+def _time(detections: Detections, stamp_ns: int, radar: RadarParameters) -> FloatArray:
+    time_s = _known(detections.time_s, detections, 0.0)
+    return plot_times.encode(time_s, stamp_ns, radar)
+
+
+def _kind(detections: Detections, _: int, __: RadarParameters) -> npt.NDArray[Any]:
+    kind = np.zeros(len(detections)) if detections.kind is None else detections.kind
+    return np.maximum(kind, 0).astype(np.uint8)
+
+
+def _azimuth_std(detections: Detections, _: int, radar: RadarParameters) -> FloatArray:
+    std = _noise_std(detections)[:, 1]
+    return np.degrees(std) if radar.azimuth_in_degrees else std
+
+
+def _noise_std(detections: Detections) -> FloatArray:
     own = detections.noise_std
-    std = np.full((count, 2), np.nan) if own is None else own
-    if radar.fields.range_std:
-        yield radar.fields.range_std, std[:, 0]
-    if radar.fields.azimuth_std:
-        degrees = radar.azimuth_in_degrees
-        yield radar.fields.azimuth_std, np.degrees(std[:, 1]) if degrees else std[:, 1]
-    for name, known in (
-        (radar.fields.range_rate, detections.range_rate),
-        (radar.fields.range_rate_std, detections.range_rate_std),
-    ):
-        if name:
-            yield name, np.full(count, np.nan) if known is None else known
+    return np.full((len(detections), 2), np.nan) if own is None else own
+
+
+def _known(column: FloatArray | None, detections: Detections, usual: float) -> FloatArray:
+    return np.full(len(detections), usual) if column is None else column
+
+
+# The optional columns by quantity, of detections, the report's stamp and the radar.
+_COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[Any]]] = {
+    "amplitude": lambda own, _, radar: level(own, radar),
+    "time": _time,
+    "sector": _sector,
+    "height": lambda own, _, radar: ground_ranges.message_height(own, radar),
+    "code": lambda own, _, __: identities.encode(own.code, len(own)),
+    "address": lambda own, _, __: identities.encode(own.address, len(own)),
+    "kind": _kind,
+    "range_std": lambda own, _, __: _noise_std(own)[:, 0],
+    "azimuth_std": _azimuth_std,
+    "range_rate": lambda own, _, __: _known(own.range_rate, own, np.nan),
+    "range_rate_std": lambda own, _, __: _known(own.range_rate_std, own, np.nan),
+}
 
 
 def azimuth(angle: FloatArray, radar: RadarParameters) -> FloatArray:

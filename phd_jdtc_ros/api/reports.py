@@ -16,6 +16,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_geometry import MIN_RANGE
+from phd_jdtc_ros.core.sensors.sensor import Sensor
 
 from .tables import Columns, numbers, require_column, rows_by_stamp, stamps_ns
 
@@ -28,25 +29,14 @@ PARTS_OF_A_TURN, USUAL_S = 8, 1.0
 
 
 class RadarReport(NamedTuple):
-    """A report of one radar.
+    """A report of one radar."""
 
-    Parameters
-    ----------
-    radar : int
-        Index in the configured order.
-    """
-
-    radar: int
+    radar: int  # Index in the configured order
     report: Report
 
 
 def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
     """Return the reports of a table, by ascending stamp and then by radar.
-
-    Parameters
-    ----------
-    columns : dict of name to array
-        See `Tracker.track`.
 
     Raises
     ------
@@ -56,39 +46,26 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
     time_ns = stamps_ns(columns)
     found = []
     for index, rows in enumerate(_rows_of_radars(columns, config.inputs)):
-        radar, model = config.inputs[index], config.model.radars[index]
-        stamp_ns = _ends_ns(time_ns[rows], radar) if radar.fields.time == TIME else time_ns[rows]
-        own = {name: column[rows] for name, column in columns.items()}
         if not len(rows):
             continue
-        read = _Reader(radar, model.position, model.yaw, float(model.noise_std[0]))
-        sent = read.columns(own)
+        radar = config.inputs[index]
+        sent = _sent({name: column[rows] for name, column in columns.items()}, config, index)
+        timed = radar.fields.time == TIME
+        stamp_ns = _ends_ns(time_ns[rows], radar) if timed else time_ns[rows]
         parts = {int(stamp_ns[part[0]]): part for part in rows_by_stamp(stamp_ns)}
-        found += [RadarReport(index, read.report(ns, sent, part)) for ns, part in parts.items()]
-        if radar.fields.time == TIME:
+        if timed:
             quiet = _quiet_ns([*parts], _step_ns(radar))
-            none = np.arange(0)
-            found += [RadarReport(index, read.report(each, sent, none)) for each in quiet]
+            parts |= dict.fromkeys(quiet, np.arange(0))
+        found += [RadarReport(index, _report(ns, sent, part, radar)) for ns, part in parts.items()]
     return sorted(found, key=lambda each: (each.report.stamp_ns, each.radar))
 
 
 def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int) -> Report:
-    """Return one radar's report.
-
-    Parameters
-    ----------
-    columns : dict of name to array
-        Columns of the report; empty if there are no detections.
-    index : int
-        Index of the radar in the configured order.
-    """
-    radar, model = config.inputs[index], config.model.radars[index]
+    """Return one radar's report, by its index; `columns` are empty without detections."""
     count = len(next(iter(columns.values()), ()))
-    read = _Reader(radar, model.position, model.yaw, float(model.noise_std[0]))
-    if not count:
-        none = np.zeros(0)
-        return read.report(stamp_ns, selection.Columns(none, none), np.arange(0))
-    return read.report(stamp_ns, read.columns(columns), np.arange(count))
+    none: FloatArray = np.zeros(0)
+    sent = _sent(columns, config, index) if count else {"range": none, "azimuth": none}
+    return _report(stamp_ns, sent, np.arange(count), config.inputs[index])
 
 
 def _rows_of_radars(columns: Columns, radars: Sequence[RadarParameters]) -> Iterator[IntArray]:
@@ -129,73 +106,56 @@ def _quiet_ns(ends_ns: Sequence[int], step_ns: int) -> list[int]:
     return quiet
 
 
-class _Reader:
-    """Reads the columns of one radar.
+def _sent(columns: Columns, config: TrackerConfig, index: int) -> selection.Columns:
+    """Return the columns of one radar by quantity, in the radar's convention."""
+    radar = config.inputs[index]
+    names = sent_columns.names_of(radar)
+    if radar.fields.time == TIME:
+        # Reports are split by time here, and not by the radar's sectors.
+        names.pop("sector", None)
+    found = {
+        what: stamps_ns(columns) / 1e9 if name == TIME else numbers(columns, name)
+        for what, name in names.items()
+        if name in columns
+    }
+    if radar.fields.range not in columns and {*POSITION} <= columns.keys():
+        found |= _of_positions(columns, radar, config.model.radars[index])
+    for what in ("range", "azimuth"):
+        if what not in found:
+            require_column(columns, names[what])
+    return found
 
-    Parameters
-    ----------
-    position : tuple of two floats
-        World frame, metres.
-    yaw : float
-        Radians counter-clockwise.
-    range_std : float
-        Standard deviation of positions without a column of it, metres.
-    """
 
-    def __init__(
-        self, radar: RadarParameters, position: tuple[float, float], yaw: float, range_std: float
-    ) -> None:
-        self._radar, self._range_std = radar, range_std
-        self._position, self._yaw = position, yaw
-
-    def columns(self, columns: Columns) -> selection.Columns:
-        """Return the columns in the radar's convention."""
-        radar = self._radar
-        names = sent_columns.names_of(radar)
-        if radar.fields.time == TIME:
-            # Reports are split by time here, and not by the radar's sectors.
-            names.pop("sector", None)
-        found = {
-            what: stamps_ns(columns) / 1e9 if name == TIME else numbers(columns, name)
-            for what, name in names.items()
-            if name in columns
-        }
-        if radar.fields.range not in columns and {*POSITION} <= columns.keys():
-            found |= self._of_positions(columns)
-        for what in ("distance", "azimuth"):
-            if what not in found:
-                require_column(columns, names[what])
-        return selection.Columns(**found)
-
-    def _of_positions(self, columns: Columns) -> dict[str, FloatArray]:
-        """Convert positions, whose noise is equal along both axes, to ranges and azimuths."""
-        radar = self._radar
-        if radar.site is not None:
-            raise ValueError(
-                f"x, y: given, must be {radar.fields.range} and {radar.fields.azimuth} for "
-                f"{radar.name}, because it has geodetic"
-            )
-        x, y = (
-            numbers(columns, name) - zero
-            for name, zero in zip(POSITION, self._position, strict=True)
+def _of_positions(columns: Columns, radar: RadarParameters, model: Sensor) -> selection.Columns:
+    """Convert positions, whose noise is equal along both axes, to ranges and azimuths."""
+    if radar.site is not None:
+        raise ValueError(
+            f"x, y: given, must be {radar.fields.range} and {radar.fields.azimuth} for "
+            f"{radar.name}, because it has geodetic"
         )
-        distance = np.hypot(x, y)
-        std = np.full(len(x), self._range_std)
-        if POSITION_STD in columns:
-            std = numbers(columns, POSITION_STD)
-        across = np.minimum(std / np.maximum(distance, MIN_RANGE), np.pi)
-        return {
-            "distance": distance,
-            "azimuth": sent_columns.azimuth(np.arctan2(y, x) - self._yaw, radar),
-            "range_std": std,
-            "azimuth_std": np.degrees(across) if radar.azimuth_in_degrees else across,
-        }
+    x, y = (
+        numbers(columns, name) - zero for name, zero in zip(POSITION, model.position, strict=True)
+    )
+    distance = np.hypot(x, y)
+    std = np.full(len(x), float(model.noise_std[0]))
+    if POSITION_STD in columns:
+        std = numbers(columns, POSITION_STD)
+    across = np.minimum(std / np.maximum(distance, MIN_RANGE), np.pi)
+    return {
+        "range": distance,
+        "azimuth": sent_columns.azimuth(np.arctan2(y, x) - model.yaw, radar),
+        "range_std": std,
+        "azimuth_std": np.degrees(across) if radar.azimuth_in_degrees else across,
+    }
 
-    def report(self, stamp_ns: int, sent: selection.Columns, rows: IntArray) -> Report:
-        """Return a report of rows; rows without a position mark a scan without detections."""
-        seen = rows[~(np.isnan(sent.distance[rows]) & np.isnan(sent.azimuth[rows]))]
-        own = {what: column[seen] for what, column in vars(sent).items() if column is not None}
-        return selection.select(stamp_ns, self._radar, selection.Columns(**own))
+
+def _report(
+    stamp_ns: int, sent: selection.Columns, rows: IntArray, radar: RadarParameters
+) -> Report:
+    """Return a report of rows; rows without a position mark a scan without detections."""
+    seen = rows[~(np.isnan(sent["range"][rows]) & np.isnan(sent["azimuth"][rows]))]
+    own = {what: column[seen] for what, column in sent.items()}
+    return selection.select(stamp_ns, radar, own)
 
 
 def beyond_any_range(config: TrackerConfig) -> TrackerConfig:

@@ -20,19 +20,19 @@ TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 class Fields:
     """Names of a cloud's fields by quantity; empty for a quantity that is not used."""
 
-    range: str = "range"
+    range: str = "range"  # Metres; slant ranges if there are elevations or heights
     azimuth: str = "azimuth"
-    elevation: str = ""
+    elevation: str = ""  # Radians above the sensor's plane
     amplitude: str = "amplitude"
     time: str = ""
     sector: str = ""
-    height: str = ""
-    code: str = ""
-    address: str = ""
-    kind: str = ""
+    height: str = ""  # Metres; above the world's zero plus the radar's datum
+    code: str = ""  # Mode A
+    address: str = ""  # Mode S
+    kind: str = ""  # See `Detections`
     range_std: str = ""
-    azimuth_std: str = ""
-    range_rate: str = ""
+    azimuth_std: str = ""  # In the unit of the azimuth
+    range_rate: str = ""  # Metres per second, positive for a receding target
     range_rate_std: str = ""
 
 

@@ -7,7 +7,7 @@ import pytest
 from samples import STAMP_NS, radar
 
 from msg_adapters import anomalies
-from msg_adapters.selection import Columns, select
+from msg_adapters.selection import select
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
@@ -19,8 +19,8 @@ PROFILE = Path(__file__).parents[2] / "config" / "surveillance.yaml"
 def columns(count, **more):
     """Return the columns of so many detections at one place."""
     ones = np.ones(count)
-    given = {"distance": 5e3 * ones, "azimuth": 0.5 * ones, "level": 20.0 * ones}
-    return Columns(**given | {name: value * ones for name, value in more.items()})
+    given = {"range": 5e3 * ones, "azimuth": 0.5 * ones, "amplitude": 20.0 * ones}
+    return given | {name: value * ones for name, value in more.items()}
 
 
 def test_select_counts_identical_detections_once():
@@ -65,7 +65,9 @@ def test_select_keeps_detections_that_differ_in_anything(field, named):
 def test_select_keeps_the_order_of_the_others():
     ranges = np.array([3e3, 1e3, 3e3, 2e3, 1e3])
     ones = np.ones(len(ranges))
-    report = select(STAMP_NS, radar(), Columns(ranges, 0.5 * ones, level=20.0 * ones))
+    report = select(
+        STAMP_NS, radar(), {"range": ranges, "azimuth": 0.5 * ones, "amplitude": 20.0 * ones}
+    )
     assert report.detections.measurement[:, 0].tolist() == [3e3, 1e3, 2e3]
 
 
