@@ -19,7 +19,7 @@ from hypothesis import settings
 settings.register_profile("project", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("project")
 
-LIVE = {"processes", "executables", "peer", "demo"}
+LIVE = {"processes", "executables", "peer", "lasting", "demo"}
 # What is tested there needs no nodes, so that run.py looks for no live tests in them.
 NEVER_LIVE = {
     Path(__file__).parent / folder

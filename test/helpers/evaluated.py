@@ -1,5 +1,6 @@
 """Truth and estimates as a replay and a tracker publish them, for an evaluator."""
 
+import json
 import signal
 
 import estimate_sets
@@ -46,17 +47,39 @@ class Source:
         self.node = node
         peer.meet(node)
 
-    def send(self, stamp_ns, true, filtered, smoothed):
-        self.clouds["filtered"].publish(estimates.to_msg(found(stamp_ns, *filtered), "map"))
-        self.send_truth(stamp_ns, true)
-        self.clouds["smoothed"].publish(estimates.to_msg(found(stamp_ns, *smoothed), "map"))
+    def send_estimates(self, source, stamp_ns, *estimated, frame="map"):
+        self.clouds[source].publish(estimates.to_msg(found(stamp_ns, *(estimated or EMPTY)), frame))
 
-    def send_truth(self, stamp_ns, true=([], []), frame="map"):
+    def scored(self, count):
+        assert self.peer.spin_until(lambda: len(self.scores) >= count)
+
+    def send(self, stamp_ns, true=EMPTY, filtered=EMPTY, smoothed=EMPTY):
+        self.send_estimates("filtered", stamp_ns, *filtered)
+        self.send_truth(stamp_ns, true)
+        self.send_estimates("smoothed", stamp_ns, *smoothed)
+
+    def send_truth(self, stamp_ns, true=EMPTY, frame="map"):
         self.truth.publish(truth.to_msg(targets(stamp_ns, *true), frame))
 
     def taken(self):
         """Wait until the evaluator has taken everything; no test sends more on a topic."""
         self.peer.meet(self.node, times=10)
+
+
+def reporting(processes, peer, directory, *words, **more):
+    """Start an evaluator that writes a report; return it, its inputs, and a function to end it.
+
+    The function returns the exit status, the output without line breaks, and the report.
+    """
+    report = directory / "metrics.json"
+    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}", *words)
+    source = Source(peer, **more)
+
+    def end():
+        source.taken()
+        return *ended(evaluator), json.loads(report.read_text())
+
+    return evaluator, source, end
 
 
 def ended(evaluator):

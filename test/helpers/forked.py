@@ -6,12 +6,18 @@ import signal
 import subprocess
 import sys
 
-from phd_jdtc_ros.__main__ import EXECUTABLES, run
+from phd_jdtc_ros.__main__ import EXECUTABLES, NODES, run
 
-NODES = ("tracker", "sensor_replay", "evaluator")
+OFTEN = (*(EXECUTABLES[name][0] for name in ("tracker", "sensor_replay", "evaluator")),)
+# What nodes import on demand and takes longest: compiled engines, Sobol points, and the support of
+# message types.
+ON_DEMAND = (
+    *("phd_jdtc_ros.core.gaussian.engine", "phd_jdtc_ros.core.smc.engine", "scipy.stats"),
+    "rosidl_generator_py",
+)
 
 _context = multiprocessing.get_context("forkserver")
-_context.set_forkserver_preload([EXECUTABLES[name][0] for name in NODES])
+_context.set_forkserver_preload([*OFTEN, *NODES.values(), *ON_DEMAND])
 
 
 class Forked:
@@ -19,7 +25,8 @@ class Forked:
 
     Parameters
     ----------
-    name : str
+    name : str or callable
+        The executable, or a function of its arguments that can be imported.
     arguments : sequence of str
     log : Path
         Of the file that gets what it prints.
@@ -65,4 +72,6 @@ def _run(name, arguments, log, environment):
         os.dup2(stream.fileno(), 2)
     os.environ.clear()
     os.environ.update(environment)
-    sys.exit(run(name, arguments))
+    # As the start of an interpreter would.
+    sys.path[:0] = filter(None, environment.get("PYTHONPATH", "").split(os.pathsep))
+    sys.exit(name(arguments) if callable(name) else run(name, arguments))

@@ -11,6 +11,13 @@ from msg_adapters import names
 BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
 TOPICS = (names.detections("radar_1"), names.detections("radar_2"), names.TRUTH)
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+CLOCK_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def playing(rate, *flags, bag=BAG, **values):
+    """Return the words of a replay at a rate, with other flags; ROS arguments may follow."""
+    given = [word for name, value in values.items() for word in (f"--{name}", value)]
+    return [bag, "--rate", rate, *flags, *given, "--ros-args"]
 
 
 class Listener:

@@ -3,11 +3,12 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import closing, contextmanager
 
 import pytest
 import rclpy
 from forked import Forked
-from live_radars import FAST, RELIABLE, Radars
+from live_radars import connected, start_tracker
 from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -39,7 +40,7 @@ class Processes:
         self._started = []
 
     def start(self, name, *arguments, **environment):
-        log = self._directory / f"{name}_{len(self._started)}.log"
+        log = self._directory / f"{getattr(name, '__name__', name)}_{len(self._started)}.log"
         process = self._kind(name, [*map(str, arguments)], log, {**os.environ, **environment})
         self._started.append(process)
         return process
@@ -76,6 +77,17 @@ class Peer:
                 return False
             self._executor.spin_once(timeout_sec=0.02)
         return True
+
+    def said(self, process, text, times=1):
+        """Wait until a process has logged a text; return its log."""
+
+        def logged():
+            return process.log.read_text().count(text) >= times or process.poll() is not None
+
+        self.spin_until(logged)
+        log = process.log.read_text()
+        assert log.count(text) >= times, log
+        return log
 
     def pace(self, seconds):
         """Let time pass between two messages, as a radar does; never to wait for something."""
@@ -147,33 +159,45 @@ class Peer:
         rclpy.shutdown(context=self.context)
 
 
+@contextmanager
+def group_of(kind, directory):
+    group = Processes(kind, directory)
+    try:
+        yield group
+    finally:
+        group.stop_all()
+
+
 @pytest.fixture
 def processes(tmp_path):
     """Nodes that start at once (see `forked`)."""
-    group = Processes(Forked, tmp_path)
-    yield group
-    group.stop_all()
+    with group_of(Forked, tmp_path) as group:
+        yield group
 
 
 @pytest.fixture
 def executables(tmp_path):
     """Nodes and tools as users start them."""
-    group = Processes(Executable, tmp_path)
-    yield group
-    group.stop_all()
+    with group_of(Executable, tmp_path) as group:
+        yield group
 
 
 @pytest.fixture
 def peer():
-    node = Peer()
-    yield node
-    node.close()
+    with closing(Peer()) as node:
+        yield node
+
+
+@pytest.fixture(scope="module")
+def lasting(tmp_path_factory):
+    """Processes and a peer for all tests of a module."""
+    directory = tmp_path_factory.mktemp("lasting")
+    with group_of(Forked, directory) as group, closing(Peer()) as node:
+        yield group, node
 
 
 @pytest.fixture
 def radars(processes, peer):
     """Start a tracker; return the radars that it receives."""
-    processes.start("tracker", "--ros-args", *FAST, *RELIABLE)
-    group = Radars(peer)
-    group.connect()
-    return group
+    start_tracker(processes)
+    return connected(peer)

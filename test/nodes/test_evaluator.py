@@ -1,26 +1,26 @@
+"""What an evaluator publishes, writes and prints, and when it ends."""
+
 import json
-import signal
 
 import numpy as np
 import pytest
-from evaluated import EMPTY, SECOND, Source, ended, found
+from evaluated import SECOND, Source, ended, reporting
+from live_radars import options
 from rclpy.qos import ReliabilityPolicy
 
-from msg_adapters import diagnostics, estimates, names
+from msg_adapters import diagnostics, names
 from phd_jdtc_ros.bags.reader import BagReader
 
 
 def test_evaluator_publishes_scores_and_writes_the_report(processes, peer, tmp_path):
-    report = tmp_path / "metrics.json"
-    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
-    source = Source(peer)
+    _, source, end = reporting(processes, peer, tmp_path)
     true = ([(0.0, 0.0), (5000.0, 0.0)], [0, 1])
     source.send(SECOND, true, ([(300.0, 0.0)], [0]), ([(30.0, 40.0), (5000.0, 0.0)], [0, 1]))
-    source.send(2 * SECOND, ([], []), ([], []), ([], []))
-    assert peer.spin_until(lambda: len(source.scores) == 4)
-    evaluator.send_signal(signal.SIGINT)
-    assert evaluator.wait(10.0) == 0
-    metrics = json.loads(report.read_text())
+    source.send(2 * SECOND)
+    source.scored(4)
+    status, text, metrics = end()
+    assert status == 0
+    assert "GOSPA" in text
 
     statuses = {
         s.name: diagnostics.values_of(s)
@@ -52,42 +52,35 @@ def test_evaluator_publishes_scores_and_writes_the_report(processes, peer, tmp_p
     # The missed target's one scan; without track ids there is no OSPA(2).
     assert metrics["filtered"]["class_1"]["long_gap_misses"] == 0.0
     assert metrics["filtered"]["all"]["ospa2"] is None
-    assert "GOSPA" in evaluator.log.read_text()
     assert metrics["class_accuracy"] == 1.0
     assert metrics["smoothed"]["all"]["cardinality_abs_error"] == 0.0
 
 
-def test_evaluator_follows_track_ids(processes, peer, tmp_path):
-    report = tmp_path / "metrics.json"
-    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
-    source = Source(peer)
+def test_evaluator_follows_track_ids_and_prints_the_names_of_the_classes(processes, peer, tmp_path):
+    words = options(classes="[ship, buoy]")
+    evaluator, source, end = reporting(processes, peer, tmp_path, *words)
+    place = ([(0.0, 0.0)], [0])
     for second, label in ((1, 7), (2, 8)):
-        source.send(
-            second * SECOND,
-            ([(0.0, 0.0)], [0]),
-            ([(0.0, 0.0)], [0], [7]),
-            ([(0.0, 0.0)], [0], [label]),
-        )
-    assert peer.spin_until(lambda: len(source.scores) == 4)
-    evaluator.send_signal(signal.SIGINT)
-    assert evaluator.wait(10.0) == 0
-    metrics = json.loads(report.read_text())
+        source.send(second * SECOND, place, (*place, [7]), (*place, [label]))
+    source.scored(4)
+    status, _, metrics = end()
 
+    assert status == 0
     assert metrics["filtered"]["all"]["ospa2"] == 0.0
     # In the second scan one track is half right, and half a track is too much.
     expected = np.sqrt((500.0**2 + 1000.0**2) / 2.0) / 2.0
     assert metrics["smoothed"]["all"]["ospa2"] == pytest.approx(expected, rel=1e-6)
+    assert metrics["class_names"] == ["ship", "buoy"]
+    printed = evaluator.log.read_text()
+    assert "\u2502 ship " in printed
+    assert "class 0" not in printed
 
 
-@pytest.mark.parametrize("simulated", ["false", "true"])
-def test_evaluator_ends_by_itself_after_the_wanted_scans(processes, peer, simulated):
+def test_evaluator_ends_by_itself_after_the_wanted_scans(processes, peer):
     """Also where simulated time stands still: here there is no /clock."""
-    evaluator = processes.start(
-        *("evaluator", "--ros-args", "-p", "exit_after_scans:=1"),
-        *("-p", f"use_sim_time:={simulated}"),
-    )
-    source = Source(peer)
-    source.send(SECOND, ([], []), ([], []), ([], []))
+    words = options(exit_after_scans=1, use_sim_time=True)
+    evaluator = processes.start("evaluator", "--ros-args", *words)
+    Source(peer).send(SECOND)
 
     assert peer.spin_until(lambda: evaluator.poll() is not None)
     assert evaluator.returncode == 0
@@ -97,27 +90,24 @@ def test_evaluator_ends_by_itself_where_estimates_have_stamps_of_their_own(
     processes, peer, tmp_path
 ):
     """As of radars that turn: there may be more of them than of the truth's, and smoothed later."""
-    report = tmp_path / "metrics.json"
-    words = ("-p", "exit_after_scans:=3", "-p", f"report:={report}")
-    evaluator = processes.start("evaluator", "--ros-args", *words)
-    source = Source(peer)
+    words = options(exit_after_scans=3)
+    evaluator, source, _ = reporting(processes, peer, tmp_path, *words)
 
     def send(which, *quarters):
         for quarter in quarters:
-            cloud = estimates.to_msg(found(quarter * SECOND // 4, *EMPTY), "map")
-            source.clouds[which].publish(cloud)
+            source.send_estimates(which, quarter * SECOND // 4)
 
     for second in (1, 2, 3):
         source.send_truth(second * SECOND)
     send("filtered", 5, 6, 7, 9)
     send("smoothed", 5, 6, 7)
-    assert peer.spin_until(lambda: len(source.scores) == 7)
+    source.scored(7)
     source.taken()
     assert evaluator.poll() is None
     send("smoothed", 9)
 
     assert peer.spin_until(lambda: evaluator.poll() is not None)
-    metrics = json.loads(report.read_text())
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
     assert (evaluator.returncode, metrics["scans"], metrics["truth_scans"]) == (0, 4, None)
 
 
@@ -125,57 +115,60 @@ def test_evaluator_ends_by_itself_where_estimates_have_stamps_of_their_own(
 def test_evaluator_refuses_a_report_that_cannot_be_written(processes, tmp_path, given):
     (tmp_path / "file").touch()
     report = tmp_path / given
-    status, text = processes.run("evaluator", "--ros-args", "-p", f"report:={report}")
+    status, text = processes.run("evaluator", "--ros-args", *options(report=report))
 
     assert status == 2
     assert text.startswith(f"evaluator: report: {report} given, ")
     assert len(text.splitlines()) == 1
 
 
-def test_evaluator_reports_a_report_that_cannot_be_written(processes, peer, tmp_path):
+def test_evaluator_reports_a_report_that_cannot_be_written_at_the_end(processes, peer, tmp_path):
     report = tmp_path / "metrics.json"
-    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
+    evaluator = processes.start("evaluator", "--ros-args", *options(report=report))
     Source(peer)
     report.mkdir()
-    evaluator.send_signal(signal.SIGINT)
+    status, text = ended(evaluator)
 
-    assert evaluator.wait(10.0) == 1
-    text = evaluator.log.read_text()
+    assert status == 1
     assert f"report not written: {report}: Is a directory" in text
     assert "Traceback" not in text
 
 
+def test_evaluator_never_writes_nothing_over_the_figures_of_an_earlier_run(
+    processes, peer, tmp_path
+):
+    report = tmp_path / "metrics.json"
+    report.write_text("good")
+    evaluator = processes.start("evaluator", "--ros-args", *options(report=report))
+    peer.said(evaluator, "waiting")
+    status, text = ended(evaluator)
+
+    assert status == 1
+    assert f"{report} is still the report of an earlier run" in text
+    assert report.read_text() == "good"
+
+
 def test_evaluator_in_a_namespace_records_its_own_scores(processes, peer, tmp_path):
-    evaluator = processes.start(
-        *("evaluator", "--ros-args", "-r", "__ns:=/alpha", "-p", f"record:={tmp_path / 'bag'}")
-    )
+    words = ("-r", "__ns:=/alpha", *options(record=tmp_path / "bag"))
+    evaluator = processes.start("evaluator", "--ros-args", *words)
     scores = f"/alpha{names.OSPA}"
     source = Source(peer, scores, "/alpha/evaluator")
-    source.send(SECOND, ([], []), ([], []), ([], []))
-    assert peer.spin_until(lambda: len(source.scores) == 2)
+    source.send(SECOND)
+    source.scored(2)
     source.taken()
-    evaluator.send_signal(signal.SIGINT)
 
-    assert evaluator.wait(10.0) == 0
+    assert ended(evaluator)[0] == 0
     assert BagReader(tmp_path / "bag").counts[scores] == 2
-
-
-def test_evaluators_help_explains_how_to_set_parameters(processes):
-    status, text = processes.run("evaluator", "--help")
-
-    assert (status, "-p NAME:=VALUE" in text) == (0, True)
 
 
 def test_evaluator_receives_best_effort_truth_if_asked(processes, peer):
     override = f"qos_overrides.{names.TRUTH}.subscription.reliability:=best_effort"
     processes.start("evaluator", "--ros-args", "-p", override)
-    assert peer.spin_until(lambda: peer.node.count_subscribers(names.TRUTH))
-
-    (info,) = peer.node.get_subscriptions_info_by_topic(names.TRUTH)
-    assert info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-    assert peer.spin_until(lambda: peer.node.count_subscribers(names.estimates("smoothed")))
-    (other,) = peer.node.get_subscriptions_info_by_topic(names.estimates("smoothed"))
-    assert other.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    asked = {names.TRUTH: ReliabilityPolicy.BEST_EFFORT}
+    for topic in (names.TRUTH, names.estimates("smoothed")):
+        assert peer.spin_until(lambda topic=topic: peer.node.count_subscribers(topic))
+        (info,) = peer.node.get_subscriptions_info_by_topic(topic)
+        assert info.qos_profile.reliability == asked.get(topic, ReliabilityPolicy.RELIABLE)
 
 
 def test_evaluator_refuses_qos_that_there_is_not(processes):
@@ -185,32 +178,3 @@ def test_evaluator_refuses_qos_that_there_is_not(processes):
     assert status == 2
     assert f"evaluator: qos_overrides.{names.TRUTH}" in text
     assert "Traceback" not in text
-
-
-def test_evaluator_prints_the_names_of_the_classes(processes, peer, tmp_path):
-    report = tmp_path / "metrics.json"
-    options = ("-p", "classes:=[ship, buoy]", "-p", f"report:={report}")
-    evaluator = processes.start("evaluator", "--ros-args", *options)
-    source = Source(peer)
-    source.send(SECOND, *[([(0.0, 0.0)], [0])] * 3)
-    assert peer.spin_until(lambda: len(source.scores) == 2)
-    evaluator.send_signal(signal.SIGINT)
-    assert evaluator.wait(10.0) == 0
-
-    assert json.loads(report.read_text())["class_names"] == ["ship", "buoy"]
-    printed = evaluator.log.read_text()
-    assert "\u2502 ship " in printed
-    assert "class 0" not in printed
-
-
-def test_evaluator_never_writes_nothing_over_the_figures_of_an_earlier_run(processes, tmp_path):
-    report = tmp_path / "metrics.json"
-    report.write_text("good")
-    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
-    while "waiting" not in evaluator.log.read_text():
-        assert evaluator.poll() is None
-    status, text = ended(evaluator)
-
-    assert status == 1
-    assert f"{report} is still the report of an earlier run" in text
-    assert report.read_text() == "good"

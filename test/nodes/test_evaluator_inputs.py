@@ -1,66 +1,69 @@
 """What an evaluator does with clouds that are missing, lost, repeated or refused."""
 
-import json
 import re
 import signal
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from evaluated import EMPTY, SECOND, Source, ended, found
+from evaluated import SECOND, Source, ended, reporting
+from live_radars import options
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import diagnostics, estimates, names
+from msg_adapters import diagnostics, names
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.nodes.evaluator.received_clouds import ReceivedClouds
+
+FILTERED, SMOOTHED = map(names.estimates, ("filtered", "smoothed"))
+ONE = ([(0.0, 0.0)], [0])
 
 
-def test_evaluator_lives_on_after_a_malformed_cloud(processes, peer):
-    evaluator = processes.start("evaluator")
-    source = Source(peer)
-    source.truth.publish(PointCloud2())
-    source.clouds["filtered"].publish(PointCloud2())
-    source.send(SECOND, ([], []), ([], []), ([], []))
-
-    assert peer.spin_until(lambda: len(source.scores) == 2)
-    assert evaluator.poll() is None
-    assert "is missing" in evaluator.log.read_text()
-
-
-def test_evaluator_lives_on_after_foreign_figures_and_leaves_them_out(processes, peer, tmp_path):
-    report = tmp_path / "metrics.json"
-    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
+def test_evaluator_refuses_what_does_not_fit_and_lives_on(processes, peer, tmp_path):
+    _, source, end = reporting(processes, peer, tmp_path)
     figures = peer.publisher(DiagnosticArray, names.cardinality())
-    source = Source(peer)
     assert peer.spin_until(figures.get_subscription_count)
     for step_ms in ("fast", "inf", "nan", "20.0"):
         status = diagnostics.status("tracker/cardinality", {"step_ms": step_ms})
         figures.publish(diagnostics.array(SECOND, [status]))
-    source.send(SECOND, ([], []), ([], []), ([], []))
-    assert peer.spin_until(lambda: len(source.scores) == 2)
+    # The first fault of a topic is logged.
+    source.send_truth(SECOND, frame="odom")
+    source.send_truth(3 * SECOND, ([(0.0, 0.0)], [2]), frame="odom")
+    source.send_truth(2 * SECOND, frame="map")
     source.taken()
-    evaluator.send_signal(signal.SIGINT)
-
-    assert evaluator.wait(10.0) == 0
-    text = evaluator.log.read_text()
-    assert "/tracker/cardinality: step_ms is 'fast', must be a finite number" in text
-    assert json.loads(report.read_text())["step_ms"]["median"] == 20.0
-
-
-def test_evaluator_counts_the_scans_that_it_never_received(processes, peer, tmp_path):
-    report = tmp_path / "metrics.json"
-    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
-    source = Source(peer)
-    for second in (1, 2, 3):
-        source.send(second * SECOND, EMPTY, EMPTY, EMPTY)
-    source.send_truth(4 * SECOND)
-    source.clouds["filtered"].publish(estimates.to_msg(found(5 * SECOND, *EMPTY), "map"))
-    source.send_truth(5 * SECOND)
-    assert peer.spin_until(lambda: len(source.scores) == 7)
-    source.taken()
-    status, text = ended(evaluator)
+    source.send_estimates("filtered", SECOND, *ONE, frame="odom")
+    source.send_estimates("filtered", SECOND, frame="base_link")
+    source.clouds["smoothed"].publish(PointCloud2())
+    source.scored(1)
+    status, text, metrics = end()
 
     assert status == 0
+    for said in (
+        "/tracker/cardinality: step_ms is 'fast', must be a finite number",
+        f"{names.TRUTH}: class_id is 2, must be less than 2, the number of names in classes",
+        f"2 clouds on {names.TRUTH} were rejected",
+        f"{FILTERED}: frame_id is 'base_link', must be 'odom' as in the first cloud",
+        f"1 clouds on {FILTERED} were rejected",
+        "is missing",
+        # Only those that fit are of the truth.
+        "of 1 scans have no smoothed estimates",
+    ):
+        assert said in text
+    assert metrics["step_ms"]["median"] == 20.0
+
+
+def test_evaluator_counts_what_it_never_received_and_what_came_twice(processes, peer, tmp_path):
+    _, source, end = reporting(processes, peer, tmp_path)
+    for second in (1, 2, 3, 3, 3):
+        source.send(second * SECOND)
+    source.send_truth(4 * SECOND)
+    source.send_estimates("filtered", 5 * SECOND)
+    source.send_truth(5 * SECOND)
+    source.scored(7)
+    status, text, metrics = end()
+
+    assert (status, len(source.scores)) == (0, 7)
     assert "1 of 5 scans have no filtered estimates" in text
     assert "2 of 5 scans have no smoothed estimates" in text
-    metrics = json.loads(report.read_text())
+    assert "6 clouds repeated a stamp" in text
     assert (metrics["scans"], metrics["truth_scans"]) == (3, 5)
     assert "means over 3 of 5 scans" in text
 
@@ -69,14 +72,14 @@ def test_evaluator_counts_what_was_lost_on_the_way(processes, peer):
     """By the publishers' numbers: here it sleeps while more comes than its queues hold."""
     evaluator = processes.start("evaluator")
     source = Source(peer)
-    source.send(SECOND, EMPTY, EMPTY, EMPTY)
-    assert peer.spin_until(lambda: len(source.scores) == 2)
+    source.send(SECOND)
+    source.scored(2)
     evaluator.send_signal(signal.SIGSTOP)
     for second in range(2, 400):
         source.send_truth(second * SECOND)
     evaluator.send_signal(signal.SIGCONT)
-    source.send(400 * SECOND, EMPTY, EMPTY, EMPTY)
-    assert peer.spin_until(lambda: len(source.scores) == 4)
+    source.send(400 * SECOND)
+    source.scored(4)
     status, text = ended(evaluator)
 
     lost = re.search(rf"(\d+) messages on {names.TRUTH} were lost on the way", text)
@@ -84,94 +87,43 @@ def test_evaluator_counts_what_was_lost_on_the_way(processes, peer):
     assert 200 <= int(lost[1]) <= 398
 
 
+NO_COMMON_TIME = (
+    "no estimates are at a stamp of the truth, or between two that are at most 10 s apart "
+    f"({names.TRUTH} begins at 11.500 s, {FILTERED} begins at 1.000 s)"
+)
+
+
 @pytest.mark.parametrize(
-    ("sent", "wanted", "reason"),
+    ("received", "reason"),
     [
-        ((), True, f"neither truth on {names.TRUTH} nor estimates were received"),
-        (("filtered",), False, f"no truth was received on {names.TRUTH}"),
-        (("truth",), False, f"no estimates were received on {names.estimates('filtered')} or "),
-        (
-            ("truth", "filtered"),
-            True,
-            "no estimates are at a stamp of the truth, or between two that are at most 10 s apart "
-            f"({names.TRUTH} begins at 11.500 s, {names.estimates('filtered')} begins at 1.000 s)",
-        ),
+        ({}, f"neither truth on {names.TRUTH} nor estimates were received"),
+        ({FILTERED: 1.0}, f"no truth was received on {names.TRUTH}"),
+        ({names.TRUTH: 1.0}, f"no estimates were received on {FILTERED} or {SMOOTHED}"),
+        ({names.TRUTH: 11.5, FILTERED: 1.0}, NO_COMMON_TIME),
     ],
     ids=["nothing", "no truth", "no estimates", "no common time"],
 )
-def test_evaluator_explains_why_nothing_is_scored(processes, peer, tmp_path, sent, wanted, reason):
-    """It fails only if a report is wanted."""
-    words = ("--ros-args", "-p", f"report:={tmp_path / 'metrics.json'}") if wanted else ()
-    evaluator = processes.start("evaluator", *words)
-    source = Source(peer)
-    for second in (1, 2):
-        if "truth" in sent:
-            source.send_truth((second + 10) * SECOND + SECOND // 2)
-        if "filtered" in sent:
-            cloud = estimates.to_msg(found(second * SECOND, *EMPTY), "map")
-            source.clouds["filtered"].publish(cloud)
-    source.taken()
-    status, text = ended(evaluator)
-
-    assert f"nothing is scored: {reason}" in text
-    assert status == (1 if wanted else 0)
+def test_reason_why_nothing_is_scored(received, reason):
+    clouds = ReceivedClouds(names.TRUTH, {"filtered": FILTERED, "smoothed": SMOOTHED})
+    for topic, second in received.items():
+        clouds.take(topic, round(second * SECOND))
+    assert clouds.no_score_reason() == f"nothing is scored: {reason}"
+    assert clouds.mismatch(Evaluation(2, 1000.0, 2.0, 10)) is None
 
 
-def test_evaluator_warns_while_it_runs_that_no_stamp_fits(processes, peer):
-    evaluator = processes.start("evaluator")
+@pytest.mark.parametrize("wanted", [True, False])
+def test_evaluator_warns_that_no_stamp_fits_and_fails_only_if_a_report_is_wanted(
+    processes, peer, tmp_path, wanted
+):
+    words = options(report=tmp_path / "metrics.json") if wanted else ()
+    evaluator = processes.start("evaluator", "--ros-args", *words)
     source = Source(peer)
     for second in range(1, 31):
         source.send_truth((second + 60) * SECOND)
-        cloud = estimates.to_msg(found(second * SECOND, *EMPTY), "map")
-        source.clouds["smoothed"].publish(cloud)
-    assert peer.spin_until(
-        lambda: "no estimates are at a stamp of the truth" in evaluator.log.read_text()
-    )
+        source.send_estimates("smoothed", second * SECOND)
+    peer.said(evaluator, "no estimates are at a stamp of the truth")
     assert evaluator.poll() is None
-
-
-def test_evaluator_refuses_clouds_of_another_frame_and_of_classes_that_there_are_not(
-    processes, peer
-):
-    evaluator = processes.start("evaluator")
-    source = Source(peer)
-    source.send_truth(SECOND, frame="odom")
-    source.send_truth(2 * SECOND, frame="map")
-    source.send_truth(3 * SECOND, ([(0.0, 0.0)], [2]), frame="odom")
-    source.clouds["filtered"].publish(estimates.to_msg(found(SECOND, [(0.0, 0.0)], [0]), "odom"))
-    source.clouds["filtered"].publish(estimates.to_msg(found(SECOND, *EMPTY), "base_link"))
-    assert peer.spin_until(lambda: len(source.scores) == 1)
-    source.taken()
     status, text = ended(evaluator)
 
-    assert status == 0
-    assert f"{names.TRUTH}: frame_id is 'map', must be 'odom' as in the first cloud" in text
-    assert f"2 clouds on {names.TRUTH} were rejected" in text
-    assert f"1 clouds on {names.estimates('filtered')} were rejected" in text
-    # Only those that fit are of the truth.
-    assert "of 1 scans have no smoothed estimates" in text
-
-
-def test_evaluator_scores_a_repeated_stamp_once(processes, peer, tmp_path):
-    report = tmp_path / "metrics.json"
-    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
-    source = Source(peer)
-    for _ in range(3):
-        source.send(SECOND, EMPTY, EMPTY, EMPTY)
-    source.send(2 * SECOND, EMPTY, EMPTY, EMPTY)
-    source.taken()
-    assert peer.spin_until(lambda: len(source.scores) >= 4)
-    status, text = ended(evaluator)
-
-    assert (status, len(source.scores)) == (0, 4)
-    assert json.loads(report.read_text())["scans"] == 2
-    assert "6 clouds repeated a stamp" in text
-
-
-def test_evaluator_names_the_unknown_class(processes, peer):
-    evaluator = processes.start("evaluator")
-    source = Source(peer)
-    source.send_truth(SECOND, ([(0.0, 0.0)], [2]))
-    assert peer.spin_until(
-        lambda: "must be less than 2, the number of" in evaluator.log.read_text()
-    )
+    assert "nothing is scored: no estimates are at a stamp" in text
+    assert status == (1 if wanted else 0)

@@ -49,11 +49,11 @@ def test_manager_takes_the_tracker_through_its_life_without_a_bond(processes, pe
 
 
 @pytest.fixture
-def bonds(executables, peer):
+def bonds(processes, peer):
     """Return the received bonds of the namespace, and a publisher of them."""
 
     def start(*arguments):
-        return executables.start("tracker", *arguments, PYTHONPATH=str(STAND_IN))
+        return processes.start("tracker", *arguments, PYTHONPATH=str(STAND_IN))
 
     heard = peer.collect(String, "/site/bond", 100)
     return start, heard, peer.publisher(String, "/site/bond")
@@ -80,13 +80,9 @@ def test_bond_lasts_while_the_tracker_is_active(bonds, peer):
         assert peer.spin_until(lambda: not peer.node.count_publishers("/site/bond") - 1)
     # What ends by intention is not reported as broken.
     assert "no bond" not in tracker.log.read_text()
-
-
-def test_bond_ends_with_the_tracker(bonds, peer):
-    start, heard, _ = bonds
-    tracker = start(*MANAGED)
-    assert all(manage(peer, STARTUP))
-    assert peer.spin_until(lambda: heard)
+    # It ends with the tracker too.
+    assert all(manage(peer, RESUME))
+    assert peer.spin_until(lambda: heard[-1].data == "tracker alive")
     tracker.terminate()
     assert peer.spin_until(lambda: heard[-1].data == "tracker dead")
     assert tracker.wait(20.0) == 0

@@ -2,58 +2,41 @@
 
 import re
 
-from diagnostic_msgs.msg import DiagnosticArray
-from lifecycle_msgs.msg import Transition
 from live_radars import (
     SCANS,
-    Radars,
+    TOPICS,
+    Health,
     change,
+    cloud,
     connected,
     options,
     start_tracker,
     state_of,
-    status_of,
 )
 from nav_msgs.msg import Odometry, Path
-from rcl_interfaces.srv import (
-    SetParameters,
-)
+from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
-from msg_adapters import detections, diagnostics, estimates, stamps
+from msg_adapters import estimates, stamps
 
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-DETECTIONS = "/radar_1/detections"
 ESTIMATES = "/tracker/filtered/estimates"
 
 
-def test_every_radar_that_is_rejected_is_named_in_the_log(processes, peer):
+def test_every_rejected_radar_and_every_transition_is_logged(processes, peer):
     tracker = start_tracker(processes)
     group = connected(peer)
     for output in group.outputs:
-        output.publish(detections.to_msg(SCANS[0].detections[0], SCANS[0].stamp_ns, "nowhere"))
-    assert peer.spin_until(lambda: tracker.log.read_text().count("scan rejected") == 2)
-    said = [text for text in tracker.log.read_text().splitlines() if "scan rejected" in text]
-    assert [re.search(r"(radar_\d): scan", text)[1] for text in said] == ["radar_1", "radar_2"]
-
-
-def test_every_transition_is_logged(processes, peer):
-    tracker = start_tracker(processes)
-    group = connected(peer)
-    for index in range(3):
-        group.track(index)
-    for transition in (
-        Transition.TRANSITION_DEACTIVATE,
-        Transition.TRANSITION_CLEANUP,
-        Transition.TRANSITION_UNCONFIGURED_SHUTDOWN,
-    ):
-        assert change(peer, transition)
+        output.publish(cloud(0, 0, frame="nowhere"))
+    log = peer.said(tracker, "scan rejected", times=2)
+    assert re.findall(r"(radar_\d): scan rejected", log) == ["radar_1", "radar_2"]
+    group.track_all(0, 1, 2)
+    assert change(peer, "DEACTIVATE", "CLEANUP", "UNCONFIGURED_SHUTDOWN")
     text = tracker.log.read_text()
     said = [line.split("]: ")[-1] for line in text.splitlines() if "[tracker]: " in line]
-    received = "6 clouds received, lost on the way: none, dropped: none"
+    received = "8 clouds received, lost on the way: none, dropped: radar_1 frame 1, radar_2 frame 1"
     assert said[-3:] == [
         f"deactivated, 2 smoothed estimates published; {received}",
         "cleaned up; every parameter may change until the next configure",
@@ -61,65 +44,33 @@ def test_every_transition_is_logged(processes, peer):
     ]
 
 
-def test_tracks_are_published_as_odometry_and_paths_if_asked_for(processes, peer):
+def test_tracks_are_published_as_odometry_and_paths_from_their_beginning(processes, peer):
     start_tracker(processes, *options(outputs="[paths, odometry]"))
-    group = Radars(peer)
-    odometry = peer.collect(Odometry, "/tracker/odometry", 50)
-    paths = peer.collect(Path, "/tracker/tracks/path", 50)
-    group.connect()
-    for index in range(4):
-        group.track(index)
-    found = estimates.from_msg(group.filtered[-1])
-    tracks = sorted(found.track_id[found.track_id > 0].tolist())
-    assert tracks
-
-    def latest(messages):
-        stamp_ns = SCANS[3].stamp_ns
-        return [m for m in messages if stamps.to_ns(m.header.stamp) == stamp_ns]
-
-    assert peer.spin_until(lambda: len(latest(paths)) == len(latest(odometry)) == len(tracks))
-    assert [m.child_frame_id for m in latest(odometry)] == [f"track_{k}" for k in tracks]
-    lengths = {len(path.poses) for path in latest(paths)}
-    assert lengths <= {1, 2, 3, 4}
-    assert max(lengths) >= 2
-    for path, message in zip(latest(paths), latest(odometry), strict=True):
-        assert path.poses[-1].pose == message.pose.pose
-
-
-def test_paths_begin_before_the_first_who_asks_for_them(processes, peer):
-    start_tracker(processes, *options(outputs="[paths]"))
     group = connected(peer)
-    for index in range(3):
-        group.track(index)
+    markers = peer.collect(MarkerArray, "/tracker/markers")
+    # Paths begin before the first who asks for them.
+    group.track_all(0, 1, 2)
+    odometry = peer.collect(Odometry, "/tracker/odometry", 50)
     paths = peer.collect(Path, "/tracker/tracks/path", 50)
     peer.meet()
     group.track(3)
-    assert peer.spin_until(lambda: paths)
-    assert max(len(path.poses) for path in paths) >= 2
-
-
-def test_tracks_are_not_published_unless_asked_for(processes, peer):
-    start_tracker(processes)
-    connected(peer)
-    topics = {name for name, _ in peer.node.get_topic_names_and_types()}
-    assert "/tracker/markers" in topics
-    assert not topics & {"/tracker/odometry", "/tracker/tracks/path"}
-
-
-def test_markers_can_be_left_out(processes, peer):
-    start_tracker(processes, *options(outputs="[plots]"))
-    group = connected(peer)
-    markers = peer.collect(MarkerArray, "/tracker/markers")
-    for index in range(2):
-        group.track(index)
-    peer.meet(times=2)
+    found = estimates.from_msg(group.filtered[-1])
+    tracks = sorted(found.track_id[found.track_id > 0].tolist())
+    assert tracks
+    assert peer.spin_until(lambda: len(paths) == len(odometry) == len(tracks))
+    assert {stamps.to_ns(m.header.stamp) for m in odometry + paths} == {SCANS[3].stamp_ns}
+    assert [m.child_frame_id for m in odometry] == [f"track_{k}" for k in tracks]
+    lengths = {len(path.poses) for path in paths}
+    assert lengths <= {1, 2, 3, 4}
+    assert max(lengths) >= 2
+    for path, message in zip(paths, odometry, strict=True):
+        assert path.poses[-1].pose == message.pose.pose
+    # What is not asked for is left out.
     assert markers == []
 
 
-def test_markers_are_taken_back_when_they_are_switched_off_and_at_a_reset(processes, peer):
-    start_tracker(processes)
-    group = connected(peer)
-    group.track(0)
+def test_markers_are_taken_back_when_they_are_switched_off_and_at_a_reset(radars, peer):
+    radars.track(0)
     late = peer.collect(MarkerArray, "/tracker/markers", LATCHED)
 
     def cleared():
@@ -131,67 +82,53 @@ def test_markers_are_taken_back_when_they_are_switched_off_and_at_a_reset(proces
         request = SetParameters.Request(parameters=[parameter])
         assert peer.call(SetParameters, "/tracker/set_parameters", request).results[0].successful
 
-    for index in (1, 2):
-        group.track(index)
+    radars.track_all(1, 2)
     assert peer.spin_until(lambda: late and not cleared())
     switch(False)
     assert peer.spin_until(cleared)
     switch(True)
-    group.track(3)
+    radars.track(3)
     assert peer.spin_until(lambda: not cleared())
-    assert peer.call(Trigger, "/tracker/reset").success
+    assert radars.ask("reset").success
     assert peer.spin_until(cleared)
 
 
-def test_tracker_that_cannot_be_configured_keeps_no_topic(processes, peer, tmp_path):
-    path = {"checkpoint.path": tmp_path / "none" / "tracker.ckpt"}
-    health = peer.collect(DiagnosticArray, "/diagnostics")
-    start_tracker(processes, *options(autostart=False, **path))
-    assert not change(peer, Transition.TRANSITION_CONFIGURE)
-    assert state_of(peer) == "unconfigured"
-    # Discovery is slower than a service, and faster than the second report from now on.
-    before = len(health)
-    assert peer.spin_until(lambda: len(health) > before + 1)
-    assert not peer.node.count_publishers(ESTIMATES)
+def test_tracker_that_cannot_be_configured_stays_so_and_keeps_no_topic(processes, peer, tmp_path):
+    wrong = {
+        "/a": (f"qos_overrides.{TOPICS[0]}.subscription.reliability", "mostly"),
+        "/b": ("checkpoint.path", tmp_path / "none" / "tracker.ckpt"),
+    }
+    for site, (name, value) in wrong.items():
+        given = options(**{"autostart": False, name: value})
+        tracker = start_tracker(processes, "-r", f"__ns:={site}", *given, qos=())
+        health = Health(peer, f"{site}/tracker")
+        assert not change(peer, "CONFIGURE", node=f"{site}/tracker")
+        assert "not configured: " in tracker.log.read_text()
+        assert name.removesuffix(".subscription.reliability") in tracker.log.read_text()
+        # Discovery is slower than a service, and faster than the second report from now on.
+        assert health.fresh("step time").message == "the tracker is unconfigured"
+        assert not peer.node.count_publishers(f"{site}{ESTIMATES}")
 
 
-def test_cleaned_up_tracker_can_be_configured_again_and_is_as_new(processes, peer):
-    start_tracker(processes)
-    group = connected(peer)
-    group.track(0)
-    group.track(1)
-    first = bytes(group.filtered[0].data)
-    assert change(peer, Transition.TRANSITION_DEACTIVATE)
-    assert not peer.call(Trigger, "/tracker/flush").success
-    assert change(peer, Transition.TRANSITION_CLEANUP)
+def test_cleaned_up_tracker_can_be_configured_again_and_is_as_new(radars, peer):
+    topics = {name for name, _ in peer.node.get_topic_names_and_types()}
+    assert "/tracker/markers" in topics
+    assert not topics & {"/tracker/odometry", "/tracker/tracks/path"}
+    first, *_ = radars.track_all(0, 1)
+    assert change(peer, "DEACTIVATE")
+    assert not radars.ask("flush").success
+    assert change(peer, "CLEANUP")
     assert peer.spin_until(lambda: not peer.node.count_publishers(ESTIMATES))
-    assert change(peer, Transition.TRANSITION_CONFIGURE)
-    assert change(peer, Transition.TRANSITION_ACTIVATE)
-    group.connect()
-    group.filtered.clear()
-    group.track(0)
-    assert bytes(group.filtered[0].data) == first
-    assert diagnostics.values_of(status_of(group, "radar_1"))["received"] == "1"
+    assert change(peer, "CONFIGURE", "ACTIVATE")
+    radars.connect()
+    assert radars.track(0) == first
+    assert radars.health.values("radar_1")["received"] == "1"
 
 
-def test_tracker_that_cannot_be_configured_stays_unconfigured(processes, peer):
-    override = f"qos_overrides.{DETECTIONS}.subscription.reliability:=mostly"
-    tracker = start_tracker(processes, *options(autostart=False), qos=("-p", override))
-    assert not change(peer, Transition.TRANSITION_CONFIGURE)
-    assert state_of(peer) == "unconfigured"
-    assert f"not configured: qos_overrides.{DETECTIONS}" in tracker.log.read_text()
-    # Nothing of the attempt is left over.
-    assert not peer.node.count_publishers(ESTIMATES)
-
-
-def test_shut_down_tracker_brings_out_what_was_held_back(processes, peer):
-    start_tracker(processes)
-    group = connected(peer)
-    for index in range(3):
-        group.track(index)
-    assert peer.spin_until(lambda: len(group.smoothed) == 1)
-    assert change(peer, Transition.TRANSITION_ACTIVE_SHUTDOWN)
-    assert peer.spin_until(lambda: len(group.smoothed) == 3)
-    cloud = detections.to_msg(SCANS[3].detections[0], SCANS[3].stamp_ns, "radar_1")
-    group.outputs[0].publish(cloud)
+def test_shut_down_tracker_brings_out_what_was_held_back(radars, peer):
+    radars.track_all(0, 1, 2)
+    radars.until_smoothed(1)
+    assert change(peer, "ACTIVE_SHUTDOWN")
+    radars.until_smoothed(3)
+    radars.send(3)
     assert state_of(peer) == "finalized"

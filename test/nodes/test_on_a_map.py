@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import stand_ins
 from diagnostic_msgs.msg import DiagnosticArray
-from lifecycle_msgs.msg import Transition
-from live_radars import FAST, RELIABLE, SCANS, Radars, change
+from live_radars import SCANS, change, connected, options, start_tracker
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import PointCloud2
@@ -30,33 +29,18 @@ NO_TARGETS = (np.zeros((0, 5)), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 MISSING = "tf2_msgs is not installed"
 
 
-def options(values):
-    return [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
-
-
-def tracked(peer):
-    """Return the radars of a tracker, once connected."""
-    group = Radars(peer)
-    group.connect()
-    return group
-
-
 def transforms(data):
     """Return (parent, child, x, y) of every transform of a serialised message."""
     return [
-        (t.header.frame_id, t.child_frame_id, *_where(t.transform.translation))
+        (t.header.frame_id, t.child_frame_id, t.transform.translation.x, t.transform.translation.y)
         for t in STORE.deserialize_cdr(data, names.TRANSFORMS).transforms
     ]
 
 
-def _where(translation):
-    return translation.x, translation.y
-
-
 def test_every_radar_looks_alike_whatever_its_driver(processes, peer):
     shown = peer.collect(PointCloud2, names.detections_in_map())
-    processes.start("tracker", "--ros-args", *FAST, *RELIABLE, *options(FOREIGN))
-    group = tracked(peer)
+    start_tracker(processes, *options(**FOREIGN))
+    group = connected(peer)
     (own, foreign), config = SCANS[0].detections, resolve(FOREIGN)
     before = SCANS[0].stamp_ns
     for output, found, radar in zip(group.outputs, (own, foreign), config.inputs, strict=True):
@@ -78,23 +62,16 @@ def test_every_radar_looks_alike_whatever_its_driver(processes, peer):
     np.testing.assert_allclose(seen["amplitude"], amplitude, rtol=1e-5)
 
 
-def test_detections_in_map_can_be_switched_off(processes, peer):
-    processes.start("tracker", "--ros-args", *FAST, *options({"outputs": "[markers]"}))
-    tracked(peer)
-
-    assert not peer.node.count_publishers(names.detections_in_map())
-
-
 @pytest.fixture
 def installed(tmp_path):
     """Return the environment of a process that has tf2_msgs."""
     return stand_ins.write(tmp_path / "packages")
 
 
-def test_tracker_publishes_the_radars_frames_for_whoever_comes_later(executables, peer, installed):
+def test_tracker_publishes_the_radars_frames_for_whoever_comes_later(processes, peer, installed):
     kind, found = stand_ins.message_class(names.TRANSFORMS), []
-    executables.start("tracker", "--ros-args", *FAST, **installed)
-    tracked(peer)
+    start_tracker(processes, **installed)
+    connected(peer)
     peer.node.create_subscription(kind, names.STATIC_FRAMES, found.append, LATCHED, raw=True)
     assert peer.spin_until(lambda: found)
 
@@ -105,34 +82,32 @@ def test_tracker_publishes_the_radars_frames_for_whoever_comes_later(executables
     assert peer.node.count_publishers(names.STATIC_FRAMES) == 1
 
 
-def test_frames_can_be_left_to_another_node(executables, peer, installed):
-    executables.start(
-        "tracker", "--ros-args", *FAST, *options({"outputs": "[markers]"}), **installed
-    )
-    tracked(peer)
+def test_frames_and_detections_in_map_can_be_left_out(processes, peer, installed):
+    start_tracker(processes, *options(outputs="[markers]"), **installed)
+    connected(peer)
 
     assert not peer.node.count_publishers(names.STATIC_FRAMES)
+    assert not peer.node.count_publishers(names.detections_in_map())
 
 
-def test_missing_type_of_the_frames_is_logged_once(executables, peer, tmp_path):
+def test_missing_type_of_the_frames_is_logged_once(processes, peer, tmp_path):
     broken = tmp_path / "packages" / "tf2_msgs"
     broken.mkdir(parents=True)
     (broken / "__init__.py").write_text("raise ImportError('not in this installation')")
-    node = executables.start("tracker", "--ros-args", *FAST, PYTHONPATH=str(broken.parent))
-    tracked(peer)
-    steps = ("DEACTIVATE", "CLEANUP", "CONFIGURE", "ACTIVATE")
+    node = start_tracker(processes, PYTHONPATH=str(broken.parent))
+    connected(peer)
 
-    assert all(change(peer, getattr(Transition, f"TRANSITION_{name}")) for name in steps)
-    assert peer.spin_until(lambda: node.log.read_text().count("tracking 2 classes") == 2)
-    assert node.log.read_text().count(MISSING) == 1
+    assert change(peer, "DEACTIVATE", "CLEANUP", "CONFIGURE", "ACTIVATE")
+    log = peer.said(node, "tracking 2 classes", times=2)
+    assert log.count(MISSING) == 1
 
 
-def test_recording_places_detections_on_a_map(executables, peer, tmp_path, installed):
+def test_recording_places_detections_on_a_map(processes, peer, tmp_path, installed):
     where = tmp_path / "bag"
-    evaluator = executables.start("evaluator", "--ros-args", "-p", f"record:={where}", **installed)
+    evaluator = processes.start("evaluator", "--ros-args", "-p", f"record:={where}", **installed)
     assert peer.spin_until(lambda: peer.node.count_subscribers(names.detections_in_map()))
-    executables.start("tracker", "--ros-args", *FAST, *RELIABLE, **installed)
-    group = tracked(peer)
+    start_tracker(processes, **installed)
+    group = connected(peer)
     scores = peer.collect(DiagnosticArray, names.OSPA)
     targets = peer.publisher(PointCloud2, names.TRUTH)
     # The evaluator subscribes for itself and for the recording.

@@ -6,6 +6,7 @@ import signal
 import subprocess
 
 import pytest
+from live_radars import options
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
@@ -68,19 +69,14 @@ def test_recorder_takes_static_frames_published_before_it_began(peer, tmp_path):
     assert "transient_local" in (tmp_path / "bag" / "metadata.yaml").read_text()
 
 
-def record(executables, peer, directory, restrict):
+def record(processes, peer, directory, restrict):
     """Run the evaluator with a recording into `directory` beside a replay of the shipped bag."""
-    evaluator = executables.start(
-        *("evaluator", "--ros-args", "-p", f"record:={directory}"),
-        *("-p", f"report:={directory.parent.parent / 'report.json'}"),
-        # Files of coverage measurements would not fit either.
-        COVERAGE_PROCESS_CONFIG="",
-    )
+    words = options(record=directory, report=directory.parent.parent / "report.json")
+    evaluator = processes.start("evaluator", "--ros-args", *words)
     assert peer.spin_until(lambda: peer.node.count_subscribers(names.TRUTH) == 2)
     restrict(evaluator)
-    replay = executables.start("sensor_replay", shipped_bag(), "--rate", "200")
-    assert peer.spin_until(lambda: replay.poll() is not None)
-    assert peer.spin_until(lambda: "recording stopped" in evaluator.log.read_text())
+    processes.start("sensor_replay", shipped_bag(), "--rate", "200")
+    peer.said(evaluator, "recording stopped")
     alive = evaluator.poll() is None
     evaluator.send_signal(signal.SIGTERM)
     return alive, evaluator.wait(15.0), evaluator.log.read_text()
@@ -100,13 +96,13 @@ def check_stopped_cleanly(outcome, directory, reason):
     assert found.count(names.detections("radar_1")) >= 5
 
 
-def test_recorder_stops_at_the_largest_file_and_the_node_goes_on(executables, peer, tmp_path):
+def test_recorder_stops_at_the_largest_file_and_the_node_goes_on(processes, peer, tmp_path):
     directory = tmp_path / "recording" / "bag"
 
     def restrict(process):
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (TOO_LITTLE, TOO_LITTLE))
 
-    outcome = record(executables, peer, directory, restrict)
+    outcome = record(processes, peer, directory, restrict)
 
     check_stopped_cleanly(outcome, directory, os.strerror(errno.EFBIG))
     assert json.loads((tmp_path / "report.json").read_text())["scans"] == 0
@@ -129,56 +125,38 @@ def small_disk(tmp_path):
     subprocess.run(["umount", disk], check=True)
 
 
-def test_recorder_stops_on_a_full_disk_and_the_node_goes_on(executables, peer, small_disk):
-    outcome = record(executables, peer, small_disk / "bag", lambda _: None)
+def test_recorder_stops_on_a_full_disk_and_the_node_goes_on(processes, peer, small_disk):
+    outcome = record(processes, peer, small_disk / "bag", lambda _: None)
 
     check_stopped_cleanly(outcome, small_disk / "bag", os.strerror(errno.ENOSPC))
 
 
-def recorded(executables, peer, tmp_path, *arguments, record_topics=()):
-    """Record a tracker that gets a scan of each radar; return the bag and the evaluator's log."""
-    words = ("--ros-args", "-p", f"record:={tmp_path / 'bag'}", *record_topics)
-    evaluator = executables.start("evaluator", *words)
-    tracker = executables.start("tracker", "--ros-args", *arguments)
-    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text())
-    assert peer.spin_until((tmp_path / "bag" / "parameters.yaml").exists)
-    replay = executables.start(
-        *("sensor_replay", shipped_bag(), "--rate", "0", "--duration", "60"),
-        *("--ros-args", "-p", "flush_service:=/tracker/flush"),
-    )
+def test_recording_has_the_topics_that_are_on_and_the_parameters(processes, peer, tmp_path):
+    bag = tmp_path / "bag"
+    evaluator = processes.start("evaluator", "--ros-args", *options(record=bag))
+    tracker = processes.start("tracker", "--ros-args", *options(outputs="[odometry]", lag=2))
+    peer.said(tracker, "tracking ")
+    assert peer.spin_until((bag / "parameters.yaml").exists)
+    words = (shipped_bag(), "--rate", "0", "--duration", "60", "--ros-args")
+    replay = processes.start("sensor_replay", *words, *options(flush_service="/tracker/flush"))
     assert peer.spin_until(lambda: replay.poll() is not None)
     evaluator.send_signal(signal.SIGTERM)
     assert evaluator.wait(30.0) == 0
-    return tmp_path / "bag", evaluator.log.read_text()
-
-
-def test_recording_holds_what_the_tracker_publishes_when_asked(processes, peer, tmp_path):
-    bag, _ = recorded(
-        *(processes, peer, tmp_path, "-p", "outputs:=[odometry, paths]"),
-    )
     reader = BagReader(bag)
     assert reader.counts["/tracker/odometry"] > 0
-    assert reader.counts["/tracker/tracks/path"] > 0
     assert reader.types["/tracker/odometry"] == "nav_msgs/msg/Odometry"
-
-
-def test_recording_is_without_the_topics_that_are_off_and_has_the_parameters(
-    processes, peer, tmp_path
-):
-    bag, text = recorded(processes, peer, tmp_path, "-p", "lag:=2")
-    reader = BagReader(bag)
-    assert not {"/tracker/odometry", "/tracker/tracks/path"} & {*reader.types}
+    assert "/tracker/tracks/path" not in reader.types
     assert bag_parameters.read(bag)["lag"] == "2"
-    assert "is not recorded" not in text
+    assert "is not recorded" not in evaluator.log.read_text()
 
 
 def test_recording_that_leaves_a_radar_out_is_warned_of(processes, peer, tmp_path):
-    evaluator = processes.start("evaluator", "--ros-args", "-p", f"record:={tmp_path / 'bag'}")
+    evaluator = processes.start("evaluator", "--ros-args", *options(record=tmp_path / "bag"))
     given = ("-p", "radar_2.topic:=/north/plots", "-r", "/radar_1/detections:=/south/plots")
     processes.start("tracker", "--ros-args", *given)
     for topic in ("/north/plots", "/south/plots"):
         text = f"{topic}, of which /tracker has a radar's detections, is not among record_topics"
-        assert peer.spin_until(lambda text=text: text in evaluator.log.read_text())
+        peer.said(evaluator, text)
     # It has looked again by then.
     peer.meet("/evaluator", times=2)
     assert evaluator.log.read_text().count("is not recorded") == 2

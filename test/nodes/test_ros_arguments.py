@@ -33,72 +33,59 @@ def test_fault_of_a_ros_argument_is_one_line(processes, name, case):
     assert len(text.splitlines()) == 1
 
 
-LONG = {
-    "digits": ("-p", f"lag:={'9' * 5000}"),
-    "text": ("-p", f"lag:={'a' * 5000}"),
-    "name": ("-p", f"{'a' * 5000}:=1"),
-    "names": ("-p", f"sensors:=[{'a' * 5000}, {'a' * 5000}]"),
-    "topic": ("-p", f"radar_1.topic:={'a' * 5000}"),
-    "node": ("-r", f"__node:={'a' * 5000}"),
-    "remap": ("-r", "a" * 5000),
-    "file": ("--params-file", "a" * 5000),
-}
+LONG = [
+    *(
+        ("tracker", "--ros-args", *words)
+        for words in (
+            ("-p", f"lag:={'9' * 5000}"),
+            ("-p", f"lag:={'a' * 5000}"),
+            ("-p", f"{'a' * 5000}:=1"),
+            ("-p", f"sensors:=[{'a' * 5000}, {'a' * 5000}]"),
+            ("-p", f"radar_1.topic:={'a' * 5000}"),
+            ("-r", f"__node:={'a' * 5000}"),
+            ("-r", "a" * 5000),
+            ("--params-file", "a" * 5000),
+        )
+    ),
+    ("tracker", "a" * 5000),
+    ("evaluator", "--ros-args", "-p", f"cutoff:={'9' * 5000}"),
+    ("sensor_replay", "a" * 5000),
+    ("sensor_replay", "bag", "--rate", "a" * 5000),
+]
 
 
-@pytest.mark.parametrize("case", LONG)
-def test_long_values_are_quoted_in_part(processes, case):
-    status, text = processes.run("tracker", "--ros-args", *LONG[case])
-
-    assert status == 2
-    assert max(map(len, text.splitlines())) < 600
-    assert text.splitlines()[-1].startswith("tracker: ")
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("tracker", "a" * 5000),
-        ("evaluator", "--ros-args", "-p", f"cutoff:={'9' * 5000}"),
-        ("sensor_replay", "a" * 5000),
-        ("sensor_replay", "bag", "--rate", "a" * 5000),
-    ],
-)
-def test_long_words_of_other_nodes_are_quoted_in_part(processes, words):
+@pytest.mark.parametrize("words", LONG, ids=lambda words: " ".join(w[:12] for w in words))
+def test_long_values_are_quoted_in_part(processes, words):
     status, text = processes.run(*words)
 
     assert status == 2
     assert max(map(len, text.splitlines())) < 600
+    assert text.splitlines()[-1].startswith(f"{words[0]}: ")
 
 
+FILES = {
+    "broken": ("{name}:\n  ros__parameters:\n    lag: [1,\n", "is not YAML: "),
+    "no parameters": (
+        "{name}:\n  ros_parameters:\n    sensors: [a, b]\n",
+        "has no ros__parameters under a node's name\n",
+    ),
+    "twice": (
+        "{name}:\n  ros__parameters:\n    lag: 1\n    lag: 2\n",
+        "line 4: lag is given twice, first in line 3\n",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", FILES)
 @pytest.mark.parametrize("name", NODES)
-def test_broken_parameter_file_is_one_line(processes, tmp_path, name):
-    path = tmp_path / "p.yaml"
-    path.write_text(f"{name}:\n  ros__parameters:\n    lag: [1,\n")
+def test_fault_of_a_parameter_file_is_one_line(processes, tmp_path, name, case):
+    path, (content, fault) = tmp_path / "p.yaml", FILES[case]
+    path.write_text(content.format(name=name))
     status, text = processes.run(name, "--ros-args", "--params-file", path)
 
     assert status == 2
-    assert text.startswith(f"{name}: {path}: is not YAML: ")
+    assert text.startswith(f"{name}: {path}: {fault}")
     assert len(text.splitlines()) == 1
-
-
-def test_file_without_any_parameters_is_an_error_in_words(processes, tmp_path):
-    path = tmp_path / "p.yaml"
-    path.write_text("tracker:\n  ros_parameters:\n    sensors: [a, b]\n")
-    status, text = processes.run("tracker", "--ros-args", "--params-file", path)
-
-    assert (status, text) == (
-        2,
-        f"tracker: {path}: has no ros__parameters under a node's name\n",
-    )
-
-
-@pytest.mark.parametrize("name", NODES)
-def test_key_given_twice_ends_a_node(processes, tmp_path, name):
-    path = tmp_path / "p.yaml"
-    path.write_text(f"{name}:\n  ros__parameters:\n    lag: 1\n    lag: 2\n")
-    status, text = processes.run(name, "--ros-args", "--params-file", path)
-
-    assert (status, text) == (2, f"{name}: {path}: line 4: lag is given twice, first in line 3\n")
 
 
 @pytest.mark.parametrize("name", NODES)
@@ -142,8 +129,7 @@ def test_file_with_a_section_for_the_tracker_is_named_at_activation(
         "tracker", "--ros-args", "-r", "__ns:=/s1", "--params-file", path, *FAST
     )
 
-    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text(), 20.0)
-    text = tracker.log.read_text()
+    text = peer.said(tracker, "tracking ")
     assert (
         "tracking 2 classes (class_0, class_1) with 1 radar (north on /s1/plots), "
         f"parameters from {path}\n"
@@ -154,8 +140,7 @@ def test_file_with_a_section_for_the_tracker_is_named_at_activation(
 def test_tracker_without_a_file_logs_that_it_uses_the_defaults(processes, peer, given):
     tracker = processes.start("tracker", "--ros-args", *given)
 
-    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text(), 20.0)
-    (line,) = [row for row in tracker.log.read_text().splitlines() if "tracking " in row]
+    (line,) = [row for row in peer.said(tracker, "tracking ").splitlines() if "tracking " in row]
     assert line.endswith(
         "tracking 2 classes (class_0, class_1) with 2 radars (radar_1 on /radar_1/detections, "
         "radar_2 on /radar_2/detections), default parameters (profile defaults)"
@@ -172,6 +157,5 @@ def test_tracker_by_the_defaults_does_not_take_a_file_of_launch_for_the_users(pr
         file.flush()
         tracker = processes.start("tracker", "--ros-args", "--params-file", file.name)
 
-        assert peer.spin_until(lambda: "tracking " in tracker.log.read_text(), 20.0)
-    text = tracker.log.read_text()
+        text = peer.said(tracker, "tracking ")
     assert "default parameters (profile defaults) except autostart: no parameter file" in text

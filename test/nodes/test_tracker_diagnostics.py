@@ -4,126 +4,101 @@ import itertools
 import time
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from lifecycle_msgs.msg import Transition
+from diagnostic_msgs.msg import DiagnosticStatus
 from live_radars import (
     SCANS,
+    TOPICS,
+    Health,
     Radars,
     change,
     connected,
     options,
+    reliable,
     start_tracker,
-    status_of,
-    wait_for_level,
 )
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from msg_adapters import detections, diagnostics
+from msg_adapters import diagnostics
 
+OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-DETECTIONS = "/radar_1/detections"
+DETECTIONS, OTHER = TOPICS
 ESTIMATES = "/tracker/filtered/estimates"
 
 
-def test_health_has_one_line_a_radar_one_for_the_step_and_one_for_the_outputs(processes, peer):
-    start_tracker(processes)
-    group = connected(peer)
-    group.track(0)
-    found = group.health
-    assert peer.spin_until(
-        lambda: found and {s.level for s in found[-1].status} == {DiagnosticStatus.OK}
-    )
-    assert {(s.name, s.hardware_id) for s in found[-1].status} == {
-        ("/tracker: radar_1", "/tracker/radar_1"),
-        ("/tracker: radar_2", "/tracker/radar_2"),
-        ("/tracker: step time", "/tracker"),
-        ("/tracker: outputs", "/tracker"),
-    }
+def with_publisher(peer, qos):
+    """Return radars of which the first publishes with that QoS."""
+    group = Radars(peer)
+    peer.node.destroy_publisher(group.outputs[0])
+    group.outputs[0] = peer.publisher(PointCloud2, DETECTIONS, qos)
+    return group
 
 
-def test_silent_radar_is_noticed_while_the_other_is_tracked(processes, peer):
+def test_silent_radar_is_noticed_while_the_other_is_tracked(radars, peer):
     """How soon is measured by ``make faults``: on a busy machine it is not the tracker's doing."""
-    start_tracker(processes)
-    group = connected(peer)
-    for index in range(8):
-        group.track(index)
+    radars.track(0)
+    assert peer.spin_until(
+        lambda: {found[-1].level for found in radars.health.all().values()} == {OK}
+    )
+    assert {name: found[-1].hardware_id for name, found in radars.health.all().items()} == {
+        "radar_1": "/tracker/radar_1",
+        "radar_2": "/tracker/radar_2",
+        "step time": "/tracker",
+        "outputs": "/tracker",
+    }
+    for index in range(1, 8):
+        radars.track(index)
         peer.pace(0.2)
-    group.health.clear()
+    radars.health.reports.clear()
 
-    def reported():
-        return [s for m in group.health for s in m.status if s.level == DiagnosticStatus.STALE]
+    def stale():
+        found = itertools.chain(*radars.health.all().values())
+        return [status for status in found if status.level == STALE]
 
     for index in range(8, 80):
-        group.send(index, radars=(0,))
-        if peer.spin_until(reported, 0.2):
+        radars.send(index, radars=(0,))
+        if peer.spin_until(stale, 0.2):
             break
-    assert {s.name for s in reported()} == {"/tracker: radar_2"}
-    values = diagnostics.values_of(reported()[0])
+    assert {status.name for status in stale()} == {"/tracker: radar_2"}
+    values = diagnostics.values_of(stale()[0])
     assert float(values["age_s"]) > 2.0 * float(values["interval_s"])
     # Tracking goes on. The radar's return is noticed, though no scan waited for it.
-    assert peer.spin_until(lambda: len(group.filtered) > 8)
-    group.send(index)
-    assert wait_for_level(group, "radar_2", DiagnosticStatus.WARN)
-
-
-def test_second_publisher_is_an_error_while_it_publishes(processes, peer):
-    start_tracker(processes)
-    group = connected(peer)
-    other = peer.publisher(PointCloud2, DETECTIONS, 50)
-    assert peer.spin_until(lambda: other.get_subscription_count() and group.health)
-    scans = iter(enumerate(SCANS))
-
-    def first_until(fitting, both):
-        """Send scans until the first radar's level fits; return its line."""
-        for index, scan in scans:
-            group.send(index)
-            if both:
-                other.publish(detections.to_msg(scan.detections[0], scan.stamp_ns, "radar_1"))
-            peer.pace(0.3)
-            first, second, *_ = group.health[-1].status
-            assert second.level != DiagnosticStatus.ERROR
-            if fitting(first.level):
-                return first
-        pytest.fail("no such level")
-
-    listed = first_until(lambda level: level == DiagnosticStatus.WARN, both=False)
-    assert listed.message.startswith("2 publishers listed")
-    several = first_until(lambda level: level == DiagnosticStatus.ERROR, both=True)
-    assert several.message == f"several publishers on {DETECTIONS}, must be one"
-    peer.node.destroy_publisher(other)
-    first_until(lambda level: level != DiagnosticStatus.ERROR, both=False)
-    assert diagnostics.values_of(status_of(group, "radar_1"))["gaps"] == "0"
+    assert peer.spin_until(lambda: len(radars.filtered) > 8)
+    radars.send(index)
+    radars.health.until_level("radar_2", WARN)
 
 
 def test_publisher_of_incompatible_qos_is_an_error(processes, peer):
     start_tracker(processes, *options(autostart=False))
-    group = Radars(peer)
-    for output in group.outputs:
-        peer.node.destroy_publisher(output)
-    group.outputs = [peer.publisher(PointCloud2, DETECTIONS, BEST_EFFORT)]
-    assert change(peer, Transition.TRANSITION_CONFIGURE)
-    assert change(peer, Transition.TRANSITION_ACTIVATE)
-    assert wait_for_level(group, "radar_1", DiagnosticStatus.ERROR)
-    found = status_of(group, "radar_1")
-    assert found.message.startswith(f"incompatible QoS on {DETECTIONS}: Best effort publisher")
-    assert diagnostics.values_of(found)["incompatible_qos"] == "1"
+    group = with_publisher(peer, BEST_EFFORT)
+    assert change(peer, "CONFIGURE", "ACTIVATE")
+    words = f"incompatible QoS on {DETECTIONS}: Best effort publisher"
+    group.health.until_level("radar_1", ERROR, words)
+    assert group.health.values("radar_1")["incompatible_qos"] == "1"
 
 
-def test_qos_override_is_for_its_topic_alone(processes, peer):
+def test_qos_override_is_for_its_topic_alone_and_pauses_lose_nothing(processes, peer):
     override = f"qos_overrides.{DETECTIONS}.subscription.reliability:=best_effort"
-    start_tracker(processes, "-p", override, qos=())
+    start_tracker(processes, "-p", override, qos=reliable(OTHER))
     group = connected(peer)
-    wanted = [
-        group.peer.node.get_subscriptions_info_by_topic(f"/radar_{k}/detections")[0].qos_profile
-        for k in (1, 2)
-    ]
+    wanted = [peer.node.get_subscriptions_info_by_topic(topic)[0].qos_profile for topic in TOPICS]
     assert [qos.reliability for qos in wanted] == [
         ReliabilityPolicy.BEST_EFFORT,
         ReliabilityPolicy.RELIABLE,
     ]
+    group.track(0)
+    assert change(peer, "DEACTIVATE")
+    for index in range(1, 5):
+        group.send(index)
+    peer.meet(times=10)
+    assert change(peer, "ACTIVATE")
+    group.track(5)
+    values = group.health.values("radar_2")
+    assert (values["received"], values["gaps"]) == ("2", "0")
 
 
 def test_output_qos_can_be_overridden_and_incompatible_subscribers_are_logged(processes, peer):
@@ -131,71 +106,57 @@ def test_output_qos_can_be_overridden_and_incompatible_subscribers_are_logged(pr
     start_tracker(processes, "-p", override)
     group = connected(peer)  # asks for reliable estimates
     heard = peer.collect(PointCloud2, ESTIMATES, BEST_EFFORT)
-    assert wait_for_level(group, "outputs", DiagnosticStatus.WARN)
-    values = diagnostics.values_of(status_of(group, "outputs"))
+    found = group.health.until_level("outputs", WARN)
     peer.meet()
     group.send(0)
     assert peer.spin_until(lambda: heard)
 
-    assert values == {f"incompatible_qos {ESTIMATES}": "1"}
+    assert diagnostics.values_of(found) == {f"incompatible_qos {ESTIMATES}": "1"}
     assert not group.filtered
 
 
 def test_missed_deadline_is_counted(processes, peer):
     override = f"qos_overrides.{DETECTIONS}.subscription.deadline:={300_000_000}"
     start_tracker(processes, "-p", override)
-    group = Radars(peer)
-    peer.node.destroy_publisher(group.outputs[0])
     offer = QoSProfile(depth=50, deadline=Duration(nanoseconds=200_000_000))
-    group.outputs[0] = peer.publisher(PointCloud2, DETECTIONS, offer)
+    group = with_publisher(peer, offer)
     group.connect()
     group.track(0)
-    assert wait_for_level(group, "radar_1", DiagnosticStatus.WARN)
-    assert int(diagnostics.values_of(status_of(group, "radar_1"))["deadlines_missed"]) > 0
-
-
-def test_messages_while_the_tracker_was_inactive_are_not_lost(processes, peer):
-    start_tracker(processes, qos=())
-    group = connected(peer)
-    group.track(0)
-    assert change(peer, Transition.TRANSITION_DEACTIVATE)
-    for index in range(1, 5):
-        group.send(index)
-    peer.meet(times=10)
-    assert change(peer, Transition.TRANSITION_ACTIVATE)
-    group.track(5)
-    values = diagnostics.values_of(status_of(group, "radar_1"))
-    assert (values["received"], values["gaps"]) == ("2", "0")
-
-
-def test_wrong_topic_is_reported_with_the_existing_ones(processes, peer):
-    tracker = start_tracker(processes, "-p", "radar_2.topic:=/plots")
-    group = Radars(peer)
-    other = peer.publisher(String, "/plots")
-    assert wait_for_level(group, "radar_2", DiagnosticStatus.ERROR)
-    assert status_of(group, "radar_2").message == (
-        "/plots is published as std_msgs/msg/String, must be sensor_msgs/msg/PointCloud2"
+    group.health.until(
+        "radar_1", lambda status, v: status.level == WARN and v["deadlines_missed"] > "0"
     )
+
+
+def test_wrong_and_remapped_topics_are_reported_with_the_existing_ones(processes, peer):
+    north = "/drivers/north/plots"
+    words = ("-r", f"{DETECTIONS}:={north}", "-p", "radar_2.topic:=/plots")
+    tracker = start_tracker(processes, *words)
+    health = Health(peer)
+    _, used = (peer.publisher(PointCloud2, topic) for topic in (OTHER, north))
+    other = peer.publisher(String, "/plots")
+    wrong = "/plots is published as std_msgs/msg/String, must be sensor_msgs/msg/PointCloud2"
+    assert health.until_level("radar_2", ERROR).message == wrong
     peer.node.destroy_publisher(other)
-    assert wait_for_level(group, "radar_2", DiagnosticStatus.STALE)
+    peer.settled(used)
     told = (
-        "nothing received yet; no publisher on /plots; sensor_msgs/msg/PointCloud2 is on "
-        "/radar_2/detections"
+        f"nothing received yet; no publisher on /plots; sensor_msgs/msg/PointCloud2 is on {OTHER}"
     )
     # Its own outputs are of that type too, and the first radar has its topic.
-    assert status_of(group, "radar_2").message == told
-    assert peer.spin_until(lambda: told in tracker.log.read_text())
+    assert health.until_level("radar_2", STALE, "no publisher").message == told
+    peer.said(tracker, told)
+    assert health.values("radar_1")["topic"] == north
+    assert peer.node.count_subscribers(north) == 1
 
 
 def test_noise_set_much_too_large_is_reported(processes, peer):
     wide = {"range_std": 3000.0, "azimuth_std_deg": 10.0}
     given = {f"radar_{k}.{name}": value for k in (1, 2) for name, value in wide.items()}
-    start_tracker(processes, *options(**given))
+    start_tracker(processes, *options(engine="gaussian", **given))
     group = connected(peer)
 
     def reported():
-        statuses = [s for message in group.health for s in message.status]
-        return any(" times smaller than the noise predicts" in s.message for s in statuses)
+        found = itertools.chain(*group.health.all().values())
+        return any(" times smaller than the noise predicts" in s.message for s in found)
 
     for index in range(len(SCANS)):
         group.track(index)
@@ -205,47 +166,32 @@ def test_noise_set_much_too_large_is_reported(processes, peer):
     assert reported()
 
 
-def test_diagnostics_show_a_radars_topic_after_remapping(processes, peer):
-    start_tracker(processes, "-r", f"{DETECTIONS}:=/drivers/north/plots")
-    group = Radars(peer)
-    assert peer.spin_until(lambda: group.health)
-    assert diagnostics.values_of(status_of(group, "radar_1"))["topic"] == "/drivers/north/plots"
-    assert diagnostics.values_of(status_of(group, "radar_2"))["topic"] == "/radar_2/detections"
-    assert peer.node.count_subscribers("/drivers/north/plots") == 1
-
-
 def test_overload_is_the_trackers_fault_and_not_a_silent_radars(processes, peer):
     """Two radars of some 50 Hz, and so many particles that a step takes several of their scans."""
     many = options(engine="particles", particles_per_target=8000)
     tracker = start_tracker(processes, *many, qos=())
     group = connected(peer)
-    found = {}
-    for index in itertools.count():
-        stamp_ns = SCANS[0].stamp_ns + index * 20_000_000
-        group.send(index % 40, stamp_ns=stamp_ns)
+    for index in range(3000):
+        group.send(index % 40, stamp_ns=SCANS[0].stamp_ns + index * 20_000_000)
         peer.pace(0.02)
-        for message in group.health:
-            for status in message.status:
-                found.setdefault(status.name, set()).add((status.level, status.message))
-        group.health.clear()
-        step = [text for _, text in found.get("/tracker: step time", ()) if "overloaded" in text]
-        lost = {
-            radar: [text for _, text in found.get(radar, ()) if "lost" in text]
-            for radar in ("/tracker: radar_1", "/tracker: radar_2")
-        }
-        if (step and all(lost.values())) or index > 3000:
+        found = {name: {s.message for s in all_} for name, all_ in group.health.all().items()}
+        step = [text for text in found.get("step time", ()) if "overloaded" in text]
+        radars = [found.get(f"radar_{k}", set()) for k in (1, 2)]
+        lost = [[text for text in texts if "lost" in text] for texts in radars]
+        if step and all(lost):
             break
     tracker.kill()  # it would finish its step first
     assert step, found
     assert "turn down accuracy, particles_per_target" in step[0]
-    for radar, texts in lost.items():
-        assert all("the tracker is too slow" in text for text in texts), found
+    for texts in lost:
         assert texts
-        assert not [text for _, text in found[radar] if text.startswith("silent")], found
+        assert all("the tracker is too slow" in text for text in texts), found
+    assert not [text for texts in radars for text in texts if text.startswith("silent")], found
 
 
 def test_wait_by_the_wall_clock_closes_a_scan_and_is_counted(processes, peer):
-    start_tracker(processes, *options(max_wait_s=0.4))
+    """Also where simulated time stands still: here there is no /clock."""
+    start_tracker(processes, *options(max_wait_s=0.4, use_sim_time=True))
     group = connected(peer)
     group.track(0)
     sent = time.monotonic()
@@ -255,8 +201,8 @@ def test_wait_by_the_wall_clock_closes_a_scan_and_is_counted(processes, peer):
     assert time.monotonic() - sent >= 0.4
     group.send(1, radars=(1,))  # too late for its scan
     group.track(2)
-    assert diagnostics.values_of(status_of(group, "step time"))["closed_by_wait"] == "1"
-    assert diagnostics.values_of(status_of(group, "radar_2"))["dropped_late"] == "1"
+    assert group.health.values("step time")["closed_by_wait"] == "1"
+    assert group.health.values("radar_2")["dropped_late"] == "1"
     assert len(group.filtered) == 3
 
 
@@ -269,9 +215,3 @@ def test_tracker_refuses_an_impossible_qos(processes, wrong):
     assert status == 2
     assert f"qos_overrides.{DETECTIONS}" in text
     assert "Traceback" not in text
-
-
-def test_health_is_reported_while_simulated_time_stands_still(processes, peer):
-    start_tracker(processes, *options(use_sim_time=True))
-    health = peer.collect(DiagnosticArray, "/diagnostics")
-    assert peer.spin_until(lambda: len(health) > 1)

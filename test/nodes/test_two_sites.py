@@ -45,9 +45,10 @@ class Aggregator:
                 yield f"/{self.root}/{analyzer['path']}/{shown.strip()}"
 
 
-@pytest.fixture
-def statuses(processes, peer):
+@pytest.fixture(scope="module")
+def statuses(lasting):
     """Return the statuses of one tracker in each of two namespaces, by name."""
+    processes, peer = lasting
     heard = peer.collect(DiagnosticArray, "/diagnostics", 50)
     for site in SITES:
         processes.start("tracker", "--ros-args", *FAST, "-r", f"__ns:={site}")

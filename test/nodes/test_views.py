@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
+from live_radars import options, start_tracker
 from message_paths import values
 from rclpy.qos import (
     DurabilityPolicy,
@@ -99,18 +100,12 @@ class Live:
         return self.peer.node.get_publishers_info_by_topic(topic)
 
 
-@pytest.fixture
-def live(processes, peer):
+@pytest.fixture(scope="module")
+def live(lasting):
+    processes, peer = lasting
     heard = Live(peer)
-    reliable = [
-        word
-        for radar in ("radar_1", "radar_2")
-        for word in ("-p", f"qos_overrides./{radar}/detections.subscription.reliability:=reliable")
-    ]
-    few = ("-p", "particles_per_target:=100", "-p", "particles_per_birth:=256", "-p", "lag:=2")
-    mapped = ("-p", "radar_1.clutter_map:=true")
     processes.start("evaluator")
-    processes.start("tracker", "--ros-args", *few, *mapped, *reliable)
+    start_tracker(processes, *options(**{"engine": "gaussian", "radar_1.clutter_map": "true"}))
     assert peer.spin_until(lambda: peer.node.count_publishers(names.OSPA))
     assert peer.spin_until(lambda: peer.node.count_publishers(names.cardinality()))
     processes.start("sensor_replay", BAG, "--rate", "20", "--loop")

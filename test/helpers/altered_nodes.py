@@ -1,0 +1,28 @@
+"""Executables with one thing changed, for `forked`: each takes the arguments of its node."""
+
+from phd_jdtc_ros.core.smc.engine import ParticleEngine
+from phd_jdtc_ros.nodes.replay import lock_step
+from phd_jdtc_ros.nodes.replay import node as replay
+from phd_jdtc_ros.nodes.tracker import node as tracker
+
+
+def failing_tracker(arguments):
+    """Run a tracker whose third step fails when all of it is done."""
+    step, scans = ParticleEngine.step, []
+
+    def fail(engine, scan):
+        scans.append(scan)
+        found = step(engine, scan)
+        if len(scans) == 3:
+            raise ArithmeticError("half-way")
+        return found
+
+    ParticleEngine.step = fail
+    return tracker.main(arguments)
+
+
+def hasty_replay(arguments):
+    """Run a replay that gives up as soon as a test can wait for."""
+    lock_step.GIVE_UP_S = 3.0
+    replay.MAX_TRUTH_S, replay.ACKNOWLEDGE_S = 2.0, 1.0
+    return replay.main(arguments)
