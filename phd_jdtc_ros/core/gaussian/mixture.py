@@ -4,15 +4,38 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, factorize, read_only, sum_by
+from ..arrays import FloatArray, IntArray, factorize, read_only
+from ..compilation import Float3, Int1, compiled
 from ..snapshot import MAX_MASS, MAX_STATE, ROUNDING, covariances, floats, integers
 from ..state_space import StateSpace
 from ..window.entries import Extents
 from .algebra.moments import merge_moments
+
+
+class Sums(NamedTuple):
+    """Sums of the weights of H hypotheses of T targets."""
+
+    mode_weight: FloatArray  # Weight of each Gaussian, (H, R)
+    mass: FloatArray  # Weight of each hypothesis, (H,)
+    existence: FloatArray  # Existence probability of each target, (T,)
+
+
+@compiled
+def _sums(targets: int, target: Int1, weight: Float3) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the columns of `Sums`."""
+    count, modes, classes = weight.shape
+    mode_weight, mass, existence = np.zeros((count, modes)), np.zeros(count), np.zeros(targets)
+    for row in range(count):
+        for mode in range(modes):
+            for class_id in range(classes):
+                mode_weight[row, mode] += weight[row, mode, class_id]
+            mass[row] += mode_weight[row, mode]
+        existence[target[row]] += mass[row]
+    return mode_weight, mass, existence
 
 
 @dataclass(frozen=True)
@@ -65,21 +88,23 @@ class Mixture:
         return self._targets[1]
 
     @cached_property
+    def _sums(self) -> Sums:
+        return Sums(*_sums(len(self.label), self.target, self.weight))
+
+    @property
     def mode_weight(self) -> FloatArray:
         """Weight of each Gaussian, shape (H, R)."""
-        weight: FloatArray = np.einsum("hrs->hr", self.weight)
-        return weight
+        return self._sums.mode_weight
 
-    @cached_property
+    @property
     def mass(self) -> FloatArray:
         """Weight of each hypothesis, shape (H,)."""
-        mass: FloatArray = np.einsum("hr->h", self.mode_weight)
-        return mass
+        return self._sums.mass
 
-    @cached_property
+    @property
     def existence(self) -> FloatArray:
         """Existence probability of each target, shape (T,)."""
-        return sum_by(self.target, self.mass, len(self.label))
+        return self._sums.existence
 
     @property
     def gaussians(self) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -5,13 +5,13 @@ Each probable motion mode of a remaining hypothesis then becomes a hypothesis of
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, contiguous
-from ..compilation import Float3, Float4, Int1, Int2, compiled, inner
+from ..arrays import BoolArray, FloatArray, IntArray, run_starts
+from ..compilation import Bool1, Float3, Float4, Int1, Int2, compiled, inner
 from ..snapshot import floats, integers
 from .algebra import kalman
 from .algebra.blocks import SIZE, add_mean, add_spread, factorise, square_distance
@@ -22,6 +22,9 @@ from .mixture import Mixture
 # Share of `Bounds.most` that single-mode hypotheses may take. The rest is reserved for the next
 # scan, in which every detection branches a hypothesis.
 ROOM = 0.25
+# A mode whose share equals the bound, but for rounding, is a hypothesis of its own: after a missed
+# detection the shares often are the probabilities of the modes' changes.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -30,10 +33,6 @@ class Branched:
 
     mixture: Mixture
     parent: IntArray  # (H,). Row of the predicted mixture; -1 for targets born at detections.
-
-    def take(self, rows: IntArray) -> Branched:
-        """Return the hypotheses of these rows."""
-        return Branched(self.mixture.take(rows), self.parent[rows])
 
 
 @dataclass(frozen=True)
@@ -73,107 +72,129 @@ def _across_modes(
 
 @compiled
 def _clusters(
-    target: Int1, weight: Float3, mean: Float3, covariance: Float4, distance: float
-) -> IntArray:
-    """Return for each hypothesis the row that absorbs it; its own row if it is not merged.
+    distance: float,
+    kept: Bool1,
+    target: Int1,
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+) -> tuple[IntArray, IntArray]:
+    """Return the rows of the clusters, and the cluster of each, ascending, (E,).
 
-    The rows of a target come one after the other, the most probable first.
+    The rows of a target come one after the other, the most probable first; so do those of a
+    cluster. Only targets that are `kept`, (T,), have clusters.
     """
-    count = len(target)
-    into, centre = np.full(count, -1), np.zeros((count, SIZE))
-    spread, factor = np.zeros((count, SIZE, SIZE)), np.empty((SIZE, SIZE))
-    apart = np.empty(SIZE)
-    begin = 0
+    count, edges, clusters = len(target), 0, 0
+    row_of, child = np.empty(count, np.int64), np.empty(count, np.int64)
+    centre, spread = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
+    factor, apart, merged = np.empty((SIZE, SIZE)), np.empty(SIZE), np.zeros(count, np.bool_)
+    begin = end = 0
     while begin < count:
-        end = begin + 1
         while end < count and target[end] == target[begin]:
+            merged[end] = not kept[target[begin]]
             end += 1
         for row in range(begin, end if end > begin + 1 else begin):
             _across_modes(weight[row], mean[row], covariance[row], centre[row], spread[row])
         for first in range(begin, end):
-            if into[first] >= 0:
+            if merged[first]:
                 continue
-            into[first] = first
             if first + 1 < end:
                 factorise(spread[first], factor)
-            for row in range(first + 1, end):
-                if into[row] < 0:
-                    square = square_distance(factor, centre[row], centre[first], apart)
-                    into[row] = first if square <= distance else -1
+            for row in range(first, end):
+                if merged[row] or (
+                    row > first
+                    and square_distance(factor, centre[row], centre[first], apart) > distance
+                ):
+                    continue
+                merged[row], row_of[edges], child[edges] = True, row, clusters
+                edges += 1
+            clusters += 1
         begin = end
-    return into
+    return row_of[:edges], child[:edges]
 
 
 @inner
-def _merged_snr(
-    row_of: IntArray,
-    child: IntArray,
-    size: IntArray,
-    weight: FloatArray,
-    found: FloatArray,
-    snr: FloatArray,
-) -> FloatArray:
-    """Return the cells of SNR of each cluster: those of its hypotheses, by the class's weight."""
-    classes, cells = snr.shape[1:]
-    merged = np.zeros((len(found), classes, cells))
-    for edge in range(len(row_of)):
-        row, one = row_of[edge], child[edge]
-        for class_id in range(classes):
-            own, whole = 0.0, 0.0
-            for mode in range(weight.shape[1]):
+def _write_merged_snr(
+    rows: IntArray, weight: FloatArray, found: FloatArray, snr: FloatArray, merged: FloatArray
+) -> None:
+    """Write the cells of SNR of a cluster: those of its hypotheses, by the class's weight."""
+    classes, cells = merged.shape
+    for class_id in range(classes):
+        whole = 0.0
+        for mode in range(len(found)):
+            whole += found[mode, class_id]
+        for row in rows:
+            own = 0.0
+            for mode in range(len(found)):
                 own += weight[row, mode, class_id]
-                whole += found[one, mode, class_id]
             # A class without weight has the cells of all hypotheses, equally weighted.
-            part = own / whole if whole > 0.0 else 1.0 / size[one + 1]
+            part = own / whole if whole > 0.0 else 1.0 / len(rows)
             for cell in range(cells):
-                merged[one, class_id, cell] += part * snr[row, class_id, cell]
-    return merged
+                merged[class_id, cell] += part * snr[row, class_id, cell]
 
 
 @compiled
 def _merged(
-    into: Int1, parent: Int1, weight: Float3, mean: Float3, covariance: Float4, snr: Float3
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray, IntArray, FloatArray]:
-    """Return the columns of each cluster's hypothesis, and the columns of `Ancestry`.
+    row_of: Int1, child: Int1, weight: Float3, mean: Float3, covariance: Float4, snr: Float3
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the columns of each cluster's hypothesis, and `Ancestry.share`.
 
-    For `into` see `_clusters`.
+    For `row_of` and `child` see `_clusters`.
     """
-    count, modes, classes = weight.shape
-    cluster, size = np.cumsum(into == np.arange(count)) - 1, np.zeros(count + 1, np.int64)
-    clusters = cluster[-1] + 1 if count else 0
-    for row in range(count):
-        size[cluster[into[row]] + 1] += 1
-    start = np.cumsum(size)
-    row_of, child = np.empty(count, np.int64), np.empty(count, np.int64)
-    for row in range(count):
-        child[start[cluster[into[row]]]] = cluster[into[row]]
-        row_of[start[cluster[into[row]]]] = row
-        start[cluster[into[row]]] += 1
-    found, share = np.zeros((clusters, modes, classes)), np.zeros((count, modes, classes))
+    edges, (modes, classes), cells = len(child), weight.shape[1:], snr.shape[2]
+    clusters = child[-1] + 1 if edges else 0
+    found, share = np.zeros((clusters, modes, classes)), np.zeros((edges, modes, classes))
     centre, spread = np.zeros((clusters, modes, SIZE)), np.zeros((clusters, modes, SIZE, SIZE))
+    merged_snr, part = np.zeros((clusters, classes, cells)), np.empty(edges)
+    begin = end = 0
+    for one in range(clusters):
+        while end < edges and child[end] == one:
+            for mode in range(modes):
+                add(weight[row_of[end], mode], found[one, mode])
+            end += 1
+        for mode in range(modes):
+            whole, at, around = total_of(found[one, mode]), centre[one, mode], spread[one, mode]
+            for edge in range(begin, end):
+                row = row_of[edge]
+                # A mode without weight keeps the Gaussians of all hypotheses, equally weighted.
+                own = total_of(weight[row, mode])
+                part[edge] = own / whole if whole > 0.0 else 1.0 / (end - begin)
+                add_mean(part[edge], mean[row, mode], at)
+                for class_id in range(classes):
+                    if found[one, mode, class_id] > 0.0:
+                        part_of = weight[row, mode, class_id] / found[one, mode, class_id]
+                        share[edge, mode, class_id] = part_of
+            for edge in range(begin, end):
+                row = row_of[edge]
+                add_spread(part[edge], mean[row, mode], covariance[row, mode], at, around)
+        _write_merged_snr(row_of[begin:end], weight, found[one], snr, merged_snr[one])
+        begin = end
+    return found, centre, spread, merged_snr, share
+
+
+@compiled
+def _modes_apart(least: float, weight: Float3) -> tuple[IntArray, IntArray, Int2]:
+    """Return the row and the mode of each hypothesis of one mode, and `stays_with`, (H, R).
+
+    These are the modes whose share of a hypothesis is at least `least`, and its most probable one,
+    with which the others stay.
+    """
+    count, modes = weight.shape[:2]
+    row_of, mode_of = np.empty(count * modes, np.int64), np.empty(count * modes, np.int64)
+    stays_with, own, found = np.empty((count, modes), np.int64), np.empty(modes), 0
+    bound = least * (1.0 - ROUNDING)
     for row in range(count):
+        mass, main = 0.0, 0
         for mode in range(modes):
-            add(weight[row, mode], found[cluster[into[row]], mode])
-    part = np.empty((count, modes))
-    for edge in range(count):
-        row, one = row_of[edge], child[edge]
+            own[mode] = total_of(weight[row, mode])
+            mass += own[mode]
+            main = mode if own[mode] > own[main] else main
         for mode in range(modes):
-            whole = total_of(found[one, mode])
-            # A mode without weight keeps the Gaussians of all hypotheses, equally weighted.
-            some = whole > 0.0
-            part[edge, mode] = total_of(weight[row, mode]) / whole if some else 1.0 / size[one + 1]
-            add_mean(part[edge, mode], mean[row, mode], centre[one, mode])
-            for class_id in range(classes):
-                if found[one, mode, class_id] > 0.0:
-                    part_of = weight[row, mode, class_id] / found[one, mode, class_id]
-                    share[edge, mode, class_id] = part_of
-    for edge in range(count):
-        row, one = row_of[edge], child[edge]
-        for mode in range(modes):
-            at, around = centre[one, mode], spread[one, mode]
-            add_spread(part[edge, mode], mean[row, mode], covariance[row, mode], at, around)
-    cells = _merged_snr(row_of, child, size, weight, found, snr)
-    return found, centre, spread, cells, child, parent[row_of], share
+            apart = mode == main or (own[mode] > 0.0 and own[mode] >= bound * mass)
+            stays_with[row, mode] = mode if apart else main
+            row_of[found], mode_of[found] = row, mode
+            found += apart
+    return row_of[:found], mode_of[:found], stays_with
 
 
 @compiled
@@ -188,17 +209,13 @@ def _split(
 ) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
     """Return the weights of hypotheses of one mode each, and the columns of their `Ancestry`.
 
-    `row` and `mode` are the hypothesis and its mode, ascending, of each result. `stays_with` is the
-    mode with which each mode of a hypothesis stays.
+    For `row`, `mode` and `stays_with` see `_modes_apart`.
     """
     modes, classes = weight.shape[1:]
-    size = np.zeros(len(weight) + 1, np.int64)
-    for edge in range(len(child)):
-        size[child[edge] + 1] += 1
-    start = np.cumsum(size)
+    start = np.searchsorted(child, np.arange(len(weight) + 1))
     edges = 0
     for one in row:
-        edges += size[one + 1]
+        edges += start[one + 1] - start[one]
     found, part = np.zeros((len(row), modes, classes)), np.zeros((edges, modes, classes))
     to, of = np.empty(edges, np.int64), np.empty(edges, np.int64)
     edge = 0
@@ -248,54 +265,28 @@ def reduce_hypotheses(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ance
     Salmond, "Mixture reduction algorithms for target tracking in clutter", Proceedings of SPIE
     1305, 1990, the clustering algorithm.
     """
-    branched = branched.take(_existing(branched.mixture, bounds))
-    mixture = branched.mixture
-    columns = mixture.weight, mixture.mean, mixture.covariance
-    into = _clusters(mixture.target, *columns, bounds.merge_distance)
-    weight, mean, covariance, snr, child, parent, share = _merged(
-        *contiguous(into, branched.parent, *columns, mixture.snr)
-    )
+    mixture, kept = branched.mixture, _kept(branched.mixture, bounds)
+    row_of, child = _clusters(bounds.merge_distance, kept, mixture.target, *mixture.gaussians)
+    weight, mean, covariance, snr, share = _merged(row_of, child, *mixture.gaussians, mixture.snr)
     covariance, floored = kalman.floor_eigenvalues(covariance)
-    origin = mixture.row_label[np.flatnonzero(into == np.arange(len(into)))]
-    merged = Mixture(origin, weight, mean, covariance, snr)
-    return *_by_mode(merged, Ancestry(child, parent, share), bounds), floored
+    row_label, parent = mixture.row_label[row_of[run_starts(child)]], branched.parent[row_of]
+    # If the number of hypotheses would leave too little room for the next scan, none is split:
+    # modes are mixed, as with a `least_mode` of 1.
+    row, mode, stays_with = _modes_apart(bounds.least_mode, weight)
+    if len(weight) < len(row) <= ROOM * bounds.most:
+        weight, child, parent, share = _split(row, mode, stays_with, weight, child, parent, share)
+        row_label, snr = row_label.take(row), snr.take(row, axis=0)
+        mean, covariance = mean.take(row, axis=0), covariance.take(row, axis=0)
+    reduced = Mixture(row_label, weight, mean, covariance, snr)
+    return reduced, Ancestry(child, parent, share), floored
 
 
-def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixture, Ancestry]:
-    """Return a hypothesis for each motion mode whose share is at least `least_mode`.
-
-    Less probable modes stay with the most probable one. If the number of hypotheses would leave
-    too little room for the next scan, none is split: modes are mixed, as with a `least_mode` of 1.
-    """
-    least = bounds.least_mode
-    mass = np.where(mixture.mass > 0.0, mixture.mass, 1.0)
-    own = (mixture.mode_weight >= least * mass[:, None]) & (mixture.mode_weight > 0.0)
-    main = mixture.mode_weight.argmax(axis=1)
-    own[np.arange(len(mixture)), main] = True
-    count = np.count_nonzero(own)
-    if count == len(mixture) or count > ROOM * bounds.most:
-        return mixture, ancestry
-    row, mode = np.nonzero(own)
-    # The mode of its own that each mode stays with.
-    stays_with = np.where(own, np.arange(own.shape[1]), main[:, None])
-    weight, child, parent, share = _split(
-        *contiguous(row, mode, stays_with, mixture.weight),
-        *contiguous(ancestry.child, ancestry.parent, ancestry.share),
-    )
-    split = replace(mixture.take(row), weight=weight)
-    return split, Ancestry(child, parent, share)
-
-
-def _existing(mixture: Mixture, bounds: Bounds) -> IntArray:
-    """Return the rows of the targets of sufficient existence probability."""
+def _kept(mixture: Mixture, bounds: Bounds) -> BoolArray:
+    """Return whether each target's existence probability is sufficient, (T,)."""
     existence = mixture.existence
-    kept = existence >= bounds.least_existence
-    size = np.bincount(mixture.target, minlength=len(existence))
-    if size[kept].sum() > bounds.most:
+    kept: BoolArray = existence >= bounds.least_existence
+    if len(mixture) > bounds.most:
+        size = np.bincount(mixture.target, minlength=len(existence))
         order = np.argsort(-existence, kind="stable")
-        most = order[np.cumsum(size[order]) <= bounds.most]
-        affordable = np.zeros(len(existence), dtype=bool)
-        affordable[most] = True
-        kept &= affordable
-    rows: IntArray = np.flatnonzero(kept[mixture.target])
-    return rows
+        kept[order] &= (np.cumsum(size[order]) <= bounds.most) | (size[kept].sum() <= bounds.most)
+    return kept
