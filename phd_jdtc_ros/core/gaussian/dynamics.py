@@ -35,6 +35,11 @@ class Interval(NamedTuple):
     # (C, S, S). Matrix of each class's cells of SNR, [from, to]; None if no cell is left.
     snr: FloatArray | None
 
+    @property
+    def by_mode(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Change, noise, transition and survival."""
+        return self.change, self.noise, self.transition, self.survival
+
 
 @dataclass(frozen=True)
 class Dynamics:
@@ -109,8 +114,7 @@ class Dynamics:
 
     def unknown_snr(self, count: int) -> FloatArray:
         """Return the probabilities of the cells of new targets, shape (count, C, S)."""
-        prior = self.cells.prior
-        return np.broadcast_to(prior, (count, *prior.shape))
+        return self.cells.prior[None].repeat(count, axis=0)
 
     @cached_property
     def birth_weight(self) -> FloatArray:

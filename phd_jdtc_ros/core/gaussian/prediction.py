@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, contiguous
-from ..compilation import Float2, Float3, Float4, Int1, Int2, compiled
+from ..arrays import FloatArray, IntArray
+from ..compilation import Bool1, Float1, Float2, Float3, Float4, Int1, compiled
 from ..snapshot import MAX_STATE, floats, integers
 from ..tracks import labels
 from .algebra.blocks import SIZE, add_mean, add_spread, copy_gaussian, dot, factorise, solve
-from .algebra.curvature import moved
-from .algebra.kalman import predicted_covariance
+from .algebra.curvature import move, new_moved
+from .algebra.vectors import total_of
 from .dynamics import Dynamics
 from .mixture import Mixture
 
@@ -58,90 +58,86 @@ class Moves:
 
 
 @compiled
-def _pairs(
-    covariance: Float4,
-    row: Int1,
-    of: Int1,
-    to: Int1,
-    source: Int1,
-    jacobian: Float3,
-    curved: Float3,
-    noise: Float4,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the predicted covariance of each pair, its factors, gain and base; see `Moves`.
-
-    `row`, `of` and `to` are the hypothesis and the modes of each pair; `source` is the scan whose
-    interval gives the noise. For `jacobian` and `curved` see `curvature.moved`.
-    """
-    count = len(row)
-    later, factor = np.empty((count, SIZE, SIZE)), np.empty((count, SIZE, SIZE))
-    gain, base = np.empty((count, SIZE, SIZE)), np.empty((count, SIZE, SIZE))
-    cross = np.empty((SIZE, SIZE))  # of the earlier and the later state
-    for pair in range(count):
-        before, turn = covariance[row[pair], of[pair]], jacobian[pair]
-        added = noise[source[pair], to[pair]]
-        for i in range(SIZE):
-            for k in range(SIZE):
-                cross[i, k] = dot(before[i], turn[k])
-        for i in range(SIZE):
-            for k in range(i + 1):
-                total = added[i, k] + curved[pair, i, k]
-                for n in range(SIZE):
-                    total += turn[i, n] * cross[n, k]
-                later[pair, i, k] = later[pair, k, i] = total
-        factorise(later[pair], factor[pair])
-        for i in range(SIZE):
-            gain[pair, i] = cross[i]
-            solve(factor[pair], gain[pair, i])
-            for k in range(i + 1):
-                total = before[i, k] - dot(gain[pair, i], cross[k])
-                base[pair, i, k] = base[pair, k, i] = total
-    return later, factor, gain, base
-
-
-@compiled
-def _mixed(
+def _predicted(
     weight: Float3,
     mean: Float3,
     covariance: Float4,
+    mode_weight: Float2,
+    source: Int1,
     of: Int1,
     to: Int1,
+    turns: Bool1,
+    dt: Float1,
     change: Float2,
-    place: Int2,
-    pair_mean: Float2,
-    pair_covariance: Float3,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the weight, mean and covariance of each later mode, matched over its pairs.
+    noise: Float4,
+    transition: Float4,
+) -> tuple[
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    IntArray,
+]:
+    """Return the later weights, means and covariances, and the columns of `Moves` from `mean` on.
 
-    A mode that cannot be reached has no weight; it keeps its own Gaussian.
+    `source` is the interval of each hypothesis; the last five parameters are by mode or interval.
     """
     count, modes, classes = weight.shape
-    later_weight, later_mean = np.zeros(weight.shape), np.zeros(mean.shape)
-    later = np.zeros(covariance.shape)
-    share, total = np.empty(len(of)), np.empty(modes)
+    place, active = np.full((count, len(of)), -1), 0
     for row in range(count):
+        for pair in range(len(of)):
+            if mode_weight[row, of[pair]] > 0.0 and change[source[row], pair] > 0.0:
+                place[row, pair] = active
+                active += 1
+    pair_mean, factor = np.empty((active, SIZE)), np.empty((active, SIZE, SIZE))
+    gain, base = np.empty((active, SIZE, SIZE)), np.empty((active, SIZE, SIZE))
+    later_weight, later_mean = np.zeros(weight.shape), np.zeros(mean.shape)
+    later, spread = np.zeros(covariance.shape), np.empty((len(of), SIZE, SIZE))
+    share, total, moved = np.empty(len(of)), np.empty(modes), new_moved()
+    for row in range(count):
+        own = source[row]
         total[:] = 0.0
         for pair in range(len(of)):
             share[pair] = 0.0
             for class_id in range(classes):
-                moved = change[row, pair] * weight[row, of[pair], class_id]
-                later_weight[row, to[pair], class_id] += moved
-                share[pair] += moved
+                arriving = change[own, pair] * weight[row, of[pair], class_id]
+                later_weight[row, to[pair], class_id] += arriving
+                share[pair] += arriving
             total[to[pair]] += share[pair]
         for pair in range(len(of)):
+            at, mode = place[row, pair], to[pair]
+            if at < 0:
+                continue
+            before = covariance[row, of[pair]]
+            move(mean[row, of[pair]], before, transition[own, mode], turns[mode], dt[own], moved)
+            for i in range(SIZE):
+                pair_mean[at, i] = moved.mean[i]
+                for k in range(i + 1):
+                    found = moved.covariance[i, k] + noise[own, mode, i, k]
+                    spread[pair, i, k] = spread[pair, k, i] = found
+            factorise(spread[pair], factor[at])
+            for i in range(SIZE):
+                gain[at, i] = moved.cross[i]
+                solve(factor[at], gain[at, i])
+                for k in range(i + 1):
+                    found = before[i, k] - dot(gain[at, i], moved.cross[k])
+                    base[at, i, k] = base[at, k, i] = found
             if share[pair] > 0.0:
-                share[pair] /= total[to[pair]]
-                add_mean(share[pair], pair_mean[place[row, pair]], later_mean[row, to[pair]])
+                share[pair] /= total[mode]
+                add_mean(share[pair], pair_mean[at], later_mean[row, mode])
         for pair in range(len(of)):
-            mode, at = to[pair], place[row, pair]
             if share[pair] > 0.0:
-                centre, spread = later_mean[row, mode], later[row, mode]
-                add_spread(share[pair], pair_mean[at], pair_covariance[at], centre, spread)
+                at, mode = place[row, pair], to[pair]
+                centre = later_mean[row, mode]
+                add_spread(share[pair], pair_mean[at], spread[pair], centre, later[row, mode])
         for mode in range(modes):
-            if not total[mode] > 0.0:
-                own, spread = mean[row, mode], covariance[row, mode]
-                copy_gaussian(own, spread, later_mean[row, mode], later[row, mode])
-    return later_weight, later_mean, later
+            if not total[mode] > 0.0:  # it cannot be reached
+                around = covariance[row, mode]
+                copy_gaussian(mean[row, mode], around, later_mean[row, mode], later[row, mode])
+    return later_weight, later_mean, later, pair_mean, factor, gain, base, place
 
 
 def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Moves]:
@@ -161,33 +157,24 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
     dt_of = np.array([dt for _, dt in earlier])
     intervals = [dynamics.over(dt) for _, dt in earlier]
-    of, to = dynamics.pairs
-    change = np.array([interval.change for interval in intervals])[source]
-    survival = np.array([interval.survival for interval in intervals])[source]
-    noise = np.array([interval.noise for interval in intervals])
-    row, pair = np.nonzero((before.mode_weight[:, of] > 0.0) & (change > 0.0))
-    place = np.full(change.shape, -1)
-    place[row, pair] = np.arange(len(row))
-    row, earlier_mode, later_mode, scan = contiguous(row, of[pair], to[pair], source[row])
-    transition = np.array([interval.transition for interval in intervals])
-    pair_mean, jacobian, curved = moved(
-        *(before.mean, before.covariance, row, earlier_mode, later_mode, scan),
-        *(dynamics.turns, transition, dt_of),
+    change, noise, transition, survival = (
+        np.array(column)
+        for column in zip(*(interval.by_mode for interval in intervals), strict=True)
     )
-    pair_covariance, factor, gain, base = _pairs(
-        before.covariance, row, earlier_mode, later_mode, scan, jacobian, curved, noise
+    found: tuple[Any, ...] = _predicted(
+        *(*before.gaussians, before.mode_weight, source, *dynamics.pairs, dynamics.turns, dt_of),
+        *(change, noise, transition),
     )
-    weight, mean, covariance = _mixed(
-        *contiguous(before.weight, before.mean, before.covariance),
-        *contiguous(of, to, change, place, pair_mean, pair_covariance),
-    )
+    weight, mean, covariance, *of_pairs = found
     diffused = [
         _diffused(part.mixture.snr, interval.snr)
         for part, interval in zip(earlier, intervals, strict=True)
     ]
+    snr = diffused[0] if len(diffused) == 1 else np.concatenate(diffused)
+    of_row = change.take(source, axis=0), survival.take(source, axis=0)
     return (
-        Mixture(before.row_label, weight, mean, covariance, np.concatenate(diffused)),
-        Moves((of, to), change, survival, pair_mean, factor, gain, base, place),
+        Mixture(before.row_label, weight, mean, covariance, snr),
+        Moves(dynamics.pairs, *of_row, *of_pairs),
     )
 
 
@@ -208,9 +195,9 @@ def births(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: 
     rows = np.array([index for index, _ in births], dtype=np.int64)
     expected = np.array([dt for _, dt in births]) / dynamics.model.modes.interval_s
     weight, mean, covariance = dynamics.births
-    weight = expected[:, None, None] * weight[rows]
-    snr = dynamics.unknown_snr(len(rows))
-    return Mixture(first + rows, weight, mean[rows], covariance[rows], snr)
+    weight = expected[:, None, None] * weight.take(rows, axis=0)
+    gaussians = mean.take(rows, axis=0), covariance.take(rows, axis=0)
+    return Mixture(first + rows, weight, *gaussians, dynamics.unknown_snr(len(rows)))
 
 
 def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: float) -> Mixture:
@@ -227,37 +214,67 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
     """
     model = dynamics.model
     label = labels.first_predicted(scan_index) + len(model.births)
-    parts = [dynamics.nothing]
+    parts = []
     for mixture, dt in earlier:
         rate = min(model.spawn.rate * dt / model.modes.interval_s, 1.0)
-        if rate * mixture.existence.max(initial=0.0) < least:
-            continue
-        parents = np.flatnonzero(rate * mixture.existence >= least)
-        part = _spawned_by(mixture, parents, rate, dt, dynamics, label)
-        label += len(part)
-        parts.append(part)
-    return Mixture.concatenate(parts)
+        columns = _spawned(
+            *(rate, least, dt, mixture.target, mixture.existence, *mixture.gaussians),
+            *(*dynamics.spawned, dynamics.over(dt).transition, dynamics.turns),
+        )
+        count = len(columns[0])
+        if count:
+            row_label = np.arange(label, label + count)
+            parts.append(Mixture(row_label, *columns, dynamics.unknown_snr(count)))
+        label += count
+    return Mixture.concatenate(parts) if parts else dynamics.nothing
 
 
-def _spawned_by(
-    mixture: Mixture, parents: IntArray, rate: float, dt: float, dynamics: Dynamics, label: int
-) -> Mixture:
-    mean, covariance = mixture.overall
-    mean, covariance = mean[parents], covariance[parents]
-    count, (modes, size) = len(parents), dynamics.supported.shape
-    row, to = np.divmod(np.arange(count * modes), modes)
-    nought, transition = np.zeros(len(to), dtype=np.int64), dynamics.over(dt).transition[None]
-    found = moved(
-        *(mean[:, None], covariance[:, None], row, nought, to, nought),
-        *(dynamics.turns, transition, np.array([dt])),
-    )
-    later = found[0].reshape(count, modes, -1)
-    jacobian, curved = (matrix.reshape(count, modes, size, -1) for matrix in found[1:])
-    by_parent, noise = dynamics.spawned
-    spread = predicted_covariance(covariance[:, None], jacobian, noise + curved)[0]
-    place = np.full(len(mixture.label), count)
-    place[parents] = np.arange(count)
-    weight = np.zeros((count + 1, len(by_parent)))
-    np.add.at(weight, place[mixture.target], mixture.weight.reshape(len(mixture), -1))
-    weight = rate * (weight[:count] @ by_parent).reshape(count, modes, -1)
-    return Mixture(label + np.arange(count), weight, later, spread, dynamics.unknown_snr(count))
+@compiled
+def _spawned(
+    rate: float,
+    least: float,
+    dt: float,
+    target: Int1,
+    existence: Float1,
+    weight: Float3,
+    mean: Float3,
+    covariance: Float4,
+    by_parent: Float2,
+    noise: Float3,
+    transition: Float3,
+    turns: Bool1,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the weights and Gaussians of the spawned targets; see `Dynamics.spawned`."""
+    modes, classes = weight.shape[1:]
+    place, count = np.full(len(existence), -1), 0
+    for parent in range(len(existence)):
+        if existence[parent] > 0.0 and rate * existence[parent] >= least:
+            place[parent] = count
+            count += 1
+    found, later = np.zeros((count, modes, classes)), np.empty((count, modes, SIZE))
+    spread, moved = np.empty((count, modes, SIZE, SIZE)), new_moved()
+    centre, around = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
+    for row in range(len(target)):
+        one, whole = place[target[row]], existence[target[row]]
+        for mode in range(modes if one >= 0 else 0):
+            add_mean(total_of(weight[row, mode]) / whole, mean[row, mode], centre[one])
+            for class_id in range(classes):
+                share = by_parent[mode * classes + class_id]
+                for entry in range(len(share)):
+                    own = rate * weight[row, mode, class_id] * share[entry]
+                    found[one, entry // classes, entry % classes] += own
+    for row in range(len(target)):
+        one, whole = place[target[row]], existence[target[row]]
+        for mode in range(modes if one >= 0 else 0):
+            part, own = total_of(weight[row, mode]) / whole, mean[row, mode]
+            if part > 0.0:
+                add_spread(part, own, covariance[row, mode], centre[one], around[one])
+    for one in range(count):
+        for mode in range(modes):
+            move(centre[one], around[one], transition[mode], turns[mode], dt, moved)
+            for i in range(SIZE):
+                later[one, mode, i] = moved.mean[i]
+                for k in range(i + 1):
+                    total = moved.covariance[i, k] + noise[mode, i, k]
+                    spread[one, mode, i, k] = spread[one, mode, k, i] = total
+    return found, later, spread

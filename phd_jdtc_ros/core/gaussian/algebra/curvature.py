@@ -8,13 +8,14 @@ a covariance that is too small.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from ...arrays import FloatArray
-from ...compilation import Bool1, Float1, Float3, Float4, Int1, compiled, inner
+from ...compilation import Float1, Float2, compiled, inner
 from ...state_space import PLANAR
-from ...targets.turn_matrix import write_turn
+from ...targets.turn_matrix import turn, turn_terms, write_turn
 from .blocks import SIZE, dot
 
 OMEGA = PLANAR.turn_rate
@@ -23,131 +24,117 @@ NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 WEIGHTS = WEIGHTS / WEIGHTS.sum()
 
 
-@inner
-def _multiply(matrix: FloatArray, vector: FloatArray, product: FloatArray) -> None:
-    """Write a matrix times a vector."""
-    for i in range(SIZE):
-        product[i] = dot(matrix[i], vector)
+class Moved(NamedTuple):
+    """A Gaussian that has moved, without process noise, and the arrays that this needs."""
+
+    mean: Float1  # (D,)
+    cross: Float2  # Covariance of the states before and after, (D, D)
+    covariance: Float2  # (D, D)
+    matrix: Float2  # (D, D). Mean of the motion's matrix.
+    given: Float2  # (D, D). Covariance given the turn rate, and part of a product.
+    each: Float2  # (nodes, D). Mean given each turn rate.
+    slope: Float1  # (D,). Change of the state by one standard deviation of the turn rate.
+    at: Float1  # (D,)
+    turned: Float1  # (D,)
 
 
 @inner
-def _add_moved(
-    share: float, matrix: FloatArray, covariance: FloatArray, cross: FloatArray, total: FloatArray
-) -> None:
-    """Add a share of a covariance that a matrix has transformed; `cross` is a row of scratch."""
-    for i in range(SIZE):
-        for k in range(SIZE):
-            cross[k] = dot(matrix[i], covariance[k])
-        for k in range(SIZE):
-            total[i, k] += share * dot(cross, matrix[k])
+def new_moved() -> Moved:
+    """Return the arrays for one Gaussian at a time."""
+    matrices = np.zeros((4, SIZE, SIZE))
+    vectors = np.zeros((4, SIZE))
+    return Moved(
+        *(vectors[0], matrices[0], matrices[1], matrices[2], matrices[3]),
+        *(np.empty((len(NODES), SIZE)), vectors[1], vectors[2], vectors[3]),
+    )
 
 
 @inner
-def _write_turned(
-    mean: FloatArray,
-    covariance: FloatArray,
-    dt: float,
-    scratch: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
-    later: FloatArray,
-    jacobian: FloatArray,
-    curved: FloatArray,
-) -> None:
-    """Write the results of `moved` for a Gaussian that turns at an uncertain rate."""
-    given, matrix, each, slope, at = scratch
+def _write_turned(mean: FloatArray, covariance: FloatArray, dt: float, moved: Moved) -> None:
+    """Write the moments of a Gaussian that turns at an uncertain rate."""
+    later, matrix, each, slope, at = moved.mean, moved.matrix, moved.each, moved.slope, moved.at
     std = math.sqrt(covariance[OMEGA, OMEGA])
-    # Change of the state by one standard deviation of the turn rate.
+    along, across, cos, sin = 0.0, 0.0, 0.0, 0.0
     for i in range(SIZE):
         slope[i], later[i] = covariance[i, OMEGA] / std, 0.0
-    for i in range(SIZE):
         for k in range(SIZE):
-            given[i, k] = covariance[i, k] - slope[i] * slope[k]
-            jacobian[i, k] = 0.0
+            matrix[i, k] = moved.covariance[i, k] = 0.0
     for node in range(len(NODES)):
         for i in range(SIZE):
             at[i] = mean[i] + NODES[node] * slope[i]
-        write_turn(at[OMEGA], dt, matrix)
-        _multiply(matrix, at, each[node])
+        terms = turn_terms(at[OMEGA], dt)
+        turn(terms, at, each[node])
+        along, across = along + WEIGHTS[node] * terms[0], across + WEIGHTS[node] * terms[1]
+        cos, sin = cos + WEIGHTS[node] * terms[2], sin + WEIGHTS[node] * terms[3]
         for i in range(SIZE):
             later[i] += WEIGHTS[node] * each[node, i]
             for k in range(SIZE):
-                jacobian[i, k] += WEIGHTS[node] * matrix[i, k]
-        _add_moved(WEIGHTS[node], matrix, given, at, curved)
+                at[k] = covariance[i, k] - slope[i] * slope[k]
+            turn(terms, at, moved.given[i])
+        for k in range(SIZE):
+            for i in range(SIZE):
+                at[i] = moved.given[i, k]
+            turn(terms, at, moved.turned)
+            for i in range(SIZE):
+                moved.covariance[i, k] += WEIGHTS[node] * moved.turned[i]
+    write_turn((along, across, cos, sin), matrix)
     # The column of the turn rate follows from the covariance of the states before and after.
     for i in range(SIZE):
         total = 0.0
         for node in range(len(NODES)):
             total += WEIGHTS[node] * NODES[node] * each[node, i]
-        rest = dot(jacobian[i], slope) - jacobian[i, OMEGA] * slope[OMEGA]
-        jacobian[i, OMEGA] = (total - rest) / slope[OMEGA]
+        rest = dot(matrix[i], slope) - matrix[i, OMEGA] * slope[OMEGA]
+        matrix[i, OMEGA] = (total - rest) / slope[OMEGA]
     for node in range(len(NODES)):
         for i in range(SIZE):
             apart = WEIGHTS[node] * (each[node, i] - later[i])
             for k in range(SIZE):
-                curved[i, k] += apart * (each[node, k] - later[k])
-    _add_moved(-1.0, jacobian, covariance, at, curved)
+                moved.covariance[i, k] += apart * (each[node, k] - later[k])
+    for i in range(SIZE):
+        for k in range(SIZE):
+            moved.cross[i, k] = dot(covariance[i], matrix[k])
 
 
 @compiled
-def moved(
-    mean: Float3,
-    covariance: Float4,
-    row: Int1,
-    of: Int1,
-    to: Int1,
-    source: Int1,
-    turns: Bool1,
-    transition: Float4,
-    dt: Float1,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the moments of Gaussians that have moved, without process noise.
+def move(
+    mean: Float1, covariance: Float2, transition: Float2, turns: bool, dt: float, moved: Moved
+) -> None:
+    """Write the moments of a Gaussian that moves for `dt` seconds.
 
     Parameters
     ----------
-    mean, covariance : arrays of shape (H, R, D) and (H, R, D, D)
-    row, of, to, source : int arrays of shape (A,)
-        Row and mode of each Gaussian, the mode with which it moves, and the index of its interval.
-    turns : bool array of shape (R,)
-        Whether a mode is a coordinated turn. Others are linear.
-    transition : array of shape (I, R, D, D)
-        Matrix of each linear mode over each interval.
-    dt : array of shape (I,)
-        Seconds.
-
-    Returns
-    -------
-    mean : array of shape (A, D)
-    jacobian : array of shape (A, D, D)
-        Mean J of the Jacobian: the covariance of the states before and after is P J'. Derivatives
-        by a turn rate that is known are left out.
-    curved : array of shape (A, D, D)
-        Difference of the later covariance and J P J'.
+    mean, covariance : arrays of shape (D,) and (D, D)
+    transition : array of shape (D, D)
+        Matrix of a linear motion.
+    turns : bool
+        Whether the motion is a coordinated turn instead.
 
     Notes
     -----
     A motion is linear given the turn rate w, so that mean and covariance given w are exact, and are
-    averaged over w by a Gauss-Hermite quadrature. The mean Jacobian is that of the statistical
-    linear regression, by Stein's lemma.
+    averaged over w by a Gauss-Hermite quadrature. The covariance of the states before and after is
+    P J', with the mean Jacobian J of the statistical linear regression, by Stein's lemma;
+    derivatives by a turn rate that is known are left out.
 
     References
     ----------
     Sarkka, "Bayesian Filtering and Smoothing", Cambridge University Press, 2013, chapters 5 and 9.
     """
-    count = len(row)
-    later, jacobian = np.empty((count, SIZE)), np.zeros((count, SIZE, SIZE))
-    curved = np.zeros((count, SIZE, SIZE))
-    given, matrix = np.empty((SIZE, SIZE)), np.zeros((SIZE, SIZE))
-    scratch = given, matrix, np.empty((len(NODES), SIZE)), np.empty(SIZE), np.empty(SIZE)
-    for pair in range(count):
-        own, spread = mean[row[pair], of[pair]], covariance[row[pair], of[pair]]
-        time, mode = dt[source[pair]], to[pair]
-        if turns[mode] and spread[OMEGA, OMEGA] > 0.0:
-            _write_turned(own, spread, time, scratch, later[pair], jacobian[pair], curved[pair])
-            continue
-        if turns[mode]:
-            write_turn(own[OMEGA], time, jacobian[pair])
-        else:
-            for i in range(SIZE):
-                for k in range(SIZE):
-                    jacobian[pair, i, k] = transition[source[pair], mode, i, k]
-        _multiply(jacobian[pair], own, later[pair])
-    return later, jacobian, curved
+    if turns and covariance[OMEGA, OMEGA] > 0.0:
+        _write_turned(mean, covariance, dt, moved)
+        return
+    matrix = moved.matrix
+    for i in range(SIZE):
+        for k in range(SIZE):
+            matrix[i, k] = 0.0 if turns else transition[i, k]
+    if turns:
+        write_turn(turn_terms(mean[OMEGA], dt), matrix)
+    for i in range(SIZE):
+        moved.mean[i] = dot(matrix[i], mean)
+        for k in range(SIZE):
+            moved.cross[i, k] = dot(covariance[i], matrix[k])
+    for k in range(SIZE):
+        for i in range(SIZE):
+            moved.at[i] = moved.cross[i, k]
+        for i in range(SIZE):
+            moved.covariance[i, k] = dot(matrix[i], moved.at)

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.gaussian.algebra.curvature import moved
+from phd_jdtc_ros.core.gaussian.algebra.curvature import move, new_moved
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
 
 MOTIONS = (ConstantVelocity(1.0), CoordinatedTurn(1.0, 1e-4))
-TURNS = np.array([False, True])
 MEAN = np.array([4e3, 60.0, -2e3, 20.0, 0.02])
 ROOT = np.diag([300.0, 12.0, 250.0, 9.0, 0.0])
 ROOT[4] = [0.01, 0.03, -0.01, 0.02, 0.05]
@@ -16,22 +15,17 @@ DT = 6.0
 
 
 def moved_by(covariance, motion):
-    """Return the mean, the Jacobian and the curvature of a Gaussian that moves with a motion."""
-    first = np.zeros(1, dtype=np.int64)
-    transition = np.array([[each.jacobian(np.zeros((1, 5)), DT)[0] for each in MOTIONS]])
-    found = moved(
-        *(MEAN[None, None], covariance[None, None], first, first, first + motion, first),
-        *(TURNS, transition, np.array([DT])),
-    )
-    return [part[0] for part in found]
+    """Return the mean, the covariance with the earlier state, and the covariance after a motion."""
+    moved = new_moved()
+    transition = MOTIONS[motion].jacobian(np.zeros((1, 5)), DT)[0]
+    move(MEAN, covariance, transition, motion == 1, DT, moved)
+    return moved.mean, moved.cross, moved.covariance
 
 
 def test_moved_gaussian_has_the_moments_of_drawn_states():
-    mean, jacobian, curved = moved_by(COVARIANCE, 1)
+    mean, cross, covariance = moved_by(COVARIANCE, 1)
     drawn = MEAN + np.random.default_rng(4).standard_normal((10**6, 5)) @ ROOT.T
     later = MOTIONS[1].mean(drawn, DT)
-    covariance = jacobian @ COVARIANCE @ jacobian.T + curved
-    cross = COVARIANCE @ jacobian.T
     std, std_later = np.sqrt(np.diag(COVARIANCE)), np.sqrt(np.diag(covariance))
     np.testing.assert_allclose((mean - later.mean(axis=0)) / std_later, 0.0, atol=4e-3)
     exact = np.cov(later.T) / (std_later[:, None] * std_later)
@@ -48,8 +42,8 @@ def test_moved_gaussian_has_the_moments_of_drawn_states():
 def test_motion_of_a_known_turn_rate_is_linear(motion):
     certain = COVARIANCE.copy()
     certain[4] = certain[:, 4] = 0.0
-    mean, jacobian, curved = moved_by(certain, motion)
+    mean, cross, covariance = moved_by(certain, motion)
     np.testing.assert_allclose(mean, MOTIONS[motion].mean(MEAN[None], DT)[0], atol=1e-9)
     exact = MOTIONS[motion].jacobian(MEAN[None], DT)[0]
-    np.testing.assert_allclose(certain @ jacobian.T, certain @ exact.T, atol=1e-6)
-    np.testing.assert_allclose(curved, 0.0, atol=1e-6)
+    np.testing.assert_allclose(cross, certain @ exact.T, atol=1e-6)
+    np.testing.assert_allclose(covariance, exact @ certain @ exact.T, atol=1e-6)
