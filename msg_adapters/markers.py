@@ -10,12 +10,13 @@ import struct
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Estimates
 
-from . import cdr, vertical
+from . import cdr, plain_cdr, stamps, vertical
 from .ellipse import outline
 from .palette import class_rgb
 
@@ -31,31 +32,8 @@ HEAD_LENGTH, HEAD_WIDTH = 4.0 * LINE_WIDTH, 2.0 * LINE_WIDTH
 # ones.
 LABEL_COLOUR = (0.11, 0.13, 0.15)
 ELLIPSE_POINTS = 33
-_NO_POINTS = np.zeros((0, 3))
-
-
-def _no_texture() -> bytes:
-    """Return the empty members between points and text."""
-    writer = cdr.Writer()
-    writer.put("I", 0)  # colors
-    writer.string("")  # texture_resource
-    writer.header(0, "")  # texture
-    writer.string("")
-    writer.put("I", 0, 0)  # its data, and uv_coordinates
-    return bytes(writer.data)
-
-
-def _no_mesh() -> bytes:
-    """Return the empty members after the text."""
-    writer = cdr.Writer()
-    writer.string("")  # mesh_resource
-    writer.string("")  # mesh_file
-    writer.put("I", 0)
-    writer.put("B", 0)  # mesh_use_embedded_materials
-    return bytes(writer.data)
-
-
-_NO_TEXTURE, _NO_MESH = _no_texture(), _no_mesh()
+# Bytes of an empty text with its length and padding, and of the empty members after it.
+_TEXT, _AFTER_TEXT = 8, 21
 
 
 def to_cdr(
@@ -69,30 +47,35 @@ def to_cdr(
     unknown. `datum` is the height of the map's zero, metres, to which flight levels in labels
     refer.
     """
-    class_id = estimates.class_id
+    class_id, header = estimates.class_id, stamps.header(estimates.stamp_ns, frame)
     present = np.unique(class_id).tolist()
-    writer, at = cdr.Writer(), (estimates.stamp_ns, frame)
+    writer = cdr.Writer()
     writer.put("I", 1 + 2 * len(present) + len(estimates))
-    _put(writer, at, "", Marker.ARROW, action=Marker.DELETEALL)
+    plain_cdr.put_message(writer, Marker(header=header, action=Marker.DELETEALL))
     up = vertical.of(estimates).state
     position = np.column_stack([estimates.position, up[:, 0]])
     velocity = np.column_stack([estimates.velocity, up[:, 1]])
     ellipses = _ellipses(position, estimates.position_covariance)
     arrows = _arrows(position, velocity)
-    labels = _labels(estimates, class_names, datum)
+    texts = _labels(estimates, class_names, datum)
     places = (position + np.array([0.0, 2.0 * LABEL_HEIGHT, 0.0])).tolist()
     for index in present:
-        name, colour, mine = class_names[index], class_rgb(index), class_id == index
+        name, mine = class_names[index], class_id == index
+        line = Marker(header=header, type=Marker.LINE_LIST, color=_colour(class_rgb(index)))
+        line.scale.x = LINE_WIDTH
         for kind, lines in (("ellipse", ellipses), ("velocity", arrows)):
-            _put(
-                *(writer, at, f"{name}/{kind}", Marker.LINE_LIST),
-                scale=(LINE_WIDTH, 0.0, 0.0),
-                colour=colour,
-                points=lines[mine].reshape(-1, 3),
-            )
+            line.ns = f"{name}/{kind}"
+            plain_cdr.put_message(writer, line, points=lines[mine].reshape(-1, 3))
+        label = Marker(header=header, ns=f"{name}/label", type=Marker.TEXT_VIEW_FACING)
+        label.color, label.scale.z = _colour(LABEL_COLOUR), LABEL_HEIGHT
         rows = np.flatnonzero(mine).tolist()
-        _put_labels(writer, at, f"{name}/label", [(row, places[row], labels[row]) for row in rows])
+        _put_labels(writer, label, [(row, places[row], texts[row]) for row in rows])
     return cdr.ENCAPSULATION + bytes(writer.data)
+
+
+def _colour(rgb: tuple[float, float, float]) -> ColorRGBA:
+    red, green, blue = rgb
+    return ColorRGBA(r=red, g=green, b=blue, a=1.0)
 
 
 def label_text(track_id: int, class_name: str, share: float, more: str = "") -> str:
@@ -134,75 +117,34 @@ def _arrows(position: FloatArray, velocity: FloatArray) -> FloatArray:
 
 
 def _put_labels(
-    writer: cdr.Writer,
-    at: tuple[int, str],
-    namespace: str,
-    labels: Iterable[tuple[int, Sequence[float], str]],
+    writer: cdr.Writer, label: Marker, labels: Iterable[tuple[int, Sequence[float], str]]
 ) -> None:
     """Append the labels of a class, each with its number, its position and its text.
 
-    They differ in these three only, so that the bytes before the text are written once for each
-    of the two alignments that a label can begin at.
+    They differ in these three only, so that the other bytes are written once for each of the two
+    alignments that a label can begin at.
     """
-    beginnings = []
+    templates = []
     for offset in (0, 4):
         begun = cdr.Writer(bytearray(offset))
-        begun.header(*at)
-        begun.string(namespace)
+        plain_cdr.put_message(begun, label.header)
+        begun.string(label.ns)
         begun.align(4)
         number = len(begun.data)
-        begun.put("i", 0, Marker.TEXT_VIEW_FACING, Marker.ADD)
-        begun.align(8)
-        position = len(begun.data)
-        _put_shape(begun, (0.0, 0.0, 0.0), (0.0, 0.0, LABEL_HEIGHT), LABEL_COLOUR, _NO_POINTS)
-        beginnings.append((bytes(begun.data[offset:]), number - offset, position - offset))
-    data = writer.data
-    for number_, place, text in labels:
+        # The number, the type and the action, four bytes each, precede the position.
+        position = -(-(number + 12) // 8) * 8
+        whole = cdr.Writer(bytearray(offset))
+        plain_cdr.put_message(whole, label)
+        before_text = bytes(whole.data[offset : -_TEXT - _AFTER_TEXT])
+        templates.append((before_text, number - offset, position - offset))
+    after_text, data = bytes(whole.data[-_AFTER_TEXT:]), writer.data
+    for row, place, text in labels:
         writer.align(4)
         begin = len(data)
-        beginning, number, position = beginnings[begin % 8 // 4]
-        data += beginning
-        struct.pack_into("<i", data, begin + number, number_)
+        before_text, number, position = templates[begin % 8 // 4]
+        data += before_text
+        struct.pack_into("<i", data, begin + number, row)
         struct.pack_into("<3d", data, begin + position, *place)
-        _put_text(writer, text)
-
-
-def _put(
-    writer: cdr.Writer,
-    at: tuple[int, str],
-    namespace: str,
-    kind: int,
-    action: int = Marker.ADD,
-    *,
-    scale: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    colour: tuple[float, ...] | None = None,
-    points: FloatArray = _NO_POINTS,
-) -> None:
-    """Append a ``visualization_msgs/Marker`` without text; `at` is its stamp and frame."""
-    writer.header(*at)
-    writer.string(namespace)
-    writer.put("i", 0, kind, action)
-    _put_shape(writer, (0.0, 0.0, 0.0), scale, colour, points)
-    _put_text(writer, "")
-
-
-def _put_shape(
-    writer: cdr.Writer,
-    position: Sequence[float],
-    scale: tuple[float, float, float],
-    colour: tuple[float, ...] | None,
-    points: FloatArray,
-) -> None:
-    """Append a marker's members from its pose to what is before its text."""
-    writer.put("d", *position, *(0.0, 0.0, 0.0, 1.0), *scale)  # the orientation is the identity
-    writer.put("f", *((*colour, 1.0) if colour else (0.0, 0.0, 0.0, 0.0)))
-    writer.put("I", 0, 0, 0, len(points))  # lifetime, padded frame_locked, number of points
-    writer.doubles(points)
-    writer.data += _NO_TEXTURE
-
-
-def _put_text(writer: cdr.Writer, text: str) -> None:
-    """Append a marker's text and the members after it."""
-    writer.string(text)
-    writer.align(4)
-    writer.data += _NO_MESH
+        writer.string(text)
+        writer.align(4)
+        data += after_text

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from phd_jdtc_ros.core.arrays import FloatArray
+
 from .cdr import ENCAPSULATION, Writer
 
 # `struct` and numpy codes of the primitive types, by their IDL names.
@@ -35,8 +37,8 @@ _ARRAY = re.compile(r"(.+)\[\d+\]")
 Put = Callable[[Writer, Any], object]
 
 
-def encode(message: Any) -> bytes:
-    """Serialise a message reproducibly as CDR.
+def encode(message: Any, **rows: FloatArray) -> bytes:
+    """Serialise a message reproducibly as CDR; see `put_message` for `rows`.
 
     Raises
     ------
@@ -44,13 +46,18 @@ def encode(message: Any) -> bytes:
         If it contains wide strings.
     """
     writer = Writer()
-    _put_message(writer, message)
+    put_message(writer, message, **rows)
     return ENCAPSULATION + bytes(writer.data)
 
 
-def _put_message(writer: Writer, message: Any) -> None:
+def put_message(writer: Writer, message: Any, **rows: FloatArray) -> None:
+    """Append a message; `rows` are written for sequences of messages of doubles, by member."""
     for name, put in _members(message.__class__):
-        put(writer, getattr(message, name))
+        if name in rows:
+            writer.put("I", len(rows[name]))
+            writer.doubles(rows[name])
+        else:
+            put(writer, getattr(message, name))
 
 
 @cache
@@ -73,7 +80,7 @@ def _put_of(kind: str) -> Put:
         return _put_octet
     if kind.startswith("wstring"):
         raise TypeError(f"{kind}: wide strings cannot be written")
-    return _put_string if kind.startswith("string") else _put_message
+    return _put_string if kind.startswith("string") else put_message
 
 
 def _put_entries_of(kind: str) -> Put:
