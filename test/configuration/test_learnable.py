@@ -42,6 +42,7 @@ def test_detection_probability_is_a_number_a_table_or_is_learned_from_them(
     found = radar.given_detection_probability(np.array([[5e3, 0.0]]))
     np.testing.assert_allclose(found, [probability])
     assert (radar.detection_factor is not None) == learned
+    assert radar.correlation is None
 
 
 @pytest.mark.parametrize(
@@ -80,10 +81,6 @@ def test_noise_may_have_outliers(value, std, learned, outliers):
 def test_particles_refuse_outliers():
     with pytest.raises(ConfigError, match=r"radar_1.range_std: outliers given with engine partic"):
         resolve({"engine": "particles", "radar_1.range_std": "45 outliers"})
-
-
-def test_looks_are_independent_unless_they_are_said_to_be_correlated():
-    assert radar_of(detection_probability="auto 0.8").correlation is None
 
 
 def test_correlated_detections_may_follow_from_the_snr_bands():

@@ -57,17 +57,6 @@ def test_field_of_view_is_counted_as_the_radar_counts(convention, seen, hidden):
         assert radar.visibility.sees(measured).tolist() == [expected] * 2
 
 
-def test_detection_probability_is_a_number_or_a_table():
-    def probability(given):
-        radar = build.resolve({f"radar_1.{k}": v for k, v in given.items()}).model.radars[0]
-        return radar.visibility.probability(np.array([0.0, 5e3, 10e3])).tolist()
-
-    assert probability({"detection_probability": 0.9}) == [0.9] * 3
-    table = {"detection_probability": [0.0, 0.9, 10e3, 0.7]}
-    assert probability(table) == pytest.approx([0.9, 0.8, 0.7])
-    assert not build.resolve({}).model.radars[0].visibility.given
-
-
 def test_a_matrix_without_a_generator_holds_for_whole_intervals():
     modes = build.resolve({"class_0.mode_transition": [0.3, 0.7, 0.7, 0.3]}).model.modes
     np.testing.assert_allclose(modes.transition(1.0)[:2, :2], [[0.3, 0.7], [0.7, 0.3]])

@@ -49,14 +49,6 @@ def test_to_msg_refuses_detections_without_amplitudes():
         adapter.to_msg(Detections(np.zeros((1, 2)), None), 0, FRAME)
 
 
-def test_detections_survive_the_message():
-    report = adapter.from_msg(adapter.to_msg(detections(), STAMP_NS, FRAME), radar())
-    assert report.stamp_ns == STAMP_NS
-    assert_array_equal(report.detections.measurement, detections().measurement)
-    assert_array_equal(report.detections.amplitude, detections().amplitude)
-    assert not report.dropped
-
-
 LAYOUTS = {
     "own": {},
     "compass": {"compass": True},
@@ -78,6 +70,7 @@ def test_to_msg_writes_what_from_msg_reads_in_the_layout_of_the_radar(changes):
     )
     layout = radar(**changes)
     report = adapter.from_msg(adapter.to_msg(given, STAMP_NS, FRAME, layout), layout)
+    assert report.stamp_ns == STAMP_NS
     assert not report.dropped
     assert_allclose(report.detections.measurement, given.measurement, rtol=0.0, atol=1e-6)
     if layout.fields.amplitude:
@@ -170,18 +163,10 @@ def test_from_msg_wraps_an_azimuth_that_is_whole_turns_off(azimuth, turns):
     assert_allclose(report.detections.measurement[0, 1], azimuth, rtol=0.0, atol=1e-14)
 
 
-@pytest.mark.parametrize("azimuth", [0.0, 0.5, 3.0, -3.0, 1.0 / 3.0])
-@pytest.mark.parametrize("turns", [-2, -1, 1, 2])
-def test_from_msg_of_azimuths_whole_turns_off_matches_to_the_precision_sent(azimuth, turns):
-    exact = read([(1e3, azimuth, 4.0)]).detections.measurement
-    off = polar([(1e3, azimuth + turns * 2.0 * np.pi, 4.0)])
-    found = adapter.from_msg(off, radar()).detections.measurement
-    assert_allclose(found, exact, rtol=0.0, atol=np.spacing(np.float32(16.0)))
-
-
 @settings(deadline=None)
 @example(np.nextafter(np.pi, 4.0), False)
 @example(4.0 * np.pi + np.pi, False)
+@example(-np.pi, False)
 @given(st.floats(-6000.0, 6000.0), st.booleans())
 def test_from_msg_azimuths_are_above_minus_pi_and_at_most_pi(azimuth, compass):
     (found,) = read([(1e3, azimuth, 4.0)], compass=compass).detections.measurement[:, 1]
@@ -216,11 +201,6 @@ def test_from_msg_reads_azimuths_in_degrees_and_of_a_compass(degrees, compass, e
     for azimuth, in_degrees in ((degrees, True), (np.radians(degrees), False)):
         report = read([(1e3, azimuth, 4.0)], azimuth_in_degrees=in_degrees, compass=compass)
         assert_allclose(report.detections.measurement[0, 1], np.radians(expected), atol=1e-12)
-
-
-def test_from_msg_takes_pi_itself_as_pi():
-    report = read([(1e3, np.pi, 4.0), (1e3, -np.pi, 4.0)])
-    assert report.detections.measurement[:, 1].tolist() == [np.pi, np.pi]
 
 
 @pytest.mark.parametrize(

@@ -48,14 +48,10 @@ def test_courses_are_from_true_north(place, bearing):
     assert found.speed[0] == pytest.approx(200.0, rel=1.5e-3)
 
 
-def test_a_target_at_rest_has_no_course():
+def test_what_is_not_known_of_a_target_is_nan():
     found = geodetic.of(at((1e3, 0.0, 2e3, 0.0)), PLANE)
-    assert np.isnan(found.course[0])
+    assert np.isnan([found.course[0], found.height[0]]).all()
     assert found.speed[0] == 0.0
-
-
-def test_a_height_that_is_not_estimated_is_not_known():
-    assert np.isnan(geodetic.of(estimates(3), PLANE).height).all()
 
 
 def test_of_nothing_there_are_no_places():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from samples import layout, radar
+from samples import radar
 
 from msg_adapters import detections as adapter
 from msg_adapters.identities import ADDRESSES, CODES, NONE, encode, read
@@ -37,21 +37,6 @@ def test_what_is_sent_comes_back():
     # On the way its first range is a slant range, twice that over ground.
     assert_allclose(report.detections.measurement, given.measurement, rtol=1e-6)
     assert report.anomalies == {"heights_unknown": 1}
-
-
-def test_without_the_fields_nothing_is_known_of_them():
-    plain = layout(LAYOUT, height_field="", code_field="", address_field="")
-    report = adapter.from_msg(adapter.to_msg(found(), 0, "radar_1", plain), plain)
-
-    assert report.detections.code is report.detections.address is report.detections.height is None
-
-
-def test_a_configured_field_that_a_cloud_lacks_is_an_anomaly():
-    plain = layout(LAYOUT, height_field="", code_field="", address_field="")
-    report = adapter.from_msg(adapter.to_msg(found(), 0, "radar_1", plain), LAYOUT)
-
-    assert report.detections.code is None
-    assert report.anomalies == {"code_missing": 1, "address_missing": 1, "height_missing": 1}
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseArray
@@ -10,8 +12,12 @@ from msg_adapters import poses, stamps
 
 CASES = pytest.mark.parametrize(
     "found",
-    [nothing(), estimates(), many_estimates(1), many_estimates(40)],
-    ids=["none", "samples", "one", "many"],
+    [
+        *(nothing(), estimates(), many_estimates(1), many_estimates(40)),
+        replace(estimates(2), class_id=np.array([1, 1])),
+        with_heights(estimates(3), [[3048.0, -5.0], [np.nan, np.nan], [900.0, 0.0]]),
+    ],
+    ids=["none", "samples", "one", "many", "one_class", "heights"],
 )
 
 
@@ -45,18 +51,3 @@ def test_to_cdr_takes_one_class_and_faces_where_it_moves():
         facing = [1.0 - 2.0 * q.z**2, 2.0 * q.z * q.w]
         assert_allclose(facing, [row[1] / speed, row[3] / speed], atol=1e-12)
         assert_allclose(q.x**2 + q.y**2 + q.z**2 + q.w**2, 1.0)
-
-
-@pytest.mark.parametrize("class_id", [0, 1, 7])
-def test_to_cdr_of_no_estimates_is_empty(class_id):
-    message = made(nothing(), class_id)
-    assert message.poses == []
-    assert stamps.to_ns(message.header.stamp) == STAMP_NS
-
-
-def test_to_cdr_has_the_heights_that_are_known():
-    up = with_heights(estimates(3), [[3048.0, -5.0], [9144.0, 0.0], [np.nan, np.nan]])
-    for class_id in range(2):
-        heights = [pose.position.z for pose in made(up, class_id).poses]
-        assert heights == np.nan_to_num(up.attributes.height[up.class_id == class_id, 0]).tolist()
-        assert made(up, class_id) == as_sent(pose_array(up, class_id, "map"))

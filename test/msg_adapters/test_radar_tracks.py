@@ -13,8 +13,8 @@ TYPES = radar_tracks.Types(RadarTracks, RadarTrack)
 RUN = uuid.UUID(int=1)
 
 
-def test_to_msg_has_position_and_class_of_targets():
-    given = estimates()
+@pytest.mark.parametrize("given", [estimates(), nothing()])
+def test_to_msg_has_position_and_class_of_targets(given):
     message = radar_tracks.to_msg(given, "map", RUN, TYPES)
 
     assert message.header.frame_id == "map"
@@ -54,10 +54,6 @@ def test_to_msg_gives_unlabelled_targets_identifiers_of_their_own():
     later = replace(given, stamp_ns=STAMP_NS + 1)
 
     assert len({*identifiers(given), *identifiers(later)}) == 6
-
-
-def test_to_msg_of_nothing_has_no_tracks():
-    assert radar_tracks.to_msg(nothing(), "map", RUN, TYPES).tracks == []
 
 
 def test_to_msg_fits_the_installed_messages():

@@ -34,12 +34,6 @@ def test_flight_levels_are_counted_from_where_those_of_the_worlds_zero_are():
     assert b" FL105 7700" in markers.to_cdr(found, "map", ("one", "two"), 152.4)
 
 
-def test_labels_of_markers_have_them():
-    data = markers.to_cdr(known(3048.0, 0o7700, UNKNOWN), "map", ("one", "two"))
-    assert b" FL100 7700" in data
-    assert b"FL" not in markers.to_cdr(estimates(2), "map", ("one", "two"))
-
-
 def test_unknown_heights_are_zero():
     found = vertical.of(known(3048.0, UNKNOWN, UNKNOWN))
     assert found.known.tolist()[:2] == [True, False]

@@ -51,16 +51,13 @@ def test_to_msg_names_labelled_targets_only():
     assert [detection.id for detection in message.detections] == ["", "5", "12"]
 
 
-def test_to_msg_stamps_the_array_and_every_detection():
-    message = vision.to_msg(estimates(), "map", CLASSES, TYPES)
+@pytest.mark.parametrize("given", [estimates(), nothing()])
+def test_to_msg_stamps_the_array_and_every_detection(given):
+    message = vision.to_msg(given, "map", CLASSES, TYPES)
 
     headers = [message.header, *(detection.header for detection in message.detections)]
     assert {header.frame_id for header in headers} == {"map"}
     assert {stamps.to_ns(header.stamp) for header in headers} == {STAMP_NS}
-
-
-def test_to_msg_of_nothing_has_no_detections():
-    assert vision.to_msg(nothing(), "map", CLASSES, TYPES).detections == []
 
 
 def test_to_msg_fits_the_installed_messages():
