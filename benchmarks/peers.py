@@ -16,8 +16,8 @@ import numpy as np
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.simulation.scenario import paper_scenario
-from phd_jdtc_ros.study import peers
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
+from studies import peers
 
 from .recursion import PARTICLES, PARTS
 

@@ -2,7 +2,8 @@
 
 They are not part of the installed package, whose `monte_carlo` is the reference study::
 
-    command     NAME -> a study; `all` and `rest` are what ``make study`` runs
+    command     NAME -> a study; `all` and `rest` are what ``make study`` runs, and
+                `monte_carlo` is the reference study with the peers
       |
     runner      seeds, goals, tables, out/study/NAME.json, the goals of summary.json
       |
@@ -16,5 +17,6 @@ They are not part of the installed package, whose `monte_carlo` is the reference
     calibration     probabilities and covariances beside what is true, on drawn truth
     tuning_truth    proposals of `tune` beside the simulated values
 
-A study computes the figures of a seed, and derives goals and tables from figures.
+`peers` has other trackers for comparison. A study computes the figures of a seed, and derives goals
+and tables from figures.
 """

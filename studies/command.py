@@ -10,8 +10,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import IO
 
@@ -20,7 +21,7 @@ from phd_jdtc_ros.quoting import short
 from phd_jdtc_ros.study.monte_carlo.execution import THREAD_VARIABLES
 from phd_jdtc_ros.tools import monte_carlo
 
-from . import runner
+from . import peers, runner
 from .autoferry import bags
 
 # Module and name of each study. Studies are imported on demand, because some need Stone Soup.
@@ -94,7 +95,7 @@ def run_all(argv: Sequence[str]) -> int:
         (out / f"{name}.json").unlink(missing_ok=True)
     with tempfile.TemporaryFile("w+") as text, _beside(out, text) as rest:
         given = ["--runs", str(arguments.runs), "--out", str(out)]
-        status = monte_carlo.main(given, busy=lambda: int(rest.poll() is None))
+        status = monte_carlo.main(given, lambda: int(rest.poll() is None), peers.KINDS)
         status = max(status, OK if rest.wait() == OK else FAILED)
         text.seek(0)
         sys.stdout.write(text.read())
@@ -125,4 +126,9 @@ def _beside(out: Path, text: IO[str]) -> Iterator[subprocess.Popen[str]]:
         raise
 
 
-COMMANDS = {"all": run_all, "rest": run_rest, "autoferry_bags": bags.main}
+COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
+    "all": run_all,
+    "rest": run_rest,
+    "monte_carlo": partial(monte_carlo.main, kinds=peers.KINDS),
+    "autoferry_bags": bags.main,
+}

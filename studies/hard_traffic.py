@@ -30,10 +30,10 @@ from phd_jdtc_ros.parameter_files import sections
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
 from phd_jdtc_ros.simulation.traffic.geodesy import STANDARD_GRAVITY
-from phd_jdtc_ros.study.peers.plot_kalman import plot_kalman
 from phd_jdtc_ros.study.runs import SimulatedRun
 from phd_jdtc_ros.study.turning import track, turning_run
 
+from .peers.plot_kalman import plot_kalman
 from .runner import Figures, Study, table
 
 PROFILE = Path("config/air_traffic.yaml")
@@ -103,7 +103,7 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
         rng = np.random.default_rng([seed, len(name)])
         run = turning_run(scenario(scene, given, rng), seed)
         own = track(run, given, tuple(LAGS.values())).tracks
-        peer = plot_kalman(run, resolve(given).inputs, [0]).tracks[0]
+        peer = plot_kalman(run, given, [0]).tracks[0]
         sources = {**{source: own[lag] for source, lag in LAGS.items()}, "plot Kalman": peer}
         found[name] = {
             source: scores(run, points, scene.near) for source, points in sources.items()

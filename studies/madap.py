@@ -28,8 +28,8 @@ from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.traffic.geodesy import METRES_PER_NM, MPS_PER_KT
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import turning
-from phd_jdtc_ros.study.peers.plot_kalman import follow
 
+from .peers.plot_kalman import follow
 from .runner import Figures, Goal, Study, goal, table
 
 SCENARIO = Path("config/scenarios/madap.yaml")

@@ -87,12 +87,12 @@ def test_no_folder_has_more_than_a_screen_of_modules():
     assert crowded == set()
 
 
-def test_only_motions_and_peers_know_the_layout_of_a_state():
+def test_only_motions_know_the_layout_of_a_state():
     layout = {f"phd_jdtc_ros.core.state_space.{axis}" for axis in ("X", "VX", "Y", "VY", "OMEGA")}
     files = (path for path in PACKAGE.rglob("*.py") if "state_space" in path.read_text())
     knowing = {module_of(path) for path in files if imported_modules(path) & layout}
     motions = {f"phd_jdtc_ros.core.targets.{name}" for name in ("motion", "turn_matrix")}
-    assert knowing == motions | {"phd_jdtc_ros.study.peers.conversion"}
+    assert knowing == motions
 
 
 def test_core_loads_without_ros_and_without_numba():

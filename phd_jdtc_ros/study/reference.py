@@ -231,8 +231,3 @@ def known_association(
             position = np.array(rows, dtype=np.float64).reshape(-1, len(place))
             tracks[lag].append(PointSet(position, truth.class_id))
     return tracks
-
-
-def best_noise(run: SimulatedRun, lags: Sequence[int]) -> Tracks:
-    """Return the estimates of `known_association` with the noise that suits straight flight."""
-    return known_association(run, lags, BEST_NOISE)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -22,18 +22,20 @@ from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.study import figures, monte_carlo
-from phd_jdtc_ros.study.monte_carlo import Outcome, Plan, Scene, Store, Study, Task
+from phd_jdtc_ros.study.monte_carlo import KINDS, Kind, Outcome, Plan, Scene, Store, Study, Task
 
 from . import command
 
 PUBLISHED = Path("config/studies/published.yaml")
 # First seed of the published tables; the tracker's parameters were tuned on other seeds.
 FIRST_SEED = 1000
+Kinds: TypeAlias = "Mapping[str, Kind]"
 
 
-def load_study(path: Path, assigned: Mapping[str, Any]) -> Study:
+def load_study(path: Path, assigned: Mapping[str, Any], kinds: Kinds = KINDS) -> Study:
     """Return a checked study; paths of scenario files are relative to the study's file."""
-    return monte_carlo.resolve(yaml_files.load(path), partial(_load_scene, path.parent), assigned)
+    load_scene = partial(_load_scene, path.parent)
+    return monte_carlo.resolve(yaml_files.load(path), load_scene, assigned, kinds)
 
 
 def _load_scene(directory: Path, name: str) -> Scene:
@@ -114,7 +116,7 @@ def write_results(
     console.print(f"results: {out}", soft_wrap=True, markup=False, highlight=False)
 
 
-def _plan(arguments: argparse.Namespace) -> tuple[Study, Plan]:
+def _plan(arguments: argparse.Namespace, kinds: Kinds) -> tuple[Study, Plan]:
     """Return the selected study and its tasks."""
     bounds = (
         ("--runs", arguments.runs, 1),
@@ -129,10 +131,14 @@ def _plan(arguments: argparse.Namespace) -> tuple[Study, Plan]:
     if faults:
         raise ConfigError(faults)
     assigned = from_arguments.from_arguments([], arguments.assignments)
-    study = load_study(arguments.study, assigned).select(arguments.case, arguments.variant)
+    study = load_study(arguments.study, assigned, kinds)
+    study = study.select(arguments.case, arguments.variant)
     study = replace(study.in_full if arguments.in_full else study, cutoff=arguments.cutoff)
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.runs)
-    return study, monte_carlo.plan(study, seeds)
+    plan = monte_carlo.plan(study, seeds)
+    if plan.notes and not plan.tasks:
+        raise ConfigError(plan.notes)
+    return study, plan
 
 
 def _backend(arguments: argparse.Namespace, busy: Callable[[], int]) -> Callable[..., None]:
@@ -147,8 +153,16 @@ def _backend(arguments: argparse.Namespace, busy: Callable[[], int]) -> Callable
     return on_dask if arguments.dask else on_processes
 
 
-def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0) -> int:
-    """Run the study tool; `busy` returns how many processors of this machine are taken."""
+def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0, kinds: Kinds = KINDS) -> int:
+    """Run the study tool.
+
+    Parameters
+    ----------
+    busy : callable
+        Returns how many processors of this machine are taken.
+    kinds : mapping of str to Kind
+        The kinds of tracker that variants may be of.
+    """
     parser = ArgumentParser("monte_carlo", description=__doc__)
     parser.add_argument(
         "--study", type=Path, default=resources.find(PUBLISHED), help="study file (%(default)s)"
@@ -181,7 +195,7 @@ def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0) -> int:
     arguments = parser.parse_args(argv)
 
     def work() -> int:
-        study, plan = _plan(arguments)
+        study, plan = _plan(arguments, kinds)
         # On SIGTERM the worker processes are stopped too.
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:

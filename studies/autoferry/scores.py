@@ -37,10 +37,10 @@ from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
 from phd_jdtc_ros.evaluation.metrics import gospa
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.study.peers import gnn, jpda
-from phd_jdtc_ros.study.peers.settings import TrackSettings
 from phd_jdtc_ros.study.runs import SimulatedRun
 
+from ..peers import gnn, jpda
+from ..peers.settings import TrackSettings
 from ..runner import Goal, goal
 from .recording import Recording
 
@@ -140,7 +140,7 @@ def scores_of(
     scenario = Scenario(scans[0].stamp_ns, interval_s, len(scans), (), polar_radars(model.radars))
     run = SimulatedRun(scenario, 0, tuple(truth), tuple(scans), ())
     tracks = {
-        "GNN": gnn(run, (0, lag), PEER_SETTINGS, model),
+        "GNN": gnn(run, PEER_SETTINGS, (0, lag), model),
         "JPDA": jpda(run, PEER_SETTINGS, (0, lag), model),
     }
     for name, by_lag in tracks.items():

@@ -41,9 +41,10 @@ from phd_jdtc_ros.simulation.looks import looks, slant
 from phd_jdtc_ros.simulation.plots import plot_times
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, plots_with_replies
-from phd_jdtc_ros.study.peers.plot_kalman import follow
 from phd_jdtc_ros.study.runs import TAXIING
 from phd_jdtc_ros.study.turning import turn_ends
+
+from ..peers.plot_kalman import follow
 
 # A target counts as found if it has an estimate within this distance, metres.
 FOUND_M = 500.0

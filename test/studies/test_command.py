@@ -16,7 +16,7 @@ def quick(monkeypatch):
     """A Monte Carlo study that writes one goal, and other studies that print a line."""
     seen = []
 
-    def main(argv, busy):
+    def main(argv, busy, kinds):
         out = argv[argv.index("--out") + 1]
         seen.append((argv, busy()))
         (command.Path(out) / "summary.json").write_text(json.dumps({"goals": [{"name": "own"}]}))
@@ -63,7 +63,7 @@ def test_goals_of_studies_join_those_of_the_summary(quick, tmp_path, monkeypatch
 def test_other_studies_end_with_the_one_they_are_beside(quick, tmp_path, monkeypatch):
     processes = []
 
-    def interrupted(argv, busy):
+    def interrupted(argv, busy, kinds):
         processes.append(busy)
         raise KeyboardInterrupt
 
@@ -87,4 +87,4 @@ def test_an_unknown_study_is_refused_with_all_names(capsys):
     assert command.main(["seam"]) == 2
     said = capsys.readouterr().err
     assert "unknown study 'seam'" in said
-    assert "autoferry_bags, madap, registration, handover" in said
+    assert "monte_carlo, autoferry_bags, madap, registration, handover" in said

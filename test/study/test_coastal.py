@@ -15,6 +15,7 @@ from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
+from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
 from phd_jdtc_ros.study.monte_carlo.scores import score
 from phd_jdtc_ros.study.runs import Ignored
@@ -157,7 +158,7 @@ def test_ships_that_are_found_late_and_estimates_on_a_quay_are_counted():
         return PointSet(place, np.zeros(len(place), dtype=np.int64))
 
     tracks = {0: [points(index, truth) for index, truth in enumerate(run.truth)]}
-    variant = Variant("any", "turning", None, {}, ("coastal",), (0,))
+    variant = Variant("any", KINDS["turning"], None, {}, ("coastal",), (0,))
     scored = score(run, tracks, variant, 1)
     values = dict(zip(VALUES, scored.values[0, :, 0].T, strict=True))
     assert values["late"].sum() == 1.0
@@ -182,7 +183,7 @@ def test_a_ship_that_appears_behind_the_antenna_has_five_turns_from_the_next_one
             rows = truth.track_id < 6 if index < reported else truth.track_id <= 6
             place = truth.position[rows]
             tracks.append(PointSet(place, np.zeros(len(place), dtype=np.int64)))
-        variant = Variant("any", "turning", None, {}, ("coastal",), (0,))
+        variant = Variant("any", KINDS["turning"], None, {}, ("coastal",), (0,))
         scored = score(run, {0: tracks}, variant, 1)
         values = dict(zip(VALUES, scored.values[0, :, 0].T, strict=True))
         assert values["five_scans_old"].sum() == 6.0

@@ -48,7 +48,7 @@ def test_resolve_takes_the_published_study():
         "terminal radar, heights",
         "terminal radar, clean codes",
     ]
-    assert {variant.kind for variant in study.variants} == set(KINDS)
+    assert {variant.kind for variant in study.variants} == set(KINDS.values())
 
 
 def test_resolve_finds_every_published_goal_among_what_is_run():
@@ -247,7 +247,7 @@ def test_merged_gives_every_class_what_is_given_for_all():
 def kinds_of(study_file, change, assigned=None):
     study = load_study(study_file(change), assigned or {})
     return {
-        variant.name: (variant.kind, study.parameters(study.cases[0], variant).get("engine"))
+        variant.name: (variant.kind.name, study.parameters(study.cases[0], variant).get("engine"))
         for variant in study.variants
     }
 
@@ -273,7 +273,7 @@ def test_a_variant_of_the_tracker_names_its_engine(study_file, given):
 def test_the_command_line_chooses_the_engine_of_all_variants_that_it_has(study_file):
     study = load_study(study_file(), {"engine": "gaussian"})
 
-    assert {v.name: v.kind for v in study.variants}["corrected"] == "gaussian"
+    assert {v.name: v.kind.name for v in study.variants}["corrected"] == "gaussian"
     plan = monte_carlo.plan(study, [0])
     # The death term as printed is of the particle engine only.
     assert plan.notes == [

@@ -11,6 +11,7 @@ from phd_jdtc_ros.evaluation.metric_table import GLOBAL_METRICS
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Mean, Result
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
+from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
 from phd_jdtc_ros.study.monte_carlo.scores import Scores, score
 from phd_jdtc_ros.study.runs import simulated_run
@@ -28,7 +29,7 @@ def exact(run):
 
 
 def variant_of(kind, lags=(0,)):
-    return Variant(kind, kind, None, {}, ("quiet",), lags)
+    return Variant(kind, KINDS[kind], None, {}, ("quiet",), lags)
 
 
 def test_score_of_the_truth_is_perfect(run):

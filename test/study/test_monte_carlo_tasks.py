@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.study import monte_carlo
-from phd_jdtc_ros.study.monte_carlo import Store, kinds
+from phd_jdtc_ros.study.monte_carlo import Store
+from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
@@ -17,16 +18,20 @@ def test_plan_shares_a_filter_among_readings(study):
     assert [task.seed for task in plan.tasks] == [4, 4, 4, 5, 5, 5]
 
 
-def test_plan_leaves_out_peers_that_are_not_installed(study_file, monkeypatch):
-    monkeypatch.setattr(kinds, "PEERS_PACKAGE", "no_such_package")
+def test_plan_leaves_out_peers_that_are_not_installed(study_file):
+    kinds = {**KINDS, "jpda": replace(KINDS["jpda"], track=len, package="no_such_package")}
 
     def change(document):
         document["variants"]["JPDA"] = {"kind": "jpda"}
+        document["variants"]["GNN"] = {"kind": "gnn"}
 
-    plan = monte_carlo.plan(load_study(study_file(change), {}), [0])
+    plan = monte_carlo.plan(load_study(study_file(change), {}, kinds), [0])
 
-    assert plan.notes == ["JPDA: left out, no_such_package is not installed"]
-    assert all(task.kind != "jpda" for task in plan.tasks)
+    assert plan.notes == [
+        "JPDA: left out, no_such_package is not installed",
+        "GNN: left out, it runs with `python -m studies monte_carlo` in the repository",
+    ]
+    assert {task.kind.name for task in plan.tasks} == {"particles", "reference"}
 
 
 def test_store_reads_back_what_it_wrote(tasks, tmp_path):

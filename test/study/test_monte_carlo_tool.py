@@ -122,7 +122,7 @@ def test_main_reports_failures_and_goes_on(start, monkeypatch, capsys):
     code_of = tasks.code_of
 
     def wrong(kind):
-        return "other" if kind == "particles" else code_of(kind)
+        return "other" if kind.name == "particles" else code_of(kind)
 
     monkeypatch.setattr(tasks, "code_of", wrong)
     status, out = start("--variant", "corrected", "--variant", "reference")
@@ -146,10 +146,14 @@ def test_main_reports_failures_and_goes_on(start, monkeypatch, capsys):
         (["--case", "loud"], "--case: 'loud' given"),
         (["-p", "nonsense:=1"], "-p nonsense: unknown parameter"),
         (["--study", "absent.yaml"], "absent.yaml: cannot be read"),
+        (["--variant", "GNN"], "GNN: left out, it runs with `python -m studies monte_carlo`"),
     ],
 )
 def test_main_refuses_wrong_arguments(start, capsys, arguments, fault):
-    status, out = start(*arguments)
+    def change(document):
+        document["variants"]["GNN"] = {"kind": "gnn"}
+
+    status, out = start(*arguments, change=change)
 
     assert status == 2
     assert f"monte_carlo: {fault}" in capsys.readouterr().err

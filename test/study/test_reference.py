@@ -12,10 +12,10 @@ from phd_jdtc_ros.core.types import Detections, Scan, Truth
 from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.study.reference import (
+    BEST_NOISE,
     Backward,
     Filtered,
     Gaussian,
-    best_noise,
     birth,
     filter_target,
     known_association,
@@ -287,5 +287,5 @@ def test_known_association_reaches_the_reference_figures(runs, tracks):
 def test_less_noise_is_better_where_targets_fly_straight_on(runs, tracks):
     """So the error of the model-matched reference is no bound."""
     for run, matched in zip(runs, tracks, strict=True):
-        for lag, found in best_noise(run, (0, 5)).items():
+        for lag, found in known_association(run, (0, 5), BEST_NOISE).items():
             assert mean_ospa(run, found) < mean_ospa(run, matched[lag])

@@ -11,6 +11,7 @@ from phd_jdtc_ros.study.figures import markdown, over_lag, over_time, tables, wr
 from phd_jdtc_ros.study.figures.rows import band
 from phd_jdtc_ros.study.monte_carlo import Mean, Result, Study, summarise
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
+from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
 from phd_jdtc_ros.study.monte_carlo.scores import Scores
 from phd_jdtc_ros.study.tracker import Reading
@@ -26,7 +27,7 @@ OVER_TIME = {
 
 def variant_of(name, kind="particles", lags=(0, 2, 5)):
     reading = Reading(name, "bernoulli", "components") if kind == "particles" else None
-    return Variant(name, kind, reading, {}, ("quiet",), lags)
+    return Variant(name, KINDS[kind], reading, {}, ("quiet",), lags)
 
 
 def result_of(variant, runs=3, scans=SCANS, sets=("all", "class_0", "class_1"), case="quiet"):

@@ -18,9 +18,10 @@ from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
-from phd_jdtc_ros.study.peers.plot_kalman import Settings, follow, plot_kalman
 from phd_jdtc_ros.study.turning import track, turn_ends, turning_run, without_ignored
 from phd_jdtc_ros.tools.monte_carlo import load_study
+from studies import peers
+from studies.peers.plot_kalman import Settings, follow, plot_kalman
 
 PARAMETERS = {
     "sensors": ["approach"],
@@ -174,9 +175,9 @@ def test_the_peer_takes_plots_of_several_radars():
 
 
 def test_the_peer_has_no_estimates_without_plots():
-    found, inputs = scene(seconds=12, **{"approach.clutter_rate": 0.0})
+    found, _ = scene(seconds=12, **{"approach.clutter_rate": 0.0})
     run = turning_run(found, 0)
-    tracked = plot_kalman(run, inputs, [0, 5])
+    tracked = plot_kalman(run, {**PARAMETERS, "approach.clutter_rate": 0.0}, [0, 5])
     assert [len(points) for points in tracked.tracks[5]] == [0, 0, 0]
     assert tracked.tracks[0] is tracked.tracks[5]
 
@@ -205,7 +206,7 @@ STUDY = {
 def study_of(directory, **changes):
     (directory / "busy.yaml").write_text(yaml.safe_dump(SCENARIO))
     (directory / "study.yaml").write_text(yaml.safe_dump({**STUDY, **changes}, sort_keys=False))
-    return load_study(directory / "study.yaml", {})
+    return load_study(directory / "study.yaml", {}, peers.KINDS)
 
 
 def test_variants_have_the_cases_that_their_kinds_suit(tmp_path):

@@ -161,7 +161,7 @@ def study_commands():
     return [
         (option, quoted or plain)
         for _, line in COMMANDS
-        if "-m phd_jdtc_ros monte_carlo" in line
+        if re.search("-m (phd_jdtc_ros|studies) monte_carlo", line)
         for option, quoted, plain in re.findall(r'--(case|variant) (?:"([^"]+)"|(\w\S*))', line)
     ]
 

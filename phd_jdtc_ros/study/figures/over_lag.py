@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from phd_jdtc_ros.report.style import COLOURS, DPI, INK, LINES, MARKERS, WIDTH_IN, plain_axes
 
-from ..monte_carlo import KNOWN_ASSOCIATION, REFERENCE, Mean, Result
+from ..monte_carlo import Mean, Result
 
 
 def ospa_against_lag(results: Sequence[Result]) -> Figure:
@@ -50,9 +50,7 @@ def _frame_means(axes: Axes, results: Sequence[Result]) -> None:
 def _styles(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
     """Return the style of each variant; known association has styles of its own."""
     styles: dict[str, dict[str, Any]] = {}
-    contenders = [
-        result.variant for result in results if result.variant.kind not in KNOWN_ASSOCIATION
-    ]
+    contenders = [result.variant for result in results if not result.variant.kind.known_association]
     for index, variant in enumerate(contenders):
         styles[variant.name] = {
             "color": COLOURS[index % len(COLOURS)],
@@ -63,7 +61,7 @@ def _styles(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
             "markersize": 5.5,
         }
     for result in results:
-        if result.variant.kind in KNOWN_ASSOCIATION:
-            dashes = (5, 3) if result.variant.kind == REFERENCE else (1, 2)
+        if result.variant.kind.known_association:
+            dashes = (5, 3) if result.variant.kind.name == "reference" else (1, 2)
             styles[result.variant.name] = {"color": INK, "linestyle": (0, dashes), "linewidth": 1.4}
     return styles

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from ..monte_carlo import ALL, TRACKERS, Result
+from ..monte_carlo import ALL, Result
 from .rows import draw_lags, rows_over_time, scale_from_zero, sets_of
 
 
@@ -68,9 +68,9 @@ def _from_zero(results: Sequence[Result], label: str, metric: str, number: str) 
 
 def has_main(results: Sequence[Result]) -> bool:
     """Return whether a study has a variant of this package's tracker."""
-    return any(result.variant.kind in TRACKERS for result in results)
+    return any(result.variant.kind.is_engine for result in results)
 
 
 def _main(results: Sequence[Result]) -> Result:
     """Return the study's first variant of this package's tracker."""
-    return next(result for result in results if result.variant.kind in TRACKERS)
+    return next(result for result in results if result.variant.kind.is_engine)

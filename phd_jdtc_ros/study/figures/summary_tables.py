@@ -14,7 +14,7 @@ from phd_jdtc_ros.report.table import simple_table
 
 from ..monte_carlo import ALL
 from ..monte_carlo.definition import METRICS
-from ..monte_carlo.kinds import TURNING_KINDS
+from ..monte_carlo.kinds import KINDS
 
 # Metrics of cases with turning antennas.
 SURVEYED = tuple(
@@ -82,7 +82,7 @@ def _sheets(
 ) -> Iterator[tuple[str, list[Sheet]]]:
     """Yield each case with its tables; `text` formats a mean."""
     for case, variants in summary["cases"].items():
-        if any(found["kind"] in TURNING_KINDS for found in variants.values()):
+        if any(KINDS[found["kind"]].turning for found in variants.values()):
             first = Sheet(
                 "targets that are scored, by lag in turns",
                 "Targets in the air, at the end of each turn; lags in turns.",

@@ -28,7 +28,7 @@ from phd_jdtc_ros.evaluation.comparison import ALL
 from .definition import Study
 from .document import Scene, resolve
 from .execution import Report, run_on_dask, run_on_processes
-from .kinds import KNOWN_ASSOCIATION, REFERENCE, TRACKERS
+from .kinds import KINDS, Kind
 from .result import Result
 from .results import Mean, collect, summarise, write_csv
 from .store import Store, remaining, slug
@@ -36,9 +36,8 @@ from .tasks import Outcome, Plan, Task, plan
 
 __all__ = [
     "ALL",
-    "KNOWN_ASSOCIATION",
-    "REFERENCE",
-    "TRACKERS",
+    "KINDS",
+    "Kind",
     "Mean",
     "Outcome",
     "Plan",

@@ -13,6 +13,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario
 
 from ..runs import TAXIING, Ignored
 from ..tracker import Reading
+from .kinds import Kind
 from .metrics import ACCUMULATORS
 
 # Default cut-off c of OSPA and GOSPA, metres, and their order p.
@@ -53,7 +54,7 @@ class Variant:
     """One tracker with its settings."""
 
     name: str
-    kind: str  # One of `KINDS`
+    kind: Kind
     reading: Reading | None  # Set only for this package's tracker on scans
     # Parameters of the tracker that replace the case's; they do not change the simulated data. A
     # name with `EVERY_CLASS` in the place of a class applies to all classes of the case.

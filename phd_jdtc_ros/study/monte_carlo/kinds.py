@@ -1,88 +1,117 @@
-"""The kinds of tracker in a study: module, availability and source files of each.
+"""The kinds of tracker in a study: how each is run, on what, and its source files.
 
-A kind is a tracker with its settings. A peer with other settings is another kind, named after the
-function of `peers` that runs it.
+A kind is a tracker with its settings. A peer, another tracker, is of the repository's `studies`,
+which give a study their own table of kinds; here its name is known and it is left out.
 """
 
 from __future__ import annotations
 
 import hashlib
 import importlib.util
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
-from importlib import import_module, metadata
+from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from phd_jdtc_ros.configuration.engines import ENGINES
 
-# This package's tracker on scans, by the name of its engine.
-TRACKERS = tuple(ENGINES)
-REFERENCE, GNN = "reference", "gnn"
-# References with known association, each with its function in `reference`.
-KNOWN_ASSOCIATION = {REFERENCE: "known_association", "reference_best": "best_noise"}
-# Kinds for turning radars: this package's tracker through its pipeline, and a peer.
-TURNING, PLOT_KALMAN = TURNING_KINDS = ("turning", "plot_kalman")
-# Kinds of this package's tracker.
-OURS = (*TRACKERS, TURNING)
-# Peers with a smoother.
-NEAREST_NEIGHBOUR = (GNN, "gnn_loud", "gnn_anywhere")
-STONE_SOUP = ("gm_phd", "gm_phd_loud", *NEAREST_NEIGHBOUR, "jpda", "jpda_loud")
-PEERS = (*STONE_SOUP, PLOT_KALMAN)
-KINDS = (*TRACKERS, TURNING, *KNOWN_ASSOCIATION, *PEERS)
-# Kinds with tracker parameters, from which peers take births, classes and the noise of constant
-# velocity.
-TUNED = (*OURS, *STONE_SOUP)
-PEERS_PACKAGE = "stonesoup"
+from .. import turning
+from ..reference import BEST_NOISE, known_association
+from ..runs import SimulatedRun, Tracked
+
+# Function of a run, the tracker's parameters and lags that returns the tracker's estimates.
+Track: TypeAlias = "Callable[[SimulatedRun, Mapping[str, Any], Sequence[int]], Tracked]"
+
+ELSEWHERE = "it runs with `python -m studies monte_carlo` in the repository"
+# Modules and packages that the scores of every kind depend on.
+SHARED = (
+    *(
+        f"phd_jdtc_ros.{name}"
+        for name in ("calibration", "configuration", "core", "evaluation", "feed", "simulation")
+    ),
+    "phd_jdtc_ros.quoting",
+    *(
+        f"phd_jdtc_ros.study.{name}"
+        for name in (
+            *("reference", "runs", "tracker", "turning"),
+            *("monte_carlo.scores", "monte_carlo.tasks"),
+        )
+    ),
+)
 
 
-def module_of(kind: str) -> Any:
-    """Return the module of a kind; `peers` is imported for peers only."""
-    return import_module(f"..{_module_name(kind)}", __package__)
+@dataclass(frozen=True)
+class Kind:
+    """A kind of tracker."""
+
+    name: str
+    # None for this package's engines, whose variants share a filter, and for what is left out.
+    track: Track | None = None
+    modules: tuple[str, ...] = ()  # Modules and packages that the scores depend on, after `SHARED`
+    turning: bool = False  # Whether it runs on the cases with turning antennas, or on the others
+    ours: bool = False  # Whether it is this package's tracker
+    tuned: bool = False  # Whether a variant may have parameters of the tracker
+    known_association: bool = False  # Whether it is told the source of every detection
+    classes: bool = True  # Whether it estimates classes
+    package: str = ""  # Optional package that it needs
+
+    @property
+    def is_engine(self) -> bool:
+        """Whether it is this package's tracker on scans."""
+        return self.ours and not self.turning
+
+    def missing(self) -> str | None:
+        """Return the reason why the kind cannot run on this machine, or None."""
+        if self.track is None and not self.ours:
+            return ELSEWHERE
+        if self.package and importlib.util.find_spec(self.package) is None:
+            return f"{self.package} is not installed"
+        return None
+
+    def sources(self) -> list[Path]:
+        """Return the source files that the scores depend on: tracker, tasks and scoring."""
+        return [path for module in (*SHARED, *self.modules) for path in _files_of(module)]
 
 
-def suits(kind: str, turning: bool) -> bool:
-    """Return whether a kind can be run on a case with, or without, turning antennas."""
-    return (kind in TURNING_KINDS) == turning
-
-
-def _module_name(kind: str) -> str:
-    if kind in TRACKERS:
-        return "tracker"
-    if kind in KNOWN_ASSOCIATION:
-        return REFERENCE
-    return "peers" if kind in PEERS else kind
-
-
-def missing(kind: str) -> str | None:
-    """Return the reason why a kind cannot run on this machine, or None."""
-    if kind in STONE_SOUP and importlib.util.find_spec(PEERS_PACKAGE) is None:
-        return f"{PEERS_PACKAGE} is not installed"
-    return None
-
-
-def sources_of(kind: str) -> list[Path]:
-    """Return the source files that a kind's scores depend on: tracker, tasks and scoring."""
-    package = Path(__file__).parents[2]
-    study = package / "study"
-    tracker = study / _module_name(kind)
-    folders = ("calibration", "configuration", "core", "evaluation", "feed", "simulation")
-    return [
-        *sorted(path for name in folders for path in (package / name).rglob("*.py")),
-        package / "quoting.py",
-        study / "runs.py",
-        study / "turning.py",
-        study / "monte_carlo" / "scores.py",
-        study / "monte_carlo" / "tasks.py",
-        *(sorted(tracker.glob("*.py")) if tracker.is_dir() else [tracker.with_suffix(".py")]),
-    ]
+def _files_of(module: str) -> list[Path]:
+    spec = importlib.util.find_spec(module)
+    if spec is None or spec.origin is None:
+        raise ModuleNotFoundError(module)
+    origin = Path(spec.origin)
+    return sorted(origin.parent.rglob("*.py")) if origin.stem == "__init__" else [origin]
 
 
 @cache
-def code_of(kind: str) -> str:
-    """Return a digest of the files that a kind's scores depend on."""
+def code_of(kind: Kind) -> str:
+    """Return a digest of the files, and of the package, that a kind's scores depend on."""
     digest = hashlib.sha256()
-    for path in sources_of(kind):
+    for path in kind.sources():
         digest.update(path.name.encode() + path.read_bytes())
-    if kind in STONE_SOUP and missing(kind) is None:
-        digest.update(metadata.version(PEERS_PACKAGE).encode())
+    if kind.package and kind.missing() is None:
+        digest.update(metadata.version(kind.package).encode())
     return digest.hexdigest()
+
+
+def _reference(run: SimulatedRun, _: Mapping[str, Any], lags: Sequence[int]) -> Tracked:
+    return Tracked(known_association(run, lags))
+
+
+def _best_reference(run: SimulatedRun, _: Mapping[str, Any], lags: Sequence[int]) -> Tracked:
+    return Tracked(known_association(run, lags, BEST_NOISE))
+
+
+_STONE_SOUP = ("gm_phd", "gm_phd_loud", "gnn", "gnn_loud", "gnn_anywhere", "jpda", "jpda_loud")
+# The kinds of an installed package, by name.
+KINDS = {
+    kind.name: kind
+    for kind in (
+        *(Kind(name, ours=True, tuned=True) for name in ENGINES),
+        Kind("turning", turning.track, turning=True, ours=True, tuned=True),
+        Kind("reference", _reference, known_association=True),
+        Kind("reference_best", _best_reference, known_association=True),
+        *(Kind(name, tuned=True, classes=False) for name in _STONE_SOUP),
+        Kind("plot_kalman", turning=True, classes=False),
+    )
+}

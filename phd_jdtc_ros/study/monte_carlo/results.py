@@ -20,7 +20,6 @@ from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.totals import ratio
 
 from .definition import ORDER, Goal, Study, Variant, merged
-from .kinds import OURS
 from .result import Result
 from .store import HEADER, Store
 from .tasks import Outcome, Task
@@ -120,7 +119,7 @@ def summarise(
     cases: dict[str, Any] = {}
     for result in results:
         cases.setdefault(result.case, {})[result.variant.name] = {
-            "kind": result.variant.kind,
+            "kind": result.variant.kind.name,
             "engine": _engine(study, result),
             "runs": len(result.seeds),
             "seeds": list(result.seeds),
@@ -159,7 +158,7 @@ def summarise(
 
 def _engine(study: Study, result: Result) -> str | None:
     """Return the engine of a result of this package's tracker."""
-    if result.variant.kind not in OURS:
+    if not result.variant.kind.ours:
         return None
     of_case = {case.name: case.parameters for case in study.cases}.get(result.case, {})
     given = merged(of_case, result.variant.parameters, study.assigned)

@@ -14,7 +14,6 @@ from phd_jdtc_ros.evaluation.run_scores import ScanComparer
 
 from ..runs import SimulatedRun, Tracks
 from .definition import CUTOFF, ORDER, Variant
-from .kinds import PEERS
 from .metrics import VALUES, new_accumulators
 
 
@@ -57,7 +56,7 @@ def score(
     if not lags:
         raise ValueError(f"lags: {variant.lags} requested, the tracker has {sorted(tracks)}")
     scans = len(run.truth)
-    estimated = 0 if variant.kind in PEERS else classes  # peers do not estimate classes
+    estimated = classes if variant.kind.classes else 0
     sets = set_names(estimated)
     values = np.full((len(lags), scans, len(sets), len(VALUES)), np.nan)
     taken_for = np.zeros((len(lags), scans, estimated, estimated), dtype=np.int64)

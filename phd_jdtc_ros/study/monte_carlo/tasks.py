@@ -19,16 +19,7 @@ from ..runs import TAXIING, Ignored, SimulatedRun, Tracked, simulated_run
 from ..tracker import track
 from ..turning import turning_run
 from .definition import ORDER, OWN, Case, Study, Variant
-from .kinds import (
-    KNOWN_ASSOCIATION,
-    NEAREST_NEIGHBOUR,
-    PLOT_KALMAN,
-    TRACKERS,
-    TURNING,
-    code_of,
-    missing,
-    module_of,
-)
+from .kinds import Kind, code_of
 from .metrics import OTHER_CUTOFF, OTHER_ORDER
 from .scores import Scores, score
 
@@ -53,7 +44,7 @@ class Task:
     ignored: Ignored = TAXIING  # Unscored targets if antennas turn
 
     @property
-    def kind(self) -> str:
+    def kind(self) -> Kind:
         """The common kind of the variants."""
         return self.variants[0].kind
 
@@ -85,7 +76,7 @@ class Plan(NamedTuple):
 def plan(study: Study, seeds: Sequence[int]) -> Plan:
     """Return all tasks of a study."""
     left_out = dict(study.left_out)
-    left_out |= {v.name: reason for v in study.variants if (reason := missing(v.kind)) is not None}
+    left_out |= {v.name: reason for v in study.variants if (reason := v.kind.missing()) is not None}
     notes = [f"{name}: left out, {reason}" for name, reason in left_out.items()]
     first_seed: list[tuple[Task, int]] = []
     for case in study.cases:
@@ -94,8 +85,8 @@ def plan(study: Study, seeds: Sequence[int]) -> Plan:
             variant = replace(one, lags=case.lags_of(one))
             if case.name in variant.cases and variant.name not in left_out:
                 # Only variants of this package's tracker can share a filter.
-                name = "" if variant.kind in TRACKERS else variant.name
-                key = json.dumps([variant.kind, name, variant.parameters], sort_keys=True)
+                name = "" if variant.kind.is_engine else variant.name
+                key = json.dumps([variant.kind.name, name, variant.parameters], sort_keys=True)
                 runs = study.runs(case, variant, len(seeds))
                 groups.setdefault((key, runs), []).append(variant)
         first_seed += [
@@ -113,7 +104,8 @@ def plan(study: Study, seeds: Sequence[int]) -> Plan:
 def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
     """Return the task of a case and of variants that share their data, for seed 0."""
     parameters = study.parameters(case, variants[0])
-    code = code_of(variants[0].kind)
+    kind = variants[0].kind
+    code = code_of(kind)
     shared = {
         "format": FORMAT,
         "version": phd_jdtc_ros.__version__,
@@ -121,8 +113,8 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
         "case": case.name,
         "scenario": asdict(case.scenario),
         "classes": case.classes,
-        "kind": variants[0].kind,
-        "parameters": {} if variants[0].kind in KNOWN_ASSOCIATION else _in_force(parameters),
+        "kind": kind.name,
+        "parameters": {} if kind.known_association else _in_force(parameters),
         "ospa": [study.cutoff_of(case), ORDER, OTHER_CUTOFF, OTHER_ORDER],
         "ignored": case.ignored,
     }
@@ -168,25 +160,11 @@ def perform(task: Task) -> Outcome:
 def _track_variants(task: Task, run: SimulatedRun) -> dict[str, Tracked]:
     """Return the estimates of all variants, by name."""
     lags = sorted({lag for variant in task.variants for lag in variant.lags})
-    if task.kind in TRACKERS:
+    if task.kind.is_engine:
         readings = [variant.reading for variant in task.variants if variant.reading is not None]
         by_name = track(run, tracker_config.resolve(task.parameters), readings, lags)
         return {name: Tracked(tracks) for name, tracks in by_name.items()}
-    tracked = _of_one(task, run, lags)
+    if task.kind.track is None:
+        raise ValueError(f"kind: {task.kind.name} given, {task.kind.missing()}")
+    tracked = task.kind.track(run, task.parameters, lags)
     return {variant.name: tracked for variant in task.variants}
-
-
-def _of_one(task: Task, run: SimulatedRun, lags: Sequence[int]) -> Tracked:
-    """Return the estimates of a tracker whose variants share no filter."""
-    module = module_of(task.kind)
-    if task.kind == TURNING:
-        return Tracked(*module.track(run, task.parameters, lags))
-    if task.kind == PLOT_KALMAN:
-        inputs = tracker_config.resolve(task.parameters).inputs
-        return Tracked(*module.plot_kalman(run, inputs, lags))
-    if task.kind in KNOWN_ASSOCIATION:
-        return Tracked(getattr(module, KNOWN_ASSOCIATION[task.kind])(run, lags))
-    model = tracker_config.resolve(task.parameters).model
-    if task.kind in NEAREST_NEIGHBOUR:
-        return Tracked(getattr(module, task.kind)(run, lags, model=model))
-    return Tracked(getattr(module, task.kind)(run, model=model))

@@ -14,11 +14,12 @@ step::
       |  convert to Stone Soup's types            problem, conversion
     scans, birth places, predictor, updater
       |  gm_phd, gm_phd_loud                      mixture_phd
-      |  gnn, gnn_loud, gnn_anywhere              nearest_neighbour, tracks, management
-      |  jpda, jpda_loud                          probabilistic, tracks, management
+      |  gnn, gnn_loud, gnn_anywhere              track_based, management
+      |  jpda, jpda_loud                          track_based, management
     Tracks: positions of every scan, by lag
 
-`soup` lists the parts of Stone Soup that are used, `settings` the tuned values.
+`soup` lists the parts of Stone Soup that are used, `settings` the tuned values, and `kinds` has the
+peers as kinds of tracker in a Monte Carlo study.
 
 The peers get the same information as this package's tracker: position and noise of the radars, the
 clutter density, and the birth terms and survival probability of the reference configuration. Their
@@ -63,18 +64,8 @@ Three things differ from plain Stone Soup, each to the peers' advantage:
   130). Here a track claims only its most probable detection.
 """
 
-from .mixture_phd import gm_phd, gm_phd_loud
-from .nearest_neighbour import gnn, gnn_anywhere, gnn_loud
-from .plot_kalman import plot_kalman
-from .probabilistic import jpda, jpda_loud
+from .kinds import KINDS, PEERS
+from .mixture_phd import gm_phd
+from .track_based import gnn, jpda
 
-__all__ = [
-    "gm_phd",
-    "gm_phd_loud",
-    "gnn",
-    "gnn_anywhere",
-    "gnn_loud",
-    "jpda",
-    "jpda_loud",
-    "plot_kalman",
-]
+__all__ = ["KINDS", "PEERS", "gm_phd", "gnn", "jpda"]

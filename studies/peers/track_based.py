@@ -1,21 +1,72 @@
-"""Runs the track-based peers, and extracts their estimates at a lag."""
+"""The peers with tracks: global nearest neighbour (GNN) and JPDA, with a smoother.
+
+Lag 0 is the extended Kalman filter. A larger lag L is Stone Soup's `ExtendedKalmanSmoother`
+(Rauch-Tung-Striebel) over the following L scans, fewer at the end of the run. All estimates have
+class 0.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
 
+from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.evaluation.comparison import PointSet
+from phd_jdtc_ros.study.runs import SimulatedRun, Tracks
 
-from .conversion import VELOCITY, point_set
+from .conversion import VELOCITY, clutter_density, point_set
 from .management import LooksMissed, NoInitiator, initiator
 from .problem import Problem
-from .settings import TrackSettings
+from .settings import AT_BIRTH_PLACES, TrackSettings
 from .soup import Part, Soup
+
+
+def gnn(
+    run: SimulatedRun,
+    settings: TrackSettings = AT_BIRTH_PLACES,
+    lags: Iterable[int] = (0,),
+    model: TrackerModel | None = None,
+) -> Tracks:
+    """Return the estimates of global nearest neighbour tracking, by lag; see `Problem.of`."""
+    problem = Problem.of(run, model)
+    soup = problem.soup
+    associator = soup.GNNWith2DAssignment(problem.hypothesiser(settings.gate))
+    history = follow(problem, soup.MultiTargetTracker, lambda _: associator, settings)
+    return {lag: at_lag(problem, history, lag, settings) for lag in lags}
+
+
+def jpda(
+    run: SimulatedRun,
+    settings: TrackSettings = AT_BIRTH_PLACES,
+    lags: Iterable[int] = (0,),
+    model: TrackerModel | None = None,
+) -> Tracks:
+    """Return the estimates of joint probabilistic data association, by lag; as `gnn`.
+
+    The association probabilities are exact (`JPDAwithEHM`). Tentative tracks are associated by
+    nearest neighbour, as in Stone Soup's examples.
+    """
+    problem = Problem.of(run, model)
+    soup = problem.soup
+
+    def associator(radar: RadarModel) -> Part:
+        return soup.JPDAwithEHM(
+            soup.PDAHypothesiser(
+                predictor=problem.predictor,
+                updater=problem.updater,
+                clutter_spatial_density=clutter_density(radar),
+                prob_detect=problem.detection_probability(radar),
+                prob_gate=1.0 - math.exp(-0.5 * settings.gate**2),
+            )
+        )
+
+    history = follow(problem, soup.MultiTargetMixtureTracker, associator, settings)
+    return {lag: at_lag(problem, history, lag, settings) for lag in lags}
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ import math
 from dataclasses import replace
 
 from phd_jdtc_ros.core.types import Detections, Scan
-
-from ..runs import SimulatedRun
+from phd_jdtc_ros.study.runs import SimulatedRun
 
 
 def raised_threshold(run: SimulatedRun, threshold: float) -> SimulatedRun:

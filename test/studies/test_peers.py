@@ -1,6 +1,5 @@
 import math
 from dataclasses import replace
-from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,14 +8,14 @@ import pytest
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.simulation.scenario import paper_scenario
-from phd_jdtc_ros.study import peers
-from phd_jdtc_ros.study.peers import soup
-from phd_jdtc_ros.study.peers.conversion import detection, measurement_model
-from phd_jdtc_ros.study.peers.mixture_phd import nearest_turn
-from phd_jdtc_ros.study.peers.problem import Problem
-from phd_jdtc_ros.study.peers.settings import LOUD_THRESHOLD
-from phd_jdtc_ros.study.peers.threshold import raised_threshold
 from phd_jdtc_ros.study.runs import simulated_run
+from studies import peers
+from studies.peers import soup
+from studies.peers.conversion import detection, measurement_model
+from studies.peers.mixture_phd import nearest_turn
+from studies.peers.problem import Problem
+from studies.peers.settings import ANYWHERE, LOUD_THRESHOLD
+from studies.peers.threshold import raised_threshold
 
 pytest.importorskip("stonesoup")
 
@@ -26,17 +25,8 @@ LAG = 3
 SETTLED = 3
 NEAR_M = 500.0
 # The noise with which they are studied.
-MODEL = resolve({"cv.noise_density": 1.0}).model
-CONTENDERS = {
-    "gm_phd": partial(peers.gm_phd, model=MODEL),
-    "gnn": partial(peers.gnn, lags=(0, LAG), model=MODEL),
-    "gnn_loud": partial(peers.gnn_loud, lags=(0, LAG), model=MODEL),
-    "gnn_anywhere": partial(peers.gnn_anywhere, lags=(0, LAG), model=MODEL),
-    "jpda": partial(peers.jpda, model=MODEL),
-    "gm_phd_loud": partial(peers.gm_phd_loud, model=MODEL),
-    "jpda_loud": partial(peers.jpda_loud, model=MODEL),
-}
-every_peer = pytest.mark.parametrize("contender", CONTENDERS.values(), ids=CONTENDERS)
+NOISE = {"cv.noise_density": 1.0}
+every_peer = pytest.mark.parametrize("contender", peers.PEERS.values(), ids=peers.PEERS)
 
 
 def short_run(clutter_rate=1.0, yaws_deg=(0.0, 0.0), targets=slice(3), seed=1):
@@ -66,7 +56,7 @@ def run():
 
 @every_peer
 def test_peer_finds_the_targets(contender, run):
-    for points in contender(run).values():
+    for points in contender(run, NOISE, (0, LAG)).tracks.values():
         assert missed(run, points) <= 1
         # There is at most one false target in a few scans.
         assert sum(map(len, points)) <= SCANS * len(run.truth[0].state) + 3
@@ -74,7 +64,7 @@ def test_peer_finds_the_targets(contender, run):
 
 @every_peer
 def test_peer_reports_unclassified_points_of_every_scan(contender, run):
-    tracks = contender(run)
+    tracks = contender(run, NOISE, (0, LAG)).tracks
     assert 0 in tracks
     for points in tracks.values():
         assert len(points) == SCANS
@@ -91,14 +81,14 @@ def test_peer_follows_a_target_along_the_cut_of_the_bearings(contender):
     azimuth = np.concatenate([d.measurement[:, 1] for s in run.scans for d in s.detections])
     assert np.count_nonzero(azimuth > 3.1) > SCANS // 2
     assert np.count_nonzero(azimuth < -3.1) > SCANS // 2
-    for points in contender(run).values():
+    for points in contender(run, NOISE, (0, LAG)).tracks.values():
         assert missed(run, points) == 0
 
 
 @every_peer
 def test_peer_takes_scans_without_detections(contender):
     run = short_run(clutter_rate=0.0, targets=slice(0))
-    for points in contender(run).values():
+    for points in contender(run, NOISE, (0, LAG)).tracks.values():
         assert [len(found) for found in points] == [0] * SCANS
 
 
@@ -140,20 +130,22 @@ def run_from_elsewhere():
 
 
 def test_gnn_anywhere_starts_tracks_anywhere(run_from_elsewhere):
-    assert missed(run_from_elsewhere, peers.gnn_anywhere(run_from_elsewhere, (LAG,))[LAG]) <= 1
+    found = peers.gnn(run_from_elsewhere, ANYWHERE, (LAG,))[LAG]
+    assert missed(run_from_elsewhere, found) <= 1
 
 
-@pytest.mark.parametrize("contender", [peers.gnn, peers.gnn_loud])
-def test_gnn_starts_tracks_at_birth_places_alone(contender, run_from_elsewhere):
-    (points,) = contender(run_from_elsewhere, (LAG,)).values()
+@pytest.mark.parametrize("name", ["gnn", "gnn_loud"])
+def test_gnn_starts_tracks_at_birth_places_alone(name, run_from_elsewhere):
+    (points,) = peers.PEERS[name](run_from_elsewhere, {}, (LAG,)).tracks.values()
     assert [len(found) for found in points] == [0] * SCANS
 
 
-@pytest.mark.parametrize("contender", [peers.gnn_loud, peers.jpda_loud, peers.gm_phd_loud])
-def test_loud_peers_take_strong_detections_alone(contender):
+@pytest.mark.parametrize("name", [name for name, peer in peers.PEERS.items() if peer.loud])
+def test_loud_peers_take_strong_detections_alone(name):
     run = short_run(clutter_rate=20.0)
     (whole,), (strong,) = (
-        contender(given).values() for given in (run, raised_threshold(run, LOUD_THRESHOLD))
+        peers.PEERS[name](given, {}, (0,)).tracks.values()
+        for given in (run, raised_threshold(run, LOUD_THRESHOLD))
     )
     for found, expected in zip(whole, strong, strict=True):
         np.testing.assert_array_equal(found.position, expected.position)

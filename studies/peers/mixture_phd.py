@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.study.runs import SimulatedRun, Tracks
 
-from ..runs import SimulatedRun, Tracks
 from .conversion import clutter_density, point_set
 from .problem import Problem
-from .settings import GM_PHD, LOUD_THRESHOLD, PhdSettings
+from .settings import GM_PHD, PhdSettings
 from .soup import Part, Soup
-from .threshold import raised_threshold
 
 
 def gm_phd(
@@ -66,11 +65,6 @@ def gm_phd(
             survival = 1.0
         reports.append(point_set(c for c in mixture if c.weight > settings.extract))
     return {0: reports}
-
-
-def gm_phd_loud(run: SimulatedRun, model: TrackerModel | None = None) -> Tracks:
-    """Return the estimates of `gm_phd` from detections of high amplitude only; see `gnn_loud`."""
-    return gm_phd(raised_threshold(run, LOUD_THRESHOLD), model=model)
 
 
 def nearest_turn(soup: Soup, hypothesis: Part) -> Part:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 
 @dataclass(frozen=True)
@@ -35,11 +36,13 @@ class TrackSettings:
     min_speed: float = 0.0  # Slower targets are not reported, metres per second
 
 
+Settings: TypeAlias = "PhdSettings | TrackSettings"
 GM_PHD = PhdSettings(gate=5.0, prune=1e-5, merge=4.0, most=100, extract=0.5)
 AT_BIRTH_PLACES = TrackSettings(gate=3.5, points=4, tentative_looks=2, looks=5, birth_gate=4.0)
 # Settings for unknown birth places: tracks are confirmed later, and a run takes several times as
 # long.
 ANYWHERE = TrackSettings(gate=3.0, points=6, tentative_looks=2, looks=3, birth_gate=None)
-# Settings for detections above an amplitude threshold that leaves hardly any clutter.
+# Settings for detections above an amplitude threshold that leaves so little clutter that two
+# detections suffice to confirm a track.
 LOUD_THRESHOLD = 5.0
 LOUD = TrackSettings(gate=4.0, points=2, tentative_looks=2, looks=4, birth_gate=4.0)

@@ -11,20 +11,20 @@ The settings were chosen by the RMS error and the identity switches on seeds 0 t
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, simulate_reports
-
-from ..runs import SimulatedRun, Tracked
-from ..turning import without_ignored
+from phd_jdtc_ros.study.runs import SimulatedRun, Tracked
+from phd_jdtc_ros.study.turning import without_ignored
 
 # Order of the state: x, vx, y, vy.
 POSITION, VELOCITY = [0, 2], [1, 3]
@@ -244,21 +244,19 @@ def follow(
     return found
 
 
-def plot_kalman(
-    run: SimulatedRun, inputs: Sequence[RadarParameters], lags: Sequence[int]
-) -> Tracked:
+def plot_kalman(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int]) -> Tracked:
     """Return the tracker's filtered estimates of a run of turning radars.
 
     Parameters
     ----------
     run : SimulatedRun
         Result of `turning.turning_run`.
-    inputs : sequence of RadarParameters
-        Message layouts: whether plots have times.
+    parameters : mapping of str
+        The tracker's, for the layout of the radars' messages: whether plots have times.
     lags : sequence of int
         Lags; all get the filtered estimates, since the tracker has no smoother.
     """
-    reports = simulate_reports(run.scenario, inputs, run.seed)
+    reports = simulate_reports(run.scenario, resolve(parameters).inputs, run.seed)
     begin = time.process_time()
     found = follow(reports, run.scenario.radars, [truth.stamp_ns for truth in run.truth])
     spent = time.process_time() - begin
