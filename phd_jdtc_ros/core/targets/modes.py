@@ -11,9 +11,11 @@ All matrices are [from, to]; rows sum to one.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy import linalg
@@ -25,6 +27,10 @@ from .motion import MotionModel
 # Tolerance for rounding errors in a generator; its inverse is the largest condition number of the
 # eigenvectors.
 GENERATOR_TOLERANCE = 1e-9
+# Antennas turn evenly, so that the same intervals recur; so many are remembered.
+MOST_INTERVALS = 1024
+
+ValueT = TypeVar("ValueT")
 
 
 @dataclass(frozen=True)
@@ -178,5 +184,53 @@ class ModeSpace:
 
     def survival(self, dt: float) -> FloatArray:
         """Return the probability to survive `dt` seconds, per flat mode, shape (O,)."""
-        nominal = np.array([model.survival_probability for model in self.classes])
-        return nominal[self.class_of] ** (dt / self.interval_s)
+        return self._nominal_survival[self.class_of] ** (dt / self.interval_s)
+
+    def class_survival(self, dt: FloatArray) -> FloatArray:
+        """Return the probability to survive intervals (N,) in seconds, per class, shape (N, C)."""
+        survival: FloatArray = self._nominal_survival ** (dt / self.interval_s)[:, None]
+        return survival
+
+    @cached_property
+    def _nominal_survival(self) -> FloatArray:
+        return np.array([model.survival_probability for model in self.classes])
+
+    def class_noise(self, dt: float) -> FloatArray:
+        """Return each class's mean process noise after `dt` seconds, shape (C, D, D)."""
+        return _once(self._class_noise_after, dt, self._class_noise)
+
+    def position_noise_std(self, dt: float) -> float:
+        """Return the deviation of positions that any motion's noise adds in `dt`, both axes."""
+        return _once(self._position_std_after, dt, self._position_noise_std)
+
+    def _class_noise(self, dt: float) -> FloatArray:
+        noise = np.zeros((len(self.classes), len(self.space), len(self.space)))
+        for own, model in zip(noise, self.classes, strict=True):
+            for motion in model.motions:
+                axes = np.ix_(motion.support, motion.support)
+                own[axes] += motion.noise_covariance(dt) / len(model.motions)
+        return noise
+
+    def _position_noise_std(self, dt: float) -> float:
+        x, variance = self.space.position[0], 0.0
+        for motion in self.motions:
+            axis = motion.support.index(x)
+            variance = max(variance, float(motion.noise_covariance(dt)[axis, axis]))
+        return math.sqrt(2.0 * variance)
+
+    @cached_property
+    def _class_noise_after(self) -> dict[float, FloatArray]:
+        return {}
+
+    @cached_property
+    def _position_std_after(self) -> dict[float, float]:
+        return {}
+
+
+def _once(known: dict[float, ValueT], dt: float, compute: Callable[[float], ValueT]) -> ValueT:
+    """Return what is computed of an interval; the latest are computed once."""
+    if dt not in known:
+        if len(known) == MOST_INTERVALS:
+            known.clear()
+        known[dt] = compute(dt)
+    return known[dt]

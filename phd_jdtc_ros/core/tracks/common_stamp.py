@@ -7,13 +7,12 @@ there to the common stamp; smoothed ones are interpolated between the updates be
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, read_only
+from ..arrays import FloatArray, IntArray
 from ..targets.modes import ModeSpace
-from ..targets.motion import CoordinatedTurn, MotionModel
+from ..targets.motion import CoordinatedTurn
 from ..types import Estimates
 
 # Predicts the mean of a state; with a turn rate of zero along a straight line.
@@ -74,10 +73,8 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     moved = moved.reshape(shifted.shape)
     difference = moved[1 : size + 1] - moved[size + 1 :]
     jacobian = (difference / (2.0 * step)[:, None, None]).transpose(1, 2, 0)
-    motions = tuple(model.motions for model in modes.classes)
-    noise = np.stack([_noise(motions, size, length) for length in every.tolist()])
-    first_mode = np.searchsorted(modes.class_of, np.arange(len(modes.classes)))
-    survival = np.stack([modes.survival(length)[first_mode] for length in every.tolist()])
+    noise = np.array([modes.class_noise(length) for length in every.tolist()])
+    survival = modes.class_survival(every)
     rows = which.ravel(), kind
     covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise[rows]
     return replace(
@@ -86,19 +83,6 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
         covariance=_with(estimates.covariance, to_predict, covariance),
         weight=_with(estimates.weight, to_predict, estimates.weight[to_predict] * survival[rows]),
     )
-
-
-# An antenna turns evenly, so that the same intervals recur.
-@lru_cache(maxsize=1024)
-def _noise(classes: tuple[tuple[MotionModel, ...], ...], size: int, dt: float) -> FloatArray:
-    """Return the process noise of each class after `dt` seconds, shape (C, D, D)."""
-    noise = np.zeros((len(classes), size, size))
-    for index, motions in enumerate(classes):
-        for motion in motions:
-            axes = np.ix_(motion.support, motion.support)
-            noise[index][axes] += motion.noise_covariance(dt) / len(motions)
-    covariance: FloatArray = read_only(noise)
-    return covariance
 
 
 def _with(column: FloatArray, rows: IntArray, values: FloatArray) -> FloatArray:

@@ -119,14 +119,11 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._stamps = [*self._stamps, *(estimates.stamp_ns for estimates in filtered)]
         if filtered:
             self._given_ns = filtered[-1].stamp_ns, self._given_ns[1]
-        smoothed = []
+        entries, smoothed = len(self._window), []
         while self.lag.reached(self._stamps):
             smoothed.append(self._smooth_oldest())
-        labels = [entry.stored.label for entry in self._window]
-        self._tracks.forget_all_but(labels)
-        if self.forward.attributes is not None:
-            oldest_ns = self._stamps[0] if self._stamps else scan.stamp_ns
-            self.forward.attributes.forget_all_but(labels, oldest_ns)
+        if len(self._window) < entries:
+            self._forget_dropped(scan.stamp_ns)
         classes = modes.class_of, len(modes.classes)
         mass = [rows.class_mass(*classes) for rows in self.forward.unswept[:-1]]
         mass.append(step.updated.class_mass(*classes))
@@ -230,6 +227,14 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             self._filtered[at] = from_snapshot(
                 Estimates, stored, f"filtered.{at}", sizes, stamp_ns=at, **given
             )
+
+    def _forget_dropped(self, stamp_ns: int) -> None:
+        """Forget the targets that are in no entry of the window any more."""
+        labels = [entry.stored.label for entry in self._window]
+        self._tracks.forget_all_but(labels)
+        if self.forward.attributes is not None:
+            oldest_ns = self._stamps[0] if self._stamps else stamp_ns
+            self.forward.attributes.forget_all_but(labels, oldest_ns)
 
     def _note_filtered(self, updated: RowsT, scan: Scan) -> None:
         """Store the filtered targets of a scan, and drop those of scans that are fully replaced."""

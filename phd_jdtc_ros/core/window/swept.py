@@ -7,14 +7,12 @@ with the targets in it. The swept area is the reported coverage, and every place
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray
 from ..models.tracker_model import TrackerModel
 from ..sensors.report import Report
-from ..targets.motion import MotionModel
 from ..types import Scan
 from .entries import LinkT, RowsT, UnsweptRows
 
@@ -52,8 +50,7 @@ def partition_swept(
     # Radius of each target's position density.
     spread = np.concatenate([extent.position_std for extent in extents])
     spread += dt * np.concatenate([extent.velocity_std for extent in extents])
-    motions = model.modes.motions
-    spread += np.repeat([_noise_std(motions, age) for age in age_s], sizes)
+    spread += np.repeat([model.modes.position_noise_std(age) for age in age_s], sizes)
     near = _in_sweep(position, SPREAD_SIGMA * spread, reports) | (dt >= longest_s)
     swept, remaining = [], []
     by_entry = np.split(near, np.cumsum(sizes)[:-1])
@@ -82,19 +79,6 @@ def swept_births(scan: Scan, model: TrackerModel) -> list[int]:
 def _everywhere(reports: Reports) -> bool:
     """Return whether the reports cover whole fields of view, or there are none."""
     return not reports or any(report.detections.coverage is None for report in reports)
-
-
-# An antenna turns evenly, so that the same intervals recur.
-@lru_cache(maxsize=1024)
-def _noise_std(motions: tuple[MotionModel, ...], dt: float) -> float:
-    """Return the standard deviation of position that the process noise adds in `dt`, both axes."""
-    return float(np.sqrt(2.0 * max(_position_variance(motion, dt) for motion in motions)))
-
-
-def _position_variance(motion: MotionModel, dt: float) -> float:
-    """Return the process noise of a position along an axis after `dt` seconds."""
-    axis = motion.support.index(motion.space.position[0])
-    return float(motion.noise_covariance(dt)[axis, axis])
 
 
 def _in_sweep(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:

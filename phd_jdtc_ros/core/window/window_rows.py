@@ -56,13 +56,20 @@ def interpolation_stamps(
 
 
 def trimmed(
-    window: Sequence[Entry[RowsT, LinkT]],
+    window: list[Entry[RowsT, LinkT]],
     unswept: Sequence[UnsweptRows[RowsT, LinkT]],
     following: int,
 ) -> list[Entry[RowsT, LinkT]]:
     """Return the entries that the filter or a pending stamp, from `following` on, needs."""
-    needed = {*rows_at(window, unswept, following)}
-    needed |= {entry.stamp_ns for entry in window if entry.stamp_ns >= following}
+    needed = {rows.entry.stamp_ns for rows in unswept}
+    for entry in window:
+        if entry.stamp_ns >= following:
+            needed.add(entry.stamp_ns)
+        if entry.stamp_ns > following:
+            needed.update([source.stamp_ns for source in entry.sources])
+    dropped = {entry.stamp_ns for entry in window} - needed
+    if not dropped:
+        return window
     return [
         entry if any(source.stamp_ns in needed for source in entry.sources) else entry.unlinked
         for entry in window
