@@ -1,6 +1,6 @@
 """Tracks as GeoJSON (RFC 7946) and as ``foxglove_msgs/GeoJSON`` for Foxglove's map panel.
 
-foxglove_msgs is not part of every ROS installation, so its class is passed in.
+foxglove_msgs is not part of every ROS installation.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
 
-from . import geodetic, vertical
+from . import geodetic, interfaces, names, vertical
 from .palette import class_colour
 from .tracks import rows_by_track
 
@@ -31,10 +31,11 @@ def to_msg(
     plane: Plane,
     class_names: Sequence[str],
     trails: Mapping[int, FloatArray],
-    kind: Any,
+    message_class: Callable[[str], Any] = interfaces.message_class,
 ) -> Any:
-    """Encode one set of estimates; parameters other than `kind` as in `of_scan`."""
-    return kind(geojson=text(of_scan(estimates, plane, class_names, trails)))
+    """Encode one set of estimates; see `of_scan`."""
+    document = of_scan(estimates, plane, class_names, trails)
+    return message_class(names.GEOJSON)(geojson=text(document))
 
 
 def of_scan(
@@ -47,8 +48,6 @@ def of_scan(
 
     Parameters
     ----------
-    class_names : sequence of str
-        Names by class id.
     trails : mapping of track number to array of shape (N, 3)
         Positions up to the present one: x, y and height above the plane's zero, metres. A line has
         heights if none of them is NaN.
@@ -92,14 +91,11 @@ def of_scan(
 
 def identity(estimates: Estimates, row: int) -> dict[str, str]:
     """Return the known ones of ``code`` (octal digits) and ``address`` (hexadecimal digits)."""
-    found = estimates.attributes
-    if found is None:
+    known = estimates.attributes
+    if known is None:
         return {}
-    code, address = int(found.code[row]), int(found.address[row])
-    return {
-        **({} if code == UNKNOWN else {"code": f"{code:04o}"}),
-        **({} if address == UNKNOWN else {"address": f"{address:06X}"}),
-    }
+    found = {"code": (known.code[row], "04o"), "address": (known.address[row], "06X")}
+    return {name: f"{int(of):{digits}}" for name, (of, digits) in found.items() if of != UNKNOWN}
 
 
 def level(height: float) -> dict[str, int]:

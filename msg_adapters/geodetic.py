@@ -10,6 +10,8 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import Estimates
 
+from . import vertical
+
 # Speed below which a target has no course, m/s.
 LEAST_SPEED = 1e-3
 
@@ -39,20 +41,8 @@ def of(estimates: Estimates, plane: Plane) -> Places:
     return Places(
         latitude,
         longitude,
-        heights(estimates) + plane.origin[2],
+        vertical.heights(estimates) + plane.origin[2],
         speed,
         np.where(speed < LEAST_SPEED, np.nan, course),
         convergence,
     )
-
-
-def heights(estimates: Estimates) -> FloatArray:
-    """Return the estimated heights above the world's zero, metres, (T,); NaN if unknown."""
-    known = estimates.attributes
-    return np.full(len(estimates), np.nan) if known is None else known.height[:, 0]
-
-
-def height_variances(estimates: Estimates) -> FloatArray:
-    """Return the variances of the heights, square metres, shape (T,); NaN if unknown."""
-    known = estimates.attributes
-    return np.full(len(estimates), np.nan) if known is None else known.height_covariance[:, 0, 0]

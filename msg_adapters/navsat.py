@@ -11,7 +11,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import Estimates
 
-from . import geodetic, stamps
+from . import geodetic, stamps, vertical
 from .tracks import UNKNOWN_VARIANCE, child_frame, rows_by_track
 
 
@@ -21,9 +21,8 @@ def to_msgs(estimates: Estimates, plane: Plane) -> list[NavSatFix]:
     The frame is ``track_NUMBER``, as in odometry. The covariance has the axes true east, true north
     and up. An unknown height is NaN with the variance `UNKNOWN_VARIANCE`.
     """
-    places = geodetic.of(estimates, plane)
-    variance = geodetic.height_variances(estimates)
-    variance = np.where(np.isnan(variance), UNKNOWN_VARIANCE, variance)
+    places, up = geodetic.of(estimates, plane), vertical.of(estimates)
+    variance = np.where(up.known, up.covariance[:, 0, 0], UNKNOWN_VARIANCE)
     return [
         NavSatFix(
             header=stamps.header(estimates.stamp_ns, child_frame(track)),

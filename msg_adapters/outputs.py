@@ -24,7 +24,6 @@ from . import (
     diagnostics,
     estimates,
     geo_json,
-    interfaces,
     markers,
     names,
     navsat,
@@ -245,13 +244,12 @@ def _geojson(found: Estimates, view: View) -> list[Any]:
     if view.plane is None:
         return []
     ways = {track: tracks.way(trail) for track, trail in view.trails.of(found).items()}
-    kind = interfaces.message_class(names.GEOJSON)
-    return [geo_json.to_msg(found, view.plane, view.class_names, ways, kind)]
+    return [geo_json.to_msg(found, view.plane, view.class_names, ways)]
 
 
 def _tracks(found: Estimates, view: View) -> list[Any]:
-    return [radar_tracks.to_msg(found, view.frame, view.run, radar_tracks.message_types())]
+    return [radar_tracks.to_msg(found, view.frame, view.run)]
 
 
 def _vision(found: Estimates, view: View) -> list[Any]:
-    return [vision.to_msg(found, view.frame, view.class_names, vision.message_types())]
+    return [vision.to_msg(found, view.frame, view.class_names)]

@@ -1,12 +1,10 @@
-"""Estimates as ``radar_msgs/RadarTracks``.
-
-radar_msgs is not part of every ROS installation, so its classes are passed in.
-"""
+"""Estimates as ``radar_msgs/RadarTracks``, which is not part of every ROS installation."""
 
 from __future__ import annotations
 
 import uuid
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, Vector3
@@ -15,60 +13,41 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
-from . import interfaces, stamps, vertical
+from . import interfaces, names, stamps, vertical
 
 # First number that the message's definition reserves for a user's own classifications.
 FIRST_OWN_CLASSIFICATION = 32000
 
 
-class Types(NamedTuple):
-    """The message classes of `message_types`."""
-
-    tracks: Any
-    track: Any
-
-
-def message_types() -> Types:
-    """Return the message classes; raise ImportError if radar_msgs is not installed."""
-    return Types(
-        interfaces.message_class("radar_msgs/msg/RadarTracks"),
-        interfaces.message_class("radar_msgs/msg/RadarTrack"),
-    )
-
-
-def to_msg(estimates: Estimates, frame: str, run: uuid.UUID, types: Types) -> Any:
+def to_msg(
+    estimates: Estimates,
+    frame: str,
+    run: uuid.UUID,
+    message_class: Callable[[str], Any] = interfaces.message_class,
+) -> Any:
     """Encode one set of estimates, empty or not.
 
     Class k has the classification 32000 + k. Quantities that are not estimated are zero:
     acceleration, size, unknown heights, and their covariances.
 
-    Parameters
-    ----------
-    run : uuid.UUID
-        Identifies the tracker's run. A target keeps its identifier within a run, and different runs
-        have different identifiers. An unlabelled target gets a new identifier in every message.
+    A target keeps its identifier within a tracker's `run`, and different runs have different
+    identifiers. An unlabelled target gets a new identifier in every message.
     """
-    message = types.tracks(header=stamps.header(estimates.stamp_ns, frame))
+    message = message_class(names.RADAR_TRACKS)(header=stamps.header(estimates.stamp_ns, frame))
     up = vertical.of(estimates)
-    message.tracks = [_track(estimates, row, run, types, up) for row in range(len(estimates))]
+    for row, label in enumerate(estimates.track_id.tolist()):
+        state, covariance = estimates.state[row].tolist(), estimates.covariance[row]
+        height, climb = map(float, up.state[row])
+        name = str(label) if label else f"{estimates.stamp_ns} {row}"
+        track = message_class("radar_msgs/msg/RadarTrack")()
+        track.uuid.uuid = np.frombuffer(uuid.uuid5(run, name).bytes, dtype=np.uint8)
+        track.position = Point(x=state[X], y=state[Y], z=height)
+        track.velocity = Vector3(x=state[VX], y=state[VY], z=climb)
+        track.classification = FIRST_OWN_CLASSIFICATION + int(estimates.class_id[row])
+        track.position_covariance = _upper_triangle(covariance, (X, Y), up.covariance[row, 0, 0])
+        track.velocity_covariance = _upper_triangle(covariance, (VX, VY), up.covariance[row, 1, 1])
+        message.tracks.append(track)
     return message
-
-
-def _track(
-    estimates: Estimates, row: int, run: uuid.UUID, types: Types, up: vertical.Vertical
-) -> Any:
-    state, covariance = estimates.state[row], estimates.covariance[row]
-    label = int(estimates.track_id[row])
-    name = str(label) if label else f"{estimates.stamp_ns} {row}"
-    track = types.track()
-    track.uuid.uuid = np.frombuffer(uuid.uuid5(run, name).bytes, dtype=np.uint8)
-    height, climb = map(float, up.state[row])
-    track.position = Point(x=float(state[X]), y=float(state[Y]), z=height)
-    track.velocity = Vector3(x=float(state[VX]), y=float(state[VY]), z=climb)
-    track.classification = FIRST_OWN_CLASSIFICATION + int(estimates.class_id[row])
-    track.position_covariance = _upper_triangle(covariance, (X, Y), up.covariance[row, 0, 0])
-    track.velocity_covariance = _upper_triangle(covariance, (VX, VY), up.covariance[row, 1, 1])
-    return track
 
 
 def _upper_triangle(covariance: FloatArray, plane: tuple[int, int], upward: float) -> Any:

@@ -81,7 +81,7 @@ def to_path(track: Sequence[Waypoint], frame: str) -> Path:
         poses=[
             PoseStamped(
                 header=stamps.header(point.stamp_ns, frame),
-                pose=_pose(point.state, 0.0 if math.isnan(height) else height),
+                pose=pose_of(point.state, 0.0 if math.isnan(height) else height),
             )
             for point, height in zip(track, heights, strict=True)
         ],
@@ -107,7 +107,8 @@ def known_heights(track: Sequence[Waypoint]) -> list[float]:
     return found
 
 
-def _pose(state: FloatArray, height: float = 0.0) -> Pose:
+def pose_of(state: FloatArray, height: float = 0.0) -> Pose:
+    """Return the pose of a target at a height, metres, facing along its velocity."""
     return Pose(
         position=Point(x=float(state[X]), y=float(state[Y]), z=height),
         orientation=heading(state[VX], state[VY]),
@@ -119,7 +120,7 @@ def _odometry(
 ) -> Odometry:
     message = Odometry(header=stamps.header(stamp_ns, frame), child_frame_id=child_frame(track))
     speed = math.hypot(state[VX], state[VY])
-    message.pose.pose = _pose(state)
+    message.pose.pose = pose_of(state)
     message.pose.covariance = _pose_covariance(state, covariance).ravel()
     message.twist.twist = Twist(
         linear=Vector3(x=speed, y=0.0, z=0.0),

@@ -6,7 +6,7 @@ from collections import deque
 
 from phd_jdtc_ros.core.types import Estimates
 
-from . import geodetic
+from . import vertical
 from .tracks import Waypoint, rows_by_track
 
 # A trail is continued if its track is estimated again within this number of scans.
@@ -40,7 +40,7 @@ class Trails:
 
     def _add(self, found: Estimates) -> None:
         self._unseen = {track: scans + 1 for track, scans in self._unseen.items()}
-        heights = geodetic.heights(found).tolist()
+        heights = vertical.heights(found).tolist()
         for track, row in rows_by_track(found):
             trail = self._trails.setdefault(track, deque(maxlen=self._length))
             trail.append(Waypoint(found.stamp_ns, found.state[row], heights[row]))

@@ -31,6 +31,12 @@ def of(estimates: Estimates) -> Vertical:
     return Vertical(known, np.nan_to_num(found.height), np.nan_to_num(found.height_covariance))
 
 
+def heights(estimates: Estimates) -> FloatArray:
+    """Return the estimated heights above the world's zero, metres, (T,); NaN if unknown."""
+    known = estimates.attributes
+    return np.full(len(estimates), np.nan) if known is None else known.height[:, 0]
+
+
 def words(estimates: Estimates, datum: float = 0.0) -> list[str]:
     """Return the flight level and the code, or else the address, of each target; empty if unknown.
 

@@ -183,8 +183,6 @@ def resolve(
 
     Parameters
     ----------
-    given : mapping of dotted name to value
-        Parameters that are not given have their defaults.
     plane_about : callable of (latitude, longitude, height) or None
         Returns the map projection about ``world_origin``: `earth.SystemPlane`. None where no place
         on the earth is allowed.

@@ -6,7 +6,7 @@ A check yields one line per fault.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -68,13 +68,12 @@ def _tracking(parts: Parts) -> Faults:
     top, radars = parts.tracking, parts.radars.values()
     if top.late_reports == "rework" and not top.lag.positive:
         yield "late_reports: 'rework' given with lag 0, needs a lag above 0"
-    if top.region is not None:
-        for radar in radars:
-            if radar.clutter_rate.learned:
-                yield (
-                    f"{radar.name}.clutter_rate: auto given with a region, must be "
-                    "a number: the rate is that of the radar's whole field, of which a part is used"
-                )
+    for radar in radars if top.region is not None else ():
+        if radar.clutter_rate.learned:
+            yield (
+                f"{radar.name}.clutter_rate: auto given with a region, must be a number: the rate "
+                "is that of the radar's whole field, of which a part is used"
+            )
     if 0 < top.particles_per_target < LEAST_PER_TARGET:
         yield (
             f"particles_per_target: {top.particles_per_target} given, must be 0 or at least "
@@ -151,17 +150,17 @@ def _turns(radar: RadarParameters, parts: Parts) -> Faults:
         )
 
 
-def _clutter_map(radar: RadarParameters, parts: Parts) -> Faults:
-    if radar.clutter_map and radar.pose.topic and parts.tracking.engine != "gaussian":
+def _engine(radar: RadarParameters, parts: Parts) -> Faults:
+    """Yield the faults of what only the Gaussian engine can do."""
+    engine = parts.tracking.engine
+    if engine == "gaussian":
+        return
+    if radar.clutter_map and radar.pose.topic:
         yield (
             f"{radar.name}.clutter_map: true given, must be false for a moving radar with engine "
-            f"{parts.tracking.engine}"
+            f"{engine}"
         )
-
-
-def _outliers(radar: RadarParameters, parts: Parts) -> Faults:
-    engine = parts.tracking.engine
-    if radar.range_std.outliers and engine != "gaussian":
+    if radar.range_std.outliers:
         yield (
             f"{radar.name}.range_std: outliers given with engine {engine}, must be without them: "
             "only engine gaussian uses them"
@@ -225,10 +224,8 @@ def _place(radar: RadarParameters, parts: Parts) -> Faults:
         )
 
 
-_CHECKS: tuple[Callable[[Parts], Faults], ...] = (_names, _classes, _tracking, _births, _addresses)
-_OF_RADARS: tuple[Callable[[RadarParameters, Parts], Faults], ...] = (
-    *(_visibility, _turns, _clutter_map, _outliers, _fields, _range_rates, _pose, _place),
-)
+_CHECKS = (_names, _classes, _tracking, _births, _addresses)
+_OF_RADARS = (_visibility, _turns, _engine, _fields, _range_rates, _pose, _place)
 
 
 def faults(parts: Parts) -> list[str]:

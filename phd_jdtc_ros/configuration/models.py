@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any
 
 import numpy as np
 
@@ -79,12 +78,7 @@ def tracker_model(
 ) -> TrackerModel:
     """Return the models of targets and radars.
 
-    Parameters
-    ----------
-    per_detection : int
-        Particles per target born at a detection.
-    most : int
-        Largest number of particles.
+    `per_detection` are the particles per target born at a detection, and `most` all together.
     """
     top = parts.tracking
     motions = {name: _motion(own) for name, own in parts.motions.items()}
@@ -117,21 +111,17 @@ def _attributes(parts: Parts) -> AttributeModel | None:
     reported = any(own.code or own.address or own.height or own.kind for own in fields_of)
     if not reported or top.engine not in LABELLED:
         return None
-    common: dict[str, Any] = {
-        "equipped": top.equipped_probability,
-        "reply": REPLY_PROBABILITY,
-        "garbled": GARBLED_PROBABILITY,
-    }
+    transponder = top.equipped_probability, REPLY_PROBABILITY, GARBLED_PROBABILITY
     shared = tuple(int(code, 8) for code in top.shared_codes)
     return AttributeModel(
         code=IdentityModel(
             CODES,
+            *transponder,
             kept_s=CODE_KEPT_S,
             shared=shared,
             shared_probability=SHARED_CODE_PROBABILITY if shared else 0.0,
-            **common,
         ),
-        address=IdentityModel(ADDRESSES, kept_s=ADDRESS_KEPT_S, unique=True, **common),
+        address=IdentityModel(ADDRESSES, *transponder, kept_s=ADDRESS_KEPT_S, unique=True),
         height=HeightModel(
             std=top.height_std,
             noise_density=HEIGHT_NOISE_DENSITY,
@@ -217,7 +207,9 @@ def radar_model(radar: RadarParameters) -> RadarModel:
     """Return the model of a radar's detections and measurements."""
     threshold = amplitude_density.threshold_for(radar.false_alarm_probability)
     range_std, azimuth_std = radar.range_std.start, math.radians(radar.azimuth_std_deg.start)
-    rate, fields = radar.clutter_rate, radar.fields
+    rate, detection, fields = radar.clutter_rate, radar.detection_probability, radar.fields
+    # In the order of a measurement's components.
+    learned = radar.range_std.learned, radar.azimuth_std_deg.learned
     return RadarModel(
         name=radar.name,
         position=radar.site.position if radar.site else (radar.position[0], radar.position[1]),
@@ -234,11 +226,9 @@ def radar_model(radar: RadarParameters) -> RadarModel:
         clutter_amplitude=_clutter_amplitude(radar, threshold),
         clutter_map=_clutter_map(radar, range_std, azimuth_std) if radar.clutter_map else None,
         clutter_map_speed=radar.clutter_map_speed,
-        detection_factor=DetectionFactor(radar.max_range)
-        if radar.detection_probability.learned
-        else None,
-        noise_factor=_noise_factor(radar),
-        correlation=_correlation(radar),
+        detection_factor=DetectionFactor(radar.max_range) if detection.learned else None,
+        noise_factor=NoiseFactor(np.array(learned)) if any(learned) else None,
+        correlation=Correlation(*detection.correlation) if detection.correlation else None,
         outliers=Outliers() if radar.range_std.outliers else None,
         multipath=Multipath() if rate.multipath else None,
         range_rate=RangeRateModel(radar.range_rate_std, radar.range_rate_ambiguity, RANGE_RATE_SPAN)
@@ -251,17 +241,6 @@ def radar_model(radar: RadarParameters) -> RadarModel:
         if fields.height and not fields.elevation
         else None,
     )
-
-
-def _noise_factor(radar: RadarParameters) -> NoiseFactor | None:
-    """Return the prior of the noise, in the order of a measurement's components."""
-    learned = radar.range_std.learned, radar.azimuth_std_deg.learned
-    return NoiseFactor(np.array(learned)) if any(learned) else None
-
-
-def _correlation(radar: RadarParameters) -> Correlation | None:
-    given = radar.detection_probability.correlation
-    return None if given is None else Correlation(given.start, given.learned)
 
 
 def _clutter_map(radar: RadarParameters, range_std: float, azimuth_std: float) -> ClutterMap:

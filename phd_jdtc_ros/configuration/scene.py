@@ -29,21 +29,11 @@ PARTS: dict[str, tuple[str, ...]] = {
 
 
 def differences(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> list[str]:
-    """Return the differences between the scenes of a recording and of a tracker.
+    """Return a line per parameter that differs between the scenes of a recording and a tracker.
 
-    Parameters
-    ----------
-    recorded : mapping of dotted name to value
-        All parameters of the recording's configuration.
-    given : mapping of dotted name to value
-        Parameters of the tracker.
-
-    Returns
-    -------
-    list of str
-        A line per parameter: its name, the recorded and the given value. Parameters that `given`
-        lacks are not compared, and neither are values that the tracker learns, and birth places
-        with births at detections.
+    All parameters of the recording's configuration are `recorded`. Parameters that `given` lacks
+    are not compared, and neither are values that the tracker learns, and birth places with births
+    at detections.
     """
     pairs = [(name, recorded[name], given.get(name, recorded[name])) for name in OF_ALL]
     for group, members in PARTS.items():

@@ -75,7 +75,6 @@ class Parameter:
     length: int | None = None  # Required length of a list
     element: type = float  # Type of a list's entries, float or str
     most: int | None = None  # Largest number of names in a list; None for any number
-    words: tuple[str, ...] = ()  # Words that are allowed instead of a number
     # Whether it may change between two scans. The other parameters determine the structure of the
     # tracker or of its state.
     mutable: bool = False
@@ -106,7 +105,7 @@ class Parameter:
             noun = f"a list of {self.length} finite numbers" if self.length else "finite numbers"
         low = f", at least {self.low:g}" if self.low > -INFINITY else ""
         high = f", at most {self.high:g}" if self.high < INFINITY else ""
-        return " or ".join([noun + low + high, *self.words])
+        return noun + low + high
 
     def coerce(self, value: Any) -> Any:
         """Return `value` as the parameter's type, or None if it is not allowed."""
@@ -122,8 +121,6 @@ class Parameter:
                 return self._names(value)
             listed = numbers(value, self.low, self.high)
             return listed if self.length in (None, len(listed or ())) else None
-        if self.words and isinstance(value, str):
-            return value if value in self.words else None
         found = number(value, self.low, self.high)
         if found is None or not isinstance(self.default, int):
             return found
@@ -178,16 +175,10 @@ def table(declared: type) -> tuple[Parameter, ...]:
 
 
 def build(declared: type[T], values: Mapping[str, Any], prefix: str = "", /, **others: Any) -> T:
-    """Return an instance of a dataclass that declares parameters.
+    """Return an instance of a dataclass that declares parameters, from checked values.
 
-    Parameters
-    ----------
-    values : mapping of dotted name to value
-        Checked.
-    prefix : str
-        Prefix of the parameters' names, including the final dot.
-    **others
-        Fields that are not parameters, and fields whose value is not the parameter's.
+    `prefix` is that of the parameters' names, with its dot; `others` are fields that are not
+    parameters, or whose value is not the parameter's.
     """
     given: dict[str, Any] = {}
     for attribute, own in _parameters_of(declared):
@@ -213,9 +204,8 @@ def expand(
     top : iterable of Parameter
         Parameters without a prefix; these include the lists in `groups`.
     groups : mapping of str to iterable of Parameter
-        By the list's name, the parameters ``NAME.PARAMETER`` of each name in it.
-    given : mapping of dotted name to value
-        Given values; a faulty list is replaced by its default.
+        By the list's name, the parameters ``NAME.PARAMETER`` of each name in it. A faulty list is
+        replaced by its default.
     usual : callable of (full name, Parameter)
         Returns the default of a member's parameter.
     """
@@ -284,16 +274,8 @@ def name_faults(
 ) -> list[str]:
     """Return a fault for each parameter that is no longer there or never was.
 
-    Parameters
-    ----------
-    given : iterable of str
-        Dotted names.
-    known : collection of str
-        Names of all parameters.
-    old, old_members : mapping of former name to its replacement in words
-        Without a prefix, and after the name of a list's member.
-    similar : iterable of str
-        Names that may be meant in addition to the known ones.
+    `old` and `old_members` have the replacements of former names in words, without a prefix and
+    after the name of a list's member; `similar` names may be meant besides the known ones.
     """
     others = [name for name in given if name not in known]
     instead = {name: old.get(name) or old_members.get(name.partition(".")[2]) for name in others}

@@ -38,12 +38,8 @@ def read(bag: Path) -> dict[str, Any] | None:
 def write(path: Path, values: Mapping[str, Any], section: str = proposed_file.ANY_TRACKER) -> None:
     """Write a parameter file of the values that are not the defaults, and of all lists of names.
 
-    Parameters
-    ----------
-    values : mapping of dotted name to value
-        All parameters of a checked configuration; others are left out.
-    section : str
-        The tracker's full name; wildcards are allowed.
+    The values are those of a checked configuration; others are left out. The section is the
+    tracker's full name, in which wildcards are allowed.
 
     Raises
     ------

@@ -67,17 +67,10 @@ def lines(
     comments: Mapping[str, str] = _NO_COMMENTS,
     section: str = ANY_TRACKER,
 ) -> Iterator[str]:
-    """Yield the lines of a parameter file.
+    """Yield the lines of a parameter file, with a comment at its head.
 
-    Parameters
-    ----------
-    head : str
-        Comment at the top.
-    values : mapping of dotted name to value
-    comments : mapping of dotted name to str
-        Of parameters, and of sections (a radar's name).
-    section : str
-        The tracker's full name; wildcards are allowed.
+    Comments are of parameters, and of sections (a radar's name). The section is the tracker's full
+    name, in which wildcards are allowed.
     """
     yield from (f"# {line}".rstrip() for line in head.splitlines())
     yield f"{scalar(section)}:"

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msg_adapters import geo_json, geodetic
+from msg_adapters import geo_json, geodetic, vertical
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import Estimates
 
@@ -99,7 +99,7 @@ def _nowhere(found: Estimates) -> geodetic.Places:
     unknown = np.full(len(found), np.nan)
     speed = np.hypot(*found.velocity.T)
     return geodetic.Places(
-        unknown, unknown, geodetic.heights(found), speed, unknown, convergence=unknown
+        unknown, unknown, vertical.heights(found), speed, unknown, convergence=unknown
     )
 
 

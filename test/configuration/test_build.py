@@ -184,16 +184,6 @@ def test_resolve_refuses_what_is_no_law_of_clutter(given):
     assert fault.startswith(f"radar_1.clutter_amplitude: {given!r} given, must be rayleigh, ")
 
 
-@pytest.mark.parametrize(
-    ("table", "part"), [(replaced.TRACKER, ""), (replaced.NODE, ""), (replaced.RADAR, "radar_2.")]
-)
-def test_resolve_names_what_takes_the_place_of_a_parameter_of_before(table, part):
-    faults = faults_of({f"{part}{name}": 1 for name in table})
-    assert list(faults) == [
-        f"{part}{name}: no longer a parameter, {instead}" for name, instead in table.items()
-    ]
-
-
 def test_no_parameter_of_before_is_one_of_now():
     assert not {*schema({})} & {*replaced.TRACKER, *replaced.NODE}
     assert not {member.name for member in GROUPS["sensors"]} & {*replaced.RADAR}

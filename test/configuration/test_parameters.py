@@ -6,7 +6,6 @@ from phd_jdtc_ros.configuration.schema import Parameter
 
 WHOLE = Parameter("n", 5, "", 0, 10)
 REAL = Parameter("x", 1.0, "", 0.0, 2.0)
-AUTO = Parameter("y", 1.0, "", 0.0, 2.0, words=("auto",))
 FLAG = Parameter("f", False, "")
 WORD = Parameter("w", "a", "", choices=("a", "b"))
 NAMES = Parameter("names", ["p"], "", element=str)
@@ -22,8 +21,6 @@ FREE = Parameter("free", [0.5], "", 0.0, 1.0)
         (WHOLE, np.int64(3), 3),
         (REAL, 2, 2.0),
         (REAL, np.float64(0.5), 0.5),
-        (AUTO, "auto", "auto"),
-        (AUTO, 2, 2.0),
         (FLAG, True, True),
         (WORD, "b", "b"),
         (NAMES, ["q", "r"], ["q", "r"]),
@@ -54,8 +51,6 @@ def test_coerce_gives_the_type_of_the_default(parameter, value, expected):
         (REAL, 2.1),
         (REAL, [1.0]),
         (REAL, "auto"),
-        (AUTO, "often"),
-        (AUTO, 3.0),
         (FLAG, 1),
         (FLAG, "true"),
         (WORD, "c"),

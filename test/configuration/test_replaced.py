@@ -40,9 +40,11 @@ def test_plain_nodes_refuse_the_names_of_before(parameters, table):
 
 
 def test_the_tracker_refuses_the_names_of_before():
-    given = dict.fromkeys([*replaced.TRACKER, *replaced.NODE], 1)
-    expected = [*refused(replaced.TRACKER), *refused(replaced.NODE)]
-    assert faults_of(tracker_node.resolve, given) == expected
+    of_all, of_radar = {**replaced.TRACKER, **replaced.NODE}, replaced.RADAR
+    for resolve in (tracker_node.resolve, build.resolve):
+        assert faults_of(resolve, dict.fromkeys(of_all, 1)) == refused(of_all)
+        given = {f"radar_2.{name}": 1 for name in of_radar}
+        assert faults_of(resolve, given) == refused(of_radar, "radar_2.")
 
 
 def test_the_bridge_refuses_the_names_of_before():

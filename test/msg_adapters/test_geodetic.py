@@ -111,7 +111,7 @@ def test_geojson_has_a_point_and_a_line_for_each_track():
     given = replace(given, class_id=np.array([0, 1]), track_state=np.array([CONFIRMED, COASTING]))
     none = math.nan
     trails = {1: np.array([[-1e3, 0.0, 9.0], [0.0, 0.0, none]]), 2: np.array([[10e3, 20e3, none]])}
-    message = geo_json.to_msg(given, PLANE, NAMES, trails, Message)
+    message = geo_json.to_msg(given, PLANE, NAMES, trails, lambda _: Message)
     document = json.loads(message.geojson)
     assert document["type"] == "FeatureCollection"
     point, line, other = document["features"]

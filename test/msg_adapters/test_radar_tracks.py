@@ -9,13 +9,16 @@ from samples import STAMP_NS, estimates, nothing
 
 from msg_adapters import radar_tracks, stamps
 
-TYPES = radar_tracks.Types(RadarTracks, RadarTrack)
+CLASS = {
+    "radar_msgs/msg/RadarTracks": RadarTracks,
+    "radar_msgs/msg/RadarTrack": RadarTrack,
+}.__getitem__
 RUN = uuid.UUID(int=1)
 
 
 @pytest.mark.parametrize("given", [estimates(), nothing()])
 def test_to_msg_has_position_and_class_of_targets(given):
-    message = radar_tracks.to_msg(given, "map", RUN, TYPES)
+    message = radar_tracks.to_msg(given, "map", RUN, CLASS)
 
     assert message.header.frame_id == "map"
     assert stamps.to_ns(message.header.stamp) == STAMP_NS
@@ -28,7 +31,7 @@ def test_to_msg_has_position_and_class_of_targets(given):
 
 def test_to_msg_orders_covariances_by_the_upper_triangle():
     given = estimates()
-    for row, track in enumerate(radar_tracks.to_msg(given, "map", RUN, TYPES).tracks):
+    for row, track in enumerate(radar_tracks.to_msg(given, "map", RUN, CLASS).tracks):
         covariance = given.covariance[row]
         xx, xy, yy = covariance[0, 0], covariance[0, 2], covariance[2, 2]
         assert_allclose(track.position_covariance, [xx, xy, 0.0, yy, 0.0, 0.0])
@@ -37,7 +40,7 @@ def test_to_msg_orders_covariances_by_the_upper_triangle():
 
 
 def identifiers(given, run=RUN):
-    tracks = radar_tracks.to_msg(given, "map", run, TYPES).tracks
+    tracks = radar_tracks.to_msg(given, "map", run, CLASS).tracks
     return [bytes(track.uuid.uuid) for track in tracks]
 
 
@@ -58,5 +61,4 @@ def test_to_msg_gives_unlabelled_targets_identifiers_of_their_own():
 
 def test_to_msg_fits_the_installed_messages():
     pytest.importorskip("radar_msgs")
-    types = radar_tracks.message_types()
-    assert len(radar_tracks.to_msg(estimates(), "map", RUN, types).tracks) == 3
+    assert len(radar_tracks.to_msg(estimates(), "map", RUN).tracks) == 3

@@ -8,13 +8,17 @@ from samples import STAMP_NS, estimates, nothing
 
 from msg_adapters import stamps, vision
 
-TYPES = vision.Types(Detection3DArray, Detection3D, ObjectHypothesisWithPose)
+CLASS = {
+    "vision_msgs/msg/Detection3DArray": Detection3DArray,
+    "vision_msgs/msg/Detection3D": Detection3D,
+    "vision_msgs/msg/ObjectHypothesisWithPose": ObjectHypothesisWithPose,
+}.__getitem__
 CLASSES = ("small", "large")
 
 
 def test_to_msg_gives_every_class_a_hypothesis_the_likelier_first():
     given = replace(estimates(2), class_probability=np.array([[0.25, 0.75], [0.5, 0.5]]))
-    message = vision.to_msg(given, "map", CLASSES, TYPES)
+    message = vision.to_msg(given, "map", CLASSES, CLASS)
 
     found = [
         [(result.hypothesis.class_id, result.hypothesis.score) for result in detection.results]
@@ -26,7 +30,7 @@ def test_to_msg_gives_every_class_a_hypothesis_the_likelier_first():
 def test_to_msg_places_targets_facing_where_they_move():
     given = estimates(1)
     given = replace(given, state=np.array([[10.0, 0.0, -20.0, 5.0, 0.1]]))
-    (detection,) = vision.to_msg(given, "map", CLASSES, TYPES).detections
+    (detection,) = vision.to_msg(given, "map", CLASSES, CLASS).detections
     pose = detection.bbox.center
 
     assert (pose.position.x, pose.position.y, pose.position.z) == (10.0, -20.0, 0.0)
@@ -37,7 +41,7 @@ def test_to_msg_places_targets_facing_where_they_move():
 
 def test_to_msg_sets_the_positions_covariance():
     given = estimates(1)
-    (detection,) = vision.to_msg(given, "map", CLASSES, TYPES).detections
+    (detection,) = vision.to_msg(given, "map", CLASSES, CLASS).detections
     matrix = np.reshape(detection.results[0].pose.covariance, (6, 6))
 
     assert_allclose(matrix[:2, :2], given.covariance[0][np.ix_([0, 2], [0, 2])])
@@ -46,14 +50,14 @@ def test_to_msg_sets_the_positions_covariance():
 
 def test_to_msg_names_labelled_targets_only():
     given = replace(estimates(), track_id=np.array([0, 5, 12]))
-    message = vision.to_msg(given, "map", CLASSES, TYPES)
+    message = vision.to_msg(given, "map", CLASSES, CLASS)
 
     assert [detection.id for detection in message.detections] == ["", "5", "12"]
 
 
 @pytest.mark.parametrize("given", [estimates(), nothing()])
 def test_to_msg_stamps_the_array_and_every_detection(given):
-    message = vision.to_msg(given, "map", CLASSES, TYPES)
+    message = vision.to_msg(given, "map", CLASSES, CLASS)
 
     headers = [message.header, *(detection.header for detection in message.detections)]
     assert {header.frame_id for header in headers} == {"map"}
@@ -62,5 +66,4 @@ def test_to_msg_stamps_the_array_and_every_detection(given):
 
 def test_to_msg_fits_the_installed_messages():
     pytest.importorskip("vision_msgs")
-    types = vision.message_types()
-    assert len(vision.to_msg(estimates(), "map", CLASSES, types).detections) == 3
+    assert len(vision.to_msg(estimates(), "map", CLASSES).detections) == 3

@@ -14,9 +14,6 @@ def write(path, text):
 def test_flatten_joins_names_with_dots():
     expected = [("a", 1), ("b.c", [1, 2]), ("b.d.e", "f"), ("g.h", None)]
     assert list(from_arguments.flatten(NESTED)) == expected
-
-
-def test_flatten_of_nothing_is_nothing():
     assert list(from_arguments.flatten({})) == []
 
 
@@ -38,14 +35,9 @@ def test_flatten_of_nothing_is_nothing():
     ],
 )
 def test_load_reads_the_sections_that_apply_to_the_tracker(tmp_path, section):
-    text = f"{section}:\n  ros__parameters:\n    lag: 3\n    radar_1: {{range_std: 50.0}}\n"
+    text = f"{section}:\n  ros__parameters:\n    a.b: 3\n    radar_1: {{range_std: 50.0}}\n"
     found = from_arguments.load(write(tmp_path / "p.yaml", text))
-    assert found == {"lag": 3, "radar_1.range_std": 50.0}
-
-
-def test_load_takes_dotted_names_as_they_are(tmp_path):
-    text = "/**:\n  ros__parameters:\n    radar_1.range_std: 50.0\n"
-    assert from_arguments.load(write(tmp_path / "p.yaml", text)) == {"radar_1.range_std": 50.0}
+    assert found == {"a.b": 3, "radar_1.range_std": 50.0}
 
 
 @pytest.mark.parametrize("first", ["tracker", "/**"])
