@@ -31,10 +31,9 @@ def read_only(array: npt.ArrayLike, dtype: type = np.float64) -> Any:
     A contiguous array of this type is not copied: the result is a read-only view of it.
     """
     view: Any = np.ascontiguousarray(array, dtype=dtype)
-    if not view.flags.writeable:
-        return view
-    view = view.view()
-    view.flags.writeable = False
+    if view.flags.writeable:
+        view = view.view()
+        view.setflags(write=False)
     return view
 
 
@@ -58,10 +57,10 @@ class ReadOnly:
 
     def __post_init__(self) -> None:
         kind: Any = type(self)
+        own = self.__dict__
         for name, element in _array_fields(kind):
-            array = getattr(self, name)
-            if array is not None:
-                object.__setattr__(self, name, read_only(array, element))
+            if own[name] is not None:
+                own[name] = read_only(own[name], element)
 
 
 def zeros(*shape: int, dtype: type = np.float64) -> Any:

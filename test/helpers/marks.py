@@ -114,7 +114,7 @@ class MarkEngine(SetSmoother):
         return Marks(stored.row_label, mark)
 
     def _figures(self, step):
-        return {"touched": sum(len(entry.stored) for entry in step.earlier)}
+        return {"touched": sum(len(entry.stored) for entry in step.replaced)}
 
     def _entry_to_snapshot(self, entry, held, name):
         window_snapshot.sources_to_snapshot(entry, held, name)

@@ -55,10 +55,11 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         if earlier:
             moved, moves = survivors(earlier, dynamics)
             parts.append(moved)
-        parts.append(births(self._births(scan), dynamics, index))
+        if born := self._births(scan):
+            parts.append(births(born, dynamics, index))
         if self.model.spawn.rate > 0.0:
             parts.append(spawn(earlier, dynamics, index, self.bounds.least_existence))
-        predicted = Mixture.concatenate(parts)
+        predicted = Mixture.concatenate(parts or [dynamics.nothing])
         self.on_stage_end("predict")
         survived = len(parts[0]) if earlier else 0
         row = np.arange(len(predicted))
@@ -73,4 +74,4 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         link = Link(moves, ancestry) if linked and moves is not None else None
         entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)
         self._keep(entry, others)
-        return Filtered(stored, entry, tuple(rows.entry for rows in touched))
+        return Filtered(stored, entry)

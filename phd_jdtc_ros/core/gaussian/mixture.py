@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, factorize, read_only
+from ..arrays import FloatArray, IntArray, ReadOnly, factorize
 from ..compilation import Float3, Int1, compiled
 from ..snapshot import MAX_MASS, MAX_STATE, ROUNDING, covariances, floats, integers
 from ..state_space import StateSpace
@@ -39,7 +39,7 @@ def _sums(targets: int, target: Int1, weight: Float3) -> tuple[FloatArray, Float
 
 
 @dataclass(frozen=True)
-class Mixture:
+class Mixture(ReadOnly):
     """A labelled multi-Bernoulli density whose targets are mixtures of Gaussians.
 
     A hypothesis is the density of a target given one assignment of recent detections to it. It has
@@ -64,11 +64,6 @@ class Mixture:
     # (H, C, S). Probability of each cell of the signal-to-noise ratio, given the class; see
     # `SnrCells`.
     snr: Annotated[FloatArray, floats("HCS", 0.0, 1.0 + ROUNDING)]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "row_label", read_only(self.row_label, np.int64))
-        for name in ("weight", "mean", "covariance", "snr"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     def __len__(self) -> int:
         return len(self.row_label)

@@ -32,6 +32,12 @@ class Extents:
     position_std: FloatArray
     velocity_std: FloatArray
 
+    @cached_property
+    def moments(self) -> FloatArray:
+        """Position, velocity and their deviations, a row for each target, (T, 6)."""
+        deviations = self.position_std, self.velocity_std
+        return np.column_stack([self.position, self.velocity, *deviations])
+
 
 class Rows(Sized, Protocol):
     """A set that approximates the intensity: N weighted rows, each with one label."""
@@ -96,14 +102,17 @@ class Entry(Generic[RowsT, LinkT]):
         return self if self.link is None else replace(self, link=None)
 
     @cached_property
-    def _extents(self) -> dict[StateSpace, Extents]:
-        return {}
+    def _extents(self) -> list[Extents]:
+        return []
 
     def extents(self, space: StateSpace) -> Extents:
-        """Return the position and velocity of the target of each label; computed once."""
-        if space not in self._extents:
-            self._extents[space] = self.stored.extents(space)
-        return self._extents[space]
+        """Return the position and velocity of the target of each label; computed once.
+
+        `space` is the same for every call.
+        """
+        if not self._extents:
+            self._extents.append(self.stored.extents(space))
+        return self._extents[0]
 
 
 @dataclass(frozen=True)

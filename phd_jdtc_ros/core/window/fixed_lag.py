@@ -110,8 +110,10 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             due = self.schedule.between(self.forward.stamp_ns, scan.stamp_ns)
             filtered = [self._filtered_at(stamp_ns) for stamp_ns in due]
         step = self.forward.step(scan, linked=self.lag.positive)
-        replaced = {entry.stamp_ns: entry for entry in step.earlier}
-        earlier = [replaced.get(entry.stamp_ns, entry) for entry in self._window]
+        earlier = self._window
+        if step.replaced:
+            replaced = {entry.stamp_ns: entry for entry in step.replaced}
+            earlier = [replaced.get(entry.stamp_ns, entry) for entry in earlier]
         self._window = [*earlier, step.entry]
         self._note_filtered(step.updated, scan)
         if not self.schedule.period_ns:

@@ -49,8 +49,8 @@ class Filtered(Generic[RowsT, LinkT]):
     # Rows. The set after the update with all radars; the filtered targets are extracted from it.
     updated: RowsT
     entry: Entry[RowsT, LinkT]  # The entry to keep: the reduced set, and its link to earlier sets
-    # The entries it is linked to; the step may replace earlier entries of the same stamps.
-    earlier: tuple[Entry[RowsT, LinkT], ...]
+    # Earlier entries that the step has changed; they replace those of the same stamps.
+    replaced: tuple[Entry[RowsT, LinkT], ...] = ()
 
 
 @dataclass

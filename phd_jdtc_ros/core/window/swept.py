@@ -44,24 +44,25 @@ def partition_swept(
     extents = [rows.entry.extents(model.modes.space) for rows in unswept]
     age_s = [(scan.stamp_ns - rows.entry.stamp_ns) * 1e-9 for rows in unswept]
     sizes = [len(extent.label) for extent in extents]
-    dt = np.repeat(age_s, sizes)
-    position = np.concatenate([extent.position for extent in extents])
-    position += dt[:, None] * np.concatenate([extent.velocity for extent in extents])
+    noise_std = [model.modes.position_noise_std(age) for age in age_s]
+    dt, noise = np.array([age_s, noise_std]).repeat(sizes, axis=1)
+    moments = np.concatenate([extent.moments for extent in extents])
+    position = moments[:, :2] + dt[:, None] * moments[:, 2:4]
     # Radius of each target's position density.
-    spread = np.concatenate([extent.position_std for extent in extents])
-    spread += dt * np.concatenate([extent.velocity_std for extent in extents])
-    spread += np.repeat([model.modes.position_noise_std(age) for age in age_s], sizes)
-    near = _in_sweep(position, SPREAD_SIGMA * spread, reports) | (dt >= longest_s)
-    swept, remaining = [], []
-    by_entry = np.split(near, np.cumsum(sizes)[:-1])
-    for rows, extent, near_here in zip(unswept, extents, by_entry, strict=True):
-        if len(near_here) and not near_here.any():
+    spread = SPREAD_SIGMA * (moments[:, 4] + dt * moments[:, 5] + noise)
+    near = _in_sweep(position, spread, reports) | (dt >= longest_s)
+    entries_near = set(np.arange(len(sizes)).repeat(sizes)[near].tolist())
+    swept, remaining, first = [], [], 0
+    for index, (rows, extent, size) in enumerate(zip(unswept, extents, sizes, strict=True)):
+        end = first + size
+        if size and index not in entries_near:
             # Most entries are like this, and need no look at their rows. Empty ones are done.
             remaining.append(rows)
-            continue
-        inside, outside = rows.split(near_here[extent.target])
-        swept += [inside] if inside is not None else []
-        remaining += [outside] if outside is not None else []
+        else:
+            inside, outside = rows.split(near[first:end][extent.target])
+            swept += [inside] if inside is not None else []
+            remaining += [outside] if outside is not None else []
+        first = end
     return swept, remaining
 
 
