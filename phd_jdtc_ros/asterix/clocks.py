@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from .messages import DAY, NONE, TICKS_PER_S
+from .messages import DAY, NONE, TICKS_PER_S, Message
 
 NS_PER_TICK = 10**9 // TICKS_PER_S
 NS_PER_DAY = DAY * NS_PER_TICK
@@ -30,143 +30,142 @@ def fits_stamp(time_ns: int) -> bool:
 
 @dataclass
 class StreamClock:
-    """Dates the messages of all radars of a stream.
-
-    Attributes
-    ----------
-    offset_s : dict of radar to float
-        Receipt of each radar's latest message minus its unshifted time.
-    shift_ns : dict of radar to int
-        Correction that is added to the times of radars with wrong clocks.
-    """
+    """What the clocks of all radars of a stream share."""
 
     # Beginning of the day of the first message; used if its time of receipt is unknown.
     midnight_ns: int = 0
     # Largest tolerated clock error, seconds. A larger error is estimated and removed from the
     # radar's times.
     max_offset_s: float = 10.0
-    offset_s: dict[int, float] = field(init=False, default_factory=dict)
-    shift_ns: dict[int, int] = field(init=False, default_factory=dict)
-    _last_ns: dict[int, int] = field(init=False, default_factory=dict)
-    _latest_ns: int | None = field(init=False, default=None)
-    # Latest consecutive errors of each radar's clock beyond its present shift.
-    _recent_errors: dict[int, list[int]] = field(init=False, default_factory=dict)
-    # Clock errors of the first messages of each radar that is not decided yet.
-    _first_ns: dict[int, list[int]] = field(init=False, default_factory=dict)
-    _decided: set[int] = field(init=False, default_factory=set)
-
-    def can_decide(
-        self, radar: int, time_of_day: int, period: int, received_ns: int | None
-    ) -> bool:
-        """Return whether a radar's first messages suffice to decide about its clock error.
-
-        A single message with a correct time suffices; otherwise the median of `FIRST` errors
-        decides. Calls of `time_ns` should wait for this, so that all messages get the same shift.
-        """
-        if radar in self._decided:
-            return True
-        if received_ns is None:
-            # If other messages have times of receipt, this one waits for the decision on them.
-            return radar not in self._first_ns
-        found = self._first_ns.setdefault(radar, [])
-        if time_of_day == NONE or time_of_day >= period:
-            return not found  # a message without a time is dated by its receipt
-        found.append(received_ns - self._nearest(radar, time_of_day, period, received_ns))
-        right = abs(found[-1]) <= self.max_offset_s * 1e9
-        return right or len(found) >= FIRST
-
-    def decide(self, radar: int, counts: Counter[str]) -> None:
-        """Decide about a radar's clock error from the messages so far."""
-        found = sorted(self._first_ns.pop(radar, ()))
-        if radar in self._decided or not found:
-            return
-        self._decided.add(radar)
-        shift_ns = found[len(found) // 2]
-        if min(map(abs, found)) > self.max_offset_s * 1e9:
-            self.shift_ns[radar] = shift_ns
-            counts["clock_off"] += 1
-
-    def time_ns(
-        self,
-        radar: int,
-        time_of_day: int,
-        period: int,
-        received_ns: int | None,
-        check_clock: bool,
-        counts: Counter[str],
-    ) -> int | None:
-        """Return the time of a message, nanoseconds since the epoch; None if it fits no stamp.
-
-        Parameters
-        ----------
-        time_of_day : int
-            1/128 s modulo `period`; `NONE` if unknown.
-        check_clock : bool
-            Whether the message is evidence of the radar's clock error.
-        counts : Counter
-            Gains ``no_time`` for a message with no time or an impossible one, which gets the time
-            of its receipt or of the radar's previous message; ``clock_off`` when a shift changes;
-            and ``time_impossible`` for a time that fits no stamp.
-        """
-        if time_of_day == NONE or time_of_day >= period:
-            counts["no_time"] += 1
-            known = self._last_ns.get(radar, self._latest_ns)
-            return received_ns if received_ns is not None else known or self.midnight_ns
-        time_ns = self._nearest(radar, time_of_day, period, received_ns)
-        if received_ns is not None and check_clock:
-            self._update_shift(radar, received_ns - time_ns, counts)
-        shift_ns = 0 if received_ns is None else self.shift_ns.get(radar, 0)
-        if not fits_stamp(time_ns + shift_ns):
-            counts["time_impossible"] += 1
-            return None
-        self._last_ns[radar] = self._latest_ns = time_ns
-        return time_ns + shift_ns
+    latest_ns: int | None = field(init=False, default=None)  # Time of the latest message
 
     def is_plausible(self, time_ns: int, received_ns: int | None) -> bool:
         """Return whether a message's time is plausible, given its time of receipt."""
         return received_ns is None or abs(received_ns - time_ns) <= self.max_offset_s * 1e9
 
-    def _nearest(self, radar: int, time_of_day: int, period: int, received_ns: int | None) -> int:
+
+@dataclass
+class RadarClock:
+    """Dates the messages of one radar.
+
+    Attributes
+    ----------
+    counts : Counter
+        ``no_time``: messages with no time or an impossible one, which get the time of their receipt
+        or of the previous message. ``clock_off``: how often the shift has changed.
+        ``time_impossible``: messages whose time fits no stamp.
+    """
+
+    stream: StreamClock
+    counts: Counter[str] = field(default_factory=Counter)
+    offset_s: float = field(init=False, default=0.0)  # Latest receipt minus unshifted time
+    # Correction that is added to the times of a wrong clock.
+    shift_ns: int = field(init=False, default=0)
+    _last_ns: int | None = field(init=False, default=None)
+    # Latest consecutive errors beyond the present shift.
+    _recent_errors: list[int] = field(init=False, default_factory=list)
+    # Errors of the first messages; None before the first receipt and after the decision on them.
+    _first_errors: list[int] | None = field(init=False, default=None)
+    _decided: bool = field(init=False, default=False)
+
+    def can_decide(self, message: Message, received_ns: int | None) -> bool:
+        """Return whether the first messages suffice to decide about the clock error.
+
+        A single message with a correct time suffices; otherwise the median of `FIRST` errors
+        decides. Calls of `time_ns` should wait for this, so that all messages get the same shift.
+        """
+        if self._decided:
+            return True
+        if received_ns is None:
+            # If other messages have times of receipt, this one waits for the decision on them.
+            return self._first_errors is None
+        self._first_errors = self._first_errors or []
+        if not _has_time(message):
+            return not self._first_errors  # it is dated by its receipt
+        error_ns = received_ns - self._nearest(message, received_ns)
+        self._first_errors.append(error_ns)
+        return abs(error_ns) <= self._limit_ns or len(self._first_errors) >= FIRST
+
+    def decide(self) -> None:
+        """Decide about the clock error from the messages so far."""
+        found, self._first_errors = sorted(self._first_errors or ()), None
+        if self._decided or not found:
+            return
+        self._decided = True
+        if min(map(abs, found)) > self._limit_ns:
+            self.shift_ns = found[len(found) // 2]
+            self.counts["clock_off"] += 1
+
+    def time_ns(self, message: Message, received_ns: int | None, check_clock: bool) -> int | None:
+        """Return the time of a message, nanoseconds since the epoch; None if it fits no stamp.
+
+        `check_clock` says whether the message is evidence of the radar's clock error.
+        """
+        if not _has_time(message):
+            self.counts["no_time"] += 1
+            near_ns = self._near_ns(received_ns)
+            return self.stream.midnight_ns if near_ns is None else near_ns
+        time_ns, shift_ns = self._nearest(message, received_ns), 0
+        if received_ns is not None:
+            if check_clock:
+                self._update_shift(received_ns - time_ns)
+            shift_ns = self.shift_ns
+        if not fits_stamp(time_ns + shift_ns):
+            self.counts["time_impossible"] += 1
+            return None
+        self._last_ns = self.stream.latest_ns = time_ns
+        return time_ns + shift_ns
+
+    @property
+    def _limit_ns(self) -> float:
+        return self.stream.max_offset_s * 1e9
+
+    def _near_ns(self, received_ns: int | None) -> int | None:
+        """Return the time of receipt, else of the previous message, None if there is neither."""
+        if received_ns is not None:
+            return received_ns
+        return self.stream.latest_ns if self._last_ns is None else self._last_ns
+
+    def _nearest(self, message: Message, received_ns: int | None) -> int:
         """Return the possible time that is nearest to the receipt or to the previous message."""
-        near_ns = received_ns
+        near_ns, own_ns = self._near_ns(received_ns), message.time_of_day * NS_PER_TICK
         if near_ns is None:
-            near_ns = self._last_ns.get(radar, self._latest_ns)
-        if near_ns is None:
-            return self.midnight_ns + time_of_day * NS_PER_TICK
+            return self.stream.midnight_ns + own_ns
         day_ns = near_ns // NS_PER_DAY * NS_PER_DAY
-        if period == DAY:
-            own_ns = day_ns + time_of_day * NS_PER_TICK
+        if message.period == DAY:
+            own_ns += day_ns
             return own_ns + round((near_ns - own_ns) / NS_PER_DAY) * NS_PER_DAY
         times_ns = (
-            _in_day(begin_ns, time_of_day, period, near_ns)
+            _in_day(begin_ns, own_ns, message.period * NS_PER_TICK, near_ns)
             for begin_ns in (day_ns, day_ns - NS_PER_DAY, day_ns + NS_PER_DAY)
         )
         return min(times_ns, key=lambda time_ns: abs(time_ns - near_ns))
 
-    def _update_shift(self, radar: int, offset_ns: int, counts: Counter[str]) -> None:
-        """Change the radar's shift if its times persistently differ from the receipts."""
-        self.offset_s[radar] = offset_ns * 1e-9
-        limit_ns = self.max_offset_s * 1e9
-        if abs(offset_ns - self.shift_ns.get(radar, 0)) <= limit_ns:
-            self._recent_errors.pop(radar, None)
+    def _update_shift(self, offset_ns: int) -> None:
+        """Change the shift if the times persistently differ from the receipts."""
+        self.offset_s = offset_ns * 1e-9
+        if abs(offset_ns - self.shift_ns) <= self._limit_ns:
+            self._recent_errors.clear()
             return
-        errors = [*self._recent_errors.get(radar, []), offset_ns][-LEAST_OFF:]
-        self._recent_errors[radar] = errors
+        self._recent_errors = errors = [*self._recent_errors, offset_ns][-LEAST_OFF:]
         # A clock error is constant. Scattered errors do not come from a clock.
-        if len(errors) < LEAST_OFF or max(errors) - min(errors) > limit_ns:
+        if len(errors) < LEAST_OFF or max(errors) - min(errors) > self._limit_ns:
             return
-        del self._recent_errors[radar]
-        self.shift_ns[radar] = offset_ns if abs(offset_ns) > limit_ns else 0
-        counts["clock_off"] += 1
+        self._recent_errors = []
+        self.shift_ns = offset_ns if abs(offset_ns) > self._limit_ns else 0
+        self.counts["clock_off"] += 1
 
 
-def _in_day(begin_ns: int, time_of_day: int, period: int, near_ns: int) -> int:
+def _has_time(message: Message) -> bool:
+    return message.time_of_day != NONE and message.time_of_day < message.period
+
+
+def _in_day(begin_ns: int, own_ns: int, period_ns: int, near_ns: int) -> int:
     """Return the time of a day that is nearest to another time, given the time modulo a period.
 
     A truncated time also restarts at midnight, since its period does not divide the day; the last
     period of a day is therefore short.
     """
-    own_ns, length_ns = time_of_day * NS_PER_TICK, period * NS_PER_TICK
-    last = (NS_PER_DAY - 1 - own_ns) // length_ns
-    turns = round((near_ns - begin_ns - own_ns) / length_ns)
-    return begin_ns + own_ns + min(max(turns, 0), last) * length_ns
+    last = (NS_PER_DAY - 1 - own_ns) // period_ns
+    turns = round((near_ns - begin_ns - own_ns) / period_ns)
+    return begin_ns + own_ns + min(max(turns, 0), last) * period_ns

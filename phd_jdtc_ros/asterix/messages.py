@@ -59,5 +59,10 @@ class ServiceMessage(NamedTuple):
     # Position of the radar: latitude and longitude, degrees, and height, metres.
     site: tuple[float, float, float] | None = None
 
+    @property
+    def period(self) -> int:
+        """As of a `Plot`; times of service messages are never truncated."""
+        return DAY
+
 
 Message: TypeAlias = "Plot | ServiceMessage"

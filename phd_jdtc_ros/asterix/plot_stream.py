@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from .assembly import LEARNED, Assembler
 from .blocks import BlockReader
 from .call_signs import CallSigns
-from .clocks import StreamClock, fits_stamp
-from .messages import DAY, NONE, Message, Plot
+from .clocks import RadarClock, StreamClock, fits_stamp
+from .messages import NONE, Message, Plot
 from .slices import NoTurnFinder, SectorReport, TurnFinder
 
 # Upper bound of a radar's messages that wait until its clock error is known.
@@ -36,18 +36,12 @@ class RadarSettings:
 
 @dataclass(slots=True)
 class PlotStatistics:
-    """Statistics of a radar's plots.
+    """Statistics of a radar's plots."""
 
-    Attributes
-    ----------
-    nearest, farthest : float
-        Slant ranges, metres.
-    heights, codes, addresses, kinds, identified : int
-        Numbers of plots with a height, a code, an address, a kind, and a code or an address.
-    """
-
+    # `nearest`, `farthest`: slant ranges, metres.
     nearest: float = math.inf
     farthest: float = 0.0
+    # Numbers of plots with a height, a code, an address, a kind, and a code or an address.
     heights: int = 0
     codes: int = 0
     addresses: int = 0
@@ -72,36 +66,31 @@ class RadarState:
 
     Attributes
     ----------
-    plots, services, reports : int
-        Numbers of accepted plots and service messages, and of reports made from them.
     counts : Counter
         Numbers of skipped or bridged messages by reason: the reasons of `Assembler` and
-        `StreamClock`; ``second_source``, messages from another address than the radar's;
+        `RadarClock`; ``second_source``, messages from another address than the radar's;
         ``source_changed``; and ``time_off``, messages whose time is far from their receipt. Plots
         with such a time are kept unchanged, but a message with such a time moves neither the
         antenna nor the clock.
-    sources : dict of kind to str
-        Sources of the radar's plots (`Plot`) and service messages (`ServiceMessage`), which may
-        differ; absent if unknown.
-    other_source : str or None
-        The latest refused source.
-    time_ns : int
-        Time of the latest message.
-    site : tuple of three floats or None
-        Position of the radar, from its configuration or else from I034/120.
     """
 
     settings: RadarSettings
+    counts: Counter[str]
     assembler: Assembler
+    clock: RadarClock
+    # Position of the radar, from its configuration or else from I034/120; None if unknown.
+    site: tuple[float, float, float] | None
+    # `plots`, `services`, `reports`: numbers of accepted plots and service messages, and of reports
+    # made from them.
     plots: int = 0
     services: int = 0
     reports: int = 0
-    counts: Counter[str] = field(default_factory=Counter)
+    # Sources of the radar's plots (`Plot`) and service messages (`ServiceMessage`), which may
+    # differ; absent if unknown.
     sources: dict[type, str] = field(default_factory=dict)
-    other_source: str | None = None
-    time_ns: int = 0
+    other_source: str | None = None  # The latest refused source
+    time_ns: int = 0  # Time of the latest message
     statistics: PlotStatistics = field(default_factory=PlotStatistics)
-    site: tuple[float, float, float] | None = None
     waiting: list[tuple[Message, int | None]] = field(default_factory=list)
     _received_ns: dict[type, int] = field(default_factory=dict)
 
@@ -156,8 +145,8 @@ class PlotStream:
         self.counts: Counter[str] = Counter()
         self.blocks = BlockReader(self.counts)
         self._finders = finders
-        self.radars = {number: self._state(settings) for number, settings in radars.items()}
         self.clock = clock or StreamClock()
+        self.radars = {number: self._state(settings) for number, settings in radars.items()}
         self._others = others or RadarSettings("")
         self._named = bool(radars)
         self.datagrams = 0
@@ -195,52 +184,44 @@ class PlotStream:
                 continue
             now_ns = state.time_ns if received_ns is None else received_ns
             own = state.belongs(type(message), source, now_ns)
-            yield self._process(state, message, received_ns) if own else []
+            found = self._process(state, message, received_ns) if own else []
+            yield [(state, report) for report in found]
 
     def finish(self) -> list[tuple[RadarState, SectorReport]]:
         """Return all pending reports at the end of a recording or when the radars are silent."""
-        found: list[tuple[RadarState, SectorReport]] = []
-        for number, state in self.radars.items():
-            found += self._decide(number, state)
-            found += self._with_state(state, state.assembler.finish())
-        return found
+        return [
+            (state, report)
+            for state in self.radars.values()
+            for report in self._count(state, self._decide(state) + state.assembler.finish())
+        ]
 
     def _process(
         self, state: RadarState, message: Message, received_ns: int | None
-    ) -> list[tuple[RadarState, SectorReport]]:
+    ) -> list[SectorReport]:
         """Process a message, or keep it until its radar's clock error is known."""
-        period = message.period if isinstance(message, Plot) else DAY
-        ready = self.clock.can_decide(message.radar, message.time_of_day, period, received_ns)
+        ready = state.clock.can_decide(message, received_ns)
         if not ready and len(state.waiting) < MAX_WAITING:
             state.waiting.append((message, received_ns))
             return []
-        found = self._decide(message.radar, state)
-        return found + self._with_state(state, self._assemble(state, message, received_ns))
+        found = self._decide(state)
+        return self._count(state, found + self._assemble(state, message, received_ns))
 
-    def _decide(self, number: int, state: RadarState) -> list[tuple[RadarState, SectorReport]]:
+    def _decide(self, state: RadarState) -> list[SectorReport]:
         """Decide about the clock error, and process the messages that waited for it."""
-        self.clock.decide(number, state.counts)
+        state.clock.decide()
         waiting, state.waiting = state.waiting, []
-        reports = [report for entry in waiting for report in self._assemble(state, *entry)]
-        return self._with_state(state, reports)
+        return [report for entry in waiting for report in self._assemble(state, *entry)]
 
     @staticmethod
-    def _with_state(
-        state: RadarState, reports: list[SectorReport]
-    ) -> list[tuple[RadarState, SectorReport]]:
+    def _count(state: RadarState, reports: list[SectorReport]) -> list[SectorReport]:
         state.reports += len(reports)
-        return [(state, report) for report in reports]
+        return reports
 
     def _assemble(
         self, state: RadarState, message: Message, received_ns: int | None
     ) -> list[SectorReport]:
-        if isinstance(message, Plot):
-            period, check_clock = message.period, not state.services
-        else:
-            period, check_clock = DAY, True
-        time_ns = self.clock.time_ns(
-            message.radar, message.time_of_day, period, received_ns, check_clock, state.counts
-        )
+        is_plot = isinstance(message, Plot)
+        time_ns = state.clock.time_ns(message, received_ns, not (is_plot and state.services))
         if time_ns is None:
             return []
         state.time_ns = time_ns
@@ -256,9 +237,7 @@ class PlotStream:
             return []
         state.services += 1
         state.site = state.site or message.site
-        if not plausible:
-            return []
-        return state.assembler.add_service(message, time_ns)
+        return state.assembler.add_service(message, time_ns) if plausible else []
 
     def _new(self, number: int) -> RadarState | None:
         """Return the state of a new radar, None if the radar is not accepted."""
@@ -275,10 +254,7 @@ class PlotStream:
     def _state(self, settings: RadarSettings) -> RadarState:
         counts: Counter[str] = Counter()
         assembler = Assembler(
-            settings.sectors,
-            settings.rotation_s,
-            settings.hold_sectors,
-            counts,
-            self._finders(),
+            settings.sectors, settings.rotation_s, settings.hold_sectors, counts, self._finders()
         )
-        return RadarState(settings, assembler, counts=counts, site=settings.site)
+        clock = RadarClock(self.clock, counts)
+        return RadarState(settings, counts, assembler, clock, settings.site)

@@ -8,10 +8,11 @@ a test target or a field monitor.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable
 from functools import cache
+from operator import itemgetter
+from typing import NamedTuple, TypeAlias
 
 from . import call_signs
 from .messages import (
@@ -35,32 +36,54 @@ from .messages import (
     Plot,
     ServiceMessage,
 )
-from .specification import layouts
+from .specification import Layout, layouts
+
+Items: TypeAlias = "tuple[int, ...]"
 
 
-class RecordReader(ABC):
+class Category(NamedTuple):
+    """How the records of a category are decoded."""
+
+    # Returns the message, or the reason for which the record is skipped, empty if it is not
+    # counted; from the record's bytes and the beginning of each item, -1 if the item is absent.
+    decode: Callable[[bytes, Items], Message | str]
+    items: tuple[str, ...]
+
+
+class RecordReader:
     """Decodes the records of a category."""
 
-    def __init__(self, category: int) -> None:
-        self._layouts = layouts(category)
-        self._layout = next(iter(self._layouts.values()))
-        self._place = self._layout.place
+    def __init__(self, number: int, category: Category) -> None:
+        self._decode = category.decode
+        self._kinds = {
+            name: (layout, itemgetter(*(layout.place[item] for item in category.items)))
+            for name, layout in layouts(number).items()
+        }
 
     def read(
         self, data: bytes, at: int, limit: int, counts: Counter[str]
     ) -> tuple[Message | None, int]:
         """Return the message of the record at `at`, None if it is skipped, and the record's end."""
-        begins, end = self._layout.walk(data, at, limit)
-        return self._message(data, begins, counts), end
+        layout, items = self._kinds[""] if "" in self._kinds else self._kind(data, at, limit)
+        begins, end = layout.walk(data, at, limit)
+        found = self._decode(data, items(begins))
+        if not isinstance(found, str):
+            return found, end
+        if found:
+            counts[found] += 1
+        return None, end
 
-    @abstractmethod
-    def _message(self, data: bytes, begins: list[int], counts: Counter[str]) -> Message | None:
-        """Decode a record; `begins` has the beginning of each item in the layout's order."""
+    def _kind(
+        self, data: bytes, at: int, limit: int
+    ) -> tuple[Layout, Callable[[list[int]], Items]]:
+        """Return the layout of a record of CAT001, and what selects its items.
 
-    def _radar(self, data: bytes, begins: list[int]) -> int:
-        """Return SAC and SIC as one number, `NONE` if the record has none."""
-        at = begins[self._place["010"]]
-        return NONE if at < 0 else data[at] << 8 | data[at + 1]
+        The first bit of item 020 says which one; both layouts have this item at the same place.
+        """
+        layout, _ = self._kinds["plot"]
+        descriptor = layout.first(data, at, limit, "020")
+        is_track = descriptor >= 0 and data[descriptor] & 0x80
+        return self._kinds["track" if is_track else "plot"]
 
 
 def _word(data: bytes, at: int) -> int:
@@ -101,63 +124,59 @@ def _address(data: bytes, at: int) -> int:
     return (data[at] << 16 | data[at + 1] << 8 | data[at + 2]) or NONE
 
 
-class Cat048(RecordReader):
-    """Monoradar target reports."""
-
-    def __init__(self) -> None:
-        super().__init__(48)
-        names = ("010", "140", "020", "040", "042", "070", "090", "110", "130", "220", "240")
-        self._items = tuple(self._place[name] for name in names)
-
-    def _message(self, data: bytes, begins: list[int], counts: Counter[str]) -> Plot | None:
-        at010, at140, at020, at040, at042, at070, at090, at110, at130, at220, at240 = [
-            begins[place] for place in self._items
-        ]
-        kind, fault = _descriptor_048(data, at020)
-        if fault or at010 < 0:
-            counts[fault or "no_radar"] += 1
-            return None
-        if at040 >= 0:
-            distance = _word(data, at040) * (NAUTICAL_MILE / 256.0)
-            azimuth = _word(data, at040 + 2) * AZIMUTH_UNIT
-        elif at042 >= 0:
-            distance, azimuth = _of_plane(data, at042)
-        else:
-            counts["no_position"] += 1
-            return None
-        height = _level(data, at090)
-        if at110 >= 0 and math.isnan(height):
-            height = _quarters(data, at110)
-        primary, secondary = _amplitudes(data, at130)
-        return Plot(
-            _word(data, at010),
-            _time_of_day(data, at140),
-            DAY,
-            distance,
-            azimuth,
-            height,
-            _code(data, at070),
-            _address(data, at220),
-            kind,
-            primary,
-            secondary,
-            call_signs.read(data, at240),
-        )
-
-
-def _descriptor_048(data: bytes, at: int) -> tuple[int, str]:
-    """Return the kind of a plot, and the reason for skipping it, if there is one."""
+def _descriptor(data: bytes, at: int) -> tuple[int, int]:
+    """Return the first two octets of a target report descriptor, 0 for an absent one."""
     if at < 0:
-        return 0, ""
-    first = data[at]
+        return 0, 0
+    return data[at], data[at + 1] if data[at] & 1 else 0
+
+
+def _fault(undetected: bool, monitor: int, test: int, radar: int, position: int) -> str:
+    """Return the reason for skipping a plot, empty for none.
+
+    `monitor` and `test` are bits of its descriptor, `radar` and `position` beginnings of items.
+    """
+    if undetected:
+        return "no_detection"
+    if monitor:
+        return "field_monitor"
+    if test:
+        return "test_target"
+    if radar < 0:
+        return "no_radar"
+    return "no_position" if position < 0 else ""
+
+
+def _monoradar(data: bytes, items: Items) -> Plot | str:
+    """Decode a target report of CAT048."""
+    at010, at140, at020, at040, at042, at070, at090, at110, at130, at220, at240 = items
+    first, second = _descriptor(data, at020)
     kind = first >> 5
-    if kind == NO_DETECTION:
-        return kind, "no_detection"
-    if first & 0x02:
-        return kind, "field_monitor"
-    if first & 1 and data[at + 1] & 0x80:
-        return kind, "test_target"
-    return kind, ""
+    undetected = at020 >= 0 and kind == NO_DETECTION
+    fault = _fault(undetected, first & 0x02, second & 0x80, at010, max(at040, at042))
+    if fault:
+        return fault
+    if at040 >= 0:
+        distance = _word(data, at040) * (NAUTICAL_MILE / 256.0)
+        azimuth = _word(data, at040 + 2) * AZIMUTH_UNIT
+    else:
+        distance, azimuth = _of_plane(data, at042)
+    height = _level(data, at090)
+    if at110 >= 0 and math.isnan(height):
+        height = _quarters(data, at110)
+    return Plot(
+        _word(data, at010),
+        _time_of_day(data, at140),
+        DAY,
+        distance,
+        azimuth,
+        height,
+        _code(data, at070),
+        _address(data, at220),
+        kind,
+        *_amplitudes(data, at130),
+        call_signs.read(data, at240),
+    )
 
 
 def _of_plane(data: bytes, at: int) -> tuple[float, float]:
@@ -183,132 +202,74 @@ def _amplitudes(data: bytes, at: int) -> tuple[float, float]:
     return primary, secondary
 
 
-class Cat001(RecordReader):
-    """Monoradar target reports of old radars; their times have 16 bits only."""
-
-    def __init__(self) -> None:
-        super().__init__(1)
-        self._plots, self._tracks = self._layouts["plot"], self._layouts["track"]
-
-    def read(
-        self, data: bytes, at: int, limit: int, counts: Counter[str]
-    ) -> tuple[Message | None, int]:
-        """Return the plot of the record at `at`, None if it is skipped, and the record's end."""
-        # The first bit of item 020 selects the layout; both layouts have this item at the same
-        # place.
-        kind = self._plots.first(data, at, limit, "020")
-        layout = self._tracks if kind >= 0 and data[kind] & 0x80 else self._plots
-        found, end = layout.walk(data, at, limit)
-        self._place = layout.place
-        return self._message(data, found, counts), end
-
-    def _message(self, data: bytes, begins: list[int], counts: Counter[str]) -> Plot | None:
-        items = {name: begins[place] for name, place in self._place.items()}
-        radar, at020, at040 = self._radar(data, begins), items["020"], items["040"]
-        first = data[at020] if at020 >= 0 else 0
-        kind = first >> 4 & 3
-        fault = ""
-        if radar == NONE:
-            fault = "no_radar"
-        elif at040 < 0:
-            fault = "no_position"
-        elif at020 >= 0 and not kind:
-            fault = "no_detection"
-        elif first & 0x02:
-            fault = "field_monitor"
-        elif first & 1 and data[at020 + 1] & 0x80:
-            fault = "test_target"
-        if fault:
-            counts[fault] += 1
-            return None
-        at141, at131 = items["141"], items["131"]
-        power = math.nan if at131 < 0 else float(_signed(data[at131]))
-        return Plot(
-            radar,
-            NONE if at141 < 0 else _word(data, at141),
-            TRUNCATED,
-            _word(data, at040) * (NAUTICAL_MILE / 128.0),
-            _word(data, at040 + 2) * AZIMUTH_UNIT,
-            _level(data, items["090"]),
-            _code(data, items["070"]),
-            NONE,
-            kind,
-            power if kind in (PRIMARY, COMBINED) else math.nan,
-            power if kind == SECONDARY else math.nan,
-        )
+def _old_monoradar(data: bytes, items: Items) -> Plot | str:
+    """Decode a target report of CAT001, of old radars; its time has 16 bits only."""
+    at010, at020, at040, at070, at090, at131, at141 = items
+    first, second = _descriptor(data, at020)
+    kind = first >> 4 & 3
+    fault = _fault(at020 >= 0 and not kind, first & 0x02, second & 0x80, at010, at040)
+    if fault:
+        return fault
+    power = math.nan if at131 < 0 else float(_signed(data[at131]))
+    return Plot(
+        _word(data, at010),
+        NONE if at141 < 0 else _word(data, at141),
+        TRUNCATED,
+        _word(data, at040) * (NAUTICAL_MILE / 128.0),
+        _word(data, at040 + 2) * AZIMUTH_UNIT,
+        _level(data, at090),
+        _code(data, at070),
+        NONE,
+        kind,
+        power if kind in (PRIMARY, COMBINED) else math.nan,
+        power if kind == SECONDARY else math.nan,
+    )
 
 
 # Kinds of surface reports (I010/020), as the corresponding kinds of I048/020.
 _SURFACE = {0: SECONDARY, 1: ROLL_CALL, 3: PRIMARY}
 
 
-class Cat010(RecordReader):
-    """Monosensor surface movement reports; ranges are in metres."""
-
-    def __init__(self) -> None:
-        super().__init__(10)
-
-    def _message(self, data: bytes, begins: list[int], counts: Counter[str]) -> Plot | None:
-        items = {name: begins[place] for name, place in self._place.items()}
-        radar, at000, at020 = self._radar(data, begins), items["000"], items["020"]
-        if at000 >= 0 and data[at000] != 1:
-            return None  # an update cycle begins, or the sensor's state
-        first = data[at020] if at020 >= 0 else 0xE0
-        second = data[at020 + 1] if at020 >= 0 and first & 1 else 0
-        fault = ""
-        if radar == NONE:
-            fault = "no_radar"
-        elif items["040"] < 0:
-            fault = "no_position"
-        elif second & 0x20:
-            fault = "field_monitor"
-        elif second & 0x40:
-            fault = "test_target"
-        if fault:
-            counts[fault] += 1
-            return None
-        height = _level(data, items["090"])
-        return Plot(
-            radar,
-            _time_of_day(data, items["140"]),
-            DAY,
-            float(_word(data, items["040"])),
-            _word(data, items["040"] + 2) * AZIMUTH_UNIT,
-            height,
-            _code(data, items["060"]),
-            _address(data, items["220"]),
-            _SURFACE.get(first >> 5, 0),
-            math.nan,
-            math.nan,
-        )
+def _surface(data: bytes, items: Items) -> Plot | str:
+    """Decode a surface movement report of CAT010; its range is in metres."""
+    at000, at010, at020, at040, at060, at090, at140, at220 = items
+    if at000 >= 0 and data[at000] != 1:
+        return ""  # an update cycle begins, or the sensor's state
+    first, second = _descriptor(data, at020)
+    fault = _fault(False, second & 0x20, second & 0x40, at010, at040)
+    if fault:
+        return fault
+    return Plot(
+        _word(data, at010),
+        _time_of_day(data, at140),
+        DAY,
+        float(_word(data, at040)),
+        _word(data, at040 + 2) * AZIMUTH_UNIT,
+        _level(data, at090),
+        _code(data, at060),
+        _address(data, at220),
+        _SURFACE.get(first >> 5, 0) if at020 >= 0 else 0,
+        math.nan,
+        math.nan,
+    )
 
 
-class Service(RecordReader):
-    """North marks and sector crossings of CAT034, and of CAT002 of old radars, which is similar."""
-
-    def _message(
-        self, data: bytes, begins: list[int], counts: Counter[str]
-    ) -> ServiceMessage | None:
-        at000, at020, at030, at041 = (
-            begins[self._place[name]] for name in ("000", "020", "030", "041")
-        )
-        radar = self._radar(data, begins)
-        if radar == NONE or at000 < 0:
-            counts["no_radar" if radar == NONE else "no_kind"] += 1
-            return None
-        kind, azimuth = data[at000], math.nan
-        if kind == NORTH:
-            azimuth = 0.0
-        elif kind == SECTOR and at020 >= 0:
-            azimuth = data[at020] * SECTOR_UNIT
-        turn = _word(data, at041) / TICKS_PER_S if at041 >= 0 else 0.0
-        at120 = begins[self._place["120"]] if "120" in self._place else NONE
-        return ServiceMessage(
-            radar, _time_of_day(data, at030), kind, azimuth, turn or math.nan, _site(data, at120)
-        )
+def _service(data: bytes, items: Items) -> ServiceMessage | str:
+    """Decode a service message of CAT034, or of CAT002 of old radars, which is similar."""
+    at010, at000, at020, at030, at041, *at120 = items
+    if at010 < 0 or at000 < 0:
+        return "no_radar" if at010 < 0 else "no_kind"
+    kind, azimuth = data[at000], math.nan
+    if kind == NORTH:
+        azimuth = 0.0
+    elif kind == SECTOR and at020 >= 0:
+        azimuth = data[at020] * SECTOR_UNIT
+    turn = _word(data, at041) / TICKS_PER_S if at041 >= 0 else 0.0
+    radar, time_of_day = _word(data, at010), _time_of_day(data, at030)
+    return ServiceMessage(radar, time_of_day, kind, azimuth, turn or math.nan, _site(data, *at120))
 
 
-def _site(data: bytes, at: int) -> tuple[float, float, float] | None:
+def _site(data: bytes, at: int = NONE) -> tuple[float, float, float] | None:
     """Return the position of the data source (I034/120), None if it is absent or implausible.
 
     A radar whose position was never configured sends zeros.
@@ -330,10 +291,19 @@ def prepare() -> None:
         layouts(category)
 
 
+_MONORADAR = ("010", "140", "020", "040", "042", "070", "090", "110", "130", "220", "240")
+_SERVICE = ("010", "000", "020", "030", "041")
+_CATEGORIES = {
+    1: Category(_old_monoradar, ("010", "020", "040", "070", "090", "131", "141")),
+    2: Category(_service, _SERVICE),
+    10: Category(_surface, ("000", "010", "020", "040", "060", "090", "140", "220")),
+    34: Category(_service, (*_SERVICE, "120")),
+    48: Category(_monoradar, _MONORADAR),
+}
+
+
 @cache
 def reader(category: int) -> RecordReader | None:
     """Return the decoder of a category, None if the category is not supported."""
-    if category in (2, 34):
-        return Service(category)
-    kinds: dict[int, Callable[[], RecordReader]] = {1: Cat001, 10: Cat010, 48: Cat048}
-    return kinds[category]() if category in kinds else None
+    known = _CATEGORIES.get(category)
+    return RecordReader(category, known) if known else None

@@ -29,17 +29,9 @@ from .item_rules import (
 MAX_PLANS = 4096
 
 
+# A run of fixed-length items (pairs of an item's index and its offset in the run), the length of
+# the run, and the index and rule of the variable-length item that follows, or None.
 Segment: TypeAlias = "tuple[tuple[tuple[int, int], ...], int, Rule | None, int]"
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Steps for walking a record with one selection of items."""
-
-    # Each segment is a run of fixed-length items (pairs of an item's index and its offset in the
-    # run), the length of the run, and the index and rule of the variable-length item that follows,
-    # or None.
-    segments: tuple[Segment, ...]
 
 
 @dataclass
@@ -48,7 +40,8 @@ class Layout:
 
     names: tuple[str | None, ...]  # Item names in the order of the FSPEC bits; None for a spare bit
     rules: tuple[Rule | None, ...]  # The rule of each item; None for a spare bit
-    _plans: dict[bytes, Plan] = field(default_factory=dict, repr=False)
+    # How to walk a record, by the selection of its items.
+    _plans: dict[bytes, list[Segment]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         self.place = {name: index for index, name in enumerate(self.names) if name is not None}
@@ -70,7 +63,7 @@ class Layout:
             plan = self._plan(key)
         at = end + 1
         begins = self._none.copy()
-        for offsets, size, rule, place in plan.segments:
+        for offsets, size, rule, place in plan:
             for index, offset in offsets:
                 begins[index] = at + offset
             at += size
@@ -95,7 +88,7 @@ class Layout:
             at += getattr(self.rules[index], "size", None) or 0
         return -1
 
-    def _plan(self, key: bytes) -> Plan:
+    def _plan(self, key: bytes) -> list[Segment]:
         """Return the cached plan of a selection of items."""
         chosen, _ = read_fspec(key, 0, len(key), len(self.rules))
         if not chosen:
@@ -117,8 +110,8 @@ class Layout:
             segments.append((tuple(run), size, None, -1))
         if len(self._plans) >= MAX_PLANS:
             self._plans.clear()
-        plan = self._plans[key] = Plan(tuple(segments))
-        return plan
+        self._plans[key] = segments
+        return segments
 
 
 @cache

@@ -2,9 +2,9 @@ import math
 
 import pytest
 
+from phd_jdtc_ros.asterix import assembly
 from phd_jdtc_ros.asterix.assembly import LEARNED, Assembler
 from phd_jdtc_ros.asterix.messages import DAY, NORTH, SECTOR, Plot, ServiceMessage
-from phd_jdtc_ros.asterix.slices import MAX_PENDING
 
 NS = 10**9
 ROTATION_S = 4.0
@@ -197,11 +197,13 @@ def test_one_plot_of_a_wrong_time_does_not_end_the_sectors():
     assert assembler.counts["turns_lost"] == 0
 
 
-def test_pending_plots_are_bounded():
+def test_pending_plots_are_bounded(monkeypatch):
+    monkeypatch.setattr(assembly, "MAX_PENDING", 100)
     assembler = Assembler(32)
-    fed(assembler, (0.0, crossing(0.0)), *((1.0, plot(1.0)) for _ in range(MAX_PENDING + 10)))
+    fed(assembler, *crossings(0.0, 11.25), *[(12.0, plot(12.0))] * 110)
     assert assembler.counts["overflow"] == 10
-    assert len(fed(assembler, (11.25, crossing(11.25)))[0].plots) == MAX_PENDING
+    (sector,) = fed(assembler, (22.5, crossing(22.5)))
+    assert len(sector.plots) == 100
 
 
 def test_stamps_rise_where_times_stand_still():

@@ -57,7 +57,7 @@ def test_a_radar_is_not_silent_while_the_bridge_is_not_active():
     stream = PlotStream({})
     list(stream.feed(made.north(1000.0)))
     ((number, state),) = stream.radars.items()
-    found = health.of_radar("radar", number, state, stream.clock, math.nan, Rises(), NOW_S)
+    found = health.of_radar("radar", number, state, math.nan, Rises(), NOW_S)
     assert (found.level, found.message) == (DiagnosticStatus.STALE, "not active")
 
 

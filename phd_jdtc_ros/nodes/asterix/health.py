@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics, names
-from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 
 from ..common.health import Rises, first
@@ -64,14 +63,12 @@ def of_radar(
     name: str,
     number: int,
     state: RadarState,
-    clock: StreamClock,
     active_s: float,
     rises: Rises,
     now_s: float,
 ) -> DiagnosticStatus:
     """Return the status of a radar; `active_s` is as in `of_input`."""
-    offset_s = clock.offset_s.get(number, 0.0)
-    shift_s = clock.shift_ns.get(number, 0) * 1e-9
+    offset_s, shift_s = state.clock.offset_s, state.clock.shift_ns * 1e-9
     values = {
         "plots": state.plots,
         "service_messages": state.services,

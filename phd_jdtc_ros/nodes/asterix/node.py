@@ -260,9 +260,7 @@ class AsterixBridge(ManagedNode):
             health.of_input(node, stream, lost, self._values["inputs"], *times),
             health.of_output(node, output, *traffic, hint, *times),
             *(
-                health.of_radar(
-                    names.health(state.settings.name, node), number, state, stream.clock, *times
-                )
+                health.of_radar(names.health(state.settings.name, node), number, state, *times)
                 for number, state in stream.radars.items()
             ),
         ]

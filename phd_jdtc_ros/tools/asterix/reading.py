@@ -69,7 +69,7 @@ class Converted:
                     f"{state.settings.name}: messages of two sources, {own} and "
                     f"{state.other_source}: messages of the second are left out"
                 )
-            shift_s = self.stream.clock.shift_ns.get(_number(self.stream, state), 0) * 1e-9
+            shift_s = state.clock.shift_ns * 1e-9
             if shift_s:
                 yield f"{state.settings.name}: its clock is {-shift_s:+.1f} s off, and was shifted"
         for size, count in self.stream.blocks.known_trailers().items():
@@ -103,10 +103,6 @@ class Converted:
             f"{used} of {meant} records could be used; all records: {held or 'none'}{others}"
             + (f"; left out: {reasons}" if reasons else "")
         )
-
-
-def _number(stream: PlotStream, state: RadarState) -> int:
-    return next(number for number, each in stream.radars.items() if each is state)
 
 
 def _of(counts: Counter[str]) -> str:
