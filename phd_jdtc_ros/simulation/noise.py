@@ -1,11 +1,28 @@
-"""The noise of a simulated radar's ranges and azimuths."""
+"""What a simulated radar measures, and the noise of its ranges and azimuths."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+
+
+class Observed(NamedTuple):
+    """A radar's measurements of targets or reflectors."""
+
+    # Range and azimuth with noise, metres and radians; ranges are not negative, azimuths are in
+    # (-pi, pi]; (N, 2).
+    measurement: FloatArray
+    amplitude: FloatArray  # Envelopes, (N,)
+    seen: BoolArray  # Whether the radar detects each, (N,)
+
+    @property
+    def detected(self) -> tuple[FloatArray, FloatArray]:
+        """Measurements and amplitudes of what is detected."""
+        return self.measurement[self.seen], self.amplitude[self.seen]
 
 
 def with_noise(exact: FloatArray, radar: RadarModel, rng: np.random.Generator) -> FloatArray:

@@ -48,12 +48,6 @@ class MovingPlatform:
         x, y, yaw = self.poses(np.array([time_s]))[0].tolist()
         return Pose((x, y), math.remainder(yaw, 2.0 * math.pi))
 
-    def poses_until(self, end_s: float) -> list[tuple[float, Pose]]:
-        """Return poses with their times from scan 0 on; the last is not before the end."""
-        count = math.ceil(end_s / self.pose_interval_s - 1e-9) + 1
-        times = [index * self.pose_interval_s for index in range(count)]
-        return [(time_s, self.pose(time_s)) for time_s in times]
-
     def radar_pose(self, radar: RadarModel, time_s: float) -> Pose:
         """Return the pose of a carried radar in the world."""
         return Mount(radar.position, radar.yaw).on(self.pose(time_s))

@@ -13,6 +13,7 @@ from phd_jdtc_ros.core.types import FULL_TURN
 
 from .antenna import Antenna
 from .looks import looks, looks_beside, passes
+from .noise import Observed
 from .scenario import Scenario
 from .simulate import false_detections, observe, range_rates
 from .traffic.flight import Flight, Leg
@@ -34,14 +35,7 @@ class SimulatedPlots(NamedTuple):
 
     def take(self, rows: IntArray) -> SimulatedPlots:
         """Return the plots of some rows."""
-        return SimulatedPlots(
-            turns=self.turns[rows],
-            measurement=self.measurement[rows],
-            amplitude=self.amplitude[rows],
-            source=self.source[rows],
-            answering=self.answering[rows],
-            range_rate=None if self.range_rate is None else self.range_rate[rows],
-        )
+        return SimulatedPlots._make(None if column is None else column[rows] for column in self)
 
 
 def plots_of(
@@ -52,45 +46,46 @@ def plots_of(
     `layout` has the radar's site on the round earth; None if it measures over a plane.
     """
     radar, antenna = scenario.radars[index], scenario.antennas[index]
-    _, state, true, source = own = looks(scenario, index, layout)
-    snr = np.array([0.0, *(flight.snr for flight in scenario.flights)])[source]
-    found, amplitude, seen = observe(true, snr, radar, rng)
-    turned = _plot_turns(antenna, antenna.turns_at(own.time_s, radar.rotation_s), true, found)
-    targets = SimulatedPlots(turned[seen], found[seen], amplitude[seen], source[seen], source[seen])
+    own = looks(scenario, index, layout)
+    snr = np.array([0.0, *(flight.snr for flight in scenario.flights)])[own.source]
+    observed = observe(own.exact, snr, radar, rng)
+    turns = antenna.turns_at(own.time_s, radar.rotation_s)
+    targets = _detected(antenna, turns, own.exact, observed, own.source, own.source)
     parts = (
         targets,
         _clutter(scenario, index, rng),
         *_reflector_plots(scenario, index, rng),
         *_mirror_plots(scenario, index, layout, rng),
     )
-    turned = np.concatenate([part.turns for part in parts])
-    others = len(turned) - len(targets.turns)
-    range_rate = range_rates(state[seen], others, radar, rng)
-    every = SimulatedPlots(
-        turned,
-        np.concatenate([part.measurement for part in parts]),
-        np.concatenate([part.amplitude for part in parts]),
-        np.concatenate([part.source for part in parts]),
-        np.concatenate([part.answering for part in parts]),
-        range_rate,
-    )
-    return every.take(np.argsort(turned, kind="stable"))
+    columns = zip(*(part[:5] for part in parts), strict=True)
+    every = SimulatedPlots(*map(np.concatenate, columns))
+    others = len(every.turns) - len(targets.turns)
+    range_rate = range_rates(own.state[observed.seen], others, radar, rng)
+    every = every._replace(range_rate=range_rate)
+    return every.take(np.argsort(every.turns, kind="stable"))
 
 
-def _plot_turns(
-    antenna: Antenna, turns: FloatArray, exact: FloatArray, found: FloatArray
-) -> FloatArray:
-    """Return the turns at which the antenna points at measured azimuths.
+def _detected(
+    antenna: Antenna,
+    turns: FloatArray,
+    exact: FloatArray,
+    observed: Observed,
+    source: IntArray,
+    answering: IntArray,
+) -> SimulatedPlots:
+    """Return the plots that a radar detects.
 
     Parameters
     ----------
     turns : array of shape (N,)
         Turns at which the antenna points at the true azimuths.
-    exact, found : arrays of shape (N, 2)
-        True and measured range and azimuth.
+    exact : array of shape (N, 2)
+        True range and azimuth.
     """
-    moved = wrap_angle(found[:, 1] - exact[:, 1]) / FULL_TURN
-    return turns + (-moved if antenna.clockwise else moved)
+    moved = wrap_angle(observed.measurement[:, 1] - exact[:, 1]) / FULL_TURN
+    turned = turns + (-moved if antenna.clockwise else moved)
+    every = SimulatedPlots(turned, observed.measurement, observed.amplitude, source, answering)
+    return every.take(np.flatnonzero(observed.seen))
 
 
 def _reflector_plots(
@@ -106,11 +101,9 @@ def _reflector_plots(
             time = passes(still, radar, antenna, scenario.duration_s, scenario.carrier(index))
             exact.append(scenario.measure(index, still.states(time), time))
             turns.append(antenna.turns_at(time, radar.rotation_s))
-        true = np.concatenate(exact)
-        found, amplitude, seen = kind.measure(true, radar, rng)
-        turned = _plot_turns(antenna, np.concatenate(turns), true, found)
-        none = np.zeros(int(np.count_nonzero(seen)), dtype=np.int64)
-        yield SimulatedPlots(turned[seen], found[seen], amplitude[seen], none, none)
+        true, turned = np.concatenate(exact), np.concatenate(turns)
+        none = np.zeros(len(true), dtype=np.int64)
+        yield _detected(antenna, turned, true, kind.measure(true, radar, rng), none, none)
 
 
 def _mirror_plots(
@@ -125,17 +118,14 @@ def _mirror_plots(
                 continue
             own = looks_beside(scenario, index, layout, number, mirror.position)
             position = own.state[:, axes]
-            exact = own.exact + np.stack(
-                [mirror.detour(position, radar), np.zeros(len(position))], axis=1
-            )
-            snr = np.full(len(position), flight.snr)
-            found, amplitude, seen = observe(exact, snr, radar, rng)
-            seen &= mirror.reflects(position, radar, rng)
-            turned = _plot_turns(
-                antenna, antenna.turns_at(own.time_s, radar.rotation_s), exact, found
-            )
-            none = np.zeros(int(np.count_nonzero(seen)), dtype=np.int64)
-            yield SimulatedPlots(turned[seen], found[seen], amplitude[seen], none, own.source[seen])
+            detour = mirror.detour(position, radar)
+            exact = own.exact + np.stack([detour, np.zeros(len(detour))], axis=1)
+            observed = observe(exact, np.full(len(exact), flight.snr), radar, rng)
+            reflected = observed.seen & mirror.reflects(position, radar, rng)
+            turns = antenna.turns_at(own.time_s, radar.rotation_s)
+            none = np.zeros(len(exact), dtype=np.int64)
+            observed = observed._replace(seen=reflected)
+            yield _detected(antenna, turns, exact, observed, none, own.source)
 
 
 def _clutter(scenario: Scenario, index: int, rng: np.random.Generator) -> SimulatedPlots:
@@ -146,9 +136,9 @@ def _clutter(scenario: Scenario, index: int, rng: np.random.Generator) -> Simula
     count = rng.poisson(radar.clutter_rate, last)
     measurement, amplitude = false_detections(radar, int(count.sum()), rng, scenario.law(index))
     turns = np.repeat(np.arange(last), count) + antenna.turns_to(measurement[:, 1])
-    kept = radar.visibility.sees(measurement) > 0.0
-    none = np.zeros(int(np.count_nonzero(kept)), dtype=np.int64)
-    return SimulatedPlots(turns[kept], measurement[kept], amplitude[kept], none, none)
+    none = np.zeros(len(turns), dtype=np.int64)
+    kept = np.flatnonzero(radar.visibility.sees(measurement) > 0.0)
+    return SimulatedPlots(turns, measurement, amplitude, none, none).take(kept)
 
 
 def plot_times(scenario: Scenario, index: int, plots: SimulatedPlots) -> FloatArray:

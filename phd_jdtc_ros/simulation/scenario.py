@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -98,14 +99,16 @@ class Scenario:
         return self.radars[radar].measure(seen)
 
     def poses(self) -> list[tuple[int, Pose]]:
-        """Return the stamps and poses of the platform, ascending, until the end of the run.
+        """Return the stamps and poses of the platform, ascending; the last is not before the end.
 
         Empty without a platform.
         """
         if self.platform is None:
             return []
-        known = self.platform.poses_until(self.duration_s)
-        return [(self.ns_after(elapsed_s), pose) for elapsed_s, pose in known]
+        interval_s = self.platform.pose_interval_s
+        count = math.ceil(self.duration_s / interval_s - 1e-9) + 1
+        times = (index * interval_s for index in range(count))
+        return [(self.ns_after(time_s), self.platform.pose(time_s)) for time_s in times]
 
     def radar_at(self, radar: int, elapsed_s: float) -> RadarModel:
         """Return a radar with its position in the world at a time after scan 0, seconds."""

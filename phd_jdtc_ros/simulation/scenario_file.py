@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Parameter, parameter
+from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, parameter
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS, SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 from .antenna import Antenna, usual_antenna
-from .checked import mapping, place, read_by_radar, take
+from .checked import mapping, place, read, read_by_radar
 from .clutter import echoes, law
 from .clutter.mirrors import mirrors
 from .clutter.reflectors import reflectors
@@ -45,20 +45,38 @@ class Bias:
         return SensorBias(self.range_bias, self.range_gain, azimuth, self.time_offset_s)
 
 
-TIMING = (
+@dataclass(frozen=True)
+class Timing:
+    """The keys of a document that are no blocks."""
+
     # The stamp 0 marks an unset time.
-    Parameter("start_s", 1000.0, "Stamp of scan 0, s.", 1e-3, 4e9),
-    Parameter("interval_s", 6.0, "Interval between scans, s.", SMALL, 1e6),
-    Parameter("scans", 80, "Number of scans.", 1, 10**6),
-    Parameter(
-        "most_radars",
+    start_s: float = parameter(1000.0, "Stamp of scan 0, s.", (1e-3, 4e9))
+    interval_s: float = parameter(6.0, "Interval between scans, s.", (SMALL, 1e6))
+    scans: int = parameter(80, "Number of scans.", (1, 10**6))
+    most_radars: int = parameter(
         0,
         "Largest number of turning radars that detect a target at a time, the nearest; 0 for all.",
-        0,
-        1000,
-    ),
-)
-OTHER_KEYS = (
+        (0, 1000),
+    )
+
+    def __post_init__(self) -> None:
+        if self.start_s + self.duration_s >= END_OF_TIME_S:
+            raise ConfigError(
+                [
+                    f"start_s: {self.start_s} given, with {self.scans} scans {self.interval_s} s "
+                    f"apart the last stamp must be below {END_OF_TIME_S} s"
+                ]
+            )
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last scan, seconds."""
+        return (self.scans - 1) * self.interval_s
+
+
+# The blocks, which their modules describe; ``parameters`` (of the tracker and the radars),
+# ``sites`` and ``sending`` are read elsewhere.
+BLOCKS = (
     "targets",
     "parameters",
     "traffic",
@@ -84,17 +102,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     Parameters
     ----------
     document : mapping
-        The keys of `TIMING`, all optional, and ``targets``, see `traffic.targets`. ``traffic`` and
-        ``manoeuvres`` generate many targets, see `generators`. By name of the radar, ``antennas``
-        has the keys of `Antenna`, ``biases`` the keys of `Bias`, ``clutter`` the law of the
-        amplitudes, see `clutter.law`, and ``echoes`` further detections of targets, see `echoes`.
-        ``world_origin`` is the latitude and longitude of the world's zero, and ``sites`` has the
-        positions of radars by name, see `site_parameters`. ``reflectors`` is a list of mappings,
-        see `reflectors`, and ``platform`` a ship that carries radars, with ``legs``.
-        ``transponders`` describes targets' replies, see `transponder`, ``gaps`` times out of sight,
-        see `gaps`, and ``mirrors`` surfaces that reflect replies, see `mirrors`. ``parameters`` (of
-        the tracker and the radars), ``sites`` and ``sending`` (timing of messages) are ignored
-        here.
+        The keys of `Timing` and `BLOCKS`, all optional.
 
     Raises
     ------
@@ -104,7 +112,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     if not isinstance(document, Mapping):
         raise ConfigError(["scenario: must be a mapping"])
     faults: list[str] = []
-    timing = take(TIMING, document, "", faults, OTHER_KEYS)
+    timing = read(Timing, document, "", faults, BLOCKS)
     every = targets.targets(document, faults)
     antennas = read_by_radar(Antenna, document, "antennas", radars, faults)
     biases = read_by_radar(Bias, document, "biases", radars, faults)
@@ -114,24 +122,23 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     fixed = reflectors(document, radars, faults)
     replies = transponders(document, faults)
     reflecting = mirrors(document, faults)
-    duration_s = 0.0 if faults else (timing["scans"] - 1) * timing["interval_s"]
+    duration_s = 0.0 if timing is None or faults else timing.duration_s
     every += generators.traffic(mapping(document, "traffic", faults), duration_s, faults)
     given = mapping(document, "manoeuvres", faults)
     every += generators.manoeuvres(given, _origin(document, faults), duration_s, faults)
-    interval_s = timing.get("interval_s") or 1.0
+    interval_s = timing.interval_s if timing else 1.0
     flights = [t if isinstance(t, Flight) else t.flight(interval_s) for t in every]
     unseen = gaps.of_targets(document, flights, faults)
-    faults = faults or _time_faults(timing)
-    if faults:
+    if timing is None or faults:
         raise ConfigError(faults)
     return Scenario(
-        start_ns=round(timing["start_s"] * 1e9),
-        interval_s=timing["interval_s"],
-        scans=timing["scans"],
+        start_ns=round(timing.start_s * 1e9),
+        interval_s=timing.interval_s,
+        scans=timing.scans,
         targets=tuple(every),
         radars=radars,
         antennas=tuple(each or usual_antenna(index) for index, each in enumerate(antennas)),
-        most_radars=timing["most_radars"],
+        most_radars=timing.most_radars,
         clutter=clutter,
         echoes=echo_laws,
         reflectors=fixed,
@@ -180,14 +187,3 @@ def _has_height(document: Mapping[str, Any]) -> bool:
     """Return whether the world's origin has a height, so that the world is on the round earth."""
     origin = document.get("world_origin")
     return isinstance(origin, list) and len(origin) == 3
-
-
-def _time_faults(timing: Mapping[str, Any]) -> list[str]:
-    """Return the fault of the last scan's stamp, if it has one."""
-    start, interval, scans = timing["start_s"], timing["interval_s"], timing["scans"]
-    if start + (scans - 1) * interval < END_OF_TIME_S:
-        return []
-    return [
-        f"start_s: {start} given, with {scans} scans {interval} s apart the last stamp must be "
-        f"below {END_OF_TIME_S} s"
-    ]

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import FULL_TURN, Detections, Scan, Truth
 
 from .clutter.echoes import Echoes
 from .clutter.law import NOISE, ClutterLaw
 from .clutter.reflectors import Reflectors
-from .noise import polar, with_noise
+from .noise import Observed, polar, with_noise
 from .scenario import Scenario, truth_at
 
 
@@ -54,28 +54,23 @@ def detect(
     envelopes above the radar's threshold are reported. The clutter rate counts reported detections.
     """
     exact = radar.measure(truth.state)
-    measurement, envelope, seen = observe(exact, snr, radar, rng)
-    clutter, tail = false_detections(radar, rng.poisson(radar.clutter_rate), rng, law)
-    state, target = truth.state[seen], truth.track_id[seen]
-    measurement, envelope = measurement[seen], envelope[seen]
+    observed = observe(exact, snr, radar, rng)
+    clutter = false_detections(radar, rng.poisson(radar.clutter_rate), rng, law)
+    state, target = truth.state[observed.seen], truth.track_id[observed.seen]
+    parts = [observed.detected]
     if echoes is not None:
         echo, row = echoes.sources(state, truth.space, rng)
-        further, level, shown = observe(radar.measure(echo), snr[seen][row], radar, rng)
-        state, target = np.concatenate([state, echo[shown]]), np.append(target, target[row[shown]])
-        measurement = np.concatenate([measurement, further[shown]])
-        envelope = np.append(envelope, level[shown])
-    places, high = _reflector_detections(radar, reflectors, rng)
-    count = len(clutter) + len(places)
-    rate = range_rates(state, count, radar, rng)
-    measurement = np.concatenate([measurement, clutter, places])
-    order = rng.permutation(len(measurement))
-    detections = Detections(
-        measurement=measurement[order],
-        amplitude=np.concatenate([envelope, tail, high])[order],
-        range_rate=None if rate is None else rate[order],
-    )
-    source = np.concatenate([target, np.zeros(count, dtype=np.int64)])
-    return detections, source[order]
+        further = observe(radar.measure(echo), snr[observed.seen][row], radar, rng)
+        state = np.concatenate([state, echo[further.seen]])
+        target = np.append(target, target[row[further.seen]])
+        parts.append(further.detected)
+    parts += [clutter, *_reflector_detections(radar, reflectors, rng)]
+    measurement, amplitude = map(np.concatenate, zip(*parts, strict=True))
+    false = len(measurement) - len(target)
+    found = Detections(measurement, amplitude, range_rate=range_rates(state, false, radar, rng))
+    source = np.append(target, np.zeros(false, dtype=np.int64))
+    order = rng.permutation(len(source))
+    return found.take(order), source[order]
 
 
 def range_rates(
@@ -104,8 +99,8 @@ def range_rates(
 
 def observe(
     exact: FloatArray, snr: FloatArray, radar: RadarModel, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return the measurements of targets, and whether the radar detects each.
+) -> Observed:
+    """Return the measurements of targets.
 
     Parameters
     ----------
@@ -113,13 +108,6 @@ def observe(
         True range and azimuth, metres and radians.
     snr : array of shape (N,)
         Mean signal-to-noise ratio, linear.
-
-    Returns
-    -------
-    measurement : array of shape (N, 2)
-        Noisy range and azimuth; ranges are not negative, azimuths are in (-pi, pi].
-    envelope : array of shape (N,)
-    seen : bool array of shape (N,)
 
     Notes
     -----
@@ -135,7 +123,7 @@ def observe(
         envelope = np.sqrt(radar.threshold**2 + envelope**2)
     else:
         found = envelope > radar.threshold
-    return noisy, envelope, found & visible
+    return Observed(noisy, envelope, found & visible)
 
 
 def false_detections(
@@ -160,16 +148,12 @@ def false_detections(
 
 def _reflector_detections(
     radar: RadarModel, reflectors: Sequence[Reflectors], rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """Return measurements (K, 2) and envelopes (K,) of the detected reflectors."""
-    measurement, amplitude = [np.zeros((0, 2))], [np.zeros(0)]
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield measurements (K, 2) and envelopes (K,) of the detected reflectors of each kind."""
     for kind in reflectors:
         state = np.zeros((len(kind.points), len(radar.space)))
         state[:, list(radar.space.position)] = kind.points
-        found = kind.measure(radar.measure(state), radar, rng)
-        measurement.append(found.measurement[found.seen])
-        amplitude.append(found.amplitude[found.seen])
-    return np.concatenate(measurement), np.concatenate(amplitude)
+        yield kind.measure(radar.measure(state), radar, rng).detected
 
 
 def simulate(scenario: Scenario, seed: int) -> list[tuple[Truth, Scan]]:
@@ -182,28 +166,33 @@ def simulate_with_sources(
 ) -> list[tuple[Truth, Scan, tuple[IntArray, ...]]]:
     """Return the result of `simulate` with the source of each detection for every radar."""
     rng = np.random.default_rng(seed)
-    snr_of = np.array([target.snr for target in scenario.targets])
     run = []
+    radars = range(len(scenario.radars))
     for index in range(scenario.scans):
         truth = truth_at(scenario, index)
-        elapsed_s = index * scenario.interval_s
-        reports = [
-            detect(
-                truth,
-                snr_of[truth.track_id - 1],
-                scenario.radar_at(number, elapsed_s),
-                rng,
-                *scenario.clutter_and_echoes(number),
-                scenario.reflectors,
-            )
-            for number in range(len(scenario.radars))
-        ]
+        reports = [detect_scan(scenario, truth, index, radar, rng) for radar in radars]
         found = (
-            scenario.with_replies(
-                *(detections, source, np.full(len(source), elapsed_s)), (seed, index, number)
-            )
-            for number, (detections, source) in enumerate(reports)
+            scan_replies(scenario, *report, index, radar, seed)
+            for radar, report in enumerate(reports)
         )
         scan = Scan(truth.stamp_ns, tuple(found))
         run.append((truth, scan, tuple(source for _, source in reports)))
     return run
+
+
+def detect_scan(
+    scenario: Scenario, truth: Truth, scan: int, radar: int, rng: np.random.Generator
+) -> tuple[Detections, IntArray]:
+    """Return the detections of a staring radar at a scan without replies, and their sources."""
+    snr = np.array([target.snr for target in scenario.targets])[truth.track_id - 1]
+    model = scenario.radar_at(radar, scan * scenario.interval_s)
+    laws = scenario.clutter_and_echoes(radar)
+    return detect(truth, snr, model, rng, *laws, scenario.reflectors)
+
+
+def scan_replies(
+    scenario: Scenario, found: Detections, source: IntArray, scan: int, radar: int, seed: int
+) -> Detections:
+    """Return the detections of a scan with their targets' replies."""
+    time_s = np.full(len(source), scan * scenario.interval_s)
+    return scenario.with_replies(found, source, time_s, (seed, scan, radar))

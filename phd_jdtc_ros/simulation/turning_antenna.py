@@ -30,7 +30,7 @@ from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 from .antenna import Antenna
 from .plots import SimulatedPlots, plot_times, plots_of
 from .scenario import Scenario, truth_at
-from .simulate import detect
+from .simulate import detect_scan, scan_replies
 
 # Kinds of plots, the TYP of I048/020.
 PRIMARY, COMBINED = 1, 3
@@ -89,12 +89,13 @@ def plots_with_replies(
     Their times are `plot_times`.
     """
     plots = plots_of(scenario, index, _generator(seed, index), layout)
-    found = _replies(scenario, index, plots, seed)
+    time_s = plot_times(scenario, index, plots)
+    found = _with_replies(scenario, index, plots, time_s, seed)
+    found = replace(found, amplitude=None, range_rate=None)
     if scenario.transponders is None:
-        every = slice(0, len(plots.turns))
-        found = replace(found, height=_heights(scenario, index, plots, every))
+        found = replace(found, height=_heights(scenario, plots.source, time_s))
     _, found = scenario.bias(index).apply_to(0, replace(found, kind=_sensor_types(found)))
-    rows = np.flatnonzero(plot_times(scenario, index, plots) >= 0.0)
+    rows = np.flatnonzero(time_s >= 0.0)
     return plots.take(rows), found.take(rows)
 
 
@@ -121,8 +122,8 @@ def reports_of(
     # Turns and sectors begin by the biased azimuth that the antenna reports.
     ahead = scenario.bias(index).azimuth / FULL_TURN * (-1.0 if antenna.clockwise else 1.0)
     turned, offset = plots.turns + ahead, antenna.begin + ahead
-    replies = _replies(scenario, index, plots, seed)
     time_s = plot_times(scenario, index, plots)
+    every = _with_replies(scenario, index, plots, time_s, seed)
     parts = max(layout.sectors, 1)
     first = int(np.ceil(offset)) * parts
     end_turn = antenna.turns_at(np.array([scenario.duration_s]), radar.rotation_s)[0] + ahead
@@ -132,50 +133,38 @@ def reports_of(
     for number, begin, end in zip(range(first, last), edges[:-1], edges[1:], strict=True):
         edge = (number + 1) / parts
         end_s = float(antenna.times_at(np.array(edge - ahead), radar.rotation_s))
-        rows = slice(int(begin), int(end))
+        rows = np.arange(begin, end)
         # The lead over a uniform rotation at the plot, minus the lead at the stamp.
         lead_change_s = antenna.ahead_s(time_s[rows]) - antenna.ahead_s(np.array(end_s))
-        own_s = (turned[rows] - edge) * radar.rotation_s - lead_change_s
-        coverage = _coverage(antenna, number % parts, parts) if layout.sectors else None
-        detections = _to_detections(plots, rows, own_s, coverage, layout)
-        if scenario.transponders is not None:
-            own = replies.take(np.arange(len(plots.turns))[rows])
-            detections = _with_replies(detections, own, layout)
-            detections = _with_decoded_ranges(
-                detections, _heights(scenario, index, plots, rows), layout
-            )
-        elif layout.fields.height and layout.site is not None:
-            detections = replace(detections, height=_heights(scenario, index, plots, rows))
-        detections = to_plane(detections, layout)
-        reports.append(
-            SimulatedReport(index, scenario.ns_after(end_s), detections, plots.source[rows])
+        found = replace(
+            every.take(rows),
+            time_s=(turned[rows] - edge) * radar.rotation_s - lead_change_s,
+            coverage=_coverage(antenna, number % parts, parts) if layout.sectors else None,
         )
+        source = plots.source[rows]
+        if scenario.transponders is not None:
+            found = _as_read(scenario, _sent(found, layout), source, time_s[rows], layout)
+        elif layout.fields.height and layout.site is not None:
+            found = replace(found, height=_heights(scenario, source, time_s[rows]))
+        found = replace(
+            found,
+            amplitude=found.amplitude if layout.fields.amplitude else None,
+            time_s=found.time_s if layout.fields.time else None,
+        )
+        stamp_ns = scenario.ns_after(end_s)
+        reports.append(SimulatedReport(index, stamp_ns, to_plane(found, layout), source))
     return reports
 
 
-def _to_detections(
-    plots: SimulatedPlots,
-    rows: slice,
-    time_s: FloatArray,
-    coverage: Coverage | None,
-    layout: RadarParameters,
+def _with_replies(
+    scenario: Scenario, index: int, plots: SimulatedPlots, time_s: FloatArray, seed: int
 ) -> Detections:
-    """Return some plots as detections with the fields of the radar's messages."""
-    return Detections(
-        plots.measurement[rows],
-        plots.amplitude[rows] if layout.fields.amplitude else None,
-        time_s=time_s if layout.fields.time else None,
-        coverage=coverage,
-        range_rate=None if plots.range_rate is None else plots.range_rate[rows],
-    )
+    """Return all plots with their targets' replies, independent of the messages."""
+    found = Detections(plots.measurement, plots.amplitude, range_rate=plots.range_rate)
+    return scenario.with_replies(found, plots.answering, time_s, (seed, index))
 
 
-def _heights(scenario: Scenario, index: int, plots: SimulatedPlots, rows: slice) -> FloatArray:
-    """Return the heights of the targets of some plots, metres; NaN for clutter."""
-    return _heights_at(scenario, plots.source[rows], plot_times(scenario, index, plots)[rows])
-
-
-def _heights_at(scenario: Scenario, source: IntArray, time_s: FloatArray) -> FloatArray:
+def _heights(scenario: Scenario, source: IntArray, time_s: FloatArray) -> FloatArray:
     """Return the heights of targets at times, metres; NaN for clutter."""
     height = np.full(len(source), np.nan)
     for number in np.unique(source[source > 0]).tolist():
@@ -184,21 +173,20 @@ def _heights_at(scenario: Scenario, source: IntArray, time_s: FloatArray) -> Flo
     return height
 
 
-def _with_decoded_ranges(
-    found: Detections, true: FloatArray, layout: RadarParameters
+def _as_read(
+    scenario: Scenario,
+    found: Detections,
+    source: IntArray,
+    time_s: FloatArray,
+    layout: RadarParameters,
 ) -> Detections:
     """Return detections over a plane with ranges as a reader converts them, given their heights.
 
-    Parameters
-    ----------
-    found : Detections
-        Detections with the ground ranges of their true heights.
-    true : array of shape (M,)
-        True heights, metres; NaN for clutter.
+    `found` has the ground ranges of the true heights.
     """
     if layout.site is not None or found.height is None:
         return found
-    reading = HeightProjection(layout.height)
+    true, reading = _heights(scenario, source, time_s), HeightProjection(layout.height)
     return replace(found, measurement=reading.at(found.measurement, true, found.height))
 
 
@@ -221,21 +209,14 @@ def to_plane(found: Detections, layout: RadarParameters) -> Detections:
     )
 
 
-def _replies(scenario: Scenario, index: int, plots: SimulatedPlots, seed: int) -> Detections:
-    """Return all plots with their targets' replies, independent of the messages."""
-    found = Detections(plots.measurement, None)
-    time_s = plot_times(scenario, index, plots)
-    return scenario.with_replies(found, plots.answering, time_s, (seed, index))
-
-
-def _with_replies(found: Detections, replies: Detections, layout: RadarParameters) -> Detections:
+def _sent(found: Detections, layout: RadarParameters) -> Detections:
     """Return detections with the replies that the radar's messages contain."""
     return replace(
         found,
-        code=replies.code if layout.fields.code else None,
-        address=replies.address if layout.fields.address else None,
-        height=replies.height if layout.fields.height else None,
-        kind=_sensor_types(replies) if layout.fields.kind else None,
+        code=found.code if layout.fields.code else None,
+        address=found.address if layout.fields.address else None,
+        height=found.height if layout.fields.height else None,
+        kind=_sensor_types(found) if layout.fields.kind else None,
     )
 
 
@@ -259,20 +240,14 @@ def _staring_reports(
     scenario: Scenario, index: int, layout: RadarParameters, rng: np.random.Generator, seed: int
 ) -> list[SimulatedReport]:
     """Return the reports of a staring radar, one per scan."""
-    snr_of = np.array([target.snr for target in scenario.targets])
     reports = []
     for scan in range(scenario.scans):
         truth = truth_at(scenario, scan)
-        snr = snr_of[truth.track_id - 1]
-        radar = scenario.radar_at(index, scan * scenario.interval_s)
-        laws = scenario.clutter_and_echoes(index)
-        found, source = detect(truth, snr, radar, rng, *laws, scenario.reflectors)
+        found, source = detect_scan(scenario, truth, scan, index, rng)
         if not layout.fields.amplitude:
             found = replace(found, amplitude=None)
+        found = _sent(scan_replies(scenario, found, source, scan, index, seed), layout)
         time_s = np.full(len(source), scan * scenario.interval_s)
-        replies = scenario.with_replies(found, source, time_s, (seed, scan, index))
-        found = _with_decoded_ranges(
-            _with_replies(found, replies, layout), _heights_at(scenario, source, time_s), layout
-        )
+        found = _as_read(scenario, found, source, time_s, layout)
         reports.append(SimulatedReport(index, truth.stamp_ns, found, source))
     return reports

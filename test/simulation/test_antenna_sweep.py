@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenario_blocks import exact
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import wrap_angle
@@ -19,20 +20,9 @@ from phd_jdtc_ros.simulation.traffic.target_script import TargetScript
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 ROTATION_S = 4.0
-# Precise, and nothing is missed.
-PARAMETERS = {
-    "sensors": ["approach"],
-    "approach.position": [0.0, 0.0],
-    "approach.rotation_s": ROTATION_S,
-    "approach.range_std": 1e-3,
-    "approach.azimuth_std_deg": 1e-6,
-    "approach.max_range": 1e5,
-    "approach.detection_probability": 0.999,
-    "approach.clutter_rate": 0.0,
-    "approach.clutter_max_range": 1e5,
-    "approach.fields.time": "time",
-    "approach.fields.amplitude": "",
-}
+PARAMETERS = exact(
+    "approach", 1e5, position=[0.0, 0.0], rotation_s=ROTATION_S, **{"fields.amplitude": ""}
+)
 NORTH = Antenna()
 CROSSING_NORTH = Flight(0, 1e3, 0.0, (-3e3, 20e3), (150.0, 20.0), (Leg(60.0),))
 BACK = Flight(0, 1e3, 5.0, (3e3, 20e3), (-150.0, 0.0), (Leg(20.0), Leg(30.0, 0.05)))
@@ -56,7 +46,7 @@ def beam_deg(antenna, time_s, rotation_s=ROTATION_S):
 
 @pytest.mark.parametrize("clockwise", [True, False])
 @pytest.mark.parametrize("flight", [CROSSING_NORTH, BACK, CIRCLING])
-@pytest.mark.parametrize("bearing", [0.0, 2.0, 6.0])
+@pytest.mark.parametrize("bearing", [0.0, 2.0])
 def test_passes_are_when_the_beam_points_at_the_target(flight, clockwise, bearing):
     antenna = Antenna(bearing, clockwise)
     found, _ = scene(flight, antenna=antenna)

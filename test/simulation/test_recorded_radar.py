@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scenario_blocks import exact
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import UNKNOWN
@@ -11,19 +12,10 @@ from phd_jdtc_ros.simulation.plots import plot_times
 from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 
 PARAMETERS = {
-    "sensors": ["hill"],
+    **exact("hill", 300e3, geodetic=[50.0, 8.5, 130.0], rotation_s=4.0),
     "world_origin": [50.0, 8.5, 100.0],
-    "hill.geodetic": [50.0, 8.5, 130.0],
-    "hill.rotation_s": 4.0,
-    "hill.fields.time": "time",
     "hill.fields.height": "height",
     "hill.fields.amplitude": "",
-    "hill.range_std": 1e-3,
-    "hill.azimuth_std_deg": 1e-6,
-    "hill.detection_probability": 0.999,
-    "hill.clutter_rate": 0.0,
-    "hill.clutter_max_range": 300e3,
-    "hill.max_range": 300e3,
     "classes": ["aircraft"],
     "births": [],
 }
@@ -68,12 +60,7 @@ def test_target_is_not_seen_above_and_below_the_beam():
 
 
 def test_mirrored_answer_is_seen_at_the_mirror_farther_by_the_detour():
-    mirror = {
-        "position": [3000.0, 4000.0],
-        "start_deg": 170.0,
-        "width_deg": 20.0,
-        "probability": 1.0,
-    }
+    mirror = {**MIRROR, "start_deg": 170.0, "width_deg": 20.0}
     run, time_s, found, answers = plots(mirrors=[mirror], transponders={"reply_probability": 1.0})
     false = found.source == 0
     # While it is in the south, once a turn.
@@ -89,12 +76,7 @@ def test_mirrored_answer_is_seen_at_the_mirror_farther_by_the_detour():
 
 
 def test_mirror_reflects_no_target_in_other_directions_or_without_a_transponder():
-    mirror = {
-        "position": [3000.0, 4000.0],
-        "start_deg": 45.0,
-        "width_deg": 90.0,
-        "probability": 1.0,
-    }
+    mirror = {**MIRROR, "start_deg": 45.0, "width_deg": 90.0}
     assert (plots(mirrors=[mirror])[2].source == 1).all()
     everywhere = {**mirror, "width_deg": 360.0}
     assert (plots(mirrors=[everywhere])[2].source == 0).any()

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from pyproj import Transformer
+from scenario_blocks import exact
 
 from msg_adapters import detections as adapter
 from msg_adapters import point_cloud
@@ -13,22 +14,12 @@ from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 ORIGIN, PLACE = [52.3, 4.8, 5.0], [53.1, 6.9, 40.0]
 PARAMETERS = {
-    "sensors": ["north"],
+    **exact("north", 300e3, geodetic=PLACE, rotation_s=4.0),
     "world_origin": ORIGIN,
-    "north.geodetic": PLACE,
-    "north.rotation_s": 4.0,
     "north.azimuth_convention": "compass_cw",
     "north.azimuth_unit": "deg",
-    "north.fields.time": "time",
     "north.fields.amplitude": "",
     "north.fields.height": "height",
-    # The noise is so small that plots can be compared with the truth.
-    "north.range_std": 1e-3,
-    "north.azimuth_std_deg": 1e-6,
-    "north.detection_probability": 0.999,
-    "north.clutter_rate": 0.0,
-    "north.clutter_max_range": 300e3,
-    "north.max_range": 300e3,
     "classes": ["aircraft"],
     "births": [],
 }

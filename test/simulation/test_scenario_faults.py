@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from lone import lone
 from refusals import faults_of
+from scenario_blocks import FLIGHT, QUAY, RACE, SHIP, TARGET, TURN, UNIFORM, turning
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.simulation import scenario_file
@@ -16,38 +17,9 @@ RATED = lone({"radar.fields.range_rate": "rr", "radar.range_rate_std": 0.2}).mod
 TURNING = tuple(replace(STILL[0], name=name, rotation_s=4.0) for name in ("one", "other"))
 NAMES = "must be one of the radars, radar_1, radar_2"
 
-TARGET = {
-    "class_id": 1,
-    "snr_db": 20.0,
-    "position": [1.0, 2.0],
-    "velocity": [3, -4],
-    "first_scan": 5,
-    "last_scan": 7,
-}
-TURN = {"first_scan": 5, "last_scan": 7, "turn_rate_deg_s": -3.0}
-FLIGHT = {
-    **{"class_id": 1, "position": [1.0, 2.0], "velocity": [30.0, 0.0], "start_s": 4.0},
-    "legs": [{"duration_s": 20.0}, {"duration_s": 10.0, "turn_rate_deg_s": 3.0}],
-}
-RACE = {"straight_nm": 20.0, "turn_deg": 175.0, "flights": [[240.0, 60.0, 52.0, 7.0]]}
-UNIFORM = {"law": "uniform", "lowest_db": 10.0, "highest_db": 20.0}
-QUAY = {
-    "points": [1000.0, 3000.0, 1000.0, 4000.0],
-    "spacing": 100.0,
-    "detection_probability": 1.0,
-    "amplitude": {"law": "log_normal", "level_db": 18.0, "std_db": 3.0},
-}
-SHIP = {"radars": ["radar"], "position": [-500.0, 100.0], "velocity": [6.0, 8.0]}
-SHIP["legs"] = [{"duration_s": 20.0}, {"duration_s": 60.0, "turn_rate_deg_s": 3.0}]
-
 
 def faults(document, radars=RADARS):
     return faults_of(scenario_file.resolve, document, radars)
-
-
-def turning(*turns):
-    """Return a document with one target that lives from scan 5 to scan 20."""
-    return {"targets": [{**TARGET, "last_scan": 20, "turns": list(turns)}]}
 
 
 def turning_from_to(*scans):
@@ -75,7 +47,7 @@ def quay(**changes):
 
 
 def ship(**changes):
-    return {"platform": {**SHIP, **changes}}
+    return {"platform": {"radars": ["radar"], **SHIP, **changes}}
 
 
 SCANS = "a whole number, at least 1, at most 1e+06"
@@ -204,7 +176,7 @@ OF_STILL = [
     (quay(points=[1.0]), "reflectors[0].points: must be x and y"),
     (quay(points=[]), "reflectors[0].points: must be x and y"),
     (quay(high=1), "reflectors[0].high: unknown key"),
-    (quay(spacing=0.01), "reflectors[0].spacing: 0.01 given, must be at least 0.1"),
+    (quay(spacing=0.01), "reflectors[0].spacing: 0.01 given, must be at least 0.2"),
     (
         quay(detection_probability=1.5),
         "reflectors[0].detection_probability: 1.5 given",

@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from scenario_blocks import FLIGHT, RACE, TARGET, TURN, turning
 
 from phd_jdtc_ros.configuration.build import resolve as resolve_config
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -11,14 +12,6 @@ from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
 from phd_jdtc_ros.simulation.traffic.target_script import TargetScript, Turn
 
 RADARS = resolve_config({}).model.radars
-TARGET = {
-    "class_id": 1,
-    "snr_db": 20.0,
-    "position": [1.0, 2.0],
-    "velocity": [3, -4],
-    "first_scan": 5,
-    "last_scan": 7,
-}
 
 
 def resolve(**document):
@@ -65,18 +58,6 @@ def test_resolve_describes_the_reference_scenario():
     assert resolve(targets=targets) == reference
 
 
-def test_resolve_leaves_the_parameters_to_others():
-    assert resolve(parameters={"lag": 3}) == resolve()
-
-
-TURN = {"first_scan": 5, "last_scan": 7, "turn_rate_deg_s": -3.0}
-
-
-def turning(*turns, **changes):
-    """Return a document with one target that lives from scan 5 to scan 20."""
-    return {"targets": [{**TARGET, "last_scan": 20, "turns": list(turns), **changes}]}
-
-
 def test_resolve_reads_turns():
     later = {"first_scan": 7, "last_scan": 20, "turn_rate_deg_s": 90}
     (target,) = resolve(**turning(TURN, later)).targets
@@ -84,10 +65,6 @@ def test_resolve_reads_turns():
         Turn(5, 7, pytest.approx(math.radians(-3.0))),
         Turn(7, 20, pytest.approx(math.pi / 2.0)),
     )
-
-
-def test_resolve_without_turns_has_none():
-    assert resolve(**turning()).targets == resolve(targets=[{**TARGET, "last_scan": 20}]).targets
 
 
 def flown(*turns, interval_s=6.0, velocity=(30.0, 0.0)):
@@ -127,34 +104,6 @@ def test_a_turn_is_an_arc_of_a_circle():
     np.testing.assert_allclose(apart, radius, rtol=1e-12)
 
 
-def test_a_full_circle_ends_where_it_began():
-    states = flown(Turn(4, 24, 2.0 * math.pi / 120.0))
-    np.testing.assert_allclose(states[22, :4], states[2, :4], atol=1e-9)
-
-
-def test_positions_follow_the_velocity_through_two_turns():
-    turns = (Turn(4, 9, 0.05), Turn(9, 12, -0.07))
-    states = flown(*turns)
-    # Integrated in steps of a hundredth of the interval.
-    fine = TargetScript(
-        0, 1e3, (100.0, -50.0), (30.0, 0.0), 200, 3000,
-        tuple(Turn(100 * t.first_scan, 100 * t.last_scan, t.turn_rate) for t in turns),
-    )  # fmt: skip
-    velocity = np.array([fine.state_at(scan, 0.06) for scan in range(200, 3001)])[:, [1, 3]]
-    moved = np.cumsum(0.5 * 0.06 * (velocity[1:] + velocity[:-1]), axis=0)[99::100]
-    start = np.array([100.0, -50.0])
-    np.testing.assert_allclose(states[1:, [0, 2]], start + moved, atol=1e-2)
-
-
-FLIGHT = {
-    "class_id": 1,
-    "position": [1.0, 2.0],
-    "velocity": [30.0, 0.0],
-    "start_s": 4.0,
-    "legs": [{"duration_s": 20.0}, {"duration_s": 10.0, "turn_rate_deg_s": 3.0}],
-}
-
-
 def test_resolve_reads_targets_with_legs_in_seconds():
     (found,) = resolve(targets=[FLIGHT]).targets
     assert found == Flight(
@@ -181,9 +130,6 @@ def test_resolve_draws_traffic_for_the_length_of_the_run():
     found = resolve(interval_s=2.0, scans=101, traffic={"aircraft": 5, "taxiing": 2, "seed": 3})
     assert len(found.targets) == 7
     assert max(flight.end_s for flight in found.targets) == pytest.approx(200.0)
-
-
-RACE = {"straight_nm": 20.0, "turn_deg": 175.0, "flights": [[240.0, 60.0, 52.0, 7.0]]}
 
 
 def test_resolve_repeats_straight_legs_and_turns():
@@ -222,11 +168,6 @@ def test_an_origin_with_a_height_puts_sites_on_the_round_earth():
     assert resolve(world_origin=[52.0, 7.0, 10.0]).targets == ()
     with pytest.raises(ConfigError, match="sites: must be a mapping"):
         scenario_file.site_parameters({**document, "sites": [mast]})
-
-
-def test_targets_have_heights():
-    low, high = resolve(targets=[TARGET, {**TARGET, "height": 9000.0}]).flights
-    assert (low.height, high.height) == (0.0, 9000.0)
 
 
 def test_resolve_reads_antennas_by_radar():

@@ -158,31 +158,6 @@ def test_detect_mixes_targets_and_clutter():
     assert strong.tolist() != list(range(len(strong)))
 
 
-def positions(scan):
-    truth = truth_at(SCENE, scan)
-    return dict(zip(truth.track_id.tolist(), truth.state[:, [0, 2]], strict=True))
-
-
-@pytest.mark.parametrize(
-    ("scan", "pair", "nearest_m"),
-    [
-        # 1 and 2 meet at (-1.8, 0) km between scans 37 and 38, 1 and 3 just before scan 39.
-        (38, (1, 2), 64.0),
-        (39, (1, 3), 92.0),
-        # 4 and 2 cross near 317 s; 4 and 3 only pass.
-        (53, (4, 2), 102.5),
-        (54, (4, 3), 264.9),
-    ],
-)
-def test_paper_scenario_has_its_crossings(scan, pair, nearest_m):
-    def distance(k):
-        at = positions(k)
-        return np.hypot(*(at[pair[0]] - at[pair[1]]))
-
-    assert distance(scan) == pytest.approx(nearest_m, abs=0.1)
-    assert distance(scan - 3) > distance(scan) < distance(scan + 3)
-
-
 def test_paper_scenario_has_two_classes_inside_the_radars_range():
     snr_db = [10.0 * np.log10(target.snr) for target in SCENE.targets]
     np.testing.assert_allclose(snr_db, [45.0, 25.0, 45.0, 25.0])

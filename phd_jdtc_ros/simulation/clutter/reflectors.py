@@ -10,16 +10,16 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from phd_jdtc_ros.configuration.schema import Parameter
-from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 from ..checked import mappings, take
-from ..noise import with_noise
+from ..noise import Observed, with_noise
 from .law import NOISE, ClutterLaw, law_of
 
 REFLECTORS = (
@@ -44,14 +44,6 @@ REFLECTORS = (
 MOST = 10_000
 
 
-class ReflectorDetections(NamedTuple):
-    """A radar's measurements of reflectors."""
-
-    measurement: FloatArray  # Range and azimuth with noise, metres and radians, (N, 2)
-    amplitude: FloatArray  # (N,)
-    seen: BoolArray  # Whether the radar detects each, (N,)
-
-
 @dataclass(frozen=True)
 class Reflectors:
     """Reflectors of one kind."""
@@ -61,14 +53,12 @@ class Reflectors:
     detection_probability: float
     law: ClutterLaw = NOISE  # Law of the envelopes
 
-    def measure(
-        self, exact: FloatArray, radar: RadarModel, rng: np.random.Generator
-    ) -> ReflectorDetections:
+    def measure(self, exact: FloatArray, radar: RadarModel, rng: np.random.Generator) -> Observed:
         """Return a radar's measurements of reflectors at true ranges and azimuths, (N, 2)."""
         found = rng.random(len(exact)) < self.detection_probability
         visible = radar.visibility.sees(exact) > 0.0
         amplitude = self.law.draw(radar.threshold, len(exact), rng)
-        return ReflectorDetections(with_noise(exact, radar, rng), amplitude, found & visible)
+        return Observed(with_noise(exact, radar, rng), amplitude, found & visible)
 
 
 def reflectors(

@@ -5,7 +5,7 @@ The world is a plane: climbs and descents change the speed, not the height.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -76,19 +76,16 @@ def draw(traffic: Traffic) -> tuple[Flight, ...]:
 
     Each aircraft has its own generator, so that more aircraft do not change the others.
     """
-    in_the_air = [
-        _in_the_air(traffic, np.random.default_rng([traffic.seed, 0, number]))
-        for number in range(traffic.aircraft)
-    ]
-    taxiing = [
-        _taxiing(traffic, np.random.default_rng([traffic.seed, 1, number]))
-        for number in range(traffic.taxiing)
-    ]
-    entering = [
-        _entering(traffic, np.random.default_rng([traffic.seed, 2, number]))
-        for number in range(traffic.entering)
-    ]
-    return (*in_the_air, *taxiing, *entering)
+    kinds = (
+        (traffic.aircraft, _in_the_air),
+        (traffic.taxiing, _taxiing),
+        (traffic.entering, _entering),
+    )
+    return tuple(
+        drawn(traffic, np.random.default_rng([traffic.seed, kind, number]))
+        for kind, (count, drawn) in enumerate(kinds)
+        for number in range(count)
+    )
 
 
 def _in_the_air(traffic: Traffic, rng: np.random.Generator) -> Flight:
@@ -116,14 +113,13 @@ def _climb(traffic: Traffic, rng: np.random.Generator) -> Flight:
         Leg((speeds[2] - speeds[1]) / acceleration, acceleration=acceleration),
         *_vectors(traffic, rng, speeds[2], LONGEST_S),
     ]
-    return _flight(traffic, rng, RUNWAY, speeds[0], legs)
+    return _anywhere(traffic, rng, RUNWAY, speeds[0], legs)
 
 
 def _overflight(traffic: Traffic, rng: np.random.Generator) -> Flight:
     speed = rng.uniform(*CRUISE_SPEED)
-    way = _flight(
-        traffic, rng, 0.9 * traffic.radius, speed, list(_vectors(traffic, rng, speed, LONGEST_S))
-    )
+    legs = list(_vectors(traffic, rng, speed, LONGEST_S))
+    way = _anywhere(traffic, rng, 0.9 * traffic.radius, speed, legs)
     return _cut(_within(traffic, way), 0.0, traffic.duration_s)
 
 
@@ -131,13 +127,10 @@ def _entering(traffic: Traffic, rng: np.random.Generator) -> Flight:
     """Return an overflight from one edge to another, which begins at any time of the run."""
     speed, bearing = rng.uniform(*CRUISE_SPEED), rng.uniform(-np.pi, np.pi)
     inward = bearing + np.pi + rng.uniform(-1.0, 1.0) * MOST_ASIDE
-    x, y = traffic.centre
     # A start exactly on the edge would count as having left.
-    edge = traffic.radius - 1.0
-    position = float(x + edge * np.cos(bearing)), float(y + edge * np.sin(bearing))
-    velocity = float(speed * np.cos(inward)), float(speed * np.sin(inward))
-    legs = tuple(_vectors(traffic, rng, speed, LONGEST_S))
-    way = _within(traffic, Flight(0, traffic.snr, 0.0, position, velocity, legs))
+    place = traffic.radius - 1.0, bearing
+    legs = _vectors(traffic, rng, speed, LONGEST_S)
+    way = _within(traffic, _flight(traffic, place, speed, inward, legs))
     start_s = rng.uniform(-way.end_s, traffic.duration_s)
     return _cut(replace(way, start_s=start_s), 0.0, traffic.duration_s)
 
@@ -157,7 +150,7 @@ def _taxiing(traffic: Traffic, rng: np.random.Generator) -> Flight:
                 Leg(rng.uniform(*HOLD_S)),
                 Leg(braking_s, acceleration=TAXI_ACCELERATION),
             ]
-    return _cut(_flight(traffic, rng, APRON, speed, legs), 0.0, traffic.duration_s)
+    return _cut(_anywhere(traffic, rng, APRON, speed, legs), 0.0, traffic.duration_s)
 
 
 def _vectors(
@@ -175,13 +168,24 @@ def _vectors(
             yield leg
 
 
-def _flight(
+def _anywhere(
     traffic: Traffic, rng: np.random.Generator, apart: float, speed: float, legs: Sequence[Leg]
 ) -> Flight:
     """Return a flight from a random point within a distance of the centre, at 0 s."""
     distance = apart * np.sqrt(rng.random())
     bearing, course = rng.uniform(-np.pi, np.pi, 2)
-    x, y = traffic.centre
+    return _flight(traffic, (distance, bearing), speed, course, legs)
+
+
+def _flight(
+    traffic: Traffic,
+    place: tuple[float, float],
+    speed: float,
+    course: float,
+    legs: Iterable[Leg],
+) -> Flight:
+    """Return a flight from a distance and a bearing of the centre, at 0 s."""
+    (distance, bearing), (x, y) = place, traffic.centre
     position = float(x + distance * np.cos(bearing)), float(y + distance * np.sin(bearing))
     velocity = float(speed * np.cos(course)), float(speed * np.sin(course))
     return Flight(0, traffic.snr, 0.0, position, velocity, tuple(legs))

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenario_blocks import UNIFORM
 from sweep import configuration
 
 from phd_jdtc_ros.configuration.build import resolve
@@ -21,7 +22,6 @@ from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 RADARS = resolve({}).model.radars
 TAU = threshold_for(1e-3)
 COUNT = 20_000
-UNIFORM = {"law": "uniform", "lowest_db": 10.0, "highest_db": 20.0}
 
 
 def drawn(law, threshold=TAU):

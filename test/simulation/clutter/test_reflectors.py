@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scenario_blocks import QUAY, SHIP, exact
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import wrap_angle
@@ -15,30 +16,8 @@ from phd_jdtc_ros.simulation.plots import plots_of
 from phd_jdtc_ros.simulation.simulate import simulate
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
-# Precise, and without noise's false detections.
-RADAR = {
-    "sensors": ["mast"],
-    "mast.position": [5.0, 2.0],
-    "mast.yaw_deg": -90.0,
-    "mast.range_std": 1e-3,
-    "mast.azimuth_std_deg": 1e-6,
-    "mast.max_range": 2e4,
-    "mast.clutter_rate": 0.0,
-    "mast.detection_probability": 0.999,
-    "mast.fields.time": "time",
-}
-QUAY = {
-    "points": [1000.0, 3000.0, 1000.0, 4000.0, 2000.0, 4000.0],
-    "spacing": 100.0,
-    "detection_probability": 1.0,
-    "amplitude": {"law": "log_normal", "level_db": 18.0, "std_db": 3.0},
-}
-SHIP = {
-    "radars": ["mast"],
-    "position": [-500.0, 100.0],
-    "velocity": [6.0, 8.0],
-    "legs": [{"duration_s": 20.0}, {"duration_s": 60.0, "turn_rate_deg_s": 3.0}],
-}
+RADAR = exact("mast", 2e4, position=[5.0, 2.0], yaw_deg=-90.0)
+SHIP = {**SHIP, "radars": ["mast"]}
 DOCUMENT = {"interval_s": 1.0, "scans": 41, "targets": [], "reflectors": [QUAY]}
 
 
