@@ -84,10 +84,11 @@ def _times(radars: Sequence[TrackedRadar]) -> FloatArray:
 
 def _sample_tracks(radar: TrackedRadar, bias: SensorBias, times: FloatArray) -> _SampledTracks:
     corrected = radar.corrected(bias)
+    every = corrected.position
     position = np.full((len(radar.tracks), len(times), 2), np.nan)
     plot_std, reach = np.zeros(len(radar.tracks)), np.zeros(len(radar.tracks))
     for row, own in enumerate(radar.tracks):
-        time_s, place = corrected.time_s[own], corrected.position[own]
+        time_s, place = corrected.time_s[own], every[own]
         inside = (times >= time_s[0]) & (times <= time_s[-1])
         for axis in (0, 1):
             position[row, inside, axis] = np.interp(times[inside], time_s, place[:, axis])

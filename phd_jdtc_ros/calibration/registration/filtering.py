@@ -9,17 +9,18 @@ biases (Rosenberg 1973).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
+from phd_jdtc_ros.core.sensors.bias import SensorBias
 
 from ..tuning import kinematics
 from .sequences import Sequences
 
 # The biases of one radar, in the order of a `SensorBias`, and the unit of each in the equations.
-KINDS = ("range_bias", "range_gain", "azimuth", "time_offset_s")
+KINDS = tuple(entry.name for entry in fields(SensorBias))
 UNITS = np.array([100.0, 1e-3, 1e-3, 0.1])
 # Standard deviations of position and velocity before the first plot, m and m/s.
 ANYWHERE, ANY_SPEED = 1e6, 1e3
@@ -27,10 +28,10 @@ ANYWHERE, ANY_SPEED = 1e6, 1e3
 
 @dataclass(frozen=True)
 class Trajectories:
-    """Trajectories for the linearisation: positions (K, T, 2) and velocities (K, T, 2)."""
+    """Trajectories for the linearisation."""
 
-    position: FloatArray
-    velocity: FloatArray
+    position: FloatArray  # (K, T, 2)
+    velocity: FloatArray  # (K, T, 2)
 
 
 class Pass:

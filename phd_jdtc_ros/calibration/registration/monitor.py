@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import CONFIRMED, Detections, Estimates, Scan
 
@@ -66,17 +66,6 @@ class _Mean:
         return sigma
 
 
-class _Tracks(NamedTuple):
-    """The confirmed tracks of the newest estimates."""
-
-    number: IntArray
-    stamp_ns: int
-    # `position`, `velocity`: (T, 2).
-    position: FloatArray
-    velocity: FloatArray
-    covariance: FloatArray  # Covariances of the positions, (T, 2, 2)
-
-
 class RegistrationMonitor:
     """Keeps the mean residuals of each radar.
 
@@ -91,7 +80,8 @@ class RegistrationMonitor:
         slowest_s = max(interval_s, *(radar.rotation_s for radar in self._radars))
         self._max_age_ns = round(MAX_AGE_SCANS * slowest_s * 1e9)
         self._means = [_Mean() for _ in self._radars]
-        self._tracks: _Tracks | None = None
+        # The confirmed tracks with a unique number, of the newest estimates.
+        self._tracks: Estimates | None = None
         # Stamp of each radar's last detection of each track, by the track's number.
         self._seen_ns: dict[int, dict[int, int]] = {}
 
@@ -108,14 +98,18 @@ class RegistrationMonitor:
         tracks = self._tracks
         if tracks is not None and 0 < scan.stamp_ns - tracks.stamp_ns <= self._max_age_ns:
             for index, detections in enumerate(scan.detections):
-                if detections is not None and len(detections) and len(tracks.number):
+                if detections is not None and len(detections) and len(tracks):
                     self._compare(index, scan.stamp_ns, detections, tracks)
         if filtered:
-            self._tracks = _tracks(filtered[-1])
-            alive = {int(number) for number in filtered[-1].track_id}
+            newest = filtered[-1]
+            confirmed = (newest.track_state == CONFIRMED) & (newest.track_id > 0)
+            self._tracks = newest.take(np.flatnonzero(confirmed))
+            alive = set(newest.track_id.tolist())
             self._seen_ns = {n: seen for n, seen in self._seen_ns.items() if n in alive}
 
-    def _compare(self, index: int, stamp_ns: int, detections: Detections, tracks: _Tracks) -> None:
+    def _compare(
+        self, index: int, stamp_ns: int, detections: Detections, tracks: Estimates
+    ) -> None:
         radar = self._radars[index].at(detections.pose)
         own = detections.time_s
         time_s = np.zeros(len(detections)) if own is None else own
@@ -126,12 +120,12 @@ class RegistrationMonitor:
         residual = detections.measurement - expected
         residual[..., 1] = wrap_angle(residual[..., 1])
         variance = radar.noise_std_of(detections) ** 2
-        predicted = slope @ tracks.covariance[:, None] @ slope.swapaxes(-1, -2)
+        predicted = slope @ tracks.position_covariance[:, None] @ slope.swapaxes(-1, -2)
         limit = GATE * np.sqrt(np.diagonal(predicted, axis1=-2, axis2=-1) + variance)
         near = (np.abs(residual) < limit).all(axis=-1)
         unambiguous = near & (near.sum(axis=0) == 1) & (near.sum(axis=1) == 1)[:, None]
         for row, column in np.argwhere(unambiguous).tolist():
-            seen = self._seen_ns.setdefault(int(tracks.number[row]), {})
+            seen = self._seen_ns.setdefault(int(tracks.track_id[row]), {})
             others = [when for radar, when in seen.items() if radar != index]
             seen[index] = stamp_ns
             if others and stamp_ns - max(others) <= self._max_age_ns:
@@ -139,8 +133,7 @@ class RegistrationMonitor:
 
     def mean_residuals(self) -> list[MeanResidual]:
         """Return each radar's mean residuals."""
-        means = zip(self._radars, self._means, strict=True)
-        return [_mean_residual(radar, mean) for radar, mean in means]
+        return list(map(_mean_residual, self._radars, self._means))
 
 
 def _mean_residual(radar: RadarModel, mean: _Mean) -> MeanResidual:
@@ -151,15 +144,3 @@ def _mean_residual(radar: RadarModel, mean: _Mean) -> MeanResidual:
     enough = mean.count >= LEAST
     flags = bool(enough and beyond[0]), bool(enough and beyond[1])
     return MeanResidual(radar.name, mean.count, mean.mean, mean.sigma, flags)
-
-
-def _tracks(found: Estimates) -> _Tracks:
-    """Return the confirmed tracks that have a unique number."""
-    rows = np.flatnonzero((found.track_state == CONFIRMED) & (found.track_id > 0))
-    return _Tracks(
-        found.track_id[rows],
-        found.stamp_ns,
-        found.position[rows],
-        found.velocity[rows],
-        found.position_covariance[rows],
-    )

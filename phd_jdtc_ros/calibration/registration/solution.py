@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -198,13 +198,8 @@ def _best_density(
 
 def _change(before: Sequence[SensorBias], found: _Iteration) -> float:
     """Return the largest change of a bias, in its standard deviations."""
-    change = (_numbers(found.biases) - _numbers(before)) / UNITS
-    return float(np.nanmax(np.abs(change.ravel() / found.std)))
-
-
-def _numbers(biases: Sequence[SensorBias]) -> FloatArray:
-    """Return the biases of radars, shape (R, 4)."""
-    return np.array([[getattr(bias, kind) for kind in KINDS] for bias in biases])
+    old, new = (np.array([astuple(bias) for bias in biases]) for biases in (before, found.biases))
+    return float(np.nanmax(np.abs(((new - old) / UNITS).ravel() / found.std)))
 
 
 def _registration(
@@ -224,17 +219,13 @@ def _registration(
                 _residuals(each, found, index),
             )
         )
-    hidden = {
-        (radars[bias // len(KINDS)].name, KINDS[bias % len(KINDS)]): hidden_reason(
-            radars, found.rows
-        )
-        for bias in sorted(found.observability.hidden)
-    }
+    places = (divmod(bias, len(KINDS)) for bias in sorted(found.observability.hidden))
+    names = [(radars[index].name, KINDS[kind]) for index, kind in places]
     return Registration(
         tuple(estimates),
         reference,
         found.observability.common,
-        hidden,
+        dict.fromkeys(names, hidden_reason(radars, found.rows)),
         len(found.targets),
         found.density,
     )

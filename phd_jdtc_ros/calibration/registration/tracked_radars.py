@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
+from ..tuning import kinematics
 from ..tuning.plots import Plots
 from ..tuning.rotation import Timing
 from ..tuning.start import guess_of
@@ -20,14 +20,6 @@ from ..tuning.tracks import Tracks, link_plots
 SPEEDS, LOOKS = (5.0, 40.0, 200.0), 12.0
 # Least number of clouds of each radar, and of plots in tracks.
 LEAST_CLOUDS, LEAST_PLOTS = 5, 20
-
-
-class Corrected(NamedTuple):
-    """Plots with biases removed."""
-
-    time_s: FloatArray  # Times since the common reference, seconds, (N,)
-    measurement: FloatArray  # (N, 2)
-    position: FloatArray  # World frame, metres, (N, 2)
 
 
 @dataclass(frozen=True)
@@ -43,16 +35,19 @@ class TrackedRadar:
     look_s: float  # Time between two opportunities to detect a target, seconds
     tracks: tuple[IntArray, ...]  # Indices of each track's plots in the order of time
 
-    def corrected(self, bias: SensorBias) -> Corrected:
-        """Return the plots with these biases removed."""
+    @property
+    def position(self) -> FloatArray:
+        """Positions of the plots in the world frame, metres, (N, 2)."""
+        return kinematics.positions(self.measurement, self.pose)
+
+    def corrected(self, bias: SensorBias) -> TrackedRadar:
+        """Return the radar with these biases removed from its plots."""
         distance = np.maximum(bias.true_range(self.measurement[:, 0]), 0.0)
         azimuth = wrap_angle(self.measurement[:, 1] - bias.azimuth)
-        bearing = azimuth + self.pose[:, 2]
-        along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-        return Corrected(
-            self.time_s - bias.time_offset_s,
-            np.stack([distance, azimuth], axis=1),
-            self.pose[:, :2] + distance[:, None] * along,
+        return replace(
+            self,
+            time_s=self.time_s - bias.time_offset_s,
+            measurement=np.stack([distance, azimuth], axis=1),
         )
 
 

@@ -32,7 +32,7 @@ def predict(
     """
     step = dt[..., None]
     moved = np.concatenate([mean[..., :2] + step * mean[..., 2:], mean[..., 2:]], axis=-1)
-    place, cross, speed = _blocks(covariance)
+    place, cross, speed = covariance[..., :2, :2], covariance[..., :2, 2:], covariance[..., 2:, 2:]
     step = step[..., None]
     new_cross = cross + step * speed
     new_place = place + step * (cross.swapaxes(-1, -2) + new_cross)
@@ -43,10 +43,6 @@ def predict(
     grown[..., 2:, :2] = grown[..., :2, 2:].swapaxes(-1, -2)
     grown[..., 2:, 2:] = speed + noise * step
     return moved, grown
-
-
-def _blocks(covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return covariance[..., :2, :2], covariance[..., :2, 2:], covariance[..., 2:, 2:]
 
 
 def linearise(position: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -71,6 +67,14 @@ def linearise(position: FloatArray, pose: FloatArray) -> tuple[FloatArray, Float
     jacobian[..., 1, 0], jacobian[..., 1, 1] = -across / distance, along / distance
     azimuth = np.arctan2(line[..., 1], line[..., 0]) - pose[..., 2]
     return np.stack([distance, azimuth], axis=-1), jacobian
+
+
+def positions(measurement: FloatArray, pose: FloatArray) -> FloatArray:
+    """Return the positions (..., 2) of (range, azimuth) plots from poses (..., 3)."""
+    bearing = measurement[..., 1] + pose[..., 2]
+    along = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
+    position: FloatArray = pose[..., :2] + measurement[..., :1] * along
+    return position
 
 
 def residual(measured: FloatArray, expected: FloatArray) -> FloatArray:
@@ -154,7 +158,7 @@ def initial_state(
     along = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
     mean = np.zeros((*bearing.shape, 4))
-    mean[..., :2] = pose[..., :2] + measurement[..., :1] * along
+    mean[..., :2] = positions(measurement, pose)
     distance = np.maximum(measurement[..., 0], LEAST_RANGE)
     spread = variance[..., 0][..., None, None] * along[..., :, None] * along[..., None, :]
     sideways = (distance**2 * variance[..., 1])[..., None, None]

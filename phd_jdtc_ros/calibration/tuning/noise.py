@@ -45,20 +45,10 @@ STEP, LEAST_RATIO = 0.02, np.log(4.0)
 
 @dataclass(frozen=True)
 class Noise(NoiseModel):
-    """Maximum likelihood estimate of the noise.
+    """Maximum likelihood estimate of the noise."""
 
-    Parameters
-    ----------
-    range_std, azimuth_std, densities
-        See `NoiseModel`.
-    log_std : array of shape (2,)
-        Standard errors of the logarithms of `range_std` and `azimuth_std`.
-    plots : int
-        Number of plots used.
-    """
-
-    log_std: FloatArray
-    plots: int
+    log_std: FloatArray  # Standard errors of the logarithms of `range_std` and `azimuth_std`, (2,)
+    plots: int  # Number of plots used
 
 
 @dataclass(frozen=True)
@@ -135,16 +125,11 @@ def _standard_errors(sequences: _Sequences, point: FloatArray, speed_std: float)
     for (i, j), (pp, pm, mp, mm) in zip(pairs, value, strict=True):
         curvature[i, j] = curvature[j, i] = -(pp - pm - mp + mm) / (4.0 * step**2)
     # A prior of a factor of e^3 bounds the parameters that the data do not determine.
-    covariance = np.linalg.inv(_positive(curvature) + np.eye(4) / 9.0)
+    value, vector = np.linalg.eigh(curvature)
+    positive = (vector * np.maximum(value, 0.0)) @ vector.T
+    covariance = np.linalg.inv(positive + np.eye(4) / 9.0)
     errors: FloatArray = np.sqrt(np.diag(covariance)[:2])
     return errors
-
-
-def _positive(matrix: FloatArray) -> FloatArray:
-    """Return a symmetric matrix with its negative eigenvalues set to 0."""
-    value, vector = np.linalg.eigh(matrix)
-    kept: FloatArray = (vector * np.maximum(value, 0.0)) @ vector.T
-    return kept
 
 
 def _sequences(plots: Plots, tracks: Tracks, log_ratio: FloatArray) -> _Sequences:

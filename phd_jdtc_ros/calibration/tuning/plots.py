@@ -10,6 +10,8 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.types import Detections
 
+from . import kinematics
+
 # More plots take longer and hardly sharpen the estimates.
 MOST_PLOTS = 15_000
 
@@ -41,10 +43,7 @@ class Plots:
     @property
     def position(self) -> FloatArray:
         """Positions in the frame of the poses, metres, shape (N, 2)."""
-        bearing = self.measurement[:, 1] + self.pose[:, 2]
-        along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-        position: FloatArray = self.pose[:, :2] + self.measurement[:, :1] * along
-        return position
+        return kinematics.positions(self.measurement, self.pose)
 
     def until(self, time_s: float) -> Plots:
         """Return the plots of the clouds up to a time, seconds after the first stamp."""

@@ -55,21 +55,12 @@ class NoiseModel:
 
 @dataclass(frozen=True)
 class LinkModel(NoiseModel):
-    """Assumed model of a radar and its targets, used to link plots.
+    """Assumed model of a radar and its targets, used to link plots."""
 
-    Parameters
-    ----------
-    range_std, azimuth_std, densities
-        See `NoiseModel`.
-    speed_std : float
-        Standard deviation of a new target's velocity along each axis, metres per second.
-    clutter_rate : float
-        Mean number of false plots per look.
-    """
-
+    # Standard deviation of a new target's velocity along each axis, metres per second.
     speed_std: float
     detection_probability: float
-    clutter_rate: float
+    clutter_rate: float  # Mean number of false plots per look
 
     @property
     def variance(self) -> FloatArray:
