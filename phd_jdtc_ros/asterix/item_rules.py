@@ -10,11 +10,8 @@ from dataclasses import dataclass, field
 class MalformedError(ValueError):
     """A record that does not conform to its specification.
 
-    Parameters
-    ----------
-    reason : str
-        ``truncated``, ``fspec``, ``undefined_item``, ``extension``, ``explicit_length`` or
-        ``empty_record``.
+    The reason is ``truncated``, ``fspec``, ``undefined_item``, ``extension``,
+    ``explicit_length`` or ``empty_record``.
     """
 
     def __init__(self, reason: str) -> None:
@@ -169,10 +166,7 @@ class RandomFieldSequence(Rule):
 def read_fspec(data: bytes, at: int, limit: int, most: int) -> tuple[list[int], int]:
     """Return the positions of the bits that a field specification (FSPEC) sets, and its end.
 
-    Parameters
-    ----------
-    most : int
-        Number of defined items.
+    There are `most` defined items.
 
     Raises
     ------

@@ -157,12 +157,7 @@ class PlotStream:
     ) -> list[tuple[RadarState, SectorReport]]:
         """Return the reports that a datagram completes, each with its radar, in order.
 
-        Parameters
-        ----------
-        received_ns : int or None
-            Time of receipt since the epoch; None if unknown.
-        source : str or None
-            Sender of the datagram; None if unknown.
+        The time of receipt since the epoch and the sender are None if unknown.
         """
         return [each for found in self.iter_reports(data, received_ns, source) for each in found]
 

@@ -56,14 +56,9 @@ class Antenna:
         return np.where(part < 1.0, part, 0.0)  # rounding may reach 1
 
     def turns_at(self, time_s: FloatArray, rotation_s: float) -> FloatArray:
-        """Return the turns at times after scan 0, counted from the start of scan 0's turn.
+        """Return the turns at times after scan 0, s, counted from the start of scan 0's turn.
 
-        Parameters
-        ----------
-        time_s : array
-            Seconds.
-        rotation_s : float
-            Mean rotation period.
+        `rotation_s` is the mean rotation period.
         """
         turns: FloatArray = (time_s + self.ahead_s(time_s)) / rotation_s + self.begin
         return turns

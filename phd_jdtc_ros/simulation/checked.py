@@ -66,12 +66,7 @@ def take(
 ) -> dict[str, Any]:
     """Return the checked values of parameters; add faults to `faults`.
 
-    Parameters
-    ----------
-    prefix : str
-        Prefix of the names in faults.
-    also : tuple of str
-        Other allowed keys.
+    `prefix` is that of the names in faults, and `also` has other allowed keys.
     """
     by_name = {parameter.name: parameter for parameter in parameters}
     faults += [

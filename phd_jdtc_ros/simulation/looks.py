@@ -43,12 +43,8 @@ def passes(
 ) -> FloatArray:
     """Return the times at which the beam passes a target, seconds after scan 0, ascending.
 
-    Parameters
-    ----------
-    until_s : float
-        Later passes are left out.
-    carrier : MovingPlatform or None
-        Platform of the radar; None if stationary.
+    Passes later than `until_s` are left out. `carrier` is the radar's platform; None if
+    stationary.
 
     Notes
     -----
@@ -139,12 +135,7 @@ def _looks_at(
 def slant(layout: RadarParameters | None, measured: FloatArray, height: FloatArray) -> FloatArray:
     """Return (range, azimuth) as measured by a radar on the round earth; others unchanged.
 
-    Parameters
-    ----------
-    measured : array of shape (N, 2)
-        Range and azimuth in the plane.
-    height : array of shape (N,)
-        Heights above the world's zero, metres.
+    `measured`, (N, 2), is in the plane; `height`, (N,), is above the world's zero, metres.
     """
     if layout is None or layout.site is None:
         return measured

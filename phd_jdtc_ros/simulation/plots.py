@@ -75,12 +75,7 @@ def _detected(
 ) -> SimulatedPlots:
     """Return the plots that a radar detects.
 
-    Parameters
-    ----------
-    turns : array of shape (N,)
-        Turns at which the antenna points at the true azimuths.
-    exact : array of shape (N, 2)
-        True range and azimuth.
+    The antenna points at the true azimuths, of `exact` (N, 2), at `turns`, (N,).
     """
     moved = wrap_angle(observed.measurement[:, 1] - exact[:, 1]) / FULL_TURN
     turned = turns + (-moved if antenna.clockwise else moved)

@@ -134,14 +134,9 @@ class Scenario:
         )
 
     def height(self, number: int, time_s: FloatArray) -> FloatArray:
-        """Return a target's heights above the world's zero, metres, shape (N,).
+        """Return a target's heights above the world's zero at times after scan 0, metres, (N,).
 
-        Parameters
-        ----------
-        number : int
-            Number of the target, from 1.
-        time_s : array of shape (N,)
-            Seconds after scan 0.
+        `number` is the number of the target, from 1.
         """
         if self.transponders is not None:
             return self.cards[number].height(time_s)[:, 0]
@@ -235,10 +230,7 @@ def _truth(scenario: Scenario, elapsed_s: float, states: Iterable[FloatArray | N
 def paper_scenario(radars: tuple[RadarModel, ...]) -> Scenario:
     """Return the reference scenario: four targets of two classes, two crossings.
 
-    Parameters
-    ----------
-    radars : tuple of RadarModel
-        The scenario's own are the defaults of the configuration.
+    Its own radars are the defaults of the configuration.
 
     Notes
     -----

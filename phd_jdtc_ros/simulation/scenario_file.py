@@ -97,12 +97,7 @@ BLOCKS = (
 
 
 def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
-    """Check a scenario document and build its scenario.
-
-    Parameters
-    ----------
-    document : mapping
-        The keys of `Timing` and `BLOCKS`, all optional.
+    """Check a scenario document, with the keys of `Timing` and `BLOCKS`, and build its scenario.
 
     Raises
     ------

@@ -26,27 +26,10 @@ def detect(
     echoes: Echoes | None = None,
     reflectors: Sequence[Reflectors] = (),
 ) -> tuple[Detections, IntArray]:
-    """Return one radar's detections of `truth` among its clutter, in random order.
+    """Return one radar's detections of `truth` and its clutter, in random order, and their sources.
 
-    Parameters
-    ----------
-    truth : Truth
-        T targets.
-    snr : array of shape (T,)
-        Mean signal-to-noise ratio of each target, linear.
-    law : ClutterLaw
-        Law of the clutter's envelopes.
-    echoes : Echoes or None
-        Further detections of targets; None for none.
-    reflectors : sequence of Reflectors
-        Fixed clutter.
-
-    Returns
-    -------
-    detections : Detections
-        M detections.
-    source : int array of shape (M,)
-        The track_id of each detection's target; 0 for clutter.
+    `snr`, shape (T,), has the mean signal-to-noise ratio of each target, linear. A source is
+    the track_id of the target, 0 for clutter.
 
     Notes
     -----
@@ -78,16 +61,9 @@ def range_rates(
 ) -> FloatArray | None:
     """Return measured range rates of targets and then of clutter; None if the radar has none.
 
-    Parameters
-    ----------
-    state : array of shape (N, D)
-        States of the detected targets, or of the sources of their echoes.
-    clutter : int
-        Number of false detections.
-
-    Notes
-    -----
-    Ambiguous range rates are within plus or minus half the ambiguity interval.
+    `state`, shape (N, D), has the states of the detected targets, or of the sources of their
+    echoes; `clutter` is the number of false detections. Ambiguous range rates are within plus
+    or minus half the ambiguity interval.
     """
     model = radar.range_rate
     if model is None:
@@ -100,19 +76,11 @@ def range_rates(
 def observe(
     exact: FloatArray, snr: FloatArray, radar: RadarModel, rng: np.random.Generator
 ) -> Observed:
-    """Return the measurements of targets.
+    """Return the measurements of targets with these true ranges and azimuths, (N, 2), m and rad.
 
-    Parameters
-    ----------
-    exact : array of shape (N, 2)
-        True range and azimuth, metres and radians.
-    snr : array of shape (N,)
-        Mean signal-to-noise ratio, linear.
-
-    Notes
-    -----
-    A target is detected if its envelope exceeds the threshold. If the radar has a detection
-    probability, detection follows it, and the envelope is drawn above the threshold.
+    `snr`, shape (N,), has mean signal-to-noise ratios, linear. A target is detected if its
+    envelope exceeds the threshold. If the radar has a detection probability, detection follows
+    it, and the envelope is drawn above the threshold.
     """
     visible = radar.visibility.sees(exact) > 0.0
     envelope = rng.rayleigh(np.sqrt(1.0 + snr))

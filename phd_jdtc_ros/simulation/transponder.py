@@ -78,10 +78,7 @@ class Transponders:
     def card(self, number: int, flight: Flight, duration_s: float) -> Card:
         """Return the replies' content of a target, by number from 1; it is deterministic.
 
-        Parameters
-        ----------
-        duration_s : float
-            Length of the run, seconds.
+        The run lasts `duration_s` seconds.
         """
         rng = np.random.default_rng([self.seed, number, STREAM])
         equipped, shared = rng.random() < self.share, rng.random() < self.shared_code_share
@@ -114,16 +111,10 @@ class Transponders:
         cards: Mapping[int, Card],
         rng: np.random.Generator,
     ) -> Detections:
-        """Return detections with replies.
+        """Return M detections with replies.
 
-        Parameters
-        ----------
-        found : Detections
-            M detections.
-        source : int array of shape (M,)
-            The number of each detection's target; 0 for clutter, which does not reply.
-        time_s : array of shape (M,)
-            Seconds after scan 0.
+        `source`, shape (M,), has the number of each detection's target, 0 for clutter,
+        which does not reply; `time_s`, shape (M,), seconds after scan 0.
         """
         count = len(found)
         code, address = np.full(count, UNKNOWN), np.full(count, UNKNOWN)

@@ -50,11 +50,8 @@ def simulate_reports(
 ) -> list[SimulatedReport]:
     """Return the reports of all radars, ordered by stamp and then by radar.
 
-    Parameters
-    ----------
-    inputs : sequence of RadarParameters
-        One per radar: number of sectors per turn, and whether its messages have times and
-        amplitudes. Detections have only the fields of the messages.
+    Each of `inputs` gives a radar's number of sectors per turn and the fields of its messages;
+    detections have only these.
     """
     reports = []
     for index, (radar, layout) in enumerate(zip(scenario.radars, inputs, strict=True)):
@@ -193,11 +190,8 @@ def _as_read(
 def to_plane(found: Detections, layout: RadarParameters) -> Detections:
     """Return detections with ranges and azimuths in the plane, as a reader converts them.
 
-    Parameters
-    ----------
-    found : Detections
-        Slant ranges and azimuths from true east, if the radar has a site; other detections are
-        returned unchanged.
+    If the radar has a site, they are slant ranges and azimuths from true east; other detections
+    are returned unchanged.
     """
     if layout.site is None:
         return found

@@ -29,13 +29,7 @@ BLOCK_HEADER = 3
 
 @contextmanager
 def open_recording(path: Path) -> Iterator[bytes | mmap.mmap]:
-    """Open a file as bytes that are read from the disk on demand.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
+    """Open a file as bytes that are read from the disk on demand; raise `OSError` if unreadable."""
     with path.open("rb") as stream:
         if not path.stat().st_size:
             yield b""

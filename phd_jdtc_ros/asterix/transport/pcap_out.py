@@ -26,13 +26,7 @@ def header() -> bytes:
 
 
 def packet(time_ns: int, payload: bytes, line: Line) -> bytes:
-    """Return a datagram as a captured packet.
-
-    Parameters
-    ----------
-    time_ns : int
-        Time of receipt since the epoch.
-    """
+    """Return a datagram, received at a time since the epoch, as a captured packet."""
     # A checksum of 0 means that it is absent.
     udp = _UDP.pack(line.port, line.port, _UDP.size + len(payload), 0) + payload
     fixed = 0x45, 0, _IP.size + len(udp), 0, 0x4000, 1, 17

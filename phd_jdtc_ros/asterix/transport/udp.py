@@ -43,13 +43,7 @@ class Address(NamedTuple):
 
 
 def address(text: str) -> Address:
-    """Parse an address ``HOST:PORT``.
-
-    Raises
-    ------
-    ValueError
-        If the text is not such an address.
-    """
+    """Parse an address ``HOST:PORT``; raise `ValueError` if the text is not one."""
     host, _, port = text.rpartition(":")
     try:
         ipaddress.IPv4Address(host)
@@ -76,14 +70,10 @@ def _datagram_socket() -> Iterator[socket.socket]:
 
 
 def receiving_socket(where: Address, interface: str) -> socket.socket:
-    """Return a socket that receives datagrams for an address.
+    """Return a socket that receives datagrams for a local address, or a multicast group to join.
 
-    Parameters
-    ----------
-    where : Address
-        A local address, or a multicast group to join.
-    interface : str
-        Address of the network interface that joins a group; empty for the system's choice.
+    `interface` is the address of the network interface that joins a group; empty for the
+    system's choice.
     """
     with _datagram_socket() as sock:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, KERNEL_BYTES)
@@ -113,17 +103,8 @@ def sender(where: Address, interface: str) -> socket.socket:
 class Receiver:
     """Receives datagrams in a thread until it is closed.
 
-    Parameters
-    ----------
-    arrived : callable
-        Called in the thread when datagrams are available.
-
-    Attributes
-    ----------
-    received : int
-        Number of received datagrams.
-    lost : int
-        Number of datagrams dropped by the kernel or by this queue.
+    `arrived` is called in the thread when datagrams are available. `received` counts the
+    datagrams.
 
     Raises
     ------

@@ -56,16 +56,10 @@ def plot_blocks(plots: list[tuple[int, Plot]]) -> list[bytes]:
 
 
 def service_block(radar: int, time_ns: int, azimuth: float, rotation_s: float) -> bytes:
-    """Encode a service message: the antenna passes an azimuth.
+    """Encode a service message: the antenna passes an azimuth, radians clockwise from north.
 
-    Parameters
-    ----------
-    radar : int
-        SAC in the upper, SIC in the lower eight bits.
-    azimuth : float
-        Radians clockwise from north; azimuth 0 is sent as a north mark.
-    rotation_s : float
-        Rotation period, seconds; 0 if unknown.
+    Azimuth 0 is sent as a north mark. `radar` has SAC in the upper and SIC in the lower eight
+    bits, and the rotation period, seconds, is 0 if unknown.
     """
     number = round(azimuth % FULL_TURN / SECTOR_UNIT) % 2**8
     items = {

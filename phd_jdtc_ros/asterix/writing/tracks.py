@@ -189,10 +189,7 @@ def track_blocks(tracks: list[TrackReport], time_ns: int, source: Source) -> lis
 def status_block(time_ns: int, source: Source, batch: int, overloaded: bool = False) -> bytes:
     """Encode the state of the tracker and the end of a batch as a data block of CAT065.
 
-    Parameters
-    ----------
-    batch : int
-        Running number, sent modulo 256.
+    `batch` is a running number, sent modulo 256.
     """
     who = {
         "010": source.number,

@@ -46,19 +46,10 @@ class _SampledTracks:
 def common_targets(
     radars: Sequence[TrackedRadar], biases: Sequence[SensorBias], known: bool
 ) -> list[Target]:
-    """Return the targets that several radars have tracked.
+    """Return the targets that several radars have tracked, each with tracks of at least two.
 
-    Parameters
-    ----------
-    biases : sequence of SensorBias
-        Current estimate of each radar's biases.
-    known : bool
-        Whether the biases are estimated already, so that the tracks of a target are close.
-
-    Returns
-    -------
-    list of tuples of (radar, track)
-        Each target has tracks of at least two radars.
+    `biases` are the current estimates of each radar's; `known` says whether they are estimated
+    already, so that the tracks of a target are close.
     """
     times = _times(radars)
     sampled = [_sample_tracks(each, bias, times) for each, bias in zip(radars, biases, strict=True)]

@@ -99,12 +99,8 @@ def filter_targets(
 ) -> Pass:
     """Filter the targets, and return the equations of the biases.
 
-    Parameters
-    ----------
-    density : float
-        Spectral density of the white acceleration, m^2/s^3.
-    weight : array of shape (K, T)
-        Weight of each plot, in (0, 1], which divides its standard deviations.
+    `density` is the spectral density of the white acceleration, m^2/s^3; the weights of the
+    plots, (K, T), in (0, 1], divide their standard deviations.
     """
     length, targets = sequences.radar.shape
     expected, jacobian = kinematics.linearise(trajectories.position, sequences.pose)

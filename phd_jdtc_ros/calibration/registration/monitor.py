@@ -67,13 +67,7 @@ class _Mean:
 
 
 class RegistrationMonitor:
-    """Keeps the mean residuals of each radar.
-
-    Parameters
-    ----------
-    interval_s : float
-        The nominal interval, seconds.
-    """
+    """Keeps the mean residuals of each radar; `interval_s` is the nominal interval, seconds."""
 
     def __init__(self, radars: Sequence[RadarModel], interval_s: float) -> None:
         self._radars = tuple(radars)

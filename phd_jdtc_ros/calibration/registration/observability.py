@@ -40,15 +40,10 @@ class Observability:
 
 
 def analyse(information: FloatArray, one_plot: FloatArray, reference: int) -> Observability:
-    """Determine which biases can be estimated.
+    """Determine which biases can be estimated, given their information matrix, shape (P, P).
 
-    Parameters
-    ----------
-    information : array of shape (P, P)
-    one_plot : array of shape (P,)
-        Standard deviation of one plot, as a bias of each kind, in the equations' units.
-    reference : int
-        Index of the reference radar.
+    `one_plot`, shape (P,), is the standard deviation of one plot as a bias of each kind, in the
+    equations' units; `reference` is the index of the reference radar.
     """
     free = np.ones(len(one_plot), dtype=bool)
     kinds = len(KINDS)

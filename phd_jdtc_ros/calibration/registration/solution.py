@@ -56,14 +56,9 @@ class _Iteration:
 
 
 def register(radars: Sequence[TrackedRadar], reference: str) -> Registration:
-    """Estimate the biases of all radars, with the targets as nuisance parameters.
+    """Estimate the biases of at least two radars, with the targets as nuisance parameters.
 
-    Parameters
-    ----------
-    radars : sequence of TrackedRadar
-        At least two.
-    reference : str
-        Name of the radar that is assumed to have no bias where the recording cannot show it.
+    The radar named `reference` is assumed to have no bias where the recording cannot show it.
 
     Raises
     ------

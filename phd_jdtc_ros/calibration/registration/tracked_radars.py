@@ -52,14 +52,9 @@ class TrackedRadar:
 
 
 def tracked_radar(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> TrackedRadar:
-    """Link a radar's plots to tracks.
+    """Link a radar's plots to tracks, with times since `zero_ns`.
 
-    Parameters
-    ----------
-    zero_ns : int
-        Common reference of all times.
-    moving : bool
-        Whether the plots have the radar's poses.
+    The plots have the radar's poses if it is `moving`.
 
     Raises
     ------

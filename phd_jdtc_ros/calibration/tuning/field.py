@@ -38,12 +38,8 @@ class Field:
 def elsewhere(plots: Plots, looks: float, range_std: float, azimuth_std: float) -> IntArray:
     """Return the plots outside land clutter, which recurs in the same cells of a stationary radar.
 
-    Parameters
-    ----------
-    looks : float
-        Number of turns or clouds in the recording.
-    range_std, azimuth_std : float
-        Standard deviations of a plot, metres and radians.
+    The recording has `looks` turns or clouds; the standard deviations are those of a plot,
+    metres and radians.
     """
     if np.ptp(plots.pose, axis=0).any():
         return np.arange(len(plots))
@@ -56,14 +52,9 @@ def elsewhere(plots: Plots, looks: float, range_std: float, azimuth_std: float) 
 
 
 def field_of(plots: Plots, claimed: IntArray) -> Field:
-    """Return the coverage of the radar.
+    """Return the coverage of the radar, from at least one plot.
 
-    Parameters
-    ----------
-    plots : Plots
-        At least one.
-    claimed : int array
-        Indices of the plots that belong to a track.
+    `claimed` has the indices of the plots that belong to a track.
     """
     distance, azimuth = plots.measurement.T
     free = np.setdiff1d(np.arange(len(plots)), claimed)

@@ -21,14 +21,8 @@ def predict(
 ) -> tuple[FloatArray, FloatArray]:
     """Return predicted means (..., 4) and covariances (..., 4, 4).
 
-    Parameters
-    ----------
-    mean : array of shape (..., 4)
-    covariance : array of shape (..., 4, 4)
-    dt : array of shape (...)
-        Time step, seconds.
-    noise_density : array of shape (...)
-        Spectral density of the white acceleration, m^2/s^3; the covariances have its leading axes.
+    The spectral density of the white acceleration is `noise_density`, m^2/s^3, shape (...), as
+    the time step `dt`, seconds; the covariances have its leading axes.
     """
     step = dt[..., None]
     moved = np.concatenate([mean[..., :2] + step * mean[..., 2:], mean[..., 2:]], axis=-1)
@@ -46,18 +40,9 @@ def predict(
 
 
 def linearise(position: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return (range, azimuth) of positions and the Jacobian with respect to the position.
+    """Return (range, azimuth) of positions (..., 2), and the Jacobian (..., 2, 2) by the position.
 
-    Parameters
-    ----------
-    position : array of shape (..., 2)
-    pose : array of shape (..., 3)
-        x, y and yaw of the radar.
-
-    Returns
-    -------
-    measured : array of shape (..., 2)
-    jacobian : array of shape (..., 2, 2)
+    `pose`, shape (..., 3), is x, y and yaw of the radar.
     """
     line = position - pose[..., :2]
     distance = np.maximum(np.hypot(line[..., 0], line[..., 1]), LEAST_RANGE)
@@ -145,14 +130,8 @@ def initial_state(
 ) -> tuple[FloatArray, FloatArray]:
     """Return mean and covariance after a first detection, with a velocity of mean 0.
 
-    Parameters
-    ----------
-    measurement : array of shape (..., 2)
-    pose : array of shape (..., 3)
-    variance : array of shape (..., 2)
-        Variances of range and azimuth, square metres and square radians.
-    speed_std : float
-        Standard deviation of the velocity along each axis, metres per second.
+    `measurement` (..., 2) and `pose` (..., 3); `variance`, shape (..., 2), in square metres and
+    square radians; `speed_std` is the standard deviation of the velocity along each axis, m/s.
     """
     bearing = measurement[..., 1] + pose[..., 2]
     along = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)

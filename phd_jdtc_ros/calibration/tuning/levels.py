@@ -65,14 +65,8 @@ def levels(plots: Plots, tracks: Tracks) -> Levels | None:
 def log_ratio(plots: Plots, of: Plots, tracks: Tracks) -> FloatArray:
     """Return the log likelihood ratio of each plot's amplitude, target to clutter, shape (N,).
 
-    Both densities are histograms: of the plots in tracks, and of the other plots.
-
-    Parameters
-    ----------
-    plots : Plots
-        N plots.
-    of : Plots
-        The plots that `tracks` refers to: the same, or a part of them.
+    Both densities are histograms: of the plots in tracks, and of the other plots. `of` has the
+    plots that `tracks` refers to: the same, or a part of them.
     """
     ratio = np.zeros(len(plots))
     if plots.amplitude is None or of.amplitude is None:

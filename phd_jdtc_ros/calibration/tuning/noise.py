@@ -61,18 +61,11 @@ class _Sequences(PlotSequences):
 def fit_noise(
     plots: Plots, tracks: Tracks, start: Noise, speed_std: float, log_ratio: FloatArray
 ) -> Noise:
-    """Return the maximum likelihood estimate of the noise.
+    """Return the maximum likelihood estimate of the noise, given at least one track.
 
-    Parameters
-    ----------
-    tracks : Tracks
-        At least one.
-    start : Noise
-        Initial value of the search.
-    speed_std : float
-        Standard deviation of a new target's velocity along each axis, metres per second.
-    log_ratio : array of shape (N,)
-        Log likelihood ratio of each plot's amplitude, target to clutter.
+    The search begins at `start`. `speed_std` is the standard deviation of a new target's
+    velocity along each axis, m/s; `log_ratio`, shape (N,), has the log likelihood ratio of each
+    plot's amplitude, target to clutter.
     """
     sequences = _sequences(plots, tracks, log_ratio)
     ratio = np.log(start.densities[1] / start.densities[0])
@@ -147,13 +140,9 @@ def _sequences(plots: Plots, tracks: Tracks, log_ratio: FloatArray) -> _Sequence
 def _log_likelihood(sequences: _Sequences, points: FloatArray, speed_std: float) -> FloatArray:
     """Return the log likelihood at points, shape (B,).
 
-    Parameters
-    ----------
-    points : array of shape (B, 4)
-        Logarithms of the standard deviations of range and azimuth, of the lower density, and of the
-        ratio of the higher density to it.
-    speed_std : float
-        Standard deviation of a new target's velocity along each axis, metres per second.
+    A point, of `points` (B, 4), has the logarithms of the standard deviations of range and
+    azimuth, of the lower density, and of the ratio of the higher density to it; `speed_std` as
+    in `fit_noise`.
     """
     variance = np.exp(2.0 * points[:, :2])[:, None, None, :]
     density = np.exp(np.stack([points[:, 2], points[:, 2] + points[:, 3]], axis=1))[:, :, None]

@@ -74,12 +74,7 @@ class PlotSequences:
 
 
 def padded(rows: Sequence[IntArray]) -> tuple[IntArray, BoolArray]:
-    """Return T rows as columns, padded with their last entry, and the mask of valid entries.
-
-    Returns
-    -------
-    columns, valid : arrays of shape (K, T)
-    """
+    """Return T rows as columns (K, T), padded with their last entry, and the mask of valid ones."""
     length = np.array([len(row) for row in rows])
     step = np.arange(length.max())[:, None]
     place = np.cumsum(length) - length + np.minimum(step, length - 1)
@@ -95,13 +90,7 @@ def limit_plots(plots: Plots, most: int = MOST_PLOTS) -> Plots:
 
 
 def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
-    """Return the detections of a radar's reports.
-
-    Parameters
-    ----------
-    reports : sequence of (stamp in nanoseconds, Detections)
-        At least one, in any order.
-    """
+    """Return the detections of a radar's reports with their stamps, ns, in any order."""
     ordered = sorted(reports, key=lambda report: report[0])
     zero_ns = ordered[0][0]
     cloud_s = np.array([(stamp_ns - zero_ns) * 1e-9 for stamp_ns, _ in ordered])

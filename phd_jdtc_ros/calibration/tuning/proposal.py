@@ -43,15 +43,7 @@ class Row:
 
 
 def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
-    """Return the figures of a radar.
-
-    Parameters
-    ----------
-    values : mapping of dotted name to value
-        The current configuration; all parameters.
-    radar : str
-        Name of the radar.
-    """
+    """Return the figures of a radar; `values` has all parameters of the current configuration."""
 
     def now(name: str) -> Any:
         return values.get(f"{radar}.{name}")

@@ -25,9 +25,7 @@ class Rate:
 def detection_probability(plots: Plots, timing: Timing, tracks: Tracks) -> Rate:
     """Return the share of looks with a detection between each track's first and last plot.
 
-    Notes
-    -----
-    The first and the last plot do not count: a track exists only between them.
+    These two plots do not count: a track exists only between them.
     """
     looks = hits = 0
     for own in tracks.plots:

@@ -48,13 +48,7 @@ class Timing:
 
 
 def timing(plots: Plots) -> Timing:
-    """Return the times of a radar's looks.
-
-    Parameters
-    ----------
-    plots : Plots
-        Plots of at least two clouds.
-    """
+    """Return the times of a radar's looks, given plots of at least two clouds."""
     interval_s = float(np.median(np.diff(plots.cloud_s)))
     still = Timing(interval_s)
     if interval_s <= 0.0:
@@ -95,10 +89,7 @@ def _by_cloud(plots: Plots) -> list[IntArray]:
 class PlotTurns:
     """Follows the antenna as the tracker does, and estimates its mean rotation period.
 
-    Parameters
-    ----------
-    shortest_s : float
-        Shortest rotation period, seconds.
+    The shortest rotation period is `shortest_s`, seconds.
     """
 
     def __init__(self, shortest_s: float = MIN_PERIOD_S) -> None:

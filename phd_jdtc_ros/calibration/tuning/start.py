@@ -49,13 +49,7 @@ def guess_of(
 
 
 def first_guess(plots: Plots, timing: Timing) -> tuple[LinkModel, Tracks]:
-    """Return the guess whose tracks have the best score, and its tracks.
-
-    Parameters
-    ----------
-    plots : Plots
-        At least one.
-    """
+    """Return the guess whose tracks have the best score, and its tracks; at least one plot."""
     several = len(plots) / (plots.duration_s / timing.look_s + 1.0)
     looks = min(LOOKS, max(PLOTS / max(several, 1.0), LEAST_LOOKS))
     part = plots.until(looks * timing.look_s)

@@ -89,10 +89,8 @@ class Tracks:
 def link_plots(plots: Plots, timing: Timing, model: LinkModel, log_ratio: FloatArray) -> Tracks:
     """Return the tracks of a recording.
 
-    Parameters
-    ----------
-    log_ratio : array of shape (N,)
-        Log likelihood ratio of each plot's amplitude, target to clutter; 0 where unknown.
+    `log_ratio`, shape (N,), has the log likelihood ratio of each plot's amplitude, target to
+    clutter; 0 where unknown.
     """
     linker = _Linker(plots, timing, model, log_ratio)
     for batch in _batches(plots, timing):

@@ -20,14 +20,9 @@ SPEED_MARGIN = 1.5
 
 
 def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict[str, Any]:
-    """Return the tracker's parameters outside the radars' sections.
+    """Return the tracker's parameters outside the sections of at least one radar.
 
-    Parameters
-    ----------
-    found : mapping of radar to Findings
-        At least one.
-    timed : mapping of radar to bool
-        Whether each detection of the radar has its own time.
+    `timed` says whether each detection of a radar has its own time.
     """
     first = min(found.values(), key=lambda each: each.timing.look_s)
     look_s = first.timing.look_s

@@ -38,15 +38,8 @@ class Echoes:
     ) -> tuple[FloatArray, IntArray]:
         """Return the sources of further detections, and the row of the target of each.
 
-        Parameters
-        ----------
-        state : array of shape (N, D)
-            States of the detected targets.
-
-        Returns
-        -------
-        state : array of shape (E, D)
-        row : int array of shape (E,)
+        `state`, shape (N, D), has the states of the detected targets; the result (E, D) and
+        (E,).
         """
         more = rng.random(len(state)) < self.probability
         count = np.where(more, rng.integers(1, self.most + 1, len(state)), 0)

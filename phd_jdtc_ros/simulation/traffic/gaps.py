@@ -63,13 +63,7 @@ def in_gap(gaps: Sequence[Gap], number: int, time_s: FloatArray) -> BoolArray:
 def of_targets(
     document: Mapping[str, object], flights: Sequence[Flight], faults: list[str]
 ) -> tuple[Gap, ...]:
-    """Return the gaps of a document's ``gaps`` block, if any; add its faults to `faults`.
-
-    Parameters
-    ----------
-    flights : sequence of Flight
-        All targets, from number 1.
-    """
+    """Return the gaps of a document's ``gaps`` block, if any, in the flights of all its targets."""
     if "gaps" not in document:
         return ()
     found = read(Gaps, mapping(document, "gaps", faults), "gaps.", faults)

@@ -14,10 +14,7 @@ STANDARD_GRAVITY = 9.80665
 def east_north(place: tuple[float, float], origin: tuple[float, float]) -> tuple[float, float]:
     """Return a place's coordinates in the plane about an origin, metres east and north.
 
-    Parameters
-    ----------
-    place, origin : tuples of two floats
-        Latitude and longitude, degrees.
+    Place and origin are latitudes and longitudes, degrees.
 
     Notes
     -----
