@@ -40,19 +40,11 @@ def to_msg(
 ) -> PointCloud2:
     """Encode a planar radar's detections as the cloud that the radar's driver would publish.
 
-    Parameters
-    ----------
-    radar : RadarParameters
-        Field names, units and conventions; by default those of the package.
-
-    Returns
-    -------
-    PointCloud2
-        The fields are ``x y z`` in the sensor's frame, then ``range azimuth elevation amplitude``
-        under the radar's names, and then those of time, sector, height, code, address, kind, range
-        rate and standard deviations that the radar has. All are FLOAT32, except for sector, code
-        and address (UINT32), kind (UINT8), and times since the epoch (FLOAT64). The elevation is 0;
-        so is the height above the antenna if the detections have no height.
+    The fields are ``x y z`` in the sensor's frame, then ``range azimuth elevation amplitude`` under
+    the radar's names, and then those of time, sector, height, code, address, kind, range rate and
+    standard deviations that the radar has. All are FLOAT32, except for sector, code and address
+    (UINT32), kind (UINT8), and times since the epoch (FLOAT64). The elevation is 0; so is the
+    height above the antenna if the detections have no height.
 
     Raises
     ------
@@ -73,15 +65,10 @@ def to_msg(
 def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     """Decode the detections of a cloud.
 
-    Parameters
-    ----------
-    cloud : PointCloud2
-        Range, azimuth, elevation, times, heights, range rates and standard deviations are floats;
-        amplitude, sector, code, address and kind may also be integers. If the cloud lacks a
-        configured field that is not a coordinate, its quantity is unknown: an anomaly.
-    radar : RadarParameters
-        Field names, units and conventions. With an elevation or a height field, ranges are slant
-        ranges.
+    Range, azimuth, elevation, times, heights, range rates and standard deviations are floats;
+    amplitude, sector, code, address and kind may also be integers. With an elevation or a height
+    field, ranges are slant ranges. If the cloud lacks a configured field that is not a coordinate,
+    its quantity is unknown: an anomaly.
 
     Raises
     ------
@@ -123,8 +110,8 @@ def _recognised(radar: RadarParameters, there: Collection[str]) -> RadarParamete
         for quantity, names in lacking.items()
         if not own.keys().isdisjoint(names)
     }
-    unit = "db" if "amplitude" in found else radar.amplitude_unit
-    return replace(radar, fields=replace(radar.fields, **found), amplitude_unit=unit)
+    in_db = "amplitude" in found or radar.amplitude_in_db
+    return replace(radar, fields=replace(radar.fields, **found), amplitude_in_db=in_db)
 
 
 def _wanted_fields(radar: RadarParameters) -> dict[str, tuple[str, Sequence[str]]]:

@@ -56,14 +56,9 @@ def from_msg(scan: Any, radar: RadarParameters) -> Report:
 
     This message has a fixed convention, in contrast to a point cloud: azimuths are
     counter-clockwise from the sensor's x axis, amplitudes are in dB, and there is an elevation (0
-    for a planar radar).
-
-    Parameters
-    ----------
-    radar : RadarParameters
-        Its `frame`, `max_range` and `amplitude_offset_db` are used; the offset converts amplitudes
-        to SNRs. Amplitudes are ignored without an `fields.amplitude`, and Doppler velocities (m/s,
-        positive for a receding target) without a `fields.range_rate`.
+    for a planar radar). The radar's `amplitude_offset_db` converts amplitudes to SNRs. Amplitudes
+    are ignored without a `fields.amplitude`, and Doppler velocities (m/s, positive for a receding
+    target) without a `fields.range_rate`.
 
     Raises
     ------
@@ -125,7 +120,7 @@ def to_cdr(detections: Detections, stamp_ns: int, radar: RadarParameters) -> byt
 
 def _fixed_convention(radar: RadarParameters) -> RadarParameters:
     """Return a radar's input with the units and conventions of the message."""
-    return replace(radar, amplitude_unit="db", azimuth_convention="enu_ccw", azimuth_unit="rad")
+    return replace(radar, amplitude_in_db=True, compass=False, azimuth_in_degrees=False)
 
 
 def _require_size(count: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from phd_jdtc_ros.core.sensors.bias import SensorBias
@@ -48,38 +48,18 @@ POSE = Form(
 )
 
 
-def _read_position(value: Any) -> list[float] | None:
-    found = numbers(value)
-    return found if found and len(found) in (2, 3) else None
+def _listed(
+    allowed: str,
+    sound: Callable[[list[float]], bool],
+    value: Callable[[list[float]], Any] = lambda given: given,
+) -> Form:
+    """Return the form of a list of numbers that are `sound` together."""
 
+    def read(given: Any) -> list[float] | None:
+        found = numbers(given)
+        return found if found is not None and sound(found) else None
 
-POSITION = Form("a list of 2 or 3 finite numbers", _read_position, lambda given: (*given, 0.0)[:3])
-
-
-def _read_place(value: Any) -> list[float] | None:
-    found = numbers(value)
-    if found == [] or (found and len(found) == 3 and abs(found[0]) <= 90 and abs(found[1]) <= 360):
-        return found
-    return None
-
-
-PLACE = Form(
-    "empty or a latitude from -90 to 90 degrees, a longitude from -360 to 360 degrees and a height "
-    "in metres",
-    _read_place,
-)
-
-
-def _read_height(value: Any) -> list[float] | None:
-    found = numbers(value, -1e4, 1e5)
-    return found if found is not None and len(found) <= 1 else None
-
-
-HEIGHT = Form(
-    "empty or one height from -10000 to 100000",
-    _read_height,
-    lambda given: given[0] if given else None,
-)
+    return Form(allowed, read, value)
 
 
 def is_region(region: Sequence[float]) -> bool:
@@ -92,33 +72,35 @@ def is_region(region: Sequence[float]) -> bool:
     )
 
 
-def _read_region(value: Any) -> list[float] | None:
-    found = numbers(value, -1e6, 1e6)
-    return found if found is not None and (not found or is_region(found)) else None
-
-
-REGION = Form(
-    "empty or [x_min, y_min, x_max, y_max], and a margin of at least 0, with the third above the "
-    "first and the fourth above the second, all from -1e6 to 1e6",
-    _read_region,
-    lambda given: Region(*given) if given else None,
-)
-
 # Largest biases: range, m; range gain, m per m; azimuth, degrees; time, s.
 MOST_BIAS = (1e5, 0.5, 180.0, 60.0)
-
-
-def _read_biases(value: Any) -> list[float] | None:
-    found = numbers(value)
-    if found is None or len(found) != len(MOST_BIAS):
-        return None
-    within = (abs(bias) <= most for bias, most in zip(found, MOST_BIAS, strict=True))
-    return found if all(within) else None
-
-
-BIASES = Form(
+POSITION = _listed(
+    "a list of 2 or 3 finite numbers",
+    lambda given: len(given) in (2, 3),
+    lambda given: (*given, 0.0)[:3],
+)
+PLACE = _listed(
+    "empty or a latitude from -90 to 90 degrees, a longitude from -360 to 360 degrees and a height "
+    "in metres",
+    lambda given: not given or (len(given) == 3 and abs(given[0]) <= 90 and abs(given[1]) <= 360),
+)
+HEIGHT = _listed(
+    "empty or one height from -10000 to 100000",
+    lambda given: not given or (len(given) == 1 and -1e4 <= given[0] <= 1e5),
+    lambda given: given[0] if given else None,
+)
+REGION = _listed(
+    "empty or [x_min, y_min, x_max, y_max], and a margin of at least 0, with the third above the "
+    "first and the fourth above the second, all from -1e6 to 1e6",
+    lambda given: not given or (is_region(given) and max(map(abs, given)) <= 1e6),
+    lambda given: Region(*given) if given else None,
+)
+BIASES = _listed(
     "4 numbers: range within 100000 m, gain within 0.5, azimuth within 180 degrees, time within "
     "60 s",
-    _read_biases,
+    lambda given: (
+        len(given) == len(MOST_BIAS)
+        and all(abs(bias) <= most for bias, most in zip(given, MOST_BIAS, strict=True))
+    ),
     lambda given: SensorBias(given[0], given[1], math.radians(given[2]), given[3]),
 )

@@ -200,11 +200,14 @@ class RadarParameters:
         "slant ranges.",
         keys=QUANTITIES,
     )
-    time_unit: str = parameter("s", "Unit of the field with times.", choices=tuple(TIME_UNITS))
-    time_reference: str = parameter(
+    time_unit_s: float = parameter(
+        "s", "Unit of the field with times.", name="time_unit", choices=TIME_UNITS
+    )
+    time_since_epoch: bool = parameter(
         "stamp",
         "Zero of the field with times: the message's stamp, or the zero of the stamps (epoch).",
-        choices=("stamp", "epoch"),
+        name="time_reference",
+        choices={"stamp": False, "epoch": True},
     )
     assumed_height: float | None = parameter(
         [],
@@ -221,11 +224,12 @@ class RadarParameters:
         (0.0, 1e4),
         mutable=True,
     )
-    amplitude_unit: str = parameter(
+    amplitude_in_db: bool = parameter(
         "linear",
         "Unit of amplitudes: linear for an envelope in standard deviations of the noise per "
         "quadrature, db for an SNR in dB.",
-        choices=("linear", "db"),
+        name="amplitude_unit",
+        choices={"linear": False, "db": True},
     )
     amplitude_offset_db: float = parameter(
         0.0,
@@ -234,13 +238,16 @@ class RadarParameters:
         (-300.0, 300.0),
         mutable=True,
     )
-    azimuth_convention: str = parameter(
+    compass: bool = parameter(
         "enu_ccw",
         "Zero and direction of azimuths: enu_ccw from the sensor's x axis counter-clockwise, "
         "compass_cw from north clockwise.",
-        choices=("enu_ccw", "compass_cw"),
+        name="azimuth_convention",
+        choices={"enu_ccw": False, "compass_cw": True},
     )
-    azimuth_unit: str = parameter("rad", "Unit of azimuths.", choices=("rad", "deg"))
+    azimuth_in_degrees: bool = parameter(
+        "rad", "Unit of azimuths.", name="azimuth_unit", choices={"rad": False, "deg": True}
+    )
     biases: SensorBias = parameter(
         [0.0, 0.0, 0.0, 0.0],
         "Biases that are subtracted from range (m), range per range, azimuth (degrees, in the "
@@ -251,31 +258,6 @@ class RadarParameters:
     # Place on the round earth; None for a radar that measures over a plane.
     site: Site | None = None
     datum: float = 0.0  # Height of the world's zero as messages count heights, metres
-
-    @property
-    def compass(self) -> bool:
-        """Whether azimuths are clockwise from north."""
-        return self.azimuth_convention == "compass_cw"
-
-    @property
-    def azimuth_in_degrees(self) -> bool:
-        """Whether azimuths are in degrees and not in radians."""
-        return self.azimuth_unit == "deg"
-
-    @property
-    def amplitude_in_db(self) -> bool:
-        """Whether amplitudes are SNRs in dB and not linear envelopes."""
-        return self.amplitude_unit == "db"
-
-    @property
-    def time_unit_s(self) -> float:
-        """Unit of the field with times, seconds."""
-        return TIME_UNITS[self.time_unit]
-
-    @property
-    def time_since_epoch(self) -> bool:
-        """Whether times are since the epoch and not relative to the stamp."""
-        return self.time_reference == "epoch"
 
     @property
     def height(self) -> float:

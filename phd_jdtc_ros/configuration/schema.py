@@ -71,7 +71,8 @@ class Parameter:
     # `low`, `high`: inclusive bounds of a number, or of every number of a list.
     low: float = -INFINITY
     high: float = INFINITY
-    choices: tuple[str, ...] = ()  # Allowed strings; empty for any
+    # Allowed strings, with or without what each stands for; empty for any.
+    choices: tuple[str, ...] | Mapping[str, Any] = ()
     length: int | None = None  # Required length of a list
     element: type = float  # Type of a list's entries, float or str
     most: int | None = None  # Largest number of names in a list; None for any number
@@ -126,6 +127,12 @@ class Parameter:
             return found
         return int(value) if found.is_integer() else None
 
+    def meaning(self, notation: Any) -> Any:
+        """Return what a coerced value stands for, as the field of the dataclass has it."""
+        if self.form is not None:
+            return self.form.value(notation)
+        return self.choices[notation] if isinstance(self.choices, Mapping) else notation
+
     def fault(self, value: Any) -> str:
         """Return the fault of a value that is not allowed."""
         return f"{self.name}: {value!r} given, must be {self.allowed}"
@@ -157,7 +164,7 @@ def parameter(
     declared = Parameter(name, default, description, *bounds, **more)
     if declared.required:
         return field(metadata={_DECLARED: declared})
-    usual = default if declared.form is None else declared.form.value(default)
+    usual = declared.meaning(default)
     return field(default_factory=lambda: usual, metadata={_DECLARED: declared})
 
 
@@ -187,7 +194,7 @@ def build(declared: type[T], values: Mapping[str, Any], prefix: str = "", /, **o
             named = {key: values[f"{name}.{key}"] for key in own.keys if f"{name}.{key}" in values}
             given[attribute] = replace(own.default, **named)
         else:
-            given[attribute] = own.form.value(values[name]) if own.form else values[name]
+            given[attribute] = own.meaning(values[name])
     return declared(**{**given, **others})
 
 

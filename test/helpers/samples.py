@@ -52,25 +52,10 @@ def cloud(
     )
 
 
-# Choices of a radar that tests switch off and on, by a name for the switch.
-SWITCHES = {
-    "compass": ("azimuth_convention", ("enu_ccw", "compass_cw")),
-    "azimuth_in_degrees": ("azimuth_unit", ("rad", "deg")),
-    "amplitude_in_db": ("amplitude_unit", ("linear", "db")),
-    "time_since_epoch": ("time_reference", ("stamp", "epoch")),
-}
-
-
 def layout(usual, **changes):
-    """Return how a radar's clouds are read, with changes.
-
-    ``X_field`` names the field of a quantity, and the keys of `SWITCHES` are true or false.
-    """
+    """Return how a radar's clouds are read, with changes; ``X_field`` names a quantity's field."""
     named = {key: changes.pop(key) for key in [*changes] if key.endswith("_field")}
     fields_of = {key.removesuffix("_field"): name for key, name in named.items()}
-    for key in SWITCHES.keys() & changes:
-        parameter, choices = SWITCHES[key]
-        changes[parameter] = choices[changes.pop(key)]
     return replace(usual, fields=replace(usual.fields, **fields_of), **changes)
 
 

@@ -8,6 +8,7 @@ from sensor_msgs.msg import PointField
 
 from msg_adapters import detections as adapter
 from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.configuration.radar_parameters import TIME_UNITS
 from phd_jdtc_ros.core.intake.sectors import coverage_of
 from phd_jdtc_ros.core.types import Detections
 
@@ -34,7 +35,7 @@ def timed(*times, datatype=F8, **changes):
 @pytest.mark.parametrize(("unit", "scale"), [("s", 1), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
 @pytest.mark.parametrize("datatype", [F4, F8])
 def test_times_relative_to_the_stamp_are_read_in_their_unit(unit, scale, datatype):
-    report = timed(-1.5 * scale, 0.25 * scale, time_unit=unit, datatype=datatype)
+    report = timed(-1.5 * scale, 0.25 * scale, time_unit_s=TIME_UNITS[unit], datatype=datatype)
     assert_allclose(report.detections.time_s, [-1.5, 0.25], rtol=1e-12)
     assert not report.dropped
     assert not report.anomalies
@@ -48,7 +49,7 @@ def test_times_since_the_epoch_are_exact_to_a_microsecond(unit, scale):
     sent = [
         float((seconds * 10**9 + nanoseconds + round(t * 1e9)) * scale / 10**9) for t in expected
     ]
-    found = timed(*sent, time_unit=unit, time_since_epoch=True).detections.time_s
+    found = timed(*sent, time_unit_s=TIME_UNITS[unit], time_since_epoch=True).detections.time_s
     assert_allclose(found, expected, rtol=0.0, atol=1e-6)
 
 
@@ -203,9 +204,9 @@ def test_an_unknown_deviation_is_the_radars_and_no_doubt():
 
 LAYOUTS = {
     "relative": {"time_field": "t"},
-    "milliseconds": {"time_field": "t", "time_unit": "ms"},
+    "milliseconds": {"time_field": "t", "time_unit_s": 1e-3},
     "epoch": {"time_field": "t", "time_since_epoch": True},
-    "epoch_ns": {"time_field": "t", "time_since_epoch": True, "time_unit": "ns"},
+    "epoch_ns": {"time_field": "t", "time_since_epoch": True, "time_unit_s": 1e-9},
     "height": {"height_field": "h", "position": (0.0, 0.0, 120.0)},
     "deviations": {"range_std_field": "dr", "azimuth_std_field": "da", "azimuth_in_degrees": True},
     "sectors": {"sector_field": "s", "rotation_s": 4.0, "sectors": 16},
