@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters import quantities
+from msg_adapters import plots
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.engine import Step
 from phd_jdtc_ros.core.state_space import PLANAR
@@ -68,7 +68,7 @@ def step_at_no_cost(engine: Any, found: Estimates, classes: int) -> None:
     It is the engine that the pipeline has already, which is known in several places.
     """
     mass = np.full(classes, len(found) / classes)
-    figures = {name: 0.0 for names in quantities.FIGURES.values() for name in names}
+    figures = {name: 0.0 for names in plots.FIGURES.values() for name in names}
     always = Step(filtered=(found,), smoothed=(found,), class_mass=mass, figures=figures)
     engine.step = lambda scan: always
 

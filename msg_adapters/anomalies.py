@@ -65,12 +65,8 @@ def of_noise(fit: Fit) -> str | None:
 def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -> str | None:
     """Return the warning about a radar that is learned to be worse than it was set, or None.
 
-    Parameters
-    ----------
-    warned : bool
-        Whether the radar was worse until now.
-    figures : mapping of name to number
-        The figures of a step; see `SensorMemory.figures`.
+    It depends on the figures of a step, see `SensorMemory.figures`, and on whether it was worse
+    until now.
     """
     worse = []
     least, most, sure = WORSE_DETECTION, WORSE_NOISE, SURE
@@ -93,13 +89,7 @@ def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -
 
 
 def of_changes(radar: str, figures: Mapping[str, float]) -> str | None:
-    """Return the warning about a radar that is no longer what it was, or None.
-
-    Parameters
-    ----------
-    figures : mapping of name to number
-        The figures of a step; see `SensorMemory.figures`.
-    """
+    """Return the warning about a radar that is no longer what it was, or None; see `of_learned`."""
     changed = []
     if f"{radar}.fewer_detections" in figures:
         changed.append("it detects fewer targets")

@@ -19,30 +19,19 @@ from . import point_cloud
 def to_msg(scan: Scan, radars: Sequence[Sensor], frame: str) -> PointCloud2:
     """Encode a scan's detections, empty or not.
 
-    Parameters
-    ----------
-    radars : sequence of Sensor
-        In the configured order.
-    frame : str
-        The world frame.
-
-    Returns
-    -------
-    PointCloud2
-        The fields are ``x y z amplitude`` (FLOAT32; metres, linear envelope) and ``radar_index``
-        (UINT32, from 0 in the configured order). z is the height, 0 if unknown. The amplitude is 0
-        if the radar reports none, because viewers draw NaN in an undefined colour.
+    The fields are ``x y z amplitude`` (FLOAT32; metres, linear envelope) and ``radar_index``
+    (UINT32, from 0 in the configured order). z is the height, 0 if unknown. The amplitude is 0 if
+    the radar reports none, because viewers draw NaN in an undefined colour.
     """
-    position, amplitude, index = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0, dtype=np.int64)]
-    height = [np.zeros(0)]
-    for number, (radar, found) in enumerate(zip(radars, scan.detections, strict=True)):
+    parts = [np.zeros((0, 5))]
+    for index, (radar, found) in enumerate(zip(radars, scan.detections, strict=True)):
         if found is not None:
             none = np.zeros(len(found))
-            position.append(radar.at(found.pose).to_world(found.measurement))
-            amplitude.append(none if found.amplitude is None else found.amplitude)
-            height.append(none if found.height is None else np.nan_to_num(found.height))
-            index.append(np.full(len(found), number))
-    x, y = np.concatenate(position).T
-    columns = {"x": x, "y": y, "z": np.concatenate(height), "amplitude": np.concatenate(amplitude)}
-    columns["radar_index"] = np.concatenate(index)
+            x, y = radar.at(found.pose).to_world(found.measurement).T
+            z = none if found.height is None else np.nan_to_num(found.height)
+            amplitude = none if found.amplitude is None else found.amplitude
+            parts.append(np.column_stack([x, y, z, amplitude, none + index]))
+    x, y, z, amplitude, indices = np.concatenate(parts).T
+    columns = {"x": x, "y": y, "z": z, "amplitude": amplitude}
+    columns["radar_index"] = indices.astype(np.int64)
     return point_cloud.encode(scan.stamp_ns, frame, columns)

@@ -13,14 +13,8 @@ RADIUS_95 = float(np.sqrt(-2.0 * np.log(0.05)))
 def outline(covariance: FloatArray, radius: float, points: int) -> FloatArray:
     """Return closed outlines centred on (0, 0), shape (..., 2, points).
 
-    Parameters
-    ----------
-    covariance : array of shape (..., 2, 2)
-        A negative variance from rounding counts as zero.
-    radius : float
-        Standard deviations.
-    points : int
-        Number of points; the last point equals the first.
+    The radius is in standard deviations of the covariance, shape (..., 2, 2), of which a negative
+    variance from rounding counts as zero. The last point equals the first.
     """
     variance, axes = np.linalg.eigh(covariance)
     angle = np.linspace(0.0, 2.0 * np.pi, points)

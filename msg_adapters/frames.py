@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from . import cdr, interfaces, names
+from . import cdr
 
 
 class Mounting(NamedTuple):
@@ -18,11 +18,6 @@ class Mounting(NamedTuple):
     frame: str
     position: tuple[float, float]  # Metres
     yaw: float  # Radians, counter-clockwise
-
-
-def message_class() -> Any:
-    """Return the message class, or None if tf2_msgs is not installed."""
-    return interfaces.installed_class(names.TRANSFORMS)
 
 
 def to_cdr(mountings: Sequence[Mounting], stamp_ns: int, world_frame: str) -> bytes:

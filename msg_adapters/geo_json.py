@@ -1,14 +1,11 @@
-"""Tracks as GeoJSON (RFC 7946) and as ``foxglove_msgs/GeoJSON`` for Foxglove's map panel.
-
-foxglove_msgs is not part of every ROS installation.
-"""
+"""Tracks as GeoJSON (RFC 7946), such as Foxglove's map panel shows."""
 
 from __future__ import annotations
 
 import itertools
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,25 +14,13 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
 
-from . import geodetic, interfaces, names, vertical
+from . import geodetic, vertical
 from .palette import class_colour
 from .tracks import rows_by_track
 
 STATES = {TENTATIVE: "tentative", CONFIRMED: "confirmed", COASTING: "coasting"}
 # Decimal places of degrees (a centimetre) and of metres.
 DEGREE_DIGITS, METRE_DIGITS = 7, 1
-
-
-def to_msg(
-    estimates: Estimates,
-    plane: Plane,
-    class_names: Sequence[str],
-    trails: Mapping[int, FloatArray],
-    message_class: Callable[[str], Any] = interfaces.message_class,
-) -> Any:
-    """Encode one set of estimates; see `of_scan`."""
-    document = of_scan(estimates, plane, class_names, trails)
-    return message_class(names.GEOJSON)(geojson=text(document))
 
 
 def of_scan(

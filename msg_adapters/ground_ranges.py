@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
@@ -28,18 +26,9 @@ def read(
     """Return the ranges and azimuths of points over ground.
 
     A known height determines the ground range, otherwise the elevation does, if there is one.
-    Values that are not finite give implausible points, but no error.
-
-    Parameters
-    ----------
-    distance : array of shape (M,)
-        Metres; slant ranges if there is an elevation, a height or a site.
-    azimuth : array of shape (M,)
-        Radians counter-clockwise from the sensor's x axis.
-    elevation : array of shape (M,) or None
-        Radians.
-    height : array of shape (M,) or None
-        Metres, in the convention of the messages; NaN if unknown.
+    Values that are not finite give implausible points, but no error. Distances are in metres, slant
+    ranges if there is an elevation, a height or a site; angles in radians, azimuths
+    counter-clockwise from the sensor's x axis; heights in metres as in messages, NaN if unknown.
     """
     finite = np.isfinite(distance) & np.isfinite(azimuth)
     if elevation is not None:
@@ -75,28 +64,21 @@ def _flat(
     return Ground(np.where(known, side, ground), azimuth, possible | ~known)
 
 
-class Slant(NamedTuple):
-    """A radar's range and azimuth, arrays of shape (M,)."""
+def measure(detections: Detections, radar: RadarParameters) -> tuple[FloatArray, FloatArray]:
+    """Return ranges and azimuths as the radar measures them, (M,): the inverse of `read`.
 
-    # `distance`, `azimuth`: metres, and radians counter-clockwise from the sensor's x axis.
-    distance: FloatArray
-    azimuth: FloatArray
-
-
-def measure(detections: Detections, radar: RadarParameters) -> Slant:
-    """Return ranges and azimuths as the radar measures them: the inverse of `read`.
-
-    An unknown height is replaced by the height that `read` assumes.
+    Azimuths are in radians counter-clockwise from the sensor's x axis. An unknown height is
+    replaced by the height that `read` assumes.
     """
     distance, azimuth = detections.measurement.T
     site, height = radar.site, detections.height
     if site is None:
         if not radar.fields.height or height is None:
-            return Slant(distance, azimuth)
-        return Slant(np.hypot(distance, np.nan_to_num(height - radar.height)), azimuth)
+            return distance, azimuth
+        return np.hypot(distance, np.nan_to_num(height - radar.height)), azimuth
     unknown = np.full(len(distance), np.nan)
     known = message_height(detections, radar) if radar.fields.height else unknown
-    return Slant(*slant_of(site, radar.assumed_height, distance, azimuth, known))
+    return slant_of(site, radar.assumed_height, distance, azimuth, known)
 
 
 def message_height(detections: Detections, radar: RadarParameters) -> FloatArray:

@@ -23,20 +23,8 @@ def read(
 ) -> tuple[IntArray | None, int]:
     """Decode the codes or addresses of the kept points, and count the impossible ones.
 
-    Parameters
-    ----------
-    column : array of shape (M,) or None
-        As received. `NONE`, NaN and the second part of `numbers` are unknown.
-    kept : bool array of shape (M,)
-    numbers : tuple
-        `CODES` or `ADDRESSES`.
-
-    Returns
-    -------
-    array or None
-        A value for each kept point, `UNKNOWN` if it is not known; None without a column.
-    int
-        Number of impossible values.
+    Returns `UNKNOWN` for `NONE`, NaN and the second part of `numbers`, which are `CODES`,
+    `ADDRESSES` or `KINDS`; None without a column, which is as received.
     """
     if column is None:
         return None, 0

@@ -14,11 +14,11 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message
 
-from . import plain_cdr
+from . import cdr
 from .errors import RejectedMessageError
 
 # Serialises messages reproducibly; `decode` is the inverse.
-encode = plain_cdr.encode
+encode = cdr.encode
 _SEPARATOR = "=" * 80
 
 

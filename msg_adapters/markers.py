@@ -16,7 +16,7 @@ from visualization_msgs.msg import Marker
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Estimates
 
-from . import cdr, plain_cdr, stamps, vertical
+from . import cdr, stamps, vertical
 from .ellipse import outline
 from .palette import class_rgb
 
@@ -51,7 +51,7 @@ def to_cdr(
     present = np.unique(class_id).tolist()
     writer = cdr.Writer()
     writer.put("I", 1 + 2 * len(present) + len(estimates))
-    plain_cdr.put_message(writer, Marker(header=header, action=Marker.DELETEALL))
+    cdr.put_message(writer, Marker(header=header, action=Marker.DELETEALL))
     up = vertical.of(estimates).state
     position = np.column_stack([estimates.position, up[:, 0]])
     velocity = np.column_stack([estimates.velocity, up[:, 1]])
@@ -65,7 +65,7 @@ def to_cdr(
         line.scale.x = LINE_WIDTH
         for kind, lines in (("ellipse", ellipses), ("velocity", arrows)):
             line.ns = f"{name}/{kind}"
-            plain_cdr.put_message(writer, line, points=lines[mine].reshape(-1, 3))
+            cdr.put_message(writer, line, points=lines[mine].reshape(-1, 3))
         label = Marker(header=header, ns=f"{name}/label", type=Marker.TEXT_VIEW_FACING)
         label.color, label.scale.z = _colour(LABEL_COLOUR), LABEL_HEIGHT
         rows = np.flatnonzero(mine).tolist()
@@ -127,14 +127,14 @@ def _put_labels(
     templates = []
     for offset in (0, 4):
         begun = cdr.Writer(bytearray(offset))
-        plain_cdr.put_message(begun, label.header)
+        cdr.put_message(begun, label.header)
         begun.string(label.ns)
         begun.align(4)
         number = len(begun.data)
         # The number, the type and the action, four bytes each, precede the position.
         position = -(-(number + 12) // 8) * 8
         whole = cdr.Writer(bytearray(offset))
-        plain_cdr.put_message(whole, label)
+        cdr.put_message(whole, label)
         before_text = bytes(whole.data[offset : -_TEXT - _AFTER_TEXT])
         templates.append((before_text, number - offset, position - offset))
     after_text, data = bytes(whole.data[-_AFTER_TEXT:]), writer.data

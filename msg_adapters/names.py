@@ -67,7 +67,7 @@ def fixes(tracker: str = TRACKER) -> str:
 
 
 def plot(quantity: str, node: str = TRACKER) -> str:
-    """Return the topic of a number that a node publishes for plots, see `quantities`."""
+    """Return the topic of a number that a node publishes for plots, see `plots`."""
     return f"{node}/plot/{quantity}"
 
 

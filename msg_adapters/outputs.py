@@ -24,12 +24,12 @@ from . import (
     diagnostics,
     estimates,
     geo_json,
+    interfaces,
     markers,
     names,
     navsat,
     plots,
     poses,
-    quantities,
     radar_tracks,
     stamps,
     tracks,
@@ -154,7 +154,7 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
         ),
         *(
             Output(names.plot(quantity, "~"), names.NUMBER, STEP, _number_of(quantity), "plots")
-            for quantity in quantities.of_tracker(classes, engine)
+            for quantity in plots.of_tracker(classes, engine)
         ),
         *(
             Output(
@@ -185,7 +185,7 @@ def default_topics(
 
     Without `engine` the engine's own figures are left out, see `optional`.
     """
-    numbers = (names.plot(quantity, evaluator) for quantity in quantities.of_evaluator(classes))
+    numbers = (names.plot(quantity, evaluator) for quantity in plots.of_evaluator(classes))
     return {
         **_types((row for row in table(classes, engine) if row.usual), tracker),
         **dict.fromkeys(numbers, names.NUMBER),
@@ -199,7 +199,7 @@ def optional(tracker: str = names.TRACKER) -> dict[str, str]:
 
     These are the figures of a single engine, and the outputs that are off by default.
     """
-    figures = (name for figures in quantities.FIGURES.values() for name in figures)
+    figures = (name for figures in plots.FIGURES.values() for name in figures)
     return {
         **{names.plot(name, tracker): names.NUMBER for name in figures},
         **_types((row for row in table(0) if not row.usual), tracker),
@@ -244,7 +244,8 @@ def _geojson(found: Estimates, view: View) -> list[Any]:
     if view.plane is None:
         return []
     ways = {track: tracks.way(trail) for track, trail in view.trails.of(found).items()}
-    return [geo_json.to_msg(found, view.plane, view.class_names, ways)]
+    document = geo_json.of_scan(found, view.plane, view.class_names, ways)
+    return [interfaces.message_class(names.GEOJSON)(geojson=geo_json.text(document))]
 
 
 def _tracks(found: Estimates, view: View) -> list[Any]:

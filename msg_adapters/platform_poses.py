@@ -22,18 +22,9 @@ FARTHEST = 1e7
 
 
 def from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Pose]:
-    """Return the stamp and the pose of a message.
+    """Return the stamp and the pose of a message in the world frame.
 
-    Parameters
-    ----------
-    message : Odometry or PoseStamped
-        In the world frame.
-
-    Returns
-    -------
-    stamp_ns : int
-    pose : Pose
-        The yaw is NaN if the orientation is not a unit quaternion, as in an uninitialised message.
+    The yaw is NaN if the orientation is not a unit quaternion, as in an uninitialised message.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Figures as one number per message and topic, for plotting tools.
+"""Figures as one number per message, each on the topic ``~/plot/NAME``, for plotting tools.
 
 Such a message has no stamp; tools plot it at its time of arrival.
 """
@@ -9,17 +9,43 @@ from typing import TYPE_CHECKING
 
 from std_msgs.msg import Float64
 
+from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.metric_table import PLOTTED
-
-from . import quantities
 
 if TYPE_CHECKING:
     from phd_jdtc_ros.core.engine import Step
     from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
 
+# Plotted figures of each engine.
+FIGURES = {
+    "particles": ("particles", "effective_share"),
+    "gaussian": ("hypotheses", "origins"),
+}
+
+
+def of_tracker(classes: int, engine: str | None = "gaussian") -> tuple[str, ...]:
+    """Return the names of the tracker's numbers; without `engine` the engine's own are left out."""
+    sets = ("total", *(f"class_{k}" for k in range(classes)))
+    figures = () if engine is None else FIGURES[engine]
+    return (*(f"cardinality/{key}" for key in sets), "step_ms", *figures)
+
+
+def of_evaluator(classes: int) -> tuple[str, ...]:
+    """Return the names of the evaluator's numbers."""
+    sets = ("all", *(f"class_{k}" for k in range(classes)))
+    return tuple(
+        of_score(source, key, name) for source in SOURCES for key in sets for name in PLOTTED
+    )
+
+
+def of_score(source: str, key: str, name: str) -> str:
+    """Return the name of a score of an estimate source and a set of targets."""
+    return f"{source}/{key}/{name}"
+
+
 def step_to_msg(step: Step, step_ms: float, quantity: str) -> Float64:
-    """Return a number of a tracker step, see `quantities.of_tracker`; `step_ms` is its CPU time."""
+    """Return a number of a tracker step, see `of_tracker`; `step_ms` is its CPU time."""
     mass = {f"cardinality/class_{k}": each for k, each in enumerate(step.class_mass)}
     numbers = {"cardinality/total": step.class_mass.sum(), **mass, "step_ms": step_ms}
     return _to_msg({**step.figures, **numbers}[quantity])
@@ -28,7 +54,7 @@ def step_to_msg(step: Step, step_ms: float, quantity: str) -> Float64:
 def score_to_msgs(score: ScanScore) -> dict[str, Float64]:
     """Return the numbers of a scan's scores, by name."""
     return {
-        quantities.of_score(score.source, key, name): _to_msg(value)
+        of_score(score.source, key, name): _to_msg(value)
         for key, values in score.values.items()
         for name in PLOTTED
         if (value := values[name]) is not None

@@ -107,19 +107,9 @@ def field_names(cloud: PointCloud2) -> list[str]:
 
 
 def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str, npt.NDArray[Any]]:
-    """Return columns of a cloud.
+    """Return the wanted columns of a cloud of either byte order, copies in native byte order.
 
-    Parameters
-    ----------
-    cloud : PointCloud2
-        Of either byte order; further fields are ignored.
-    wanted : mapping of field name to allowed type codes
-        Type codes such as `FLOATS`.
-
-    Returns
-    -------
-    dict of field name to array of shape (M,)
-        Copies in native byte order.
+    Each wanted field has its allowed type codes, such as `FLOATS`; further fields are ignored.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from geometry_msgs.msg import PoseArray
 from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
-from . import plain_cdr, stamps, vertical
+from . import cdr, stamps, vertical
 
 
 def to_cdr(estimates: Estimates, class_id: int, frame: str) -> bytes:
@@ -25,4 +25,4 @@ def to_cdr(estimates: Estimates, class_id: int, frame: str) -> bytes:
     pose[:, 2] = vertical.of(estimates).state[mine, 0]
     pose[:, 5], pose[:, 6] = np.sin(half), np.cos(half)
     message = PoseArray(header=stamps.header(estimates.stamp_ns, frame))
-    return plain_cdr.encode(message, poses=pose)
+    return cdr.encode(message, poses=pose)

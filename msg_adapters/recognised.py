@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
+from phd_jdtc_ros.configuration.radar_parameters import TIME_UNITS
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FULL_TURN
 
@@ -30,8 +31,6 @@ NAMES: Mapping[str, Sequence[str]] = {
 IN_DB = ("snr", "snr_db", "power", "rcs")
 # Allowed types of a field, where they differ from floats.
 TYPES: Mapping[str, Sequence[str]] = {"fields.amplitude": NUMBERS, "fields.sector": NUMBERS}
-# Units of time with their number per second.
-PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 # A unit of time is rejected if it puts detections farther from the stamp than FARTHEST_S seconds,
 # or than INTERVALS times the interval between clouds.
 FARTHEST_S, INTERVALS = 60.0, 20.0
@@ -42,15 +41,8 @@ LEAST_S = 1e-4
 def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
     """Return the parameters for reading a radar's clouds, None if range or azimuth is missing.
 
-    Parameters
-    ----------
-    clouds : sequence of PointCloud2
-        Clouds of one topic; at least one must have points.
-
-    Returns
-    -------
-    dict
-        ``fields.range`` and so on, units and conventions, without the radar's name.
+    They are ``fields.range`` and so on, units and conventions, without the radar's name. At least
+    one of the clouds, which are of one topic, must have points.
     """
     full = [cloud for cloud in clouds if cloud.width * cloud.height]
     if not full:
@@ -107,11 +99,7 @@ def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
         return {}
     unit = "deg" if np.nanmax(np.abs(azimuth), initial=0.0) > 1.01 * FULL_TURN else "rad"
     settings: dict[str, Any] = {"azimuth_unit": unit}
-    if (
-        ahead is None
-        or left is None
-        or not (np.nan_to_num(ahead).any() or np.nan_to_num(left).any())
-    ):
+    if ahead is None or left is None or not np.nan_to_num([ahead, left]).any():
         return settings
     true = np.arctan2(left, ahead)
     fits = {}
@@ -129,15 +117,15 @@ def _times(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any] | None:
     steps_s = np.diff([stamps.to_ns(cloud.header.stamp) * 1e-9 for cloud in clouds])
     limit_s = min(FARTHEST_S, INTERVALS * float(np.median(steps_s))) if len(steps_s) else FARTHEST_S
     for reference, types in (("epoch", DOUBLES), ("stamp", point_cloud.FLOATS)):
-        farthest = dict.fromkeys(PER_SECOND, 0.0)
+        farthest = dict.fromkeys(TIME_UNITS, 0.0)
         for cloud in clouds:
             try:
                 column = point_cloud.decode(cloud, {name: types})[name].astype(np.float64)
             except RejectedMessageError:
                 break
             zero_s = stamps.to_ns(cloud.header.stamp) * 1e-9 if reference == "epoch" else 0.0
-            for unit, per_second in PER_SECOND.items():
-                off = np.nanmax(np.abs(column / per_second - zero_s), initial=0.0)
+            for unit, seconds in TIME_UNITS.items():
+                off = np.nanmax(np.abs(column * seconds - zero_s), initial=0.0)
                 farthest[unit] = max(farthest[unit], float(off))
         else:
             near = [unit for unit, off in farthest.items() if LEAST_S < off < limit_s]

@@ -53,20 +53,24 @@ def to_odometry(estimates: Estimates, frame: str) -> list[Odometry]:
     messages = []
     for track, row in rows_by_track(estimates):
         state, covariance = estimates.state[row], estimates.covariance[row]
-        message = _odometry(estimates.stamp_ns, frame, track, state, covariance)
+        message = Odometry(header=stamps.header(estimates.stamp_ns, frame))
+        message.child_frame_id = child_frame(track)
+        height, climb = map(float, up.state[row])
+        speed = math.hypot(state[VX], state[VY])
+        message.pose.pose = pose_of(state, height)
+        message.twist.twist = Twist(
+            linear=Vector3(x=speed, y=0.0, z=climb),
+            angular=Vector3(x=0.0, y=0.0, z=float(state[OMEGA])),
+        )
+        of_pose, of_twist = (
+            _pose_covariance(state, covariance),
+            _twist_covariance(state, covariance),
+        )
         if up.known[row]:
-            _lift(message, up.state[row], up.covariance[row])
+            of_pose[2, 2], of_twist[2, 2] = np.diag(up.covariance[row])
+        message.pose.covariance, message.twist.covariance = of_pose.ravel(), of_twist.ravel()
         messages.append(message)
     return messages
-
-
-def _lift(message: Odometry, up: FloatArray, covariance: FloatArray) -> None:
-    """Add the height and the climb rate of a target to its message."""
-    message.pose.pose.position.z, message.twist.twist.linear.z = map(float, up)
-    for part, variance in ((message.pose, covariance[0, 0]), (message.twist, covariance[1, 1])):
-        terms = np.array(part.covariance)
-        terms[14] = variance  # the variance of z in a 6x6 matrix
-        part.covariance = terms
 
 
 def to_path(track: Sequence[Waypoint], frame: str) -> Path:
@@ -113,21 +117,6 @@ def pose_of(state: FloatArray, height: float = 0.0) -> Pose:
         position=Point(x=float(state[X]), y=float(state[Y]), z=height),
         orientation=heading(state[VX], state[VY]),
     )
-
-
-def _odometry(
-    stamp_ns: int, frame: str, track: int, state: FloatArray, covariance: FloatArray
-) -> Odometry:
-    message = Odometry(header=stamps.header(stamp_ns, frame), child_frame_id=child_frame(track))
-    speed = math.hypot(state[VX], state[VY])
-    message.pose.pose = pose_of(state)
-    message.pose.covariance = _pose_covariance(state, covariance).ravel()
-    message.twist.twist = Twist(
-        linear=Vector3(x=speed, y=0.0, z=0.0),
-        angular=Vector3(x=0.0, y=0.0, z=float(state[OMEGA])),
-    )
-    message.twist.covariance = _twist_covariance(state, covariance).ravel()
-    return message
 
 
 def _pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -16,10 +16,7 @@ UNSEEN_SCANS = 10
 class Trails:
     """The latest positions of each track that was estimated in the last `UNSEEN_SCANS` scans.
 
-    Parameters
-    ----------
-    length : int
-        Number of positions kept per track.
+    At most `length` positions are kept per track.
     """
 
     def __init__(self, length: int) -> None:

@@ -47,18 +47,11 @@ RECOGNISED = (
 
 @dataclass(frozen=True)
 class Parameters:
-    """A tracker's parameters from the user and from a recording, by dotted name.
-
-    Parameters
-    ----------
-    whole : bool
-        Whether the node's defaults complete them, as with a parameter file.
-    found : mapping
-        Parameters estimated from a recording; given parameters take precedence.
-    """
+    """A tracker's parameters from the user and from a recording, by dotted name."""
 
     given: Mapping[str, Any]
-    whole: bool = False
+    whole: bool = False  # Whether the node's defaults complete them, as with a parameter file
+    # Estimated from a recording; given parameters take precedence.
     found: Mapping[str, Any] = field(default_factory=dict)
 
     @staticmethod
@@ -82,11 +75,7 @@ class Parameters:
     def config(self, columns: Collection[str] = (), blank: bool = False) -> TrackerConfig:
         """Return the configuration for a table with these columns.
 
-        Parameters
-        ----------
-        blank : bool
-            Whether noise, range and interval may be missing, in a configuration that only reads
-            tables.
+        Noise, range and interval may be missing in a `blank` one, which only reads tables.
 
         Raises
         ------
@@ -146,16 +135,15 @@ class Parameters:
     def _needed(self, values: Mapping[str, Any], columns: Collection[str]) -> list[str]:
         """Return a fault for each required parameter that is missing."""
         positions = {*POSITION} <= {*columns}
-        names = [*NEEDED]
-        for radar in self.radars:
-            names += [
-                f"{radar}.{what}"
-                for what in NEEDED_OF_RADARS
-                if not (positions and what == "azimuth_std_deg")
-            ]
+        of_radars = [
+            f"{radar}.{what}"
+            for radar in self.radars
+            for what in NEEDED_OF_RADARS
+            if not (positions and what == "azimuth_std_deg")
+        ]
         return [
             f"{name}: is missing, must be given or estimated by fit"
-            for name in names
+            for name in (*NEEDED, *of_radars)
             if name not in values
         ]
 
@@ -167,12 +155,7 @@ class Parameters:
     ) -> Parameters:
         """Return a copy with the findings of a recording; given parameters take precedence.
 
-        Parameters
-        ----------
-        timed : mapping of radar to bool
-            Whether the radar's detections have individual times.
-        columns : collection of str
-            Columns of the recording.
+        Detections of `timed` radars have individual times.
         """
         found = {} if self.whole else unspecified.parameters(findings, timed)
         found["interval_s"] = proposal.interval_s(findings)

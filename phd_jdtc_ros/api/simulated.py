@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,28 +25,19 @@ from phd_jdtc_ros.simulation.simulate import simulate as scans_of
 from phd_jdtc_ros.simulation.turning_antenna import check_sites, simulate_reports
 
 from .reports import TIME
-from .tables import Column
+from .tables import Column, structured
 
 SHIPPED = Path("config", "scenarios")
 
 
 class Simulated(NamedTuple):
-    """A simulated run.
+    """A simulated run, with structured arrays."""
 
-    Parameters
-    ----------
-    detections : structured array
-        Detections of all radars in the order of time, as `Tracker` accepts them; a scan without
-        detections is a row with NaN.
-    truth : structured array
-        ``time label class x y vx vy height``, as `evaluate` accepts it.
-    parameters : dict
-        All parameters of a `Tracker` for these radars, by dotted name.
-    """
-
+    # Of all radars in the order of time, as `Tracker` accepts them; a scan without detections is a
+    # row with NaN.
     detections: Column
-    truth: Column
-    parameters: dict[str, Any]
+    truth: Column  # ``time label class x y vx vy height``, as `evaluate` accepts it
+    parameters: dict[str, Any]  # All of a `Tracker` for these radars, by dotted name
 
 
 def simulate(
@@ -84,7 +75,12 @@ def simulate(
     else:
         seen = scans_of(run, seed)
         truths = [truth for truth, _ in seen]
-        reports = list(_reports(seen))
+        reports = [
+            (scan.stamp_ns, radar, found)
+            for _, scan in seen
+            for radar, found in enumerate(scan.detections)
+            if found is not None
+        ]
     return Simulated(
         _detections(reports, config.inputs), _truth(truths, run, names), dict(config.values)
     )
@@ -101,24 +97,10 @@ def _document(scenario: Mapping[str, Any] | str | os.PathLike[str] | None) -> An
 def _config(parameters: Mapping[str, Any]) -> TrackerConfig:
     """Return a configuration with absolute detection times, as in tables."""
     config = resolve(parameters, SystemPlane)
+    given = {"fields.time": TIME, "time_reference": "epoch", "time_unit": "s", "fields.sector": ""}
     timed = [radar.name for radar in config.inputs if radar.fields.time]
-    return resolve(
-        {
-            **config.values,
-            **{f"{name}.fields.time": TIME for name in timed},
-            **{f"{name}.time_reference": "epoch" for name in timed},
-            **{f"{name}.time_unit": "s" for name in timed},
-            **{f"{name}.fields.sector": "" for name in timed},
-        },
-        SystemPlane,
-    )
-
-
-def _reports(seen: Sequence[tuple[Truth, Any]]) -> Iterator[tuple[int, int, Detections]]:
-    for _, scan in seen:
-        for radar, found in enumerate(scan.detections):
-            if found is not None:
-                yield scan.stamp_ns, radar, found
+    changes = {f"{name}.{key}": value for name in timed for key, value in given.items()}
+    return resolve({**config.values, **changes}, SystemPlane)
 
 
 def _detections(
@@ -132,19 +114,16 @@ def _detections(
         ("radar", f"U{max(len(radar.name) for radar in inputs)}"),
         *((name, np.float64) for name in names),
     ]
-    table = np.zeros(sum(max(len(found), 1) for *_, found in reports), dtype=dtype)
-    begin = 0
+    parts = []
     for stamp_ns, index, found in reports:
-        radar, sent = inputs[index], {}
-        rows = table[begin : begin + max(len(found), 1)]
-        begin += len(rows)
-        if len(found):
-            sent = sent_columns.of(found, stamp_ns, radar)
-        rows[TIME] = sent[TIME] if radar.fields.time and sent else stamp_ns / 1e9
-        rows["radar"] = radar.name
-        for name in names:
-            rows[name] = _number(sent[name]) if name in own[index] and sent else np.nan
-    return table
+        radar = inputs[index]
+        sent = sent_columns.of(found, stamp_ns, radar) if len(found) else {}
+        time = sent[TIME] if radar.fields.time and sent else stamp_ns / 1e9
+        columns = {
+            name: _number(sent[name]) if name in own[index] and sent else np.nan for name in names
+        }
+        parts.append((max(len(found), 1), {TIME: time, "radar": radar.name, **columns}))
+    return structured(dtype, parts)
 
 
 def _number(column: Column) -> Column:
@@ -160,14 +139,11 @@ def _truth(truths: Sequence[Truth], run: Scenario, class_names: Sequence[str]) -
         *((TIME, np.float64), ("label", np.int64), ("class", f"U{max(map(len, names))}")),
         *((name, np.float64) for name in ("x", "y", "vx", "vy", "height")),
     ]
-    table = np.zeros(sum(len(each.track_id) for each in truths), dtype=dtype)
-    begin = 0
+    parts = []
     for each in truths:
-        rows = table[begin : begin + len(each.track_id)]
-        begin += len(rows)
-        rows[TIME], rows["label"] = each.stamp_ns / 1e9, each.track_id
-        rows["class"] = np.array(names)[each.class_id]
-        rows["x"], rows["y"] = each.position.T
-        rows["vx"], rows["vy"] = each.velocity.T
-        rows["height"] = np.nan if each.height is None else each.height[:, 0]
-    return table
+        (x, y), (vx, vy) = each.position.T, each.velocity.T
+        height = np.nan if each.height is None else each.height[:, 0]
+        columns = each.stamp_ns / 1e9, each.track_id, np.array(names)[each.class_id]
+        values = (*columns, x, y, vx, vy, height)
+        parts.append((len(each.track_id), {n: v for (n, _), v in zip(dtype, values, strict=True)}))
+    return structured(dtype, parts)

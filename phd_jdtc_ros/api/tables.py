@@ -27,17 +27,12 @@ LATEST_S = 9.2e9
 
 
 def columns_of(table: Table) -> Columns:
-    """Return a table's columns by name, all of equal length.
-
-    Parameters
-    ----------
-    table : mapping of name to column, data frame, structured array, str or path
-        A str or a path names a CSV file with a header line.
+    """Return a table's columns by name, all of equal length; a CSV file has a header line.
 
     Raises
     ------
     ValueError
-        If it is of another type, or its columns differ in length.
+        If it is no `Table`, or its columns differ in length.
     """
     if isinstance(table, (str, os.PathLike)):
         return _read_csv(Path(table))
@@ -194,42 +189,41 @@ def table_of(found: Sequence[Estimates], class_names: Sequence[str]) -> Column:
     The columns are those of `Tracker`.
     """
     widest = max(map(len, class_names))
-    dtype = np.dtype(
-        [
-            ("time", np.float64),
-            ("label", np.int64),
-            ("class", f"U{widest}"),
-            ("class_probability", np.float64),
-            ("probability", np.float64),
-            ("state", f"U{max(map(len, STATES.values()))}"),
-            *((name, np.float64) for name in ("x", "y", "vx", "vy", "height")),
-            ("code", np.int64),
-            ("address", np.int64),
-            ("covariance", np.float64, (4, 4)),
-        ]
-    )
-    table = np.zeros(sum(map(len, found)), dtype=dtype)
+    dtype = [
+        *(("time", np.float64), ("label", np.int64), ("class", f"U{widest}")),
+        *((name, np.float64) for name in ("class_probability", "probability")),
+        ("state", f"U{max(map(len, STATES.values()))}"),
+        *((name, np.float64) for name in ("x", "y", "vx", "vy", "height")),
+        *((name, np.int64) for name in ("code", "address")),
+        ("covariance", np.float64, (4, 4)),
+    ]
+    return structured(dtype, [(len(each), _columns(each, class_names)) for each in found])
+
+
+def structured(dtype: Any, parts: Sequence[tuple[int, Mapping[str, Any]]]) -> Column:
+    """Return a structured array of parts: the number of rows, and columns or single values."""
+    table = np.zeros(sum(count for count, _ in parts), dtype=dtype)
     begin = 0
-    for each in found:
-        rows = table[begin : begin + len(each)]
-        begin += len(each)
-        _fill(rows, each, class_names)
+    for count, columns in parts:
+        for name, column in columns.items():
+            table[begin : begin + count][name] = column
+        begin += count
     return table
 
 
-def _fill(rows: Column, found: Estimates, class_names: Sequence[str]) -> None:
-    """Fill the rows of the estimates of one stamp."""
-    axes = [*found.space.position, *found.space.velocity]
-    rows["time"] = found.stamp_ns / 1e9
-    rows["label"] = found.track_id
-    rows["class"] = np.array(class_names)[found.class_id]
-    rows["class_probability"] = found.class_probability[np.arange(len(found)), found.class_id]
-    rows["probability"] = found.weight
-    rows["state"] = np.array([STATES[state] for state in sorted(STATES)])[found.track_state]
-    for name, axis in zip(("x", "y", "vx", "vy"), axes, strict=True):
-        rows[name] = found.state[:, axis]
-    rows["covariance"] = found.covariance[:, axes][:, :, axes]
-    known = found.attributes
-    rows["height"] = np.nan if known is None else known.height[:, 0]
-    rows["code"] = UNKNOWN if known is None else known.code
-    rows["address"] = UNKNOWN if known is None else known.address
+def _columns(found: Estimates, class_names: Sequence[str]) -> Mapping[str, Any]:
+    """Return the columns of the estimates of one stamp."""
+    axes, known = [*found.space.position, *found.space.velocity], found.attributes
+    return {
+        "time": found.stamp_ns / 1e9,
+        "label": found.track_id,
+        "class": np.array(class_names)[found.class_id],
+        "class_probability": found.class_probability[np.arange(len(found)), found.class_id],
+        "probability": found.weight,
+        "state": np.array([STATES[state] for state in sorted(STATES)])[found.track_state],
+        **dict(zip(("x", "y", "vx", "vy"), found.state[:, axes].T, strict=True)),
+        "covariance": found.covariance[:, axes][:, :, axes],
+        "height": np.nan if known is None else known.height[:, 0],
+        "code": UNKNOWN if known is None else known.code,
+        "address": UNKNOWN if known is None else known.address,
+    }

@@ -23,18 +23,10 @@ from .tables import Column, Table, columns_of, stamps_ns, table_of
 
 
 class Tracks(NamedTuple):
-    """Estimates of targets, as tables; see `Tracker` for their columns.
+    """Estimates of targets, as structured arrays; see `Tracker` for their columns."""
 
-    Parameters
-    ----------
-    filtered : structured array
-        Estimates from the detections up to their time.
-    smoothed : structured array
-        Estimates that also use later detections within the lag: more accurate, but some scans
-        later.
-    """
-
-    filtered: Column
+    filtered: Column  # From the detections up to their time
+    # Also from later detections within the lag: more accurate, but some scans later.
     smoothed: Column
 
 
@@ -252,8 +244,7 @@ class _Run:
     """A run of the pipeline with the warnings about it."""
 
     def __init__(self, config: TrackerConfig) -> None:
-        self.config = config
-        self.tally = Tally(config)
+        self.config, self.tally = config, Tally(config)
         self._feed = Feed(config, self.tally)
         self._filtered: list[Estimates] = []
         self._smoothed: list[Estimates] = []

@@ -59,12 +59,7 @@ class Feed:
     """A tracker's pipeline with its input.
 
     Its methods return iterators of events, as the pipeline's do: every one must be exhausted
-    before the next call.
-
-    Parameters
-    ----------
-    begin : callable
-        See `Pipeline`.
+    before the next call. See `Pipeline` for `begin`.
     """
 
     def __init__(

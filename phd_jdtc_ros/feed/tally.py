@@ -17,13 +17,7 @@ from .used_detections import UsedDetections
 
 
 class Tally:
-    """The `Notices` of a whole run.
-
-    Attributes
-    ----------
-    dropped : Counter
-        Detections, messages and poses by reason.
-    """
+    """The `Notices` of a whole run; detections, messages and poses are `dropped` by reason."""
 
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config

@@ -27,18 +27,11 @@ PARAMETERS = {
 
 @dataclass
 class UsedDetections:
-    """Counts the detections of a recording, and the unused ones.
+    """Counts the detections of a recording, and the unused ones."""
 
-    Attributes
-    ----------
-    offered : int
-        All detections; an unreadable message counts as one, because its number is unknown.
-    lost : Counter
-        Unused detections by reason.
-    """
-
+    # All detections; an unreadable message counts as one, because its number is unknown.
     offered: int = 0
-    lost: Counter[str] = field(default_factory=Counter)
+    lost: Counter[str] = field(default_factory=Counter)  # Unused detections by reason
     _reports: int = 0
 
     def unreadable(self, reason: str) -> None:

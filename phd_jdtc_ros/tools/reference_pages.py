@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from msg_adapters import names, outputs, quantities
+from msg_adapters import names, outputs, plots
 from phd_jdtc_ros.asterix_bridge import settings as bridge
 from phd_jdtc_ros.configuration import replaced, tracker_node
 from phd_jdtc_ros.configuration.parameters import GROUPS as PARTS
@@ -178,7 +178,7 @@ def topics(page: str) -> str:
             topic = topic.replace("/filtered/", "/{filtered,smoothed}/")
         if row.topic.replace("/smoothed/", "/filtered/") not in every - {row.topic}:
             rows.setdefault((how, kind, qos, row.switch), []).append(f"`{topic}`")
-    for engine, figures in quantities.FIGURES.items():
+    for engine, figures in plots.FIGURES.items():
         listed = ", ".join(f"`{names.plot(name, '~')}`" for name in figures)
         key = "publishes", names.NUMBER.replace("/msg/", "/"), _RELIABLE, "plots"
         rows[key].append(f"with {engine} {listed}")

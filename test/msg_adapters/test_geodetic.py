@@ -18,13 +18,6 @@ GEOD = Geod(ellps="WGS84")
 NAMES = ("small", "large")
 
 
-class Message:
-    """Stands for foxglove_msgs/GeoJSON, a message of one string."""
-
-    def __init__(self, geojson):
-        self.geojson = geojson
-
-
 def at(*states, **changes):
     """Return estimates of (x, vx, y, vy) rows, with track numbers from 1."""
     given = estimates(len(states))
@@ -111,8 +104,7 @@ def test_geojson_has_a_point_and_a_line_for_each_track():
     given = replace(given, class_id=np.array([0, 1]), track_state=np.array([CONFIRMED, COASTING]))
     none = math.nan
     trails = {1: np.array([[-1e3, 0.0, 9.0], [0.0, 0.0, none]]), 2: np.array([[10e3, 20e3, none]])}
-    message = geo_json.to_msg(given, PLANE, NAMES, trails, lambda _: Message)
-    document = json.loads(message.geojson)
+    document = json.loads(geo_json.text(geo_json.of_scan(given, PLANE, NAMES, trails)))
     assert document["type"] == "FeatureCollection"
     point, line, other = document["features"]
     assert point["geometry"] == {"type": "Point", "coordinates": [4.8, 52.3]}

@@ -1,5 +1,13 @@
-from msg_adapters import outputs
+import json
+import sys
+from types import SimpleNamespace
+
+from samples import estimates
+
+from msg_adapters import interfaces, outputs
+from msg_adapters.trails import Trails
 from phd_jdtc_ros.configuration import tracker_node
+from phd_jdtc_ros.earth import SystemPlane
 
 # Switches of what is no row of the table: the radars' frames, and a status of the diagnostics.
 OTHERS = {"frames", "registration"}
@@ -22,3 +30,12 @@ def test_a_switch_is_for_usual_or_for_unusual_rows():
     rows = outputs.table(1)
     usual = switches(row for row in rows if row.usual)
     assert not usual & switches(row for row in rows if not row.usual)
+
+
+def test_geojson_is_the_text_of_a_message(monkeypatch):
+    monkeypatch.setitem(sys.modules, "foxglove_msgs.msg", SimpleNamespace(GeoJSON=SimpleNamespace))
+    (row,) = (row for row in outputs.table(2) if row.switch == "geojson")
+    view = outputs.View("map", ("a", "b"), (), SystemPlane((52.3, 4.8, 5.0)), Trails(3))
+    (message,) = row.encode(estimates(), view)
+    interfaces.message_class.cache_clear()
+    assert json.loads(message.geojson)["type"] == "FeatureCollection"

@@ -3,7 +3,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from samples import STAMP_NS, estimates
 from std_msgs.msg import Float64
 
-from msg_adapters import plots, quantities
+from msg_adapters import plots
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.core.engine import Step
 from phd_jdtc_ros.evaluation.comparison import PointSet
@@ -19,7 +19,7 @@ def received(messages):
 
 
 def of_step(step, engine):
-    names = quantities.of_tracker(2, engine)
+    names = plots.of_tracker(2, engine)
     return received({name: plots.step_to_msg(step, 12.5, name) for name in names})
 
 
@@ -42,7 +42,7 @@ def test_step_of_each_engine_has_its_own_figures():
     step = Step(estimates(), (), np.array([2.25, 1.5]), figures)
     found = of_step(step, "gaussian")
     assert (found["hypotheses"], found["origins"]) == (31.0, 6.0)
-    assert set(quantities.FIGURES) == set(ENGINES)
+    assert set(plots.FIGURES) == set(ENGINES)
 
 
 def test_score_is_one_number_for_each_quantity_of_the_evaluator():
@@ -53,6 +53,6 @@ def test_score_is_one_number_for_each_quantity_of_the_evaluator():
         estimate = PointSet(np.array([[30.0, 40.0]]), np.array([0]))
         (score,) = evaluation.add_estimates(source, STAMP_NS, estimate)
         found |= received(plots.score_to_msgs(score))
-    assert set(found) == set(quantities.of_evaluator(2))
+    assert set(found) == set(plots.of_evaluator(2))
     assert found["smoothed/all/ospa"] == found["filtered/class_0/localization"] == 50.0
     assert (found["filtered/all/n_true"], found["filtered/class_1/n_est"]) == (1.0, 0.0)

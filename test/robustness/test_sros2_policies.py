@@ -9,7 +9,7 @@ import pytest
 import rclpy
 import stand_ins
 
-from msg_adapters import names, quantities
+from msg_adapters import names, plots
 from phd_jdtc_ros.configuration import tracker_node
 from robustness.rig import Rig
 from robustness.stamps_and_time import BAG
@@ -46,7 +46,7 @@ ARGUMENTS = {
     ),
 }
 # A tracker has the figures of its engine; another engine has others.
-FIGURES = {names.plot(name) for figures in quantities.FIGURES.values() for name in figures}
+FIGURES = {names.plot(name) for figures in plots.FIGURES.values() for name in figures}
 PAGE = (ROOT / "docs" / "nodes" / "tracker.md").read_text()
 
 

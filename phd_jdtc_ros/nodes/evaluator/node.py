@@ -26,7 +26,6 @@ from msg_adapters import (
     outputs,
     platform_poses,
     plots,
-    quantities,
     stamps,
     truth,
 )
@@ -93,7 +92,7 @@ class Evaluator(RunnableNode):
         self._scores = self.create_publisher(DiagnosticArray, "~/ospa", qos)
         self._plots = {
             quantity: self.create_publisher(Float64, f"~/plot/{quantity}", qos)
-            for quantity in quantities.of_evaluator(self._classes)
+            for quantity in plots.of_evaluator(self._classes)
         }
         self._recorder = self._make_recorder()
         self._engine: str | None = None

@@ -74,7 +74,7 @@ class Outputs:
 
         The frame of a moving radar is published by its platform.
         """
-        kind = frames.message_class()
+        kind = interfaces.installed_class(names.TRANSFORMS)
         if kind is None:
             self._node.get_logger().info(
                 "tf2_msgs is not installed: the radars' frames are not published on "

@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from msg_adapters import interfaces, plain_cdr
+from msg_adapters import cdr, interfaces
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 PACKAGES = (
@@ -70,7 +70,7 @@ def filled(kind, rng):
 def test_encode_is_what_the_middleware_and_an_independent_encoder_have(kind):
     rng, name = random.Random(5), interfaces.type_name(kind)
     for message in (kind(), *(filled(kind, rng) for _ in range(20))):
-        data = plain_cdr.encode(message)
+        data = cdr.encode(message)
         assert deserialize_message(data, kind) == message
         if name in STORE.types:
             assert bytes(STORE.serialize_cdr(STORE.deserialize_cdr(data, name), name)) == data
@@ -79,7 +79,7 @@ def test_encode_is_what_the_middleware_and_an_independent_encoder_have(kind):
 def test_encode_takes_numbers_from_every_buffer():
     values = [1, 2, 255]
     buffers = (values, bytes(values), array("B", values), np.array(values, dtype=np.uint8))
-    assert len({plain_cdr.encode(PointCloud2(data=buffer)) for buffer in buffers}) == 1
+    assert len({cdr.encode(PointCloud2(data=buffer)) for buffer in buffers}) == 1
 
 
 def test_encode_refuses_wide_strings():
@@ -89,4 +89,4 @@ def test_encode_refuses_wide_strings():
             return {"data": "wstring"}
 
     with pytest.raises(TypeError, match="wide strings cannot be written"):
-        plain_cdr.encode(Wide())
+        cdr.encode(Wide())
