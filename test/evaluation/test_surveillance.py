@@ -8,13 +8,12 @@ from hypothesis import strategies as st
 from phd_jdtc_ros.evaluation.accumulators.gaps import Gap, GapFinder
 from phd_jdtc_ros.evaluation.accumulators.pairs import confusion_matrix
 from phd_jdtc_ros.evaluation.accumulators.tracks import (
-    TrackWindow,
-    ospa2,
+    Ospa2Accumulator,
     track_distances,
-    track_set,
+    tracks_of,
 )
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints
-from phd_jdtc_ros.evaluation.metrics import assign, gospa, ospa
+from phd_jdtc_ros.evaluation.metrics import assign, gospa, ospa, ospa_of_distances
 
 CUTOFF = 100.0
 SCANS = 4
@@ -43,19 +42,19 @@ def scans_of(tracks):
 
 
 def gathered(tracks):
-    """Return lists of positions as a track set."""
-    scans = scans_of(tracks)
-    return track_set([points.label for points in scans], [points.position for points in scans])
+    """Return lists of positions as tracks."""
+    return tracks_of(scans_of(tracks))
+
+
+def ospa2(a, b, order):
+    return ospa_of_distances(track_distances(a, b, CUTOFF), CUTOFF, order)
 
 
 def over_time(truth, estimate, window, order):
     """Return the OSPA(2) of every scan's window."""
-    newest = TrackWindow(window)
-    found = []
-    for pair in zip(scans_of(truth), scans_of(estimate), strict=True):
-        newest.add(*pair)
-        found.append(newest.ospa2(CUTOFF, order).distance)
-    return found
+    newest = Ospa2Accumulator(CUTOFF, order, window)
+    pairs = zip(scans_of(truth), scans_of(estimate), strict=True)
+    return [newest.add(*pair, None)[0] for pair in pairs]
 
 
 track_sets = track_lists.map(gathered)
@@ -127,59 +126,40 @@ def test_gospa_of_empty_sets_counts_the_other():
     assert (found.distance, found.missed, found.false) == (pytest.approx(CUTOFF), 0, 2)
 
 
-def test_track_set_gathers_positions_by_label():
-    found = track_set(
-        [np.array([7, 3]), np.array([], dtype=int), np.array([3])],
-        [np.array([[1.0, 2.0], [3.0, 4.0]]), NONE, np.array([[5.0, 6.0]])],
-    )
-    assert found.track_id.tolist() == [7, 3]
-    assert found.exists.tolist() == [[True, False, False], [True, False, True]]
-    assert found.position[1].tolist() == [[3.0, 4.0], [0.0, 0.0], [5.0, 6.0]]
-
-
-def test_track_set_keeps_unlabelled_positions_apart():
-    found = track_set([np.array([0, 0]), np.array([0])], [np.zeros((2, 2)), np.zeros((1, 2))])
-    assert found.track_id.tolist() == [0, 0, 0]
-    assert found.exists.sum(axis=1).tolist() == [1, 1, 1]
-
-
-def test_track_set_refuses_a_label_twice_in_a_scan():
-    with pytest.raises(ValueError, match="scan 1"):
-        track_set([np.array([1]), np.array([2, 2])], [np.zeros((1, 2)), np.zeros((2, 2))])
+def test_tracks_are_positions_by_label():
+    scans = [([7, 3], [[1.0, 2.0], [3.0, 4.0]]), ([], NONE), ([3], [[5.0, 6.0]])]
+    found = tracks_of([LabelledPoints(np.array(n, dtype=int), np.array(p)) for n, p in scans])
+    none = [np.nan, np.nan]
+    expected = [[[3.0, 4.0], none, [5.0, 6.0]], [[1.0, 2.0], none, none]]
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_track_distances_average_over_the_scans_in_which_either_exists():
     one = gathered([[(0, 0), (0, 0), (0, 0), None]])
     other = gathered([[None, (30, 40), (0, 500), None]])
     # Missing: 100; 50; cut at 100; the last scan has neither.
-    assert track_distances(one, other, CUTOFF, 1.0) == pytest.approx(250.0 / 3.0)
-    assert track_distances(one, other, CUTOFF, 2.0) == pytest.approx(np.sqrt(22500.0 / 3.0))
+    assert track_distances(one, other, CUTOFF) == pytest.approx(250.0 / 3.0)
 
 
 @settings(deadline=None, max_examples=40)
-@given(a=track_sets, order=orders, base=orders)
-def test_ospa2_of_a_set_with_itself_is_zero(a, order, base):
-    assert ospa2(a, a, CUTOFF, order, base).distance == pytest.approx(0.0, abs=1e-9)
-
-
-@settings(deadline=None, max_examples=40)
-@given(a=track_sets, b=track_sets, order=orders, base=orders)
-def test_ospa2_is_symmetric_and_bounded_by_the_cutoff(a, b, order, base):
-    forward, backward = ospa2(a, b, CUTOFF, order, base), ospa2(b, a, CUTOFF, order, base)
+@given(a=track_sets, b=track_sets, order=orders)
+def test_ospa2_is_zero_to_itself_symmetric_and_bounded_by_the_cutoff(a, b, order):
+    assert ospa2(a, a, order).distance == pytest.approx(0.0, abs=1e-9)
+    forward, backward = ospa2(a, b, order), ospa2(b, a, order)
     assert forward.distance == pytest.approx(backward.distance, abs=1e-9)
     assert 0.0 <= forward.distance <= CUTOFF * (1.0 + 1e-12)
 
 
 @settings(deadline=None, max_examples=100)
-@given(a=track_sets, b=track_sets, c=track_sets, order=orders, base=orders)
-def test_ospa2_obeys_the_triangle_inequality(a, b, c, order, base):
-    ab, bc, ac = (ospa2(p, q, CUTOFF, order, base).distance for p, q in ((a, b), (b, c), (a, c)))
+@given(a=track_sets, b=track_sets, c=track_sets, order=orders)
+def test_ospa2_obeys_the_triangle_inequality(a, b, c, order):
+    ab, bc, ac = (ospa2(p, q, order).distance for p, q in ((a, b), (b, c), (a, c)))
     assert ac <= ab + bc + 1e-9
 
 
 @settings(deadline=None, max_examples=40)
 @given(a=track_lists, b=track_lists, order=orders)
-def test_track_window_of_one_scan_is_ospa(a, b, order):
+def test_ospa2_of_one_scan_is_ospa(a, b, order):
     found = over_time(a, b, 1, order)
     pairs = zip(scans_of(a), scans_of(b), strict=True)
     expected = [ospa(t.position, e.position, CUTOFF, order).distance for t, e in pairs]
@@ -191,7 +171,7 @@ def test_ospa2_counts_a_broken_track():
     # matched at c/2, the other is left over.
     whole = gathered([[(0, 0)] * 4])
     broken = gathered([[(0, 0), (0, 0), None, None], [None, None, (0, 0), (0, 0)]])
-    found = ospa2(whole, broken, CUTOFF, 1.0)
+    found = ospa2(whole, broken, 1.0)
     assert found.distance == pytest.approx(75.0)
     assert (found.localization, found.cardinality) == (pytest.approx(25.0), pytest.approx(50.0))
 
@@ -199,37 +179,22 @@ def test_ospa2_counts_a_broken_track():
 def test_ospa2_counts_swapped_labels():
     truth = gathered([[(0, 0)] * 4, [(500, 0)] * 4])
     swapped = gathered([[(0, 0), (0, 0), (500, 0), (500, 0)], [(500, 0), (500, 0), (0, 0), (0, 0)]])
-    assert ospa2(truth, swapped, CUTOFF, 2.0).distance == pytest.approx(50.0)
-    assert ospa2(truth, truth, CUTOFF, 2.0).distance == 0.0
+    assert ospa2(truth, swapped, 2.0).distance == pytest.approx(50.0)
+    assert ospa2(truth, truth, 2.0).distance == 0.0
 
 
-def test_track_window_forgets_what_it_has_left():
+def test_ospa2_is_of_the_scans_in_the_window():
     whole = [[(0, 0)] * 4]
     broken = [[(0, 0), None, None, None], [None, (0, 0), (0, 0), (0, 0)]]
     assert over_time(whole, broken, 2, 1.0) == pytest.approx([0.0, 75.0, 0.0, 0.0])
-
-
-def test_track_window_of_all_scans_is_ospa2():
-    whole = [[(0, 0)] * 4]
-    broken = [[(0, 0), None, None, None], [None, (0, 0), (0, 0), (0, 0)]]
-    expected = ospa2(gathered(whole), gathered(broken), CUTOFF, 2.0).distance
+    expected = ospa2(gathered(whole), gathered(broken), 2.0).distance
     assert over_time(whole, broken, 4, 2.0)[-1] == pytest.approx(expected)
-
-
-def test_track_window_starts_again_once_cleared():
-    there = LabelledPoints(np.array([1]), np.zeros((1, 2)))
-    nothing = LabelledPoints(np.array([], dtype=int), NONE)
-    window = TrackWindow(4)
-    window.add(there, nothing)
-    window.clear()
-    window.add(there, there)
-    assert window.ospa2(CUTOFF, 1.0).distance == 0.0
 
 
 def test_ospa2_of_no_tracks_is_zero_and_of_one_side_the_cutoff():
     empty = gathered([])
-    assert ospa2(empty, empty, CUTOFF, 2.0).distance == 0.0
-    assert ospa2(empty, gathered([[(0, 0)] * SCANS]), CUTOFF, 2.0).distance == CUTOFF
+    assert ospa2(empty, empty, 2.0).distance == 0.0
+    assert ospa2(empty, gathered([[(0, 0)] * SCANS]), 2.0).distance == CUTOFF
 
 
 def confusion(truth, true_class, estimate, estimated_class, classes):

@@ -3,158 +3,69 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray
 
 from ..accumulator import TRACKS, LabelAccumulator, Metric, Values, if_any
 from ..comparison import LabelledPoints, PairedScan
-from ..metrics import Ospa, ospa_of_distances
+from ..metrics import ospa_of_distances
 from ..totals import ratio
 
 # Scans of an OSPA(2) window: one minute of a radar with a turn of 6 s.
 OSPA2_WINDOW = 10
 
 
-@dataclass(frozen=True)
-class TrackSet:
-    """Labelled positions of N tracks in K scans."""
+def tracks_of(scans: Iterable[LabelledPoints]) -> FloatArray:
+    """Return the positions of N tracks in K scans, (N, K, 2), NaN where a track does not exist.
 
-    track_id: IntArray  # (N,)
-    position: FloatArray  # (N, K, 2). Metres; 0 where the track does not exist.
-    exists: BoolArray  # (N, K)
-
-    def __len__(self) -> int:
-        return len(self.exists)
-
-
-def track_set(ids: Sequence[IntArray], positions: Sequence[FloatArray]) -> TrackSet:
-    """Return labelled positions as tracks.
-
-    Parameters
-    ----------
-    ids : sequence of K int arrays of shape (T,)
-        Labels per scan. Every unlabelled position (label 0) is a track of its own.
-    positions : sequence of K arrays of shape (T, 2)
-        Metres.
-
-    Raises
-    ------
-    ValueError
-        If a scan has a label twice.
+    The labels of a scan are distinct.
     """
-    rows: dict[int | tuple[int, int], int] = {}
-    entries = []
-    for scan, (labels, points) in enumerate(zip(ids, positions, strict=True)):
-        named = labels[labels != 0]
-        if len(np.unique(named)) < len(named):
-            raise ValueError(f"ids: scan {scan} has {labels.tolist()}, expected no label twice")
-        for index, (label, point) in enumerate(zip(labels.tolist(), points, strict=True)):
-            row = rows.setdefault(label if label else (scan, index), len(rows))
-            entries.append((row, scan, point))
-    position = np.zeros((len(rows), len(ids), 2))
-    exists = np.zeros((len(rows), len(ids)), dtype=np.bool_)
-    for row, scan, point in entries:
-        position[row, scan], exists[row, scan] = point, True
-    labels = np.array([key if isinstance(key, int) else 0 for key in rows], dtype=np.int64)
-    return TrackSet(labels, position, exists)
+    labels, positions = zip(*scans, strict=True)
+    numbers, row = np.unique(np.concatenate(labels), return_inverse=True)
+    tracks = np.full((len(numbers), len(labels), 2), np.nan)
+    scan = np.repeat(np.arange(len(labels)), [len(label) for label in labels])
+    tracks[row, scan] = np.concatenate(positions)
+    return tracks
 
 
-def track_distances(a: TrackSet, b: TrackSet, cutoff: float, order: float) -> FloatArray:
+def track_distances(a: FloatArray, b: FloatArray, cutoff: float) -> FloatArray:
     """Return the time-averaged distance of each track of `a` to each track of `b`, metres.
 
+    Short, broken and swapped tracks are far from every target's track, so that an OSPA distance
+    of these base distances, OSPA(2), penalises wrong labels as well as wrong positions.
+
     Parameters
     ----------
-    a, b : TrackSet
-        N and M tracks over the same scans.
+    a, b : arrays of shape (N, K, 2) and (M, K, 2)
+        Results of `tracks_of` over the same scans.
     cutoff : float
         c, metres: the upper bound of the distance, and its value where only one track exists.
-    order : float
-        q, at least 1, of the mean over the scans in which at least one track exists.
 
     Returns
     -------
     array of shape (N, M)
-        0 for two tracks that exist in no scan.
-    """
-    a_exists, b_exists = a.exists[:, None, :], b.exists[None, :, :]
-    distance = np.linalg.norm(a.position[:, None] - b.position[None, :], axis=-1)
-    distance = np.where(a_exists & b_exists, np.minimum(distance, cutoff), cutoff)
-    either = a_exists | b_exists
-    total = (distance**order * either).sum(axis=-1)
-    mean: FloatArray = (total / np.maximum(either.sum(axis=-1), 1)) ** (1.0 / order)
-    return mean
-
-
-def ospa2(
-    truth: TrackSet, estimate: TrackSet, cutoff: float, order: float, track_order: float = 1.0
-) -> Ospa:
-    """Return the OSPA(2) distance of two sets of tracks over all their scans.
-
-    Short, broken and swapped tracks are far from every target's track, so that the distance
-    penalises wrong labels as well as wrong positions.
-
-    Parameters
-    ----------
-    truth, estimate : TrackSet
-        Tracks over the same scans.
-    cutoff : float
-        c, metres.
-    order : float
-        p: order of the assignment of tracks.
-    track_order : float
-        q: order of the distance between two tracks.
+        Means over the scans in which at least one track exists; 0 for two tracks that exist in
+        no scan.
 
     References
     ----------
     Beard, Vo and Vo, "OSPA(2): Using the OSPA metric to evaluate multi-target tracking
     performance", International Conference on Control, Automation and Information Sciences, 2017;
     Beard, Vo and Vo, "A solution for large-scale multi-object tracking", IEEE Transactions on
-    Signal Processing 68, 2020, with the order q and windows.
+    Signal Processing 68, 2020, with the order q, here 1, and windows.
     """
-    return ospa_of_distances(track_distances(truth, estimate, cutoff, track_order), cutoff, order)
-
-
-class TrackWindow:
-    """The labelled positions of the newest scans, for an OSPA(2) distance over a sliding window.
-
-    Parameters
-    ----------
-    scans : int
-        Length of the window, at least 1. With 1 the OSPA(2) distance is the OSPA distance.
-    """
-
-    def __init__(self, scans: int) -> None:
-        self._scans: deque[tuple[LabelledPoints, LabelledPoints]] = deque(maxlen=scans)
-
-    def add(self, truth: LabelledPoints, estimate: LabelledPoints) -> None:
-        """Add the next scan; if the window is full, the oldest one is removed."""
-        self._scans.append((truth, estimate))
-
-    def clear(self) -> None:
-        """Remove all scans."""
-        self._scans.clear()
-
-    def ospa2(self, cutoff: float, order: float, track_order: float = 1.0) -> Ospa:
-        """Return the distance over the window, see `ospa2`.
-
-        Raises
-        ------
-        ValueError
-            If a scan has a label twice.
-        """
-        truth, estimate = (
-            track_set([points.label for points in side], [points.position for points in side])
-            for side in zip(*self._scans, strict=True)
-        )
-        return ospa2(truth, estimate, cutoff, order, track_order)
+    distance = np.linalg.norm(a[:, None] - b[None, :], axis=-1)
+    distance = np.where(np.isnan(distance), cutoff, np.minimum(distance, cutoff))
+    either = ~np.isnan(a[:, None, :, 0]) | ~np.isnan(b[None, :, :, 0])
+    mean: FloatArray = (distance * either).sum(axis=-1) / np.maximum(either.sum(axis=-1), 1)
+    return mean
 
 
 class Ospa2Accumulator(LabelAccumulator):
-    """The OSPA(2) distance over the window."""
+    """The OSPA(2) distance over the window; with one scan it is the OSPA distance."""
 
     names = ("ospa2",)
     metrics = (
@@ -172,15 +83,17 @@ class Ospa2Accumulator(LabelAccumulator):
         ),
     )
 
-    def __init__(self, cutoff: float, order: float) -> None:
+    def __init__(self, cutoff: float, order: float, window: int = OSPA2_WINDOW) -> None:
         super().__init__(cutoff, order)
-        self._window = TrackWindow(OSPA2_WINDOW)
+        self._scans: deque[tuple[LabelledPoints, LabelledPoints]] = deque(maxlen=window)
 
     def clear(self) -> None:
         """Remove all scans."""
-        self._window.clear()
+        self._scans.clear()
 
     def add(self, truth: LabelledPoints, estimate: LabelledPoints, scan: PairedScan) -> Values:
         """Return the distance over the newest scans."""
-        self._window.add(truth, estimate)
-        return (self._window.ospa2(self.cutoff, self.order).distance,)
+        self._scans.append((truth, estimate))
+        true, estimated = map(tracks_of, zip(*self._scans, strict=True))
+        distance = track_distances(true, estimated, self.cutoff)
+        return (ospa_of_distances(distance, self.cutoff, self.order).distance,)
