@@ -8,7 +8,7 @@ Not part of the installed package. The data's path::
     forms       the paper's dense smoother and a k-d tree's    -> baselines
     timing      interleaved rounds, medians, memory
       |
-    smoothing, growth, steps, step_growth, messages, peers, live, turning, searches,
+    smoothing, growth, steps, step_growth, messages, peers, live, turning,
     asterix_rates (asterix_latency)
       |
     goals -> report (tables), plots, out/bench/summary.json

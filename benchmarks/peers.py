@@ -74,5 +74,5 @@ def _smc(config: TrackerConfig, quick: bool) -> dict[str, Any]:
     except ImportError as error:
         return {"value": None, "reason": str(error)}
     scene = replace(paper_scenario(config.model.radars), scans=SMC_SCANS)
-    each = stone_soup_smc.step_times_ms(simulated_run(scene, 0).scans, config, SMC_TARGETS)
+    each = stone_soup_smc.step_times_ms(simulated_run(scene, 0), config, SMC_TARGETS)
     return {"median_ms": float(np.median(each)), "scans_ms": each}

@@ -38,8 +38,6 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
         yield from _steps(summary["steps"])
     if "step_growth" in summary:
         yield _step_growth(summary["step_growth"])
-    if "searches" in summary:
-        yield _searches(summary["searches"])
     if "peers" in summary:
         yield _peers(summary["peers"])
     if "parts" in summary.get("messages", {}):
@@ -156,20 +154,6 @@ def _step_growth(growth: Mapping[str, Any]) -> Table:
         (row(name, form) for name, form in growth["forms"].items()),
         f"at most held with {growth['memory']['targets']} targets and a lag of 5: {memory}",
     )
-
-
-def _searches(found: Mapping[str, Any]) -> Table:
-    table = simple_table(
-        "a backward kernel by each search",
-        ("search", "pairs", "targets", "CPU"),
-        caption="within origins: the default corrector; anywhere: the PHD filter's, with spawning",
-    )
-    for place, sizes in found.items():
-        for targets, ways in sizes.items():
-            for name, times in ways.items():
-                table.add_row(escape(name), place, targets, _ms(times["median_ms"]))
-            table.add_section()
-    return table
 
 
 def _peers(peers: Mapping[str, Any]) -> Table:

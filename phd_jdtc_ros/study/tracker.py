@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.tracks.confirmation import TrackStates
 from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule
-from phd_jdtc_ros.core.types import Estimates, Scan
+from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.core.window.entries import Entry
 from phd_jdtc_ros.core.window.forward_filter import ForwardFilter
 from phd_jdtc_ros.evaluation.comparison import PointSet
@@ -124,30 +124,6 @@ def track(
         if longest:
             _read_window(window, index, readers, parts)
     return {reader.reading.label: reader.tracks() for reader in readers}
-
-
-def posteriors(
-    scans: Sequence[Scan], config: TrackerConfig, lags: Sequence[int], least: float
-) -> dict[int, list[Estimates]]:
-    """Return every target whose existence probability is above `least`, by lag, confirmed or not.
-
-    The list of lag l has the estimates at the scans 0, 1 and so on, except at the last l ones.
-    """
-    parts, reading = PARTS[config.engine](config), Reading("", "bernoulli", "components")
-    rng = {lag: np.random.default_rng([config.seed, 1, lag]) for lag in lags}
-    found: dict[int, list[Estimates]] = {lag: [] for lag in lags}
-    window: list[Entry[Any, Any]] = []
-    for index, scan in enumerate(scans):
-        step = parts.forward.step(scan, linked=max(lags) > 0)
-        window = [*window, step.entry][-(max(lags) + 1) :]
-        # The filtered set is the one before its reduction, as in `track`.
-        stored = [step.updated, *list(parts.backward(window, reading.death_term))[1:]]
-        for lag in lags:
-            if lag < len(stored):
-                stamp_ns = scans[index - lag].stamp_ns
-                of_lag = parts.extract(stored[lag], reading, stamp_ns, lag, least, rng[lag])
-                found[lag].append(of_lag)
-    return found
 
 
 def _read_window(window: Window, newest: int, readers: Sequence[_Reader], parts: _Parts) -> None:

@@ -20,9 +20,10 @@ from rich.table import Table
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.arrays import BoolArray
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Truth
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Scan, Truth
+from phd_jdtc_ros.core.window.entries import Entry
 from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.study.tracker import posteriors
+from phd_jdtc_ros.study.tracker import PARTS, Reading
 
 from ..runner import Figures, Goal, Study, goal, table
 from .diagram import ENOUGH, TOLERANCE, draw
@@ -68,6 +69,30 @@ def measure(arguments: argparse.Namespace, seed: int) -> Figures:
 
 def _stored(sums: Reliability | Errors) -> dict[str, list[float]]:
     return {name: column.tolist() for name, column in sums._asdict().items()}
+
+
+def posteriors(
+    scans: Sequence[Scan], config: TrackerConfig, lags: Sequence[int], least: float
+) -> dict[int, list[Estimates]]:
+    """Return every target whose existence probability is above `least`, by lag, confirmed or not.
+
+    The list of lag l has the estimates at the scans 0, 1 and so on, except at the last l ones.
+    """
+    parts, reading = PARTS[config.engine](config), Reading("", "bernoulli", "components")
+    rng = {lag: np.random.default_rng([config.seed, 1, lag]) for lag in lags}
+    found: dict[int, list[Estimates]] = {lag: [] for lag in lags}
+    window: list[Entry[Any, Any]] = []
+    for index, scan in enumerate(scans):
+        step = parts.forward.step(scan, linked=max(lags) > 0)
+        window = [*window, step.entry][-(max(lags) + 1) :]
+        # The filtered set is the one before its reduction, as in `track`.
+        stored = [step.updated, *list(parts.backward(window, reading.death_term))[1:]]
+        for lag in lags:
+            if lag < len(stored):
+                stamp_ns = scans[index - lag].stamp_ns
+                of_lag = parts.extract(stored[lag], reading, stamp_ns, lag, least, rng[lag])
+                found[lag].append(of_lag)
+    return found
 
 
 def _covered(truth: Truth, config: TrackerConfig) -> BoolArray:

@@ -19,7 +19,6 @@ from benchmarks import (
     messages,
     recursion,
     scenes,
-    searches,
     sector_latency,
     smoothing,
     step_growth,
@@ -91,18 +90,6 @@ def test_other_forms_are_the_dense_one(window, death_term):
         found = forms.smooth(window.stored, *window.assumed, death_term, form)
         rtol, atol = (1e-4, 1e-9) if form is forms.k_d_tree else (1e-6, 1e-12)
         assert_allclose(found.weight, exact, rtol=rtol, atol=atol * exact.sum())
-
-
-@pytest.mark.parametrize("place", searches.PLACES)
-@pytest.mark.parametrize("search", [searches.GRID, searches.SWEEP])
-def test_both_searches_build_the_same_kernel(place, search):
-    window = recursion.window(4, 100, 1, seed=0, engine=searches.PLACES[place])
-    expected = backward_kernel.build(*window.stored, *window.assumed).ratio.toarray()
-    with searches.searching(search, place):
-        found = backward_kernel.build(*window.stored, *window.assumed).ratio.toarray()
-
-    assert np.count_nonzero(expected) > 300
-    assert_allclose(found, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["200 targets", "1000 targets"])
