@@ -147,14 +147,6 @@ def test_plots_and_crossings_may_come_from_different_sources():
     assert len(found) == 64
 
 
-def test_times_go_on_over_midnight():
-    stream = PlotStream({})
-    data = made.turns(6, start_s=86_400.0 - 12.0, seen=SEEN)
-    stamps = [report.stamp_ns for _, report in ended(stream, fed(stream, data))]
-    np.testing.assert_array_equal(np.diff(stamps), NS // 8)
-    assert stamps[-1] == (86_400 + 12) * NS
-
-
 def test_first_messages_of_a_wrong_clock_have_the_shift_of_all():
     stream = PlotStream({})
     found = []

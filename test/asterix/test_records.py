@@ -95,29 +95,6 @@ def test_a_real_capture_has_the_plots_that_another_decoder_reads():
     assert (plots, services) == (126, 34)
 
 
-@pytest.mark.parametrize(
-    ("quarters", "feet"), [(-40, -1000.0), (0, 0.0), (1400, 35_000.0), (-8192, -204_800.0)]
-)
-def test_height_is_the_flight_level_below_zero_too(quarters, feet):
-    assert one(i090=(0, 0, quarters)).height == pytest.approx(feet * FOOT)
-
-
-def test_height_is_measured_where_the_level_is_not_usable():
-    for validity in ((1, 0), (0, 1)):
-        assert math.isnan(one(i090=(*validity, 400)).height)
-        assert one(i090=(*validity, 400), i110=(0, -40)).height == pytest.approx(-1000 * FOOT)
-    assert one(i090=(0, 0, 400), i110=(0, 100)).height == pytest.approx(10_000 * FOOT)
-
-
-@pytest.mark.parametrize("code", [0, 0o7777, 0o7700])
-def test_code_is_known_unless_garbled_or_not_validated(code):
-    # The last bit marks the code of the radar's own track.
-    assert one(i070=(0, 0, 0, 0, code)).code == code
-    assert one(i070=(0, 0, 1, 0, code)).code == code
-    assert one(i070=(1, 0, 0, 0, code)).code == NONE
-    assert one(i070=(0, 1, 0, 0, code)).code == NONE
-
-
 def test_address_zero_is_unknown():
     assert one(i220=0).address == NONE
     assert one(i220=0xFFFFFF).address == 0xFFFFFF

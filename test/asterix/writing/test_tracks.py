@@ -140,11 +140,6 @@ def test_ages_are_those_of_the_sensors_that_saw_the_track(given, ages):
     assert value(record, "I290", "TRK", "TRK") == 60.0
 
 
-@pytest.mark.parametrize("code", [0, 0o7777])
-def test_codes_at_both_ends_are_codes(code):
-    assert int(value(one(replace(PLAIN, code=code)), "I060", "Mode3A"), 8) == code
-
-
 def test_values_beyond_an_item_are_its_largest():
     far = replace(
         PLAIN,
@@ -161,12 +156,6 @@ def test_values_beyond_an_item_are_its_largest():
     assert (value(record, "I185", "Vx"), value(record, "I185", "Vy")) == (8191.75, -8192.0)
     assert value(record, "I290", "PSR", "PSR") == 63.75
     assert value(record, "I500", "APC", "APC_X") == 32767.5
-
-
-def test_pressure_altitude_below_zero_is_valid():
-    record = one(replace(PLAIN, height=-1000 * FOOT))
-    assert value(record, "I136", "MFL") == -1000.0
-    assert value(record, "I135", "CTBA") == -1000.0
 
 
 def test_time_just_before_midnight_is_not_a_day_of_one_tick_more():

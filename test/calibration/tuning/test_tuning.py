@@ -47,9 +47,10 @@ TURNING = {
 }
 
 
-def standing(seed=3, scans=60):
+@pytest.fixture(scope="module")
+def standing():
     config = small(STANDING)
-    run = list(simulate(replace(paper_scenario(config.model.radars), scans=scans), seed))
+    run = list(simulate(replace(paper_scenario(config.model.radars), scans=60), 3))
     return config, [
         plots_of([(scan.stamp_ns, scan.detections[index]) for _, scan in run]) for index in (0, 1)
     ]
@@ -69,7 +70,7 @@ def flights(count, seed):
     return tuple(found)
 
 
-def turning(seed=5, count=8, seconds=150, **given):
+def turning(seed=5, count=5, seconds=100, **given):
     config = resolve({**TURNING, **given})
     scene = Scenario(10**12, 1.0, seconds + 1, flights(count, seed), config.model.radars)
     reports = simulate_reports(scene, config.inputs, seed)
@@ -84,8 +85,8 @@ def assert_estimated(found, radar, probability):
     assert radar.clutter_rate / 1.5 < found.clutter.value < 1.5 * radar.clutter_rate
 
 
-def test_parameters_of_a_stationary_radar_are_estimated_from_its_plots():
-    config, recorded = standing()
+def test_parameters_of_a_stationary_radar_are_estimated_from_its_plots(standing):
+    config, recorded = standing
     for radar, plots in zip(config.model.radars, recorded, strict=True):
         found = findings(plots)
         assert_estimated(found, radar, 0.985)
@@ -128,12 +129,6 @@ def test_land_is_proposed_to_be_mapped(estimated):
     config, found = estimated
     assert "clutter_map" not in rows_of(estimated)
     assert rows_of((config, replace(found, land=0.5)))["clutter_map"].value is True
-
-
-def test_findings_are_the_same_twice():
-    plots = one_target(count=40)
-    one, other = findings(plots), findings(plots)
-    assert (one.noise.range_std, one.tracks) == (other.noise.range_std, other.tracks)
 
 
 # Turns.
@@ -266,8 +261,8 @@ def test_amplitudes_separate_targets_from_clutter_if_there_are_some():
     assert not log_ratio(plots, plots, Tracks((), 0.0)).any()
 
 
-def test_parameters_of_a_moving_radar_are_estimated_as_well():
-    config, recorded = standing()
+def test_parameters_of_a_moving_radar_are_estimated_as_well(standing):
+    config, recorded = standing
     radar, still = config.model.radars[0], recorded[0]
     drift = np.stack([8.0 * still.time_s, -5.0 * still.time_s, 0.002 * still.time_s], axis=1)
     reports = []
@@ -306,7 +301,7 @@ def test_insufficient_recordings_name_what_is_missing():
 
 @pytest.fixture(scope="module")
 def estimated():
-    config, plots = turning(seconds=100, count=5)
+    config, plots = turning()
     return config, findings(plots)
 
 
@@ -339,31 +334,29 @@ def test_a_rate_that_is_learned_stays_so(estimated):
     assert (row.now, row.proposed) == ("auto", False)
 
 
-@pytest.mark.parametrize("start", ["auto", "auto 0.5"])
-def test_a_learned_detection_probability_becomes_what_was_found(estimated, start):
-    row = rows_of(estimated, detection_probability=start)["detection_probability"]
-    assert row.proposed
-    assert row.value == pytest.approx(0.85, abs=0.06)
+FOUND, TABLE = pytest.approx(0.85, abs=0.06), [0.0, 0.9, 8e4, 0.8]
 
 
-def test_a_learned_table_that_agrees_stays_without_learning(estimated):
-    given = {"detection_probability": "auto 0 0.9 80000 0.8"}
-    row = rows_of(estimated, **given)["detection_probability"]
-    assert (row.proposed, row.value) == (True, [0.0, 0.9, 8e4, 0.8])
+@pytest.mark.parametrize(
+    ("given", "proposed", "value"),
+    [
+        ("auto", True, FOUND),
+        ("auto 0.5", True, FOUND),
+        ("auto 0 0.9 80000 0.8", True, TABLE),
+        (TABLE, False, FOUND),
+        ([0.0, 0.5, 8e4, 0.4], True, FOUND),
+    ],
+    ids=["learned", "learned from", "learned table", "table that agrees", "other table"],
+)
+def test_a_detection_probability_is_proposed_unless_it_agrees(estimated, given, proposed, value):
+    row = rows_of(estimated, detection_probability=given)["detection_probability"]
+    assert (row.proposed, row.value) == (proposed, value)
 
 
 def test_learned_noise_becomes_what_was_found(estimated):
     row = rows_of(estimated, range_std="auto 70")["range_std"]
     assert row.proposed
     assert isinstance(row.value, float)
-
-
-def test_a_table_that_agrees_stays_and_another_is_replaced(estimated):
-    table = "detection_probability"
-    near = {"detection_probability": 0.0, table: [0.0, 0.9, 8e4, 0.8]}
-    assert not rows_of(estimated, **near)["detection_probability"].proposed
-    far = {"detection_probability": 0.0, table: [0.0, 0.5, 8e4, 0.4]}
-    assert rows_of(estimated, **far)["detection_probability"].proposed
 
 
 def test_unspecified_tracker_is_one_that_the_configuration_takes(estimated):
