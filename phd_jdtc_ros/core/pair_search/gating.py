@@ -22,13 +22,42 @@ MOST_AZIMUTH_CELLS = 256
 MARGIN = 1.0 + 1e-9
 
 
-class CellLists(NamedTuple):
-    """The detections near each cell."""
+class Cells(NamedTuple):
+    """Cells of range and azimuth."""
 
     # Number of cells in azimuth and in range. One further, empty cell in range stands for all
     # longer ranges.
     shape: tuple[int, int]
     range_width: float  # Extent of a cell in range, metres
+
+    def of(self, measured: FloatArray) -> IntArray:
+        """Return the cell of each (range, azimuth in (-pi, pi]) row, shape (N,)."""
+        azimuths, ranges = self.shape
+        azimuth_cell = ((measured[:, 1] + np.pi) * (azimuths / FULL_TURN)).astype(np.int64)
+        range_cell = np.minimum(measured[:, 0] / self.range_width, ranges).astype(np.int64)
+        cell: IntArray = np.minimum(azimuth_cell, azimuths - 1) * (ranges + 1) + range_cell
+        return cell
+
+
+class _Gates(NamedTuple):
+    """Gates of detections, each with the cells from `first` to `last` that it touches, (G,).
+
+    Detections are repeated one turn to either side: gates across +-pi are no special case.
+    """
+
+    detection: IntArray
+    range: FloatArray
+    azimuth: FloatArray
+    first_azimuth: IntArray
+    last_azimuth: IntArray
+    first_range: IntArray
+    last_range: IntArray
+
+
+class CellLists(NamedTuple):
+    """The detections near each cell."""
+
+    cells: Cells
     start: IntArray  # Index in the lists at which each cell begins, (cells + 1,)
     detection: IntArray  # Ascending in every cell, (L,)
     # `range`, `azimuth`: (L,). Range and azimuth of that detection, metres and radians. The azimuth
@@ -37,14 +66,6 @@ class CellLists(NamedTuple):
     range: FloatArray
     azimuth: FloatArray
 
-    def cell_of(self, measured: FloatArray) -> IntArray:
-        """Return the cell of each (range, azimuth in (-pi, pi]) row, shape (N,)."""
-        azimuths, ranges = self.shape
-        azimuth_cell = ((measured[:, 1] + np.pi) * (azimuths / FULL_TURN)).astype(np.int64)
-        range_cell = np.minimum(measured[:, 0] / self.range_width, ranges).astype(np.int64)
-        cell: IntArray = np.minimum(azimuth_cell, azimuths - 1) * (ranges + 1) + range_cell
-        return cell
-
     def in_sigmas(
         self, std: FloatArray, azimuth_gate: float
     ) -> tuple[FloatArray, FloatArray, float]:
@@ -52,22 +73,13 @@ class CellLists(NamedTuple):
         return self.range / std[0], self.azimuth / std[1], azimuth_gate / float(std[1])
 
 
-def cell_lists(measured: FloatArray, range_gate: float, azimuth_gate: float) -> CellLists:
-    """List detections by cell.
-
-    Parameters
-    ----------
-    measured : array of shape (M, 2)
-        (range, azimuth in (-pi, pi]).
-    range_gate, azimuth_gate : float
-        Half widths of the gate, metres and radians; the latter at most pi.
-    """
+def _gates(measured: FloatArray, range_gate: float, azimuth_gate: float) -> tuple[Cells, _Gates]:
+    """Return the cells for detections, and their gates; for the parameters see `cell_lists`."""
     top = float(measured[:, 0].max(initial=0.0)) + range_gate * MARGIN
     ranges = int(np.clip(np.ceil(2.0 * top / range_gate), 1, MOST_RANGE_CELLS))
     azimuths = int(np.clip(2.0 * FULL_TURN / azimuth_gate, 1, MOST_AZIMUTH_CELLS))
     range_width = top / ranges
 
-    # Detections are repeated one turn to either side: gates across +-pi are no special case.
     detection = np.repeat(np.arange(len(measured)), 3)
     distance = measured[detection, 0]
     azimuth = (measured[:, 1:] + np.array([-FULL_TURN, 0.0, FULL_TURN])).ravel()
@@ -82,23 +94,51 @@ def cell_lists(measured: FloatArray, range_gate: float, azimuth_gate: float) -> 
     reach = range_gate * MARGIN
     first_range = (np.maximum(distance - reach, 0.0) / range_width).astype(np.int64)
     last_range = np.minimum((distance + reach) / range_width, ranges - 1).astype(np.int64)
+    touched = first_azimuth, last_azimuth, first_range, last_range
+    return Cells((azimuths, ranges), range_width), _Gates(detection, distance, azimuth, *touched)
 
-    across = last_range - first_range + 1
-    size = across * (last_azimuth - first_azimuth + 1)
+
+def cell_lists(measured: FloatArray, range_gate: float, azimuth_gate: float) -> CellLists:
+    """List detections by cell.
+
+    Parameters
+    ----------
+    measured : array of shape (M, 2)
+        (range, azimuth in (-pi, pi]).
+    range_gate, azimuth_gate : float
+        Half widths of the gate, metres and radians; the latter at most pi.
+    """
+    cells, gates = _gates(measured, range_gate, azimuth_gate)
+    azimuths, ranges = cells.shape
+    across = gates.last_range - gates.first_range + 1
+    size = across * (gates.last_azimuth - gates.first_azimuth + 1)
     entry = np.repeat(np.arange(len(size)), size)
     within = np.arange(len(entry)) - (np.cumsum(size) - size)[entry]
-    azimuth_cell = first_azimuth[entry] + within // across[entry]
-    cell = azimuth_cell * (ranges + 1) + first_range[entry] + within % across[entry]
+    azimuth_cell = gates.first_azimuth[entry] + within // across[entry]
+    cell = azimuth_cell * (ranges + 1) + gates.first_range[entry] + within % across[entry]
     entry = entry[np.argsort(cell, kind="stable")]
     number = np.bincount(cell, minlength=azimuths * (ranges + 1))
-    return CellLists(
-        shape=(azimuths, ranges),
-        range_width=range_width,
-        start=np.concatenate([[0], np.cumsum(number)]),
-        detection=detection[entry],
-        range=distance[entry],
-        azimuth=azimuth[entry],
-    )
+    start = np.concatenate([[0], np.cumsum(number)])
+    return CellLists(cells, start, gates.detection[entry], gates.range[entry], gates.azimuth[entry])
+
+
+def count_near(
+    measured: FloatArray, range_gate: float, azimuth_gate: float, predicted: FloatArray
+) -> int:
+    """Return the number of entries in the lists of the cells of points, (N, 2), without lists.
+
+    For the other parameters see `cell_lists`.
+    """
+    cells, gates = _gates(measured, range_gate, azimuth_gate)
+    azimuths, ranges = cells.shape
+    # Every gate adds one from the corner of its first cell on, and takes it beyond its last cells.
+    steps = np.zeros((azimuths + 1, ranges + 1), dtype=np.int64)
+    np.add.at(steps, (gates.first_azimuth, gates.first_range), 1)
+    np.add.at(steps, (gates.last_azimuth + 1, gates.first_range), -1)
+    np.add.at(steps, (gates.first_azimuth, gates.last_range + 1), -1)
+    np.add.at(steps, (gates.last_azimuth + 1, gates.last_range + 1), 1)
+    count = steps.cumsum(axis=0).cumsum(axis=1)
+    return int(count.ravel().take(cells.of(predicted)).sum())
 
 
 def near_detections(
@@ -124,7 +164,7 @@ def near_detections(
     square : array of shape (P,)
         Square distance in standard deviations.
     """
-    cell = lists.cell_of(predicted)
+    cell = lists.cells.of(predicted)
     count = np.diff(lists.start).take(cell)
     owner = np.flatnonzero(count)
     count, begin = count.take(owner), lists.start.take(cell.take(owner))

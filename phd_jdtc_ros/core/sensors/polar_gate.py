@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, wrap_angle
-from ..pair_search.gating import CellLists, cell_lists, near_detections
+from ..pair_search.gating import CellLists, cell_lists, count_near, near_detections
 from ..types import Detections
 
 # Radius of the gates in standard deviations; there the likelihood is 1e-8 of its peak.
@@ -73,13 +73,23 @@ def gated_pairs(
 
 def candidate_count(predicted: FloatArray, detections: Detections, noise_std: FloatArray) -> int:
     """Return the number of candidate pairs of `gated_pairs`; about twice the pairs in the gate."""
-    lists, _ = _lists(detections, noise_std)
-    return int(np.diff(lists.start).take(lists.cell_of(predicted)).sum())
+    gates = DETECTION_GATE_SIGMA * float(noise_std[0]), _azimuth_gate(noise_std)
+    return count_near(_wrapped(detections), *gates, predicted)
 
 
 def _lists(detections: Detections, std: FloatArray) -> tuple[CellLists, float]:
     """Return the detections by cell, and the half width of the gate in azimuth."""
-    gate = min(DETECTION_GATE_SIGMA * float(std[1]), np.pi)
-    measured = detections.measurement.copy()
+    gate = _azimuth_gate(std)
+    return cell_lists(_wrapped(detections), DETECTION_GATE_SIGMA * float(std[0]), gate), gate
+
+
+def _azimuth_gate(std: FloatArray) -> float:
+    """Return the half width of the gate in azimuth."""
+    return min(DETECTION_GATE_SIGMA * float(std[1]), np.pi)
+
+
+def _wrapped(detections: Detections) -> FloatArray:
+    """Return the measurements with azimuths in (-pi, pi]."""
+    measured: FloatArray = detections.measurement.copy()
     measured[:, 1] = wrap_angle(measured[:, 1])
-    return cell_lists(measured, DETECTION_GATE_SIGMA * float(std[0]), gate), gate
+    return measured
