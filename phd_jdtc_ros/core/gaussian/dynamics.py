@@ -24,21 +24,21 @@ MOST_INTERVALS = 256
 
 
 class Interval(NamedTuple):
-    """What happens to targets in some time."""
+    """What happens to targets in some time; the first axis of the arrays is of intervals."""
 
-    survival: FloatArray  # Probability to survive, by motion mode before, (R,)
-    # Probability to survive and to change from the one mode of a pair to the other, (K,).
+    survival: FloatArray  # Probability to survive, by motion mode before, (1, R)
+    # Probability to survive and to change from the one mode of a pair to the other, (1, K).
     change: FloatArray
-    noise: FloatArray  # Process noise, by motion mode after, (R, D, D)
-    # (R, D, D). Matrix of each motion mode; of a turn, that of the turn rate 0.
+    noise: FloatArray  # Process noise, by motion mode after, (1, R, D, D)
+    # (1, R, D, D). Matrix of each motion mode; of a turn, that of the turn rate 0.
     transition: FloatArray
     # (C, S, S). Matrix of each class's cells of SNR, [from, to]; None if no cell is left.
     snr: FloatArray | None
 
     @property
     def by_mode(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Change, noise, transition and survival."""
-        return self.change, self.noise, self.transition, self.survival
+        """The columns but for `snr`."""
+        return self.survival, self.change, self.noise, self.transition
 
 
 @dataclass(frozen=True)
@@ -166,8 +166,9 @@ class Dynamics:
             of, to = self.pairs
             survival = self.survival(dt)
             change = self.transition(dt)[of, to] * survival[of]
-            noise, snr = self.noise(dt), self.cells.transition(dt)
-            known[dt] = Interval(survival, change, noise, self._matrices(dt), snr)
+            noise, matrices = self.noise(dt)[None], self._matrices(dt)[None]
+            snr = self.cells.transition(dt)
+            known[dt] = Interval(survival[None], change[None], noise, matrices, snr)
         return known[dt]
 
     def _matrices(self, dt: float) -> FloatArray:

@@ -38,6 +38,19 @@ def _sums(targets: int, target: Int1, weight: Float3) -> tuple[FloatArray, Float
     return mode_weight, mass, existence
 
 
+@compiled
+def _runs(row_label: Int1) -> tuple[IntArray, IntArray]:
+    """Return the label of each run of equal labels, and the run of each row."""
+    label, run = np.empty(len(row_label), np.int64), np.empty(len(row_label), np.int64)
+    found = 0
+    for row in range(len(row_label)):
+        if row == 0 or row_label[row] != row_label[row - 1]:
+            label[found] = row_label[row]
+            found += 1
+        run[row] = found - 1
+    return label[:found], run
+
+
 @dataclass(frozen=True)
 class Mixture(ReadOnly):
     """A labelled multi-Bernoulli density whose targets are mixtures of Gaussians.
@@ -70,6 +83,9 @@ class Mixture(ReadOnly):
 
     @cached_property
     def _targets(self) -> tuple[IntArray, IntArray]:
+        label, target = _runs(self.row_label)
+        if (label[1:] > label[:-1]).all():
+            return label, target
         return factorize(self.row_label)
 
     @property

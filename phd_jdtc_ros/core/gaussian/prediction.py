@@ -157,10 +157,8 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
     dt_of = np.array([dt for _, dt in earlier])
     intervals = [dynamics.over(dt) for _, dt in earlier]
-    change, noise, transition, survival = (
-        np.array(column)
-        for column in zip(*(interval.by_mode for interval in intervals), strict=True)
-    )
+    columns = zip(*(interval.by_mode for interval in intervals), strict=True)
+    survival, change, noise, transition = map(_joined, columns)
     found: tuple[Any, ...] = _predicted(
         *(*before.gaussians, before.mode_weight, source, *dynamics.pairs, dynamics.turns, dt_of),
         *(change, noise, transition),
@@ -170,12 +168,16 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
         _diffused(part.mixture.snr, interval.snr)
         for part, interval in zip(earlier, intervals, strict=True)
     ]
-    snr = diffused[0] if len(diffused) == 1 else np.concatenate(diffused)
     of_row = change.take(source, axis=0), survival.take(source, axis=0)
     return (
-        Mixture(before.row_label, weight, mean, covariance, snr),
+        Mixture(before.row_label, weight, mean, covariance, _joined(diffused)),
         Moves(dynamics.pairs, *of_row, *of_pairs),
     )
+
+
+def _joined(parts: Sequence[FloatArray]) -> FloatArray:
+    """Return arrays concatenated into one."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _diffused(snr: FloatArray, transition: FloatArray | None) -> FloatArray:
@@ -219,7 +221,7 @@ def spawn(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least: f
         rate = min(model.spawn.rate * dt / model.modes.interval_s, 1.0)
         columns = _spawned(
             *(rate, least, dt, mixture.target, mixture.existence, *mixture.gaussians),
-            *(*dynamics.spawned, dynamics.over(dt).transition, dynamics.turns),
+            *(*dynamics.spawned, dynamics.over(dt).transition[0], dynamics.turns),
         )
         count = len(columns[0])
         if count:

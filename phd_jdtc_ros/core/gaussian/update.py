@@ -201,16 +201,19 @@ class PriorMixture:
         p(z) / psi(z).
         """
         readings = self.report.project_as(pairs.projected)
-        gated = self._likelihoods(pairs, evidence, self._coarse(pairs, readings), log_other)
-        counted = likely(self.mixture, self.missed, gated)
-        pairs = pairs.take(counted)
+        factor = self._log_factor(pairs, evidence)
+        coarse = self._coarse(pairs, readings), self.amplitudes.largest, factor, log_other
+        gated = PairLikelihoods(pairs.row, pairs.column, *coarse)
+        counted, amplitude = likely(self.mixture, self.missed, gated, self.amplitudes.relative)
+        pairs, factor = pairs.take(counted), factor.take(counted)
         evidence = None if evidence is None else evidence.take(counted)
 
         found = iterated_update(self.mixture, pairs.row, pairs.projected_index, readings)
         located = found.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
-        likelihoods = gated.take(counted)._replace(measurement=located)
+        exact = located, self.amplitudes.largest, factor, log_other
         association = associate(
-            self.mixture, self.missed, self.detectable, likelihoods, self.steps.bounds
+            *(self.mixture, self.missed, self.detectable, amplitude),
+            *(PairLikelihoods(pairs.row, pairs.column, *exact), self.steps.bounds),
         )
         return Posterior(
             rows=self._branch(association, pairs, found),
@@ -233,44 +236,35 @@ class PriorMixture:
         rough = coarse_rates(self.mixture, pairs.row, pairs.projected_index, rates, readings.sensor)
         return pairs.log_likelihood + rough
 
-    def _likelihoods(
-        self,
-        pairs: Paired,
-        evidence: Evidence | None,
-        log_likelihood: FloatArray,
-        log_other: FloatArray,
-    ) -> PairLikelihoods:
-        """Return the log likelihoods of pairs, given those of the measurement alone, (P, R)."""
+    def _log_factor(self, pairs: Paired, evidence: Evidence | None) -> FloatArray:
+        """Return the log likelihoods of pairs besides measurement and amplitude, (P,)."""
         factor = np.zeros(len(pairs.row)) if evidence is None else evidence.log_factor
         if self._unseen is not None:
             mean = self._mean(self._unseen)
             factor = factor + np.log(np.maximum(mean, TINY)).take(pairs.row)
-        by_class = self.amplitudes.by_class(self.mixture.snr, pairs.row, pairs.column)
         if self.report.last_looks is not None:
             own, usual = self._mean(self._probability.by_class), self._mean(self._usual.by_class)
             ratio = np.maximum(own / np.maximum(usual, TINY), TINY)
             factor = factor + np.log(ratio).take(pairs.row)
-        return PairLikelihoods(
-            *(pairs.row, pairs.column, log_likelihood, self.amplitudes.largest, by_class),
-            *(factor, log_other),
-        )
+        return factor
 
     def _branch(self, association: Association, pairs: Paired, found: PairUpdate) -> Branched:
         """Return the kept hypotheses: those without a detection, and those of the pairs.
 
         Only the Gaussians of kept hypotheses are updated.
         """
-        mixture, kept = self.mixture, association.kept
-        source = np.append(np.arange(len(mixture)), pairs.row)[kept]
-        pair = np.maximum(kept - len(mixture), -1)
+        mixture, source, pair = self.mixture, association.source, association.kept_pair
         gaussians = found.updated(mixture, source, pair)
         moved = after_miss(mixture, self.expected, self.report.sensor, self.detectable)
         if moved is not None:
             missed = pair < 0
             for own, later in zip(gaussians, moved, strict=True):
                 own[missed] = later[source[missed]]
-        column = np.append(np.full(len(mixture), -1), pairs.column)[kept]
-        columns = mixture.snr, mixture.weight, self.detectable, self._probability.by_cell
-        snr = snr_after(*contiguous(*columns, self.amplitudes.relative, source, column))
-        updated = Mixture(mixture.row_label[source], association.weight, *gaussians, snr)
-        return Branched(updated, self.branched.parent[source])
+        _, *probability = self._probability
+        columns = mixture.snr, mixture.weight, self.detectable, *probability
+        snr = snr_after(*contiguous(*columns, self.amplitudes.relative, source, pair, pairs.column))
+        row_label, parent = (
+            column.take(source) for column in (mixture.row_label, self.branched.parent)
+        )
+        updated = Mixture(row_label, association.weight, *gaussians, snr)
+        return Branched(updated, parent)

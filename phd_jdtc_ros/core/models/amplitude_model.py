@@ -59,6 +59,12 @@ class AmplitudeModel(ABC):
         """Return log p_D g^tau(a) of every (hypothesis, detection) pair, shape (P,)."""
 
     @abstractmethod
+    def log_cell_likelihood(
+        self, log_snr: FloatArray, report: Report, modes: ModeSpace
+    ) -> FloatArray:
+        """Return log p_D g^tau(a) of every cell, (C, S), and detection; broadcasts to (C, S, M)."""
+
+    @abstractmethod
     def cells(self, modes: ModeSpace) -> SnrCells:
         """Return the cells of the classes' SNR bands, for weighted hypotheses."""
 
@@ -111,6 +117,12 @@ class Band(AmplitudeModel):
         per_class = report.sensor.log_class_likelihood(report.detections, modes.classes)
         place = (modes.class_of * len(report)).take(mode).take(row) + column
         return per_class.take(place)
+
+    def log_cell_likelihood(
+        self, log_snr: FloatArray, report: Report, modes: ModeSpace
+    ) -> FloatArray:
+        """Return log g_c(a) of every class and detection, (C, 1, M)."""
+        return report.sensor.log_class_likelihood(report.detections, modes.classes)[:, None]
 
     def cells(self, modes: ModeSpace) -> SnrCells:
         """Return one cell a class."""
@@ -201,17 +213,32 @@ class Memory(AmplitudeModel):
         from d.
         """
         row, column = pairs
-        own, detections = log_snr[row], report.detections
-        sensor, measured = report.sensor, detections.measurement[column]
+        measured, amplitude = report.detections.measurement[column], report.detections.amplitude
+        if amplitude is not None:
+            amplitude = amplitude[column]
+        return self._log_likelihood(log_snr[row], report.sensor, measured, amplitude)
+
+    def log_cell_likelihood(
+        self, log_snr: FloatArray, report: Report, modes: ModeSpace
+    ) -> FloatArray:
+        """Return the log likelihood of every cell and detection; see `log_likelihood`."""
+        measured = report.detections.measurement, report.detections.amplitude
+        return self._log_likelihood(log_snr[..., None], report.sensor, *measured)
+
+    @staticmethod
+    def _log_likelihood(
+        own: FloatArray, sensor: Sensor, measured: FloatArray, amplitude: FloatArray | None
+    ) -> FloatArray:
+        """Return `log_likelihood`, given ln(1 + d), (..., N) or (..., 1), of N detections."""
         log_p_d = log_own = -0.5 * sensor.threshold**2 * np.exp(-own)
         given = sensor.given_detection_probability(measured)
         if given is not None:
             log_p_d = np.log(given)
         if learned := sensor.detection_factor is not None:
             log_p_d = np.log(sensor.learned_detection_probability(np.exp(log_p_d), measured))
-        if detections.amplitude is None:
+        if amplitude is None:
             return log_p_d
-        a = np.maximum(detections.amplitude[column], SMALLEST_AMPLITUDE)
+        a = np.maximum(amplitude, SMALLEST_AMPLITUDE)
         density = np.log(a) - own - 0.5 * a**2 * np.exp(-own)
         if given is not None or learned:
             density += log_p_d - log_own

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -40,7 +41,7 @@ class DetectionBirthModel(ReadOnly):
     most: int = 1 << 24  # Largest number of particles at the detections of one radar in one scan
     least_mass: float = 1e-4  # Smallest newborn mass with which a detection gets particles
 
-    @property
+    @cached_property
     def enabled(self) -> bool:
         """Whether any class has births at detections."""
         return bool(np.any(self.rate > 0.0))

@@ -48,8 +48,9 @@ class Updated(UpdatedScan[RowsT]):
     """Rows after one report."""
 
     label: IntArray  # Label of each target before the report, ascending, (T,)
-    # Probability that the report detected each target, given that it exists, (T,).
-    detected: FloatArray
+    # (T,). Probability that the report detected each target, given that it exists; None if it is
+    # neither a sector nor of a sensor whose misses are correlated.
+    detected: FloatArray | None
     # The report as a look at these targets; None if no sensor's misses are correlated.
     look: Look | None = None
 
@@ -117,10 +118,11 @@ def update(
         attributes.learn(posterior.evidence, posterior.pair_probability, posterior.existence)
     newborn = posterior.sources.newborn(posterior.claimed_probability, report, model)
     newborns = () if newborn is None else (newborn,)
-    detected = _detected(prior, posterior)
-    look = None
-    if sensors is not None and sensors.remembers(report):
-        look = _look(report, prior, posterior, detected)
+    detected = look = None
+    remembered = sensors is not None and sensors.remembers(report)
+    if remembered or report.detections.coverage is not None:
+        detected = _detected(prior, posterior)
+        look = _look(report, prior, posterior, detected) if remembered else None
     return Updated(posterior.rows, newborns, posterior.approximate, prior.label, detected, look)
 
 
@@ -261,7 +263,7 @@ def update_scan(
         if sensors is not None and updated.look is not None:
             look = updated.look.with_born(np.arange(first, label))
             sensors.learn_looks(report, scan.stamp_ns, look)
-        if passes is not None and report.detections.coverage is not None:
+        if passes is not None and updated.detected is not None:
             every = np.concatenate([updated.label, np.arange(first, label)])
             detected = np.concatenate([updated.detected, np.ones(label - first)])
             passes.learn(report, scan.stamp_ns, every, detected)

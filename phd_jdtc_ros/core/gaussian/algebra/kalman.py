@@ -56,27 +56,31 @@ def _innovations(
     covariance: Float3,
     axes: Int1,
     pose: Float1,
-    gaussian: Int1,
+    modes: int,
+    weight: Float1,
+    of: Int1,
     column: Int1,
     measurement: Float2,
     noise_std: Float2,
     time_s: Float1,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the columns of `Innovation`.
+    """Return the columns of `Innovation`; for the parameters see `iterated_update`.
 
     `axes` are those of the position and the velocity; `pose` is the radar's position, and the
-    cosine and the sine of its yaw. Pairs without a Gaussian, -1, have a likelihood of zero.
+    cosine and the sine of its yaw.
     """
-    count = len(gaussian)
+    count = len(of) * modes
     jacobian, inverse = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
     weighted, log_likelihood = np.zeros((count, 2)), np.full(count, -np.inf)
     x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
     at_x, at_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
     for row in range(count):
-        if gaussian[row] < 0:
+        pair = row // modes
+        gaussian, one = of[pair] * modes + row % modes, column[pair]
+        if gaussian < 0 or not weight[gaussian] > 0.0:
             continue
-        time, z, noise = time_s[column[row]], measurement[column[row]], noise_std[column[row]]
-        state, spread = mean[gaussian[row]], covariance[gaussian[row]]
+        time, z, noise = time_s[one], measurement[one], noise_std[one]
+        state, spread = mean[gaussian], covariance[gaussian]
         prior_x, prior_y = state[x] + time * state[vx], state[y] + time * state[vy]
         p = spread[x, x] + time * (2.0 * spread[x, vx] + time * spread[vx, vx])
         q = spread[x, y] + time * (spread[x, vy] + spread[vx, y] + time * spread[vx, vy])
@@ -130,6 +134,8 @@ def iterated_update(
     iterations: int = ITERATIONS,
     converged: float = CONVERGED,
     pairs: tuple[IntArray, IntArray] | None = None,
+    weight: FloatArray | None = None,
+    modes: int = 1,
 ) -> Innovation:
     """Return the innovations of measurements of Gaussians, by iterated linearisation.
 
@@ -150,6 +156,11 @@ def iterated_update(
     pairs : tuple of two int arrays of shape (P,), or None
         Gaussian and measurement of each pair; None if each Gaussian has the measurement of its row.
         A pair with the Gaussian -1 has a likelihood of zero.
+    weight : array of shape (N,) or None
+        Gaussians without weight have a likelihood of zero.
+    modes : int
+        The Gaussians of so many rows belong together: `pairs` has the indices of such groups, and
+        there is an innovation for each Gaussian of a pair, one after the other.
 
     Notes
     -----
@@ -163,8 +174,11 @@ def iterated_update(
     """
     count = len(measurement)
     gaussian, column = (np.arange(count), np.arange(count)) if pairs is None else pairs
-    noise = np.broadcast_to(noise_std, measurement.shape)
+    noise = noise_std if noise_std.ndim == 2 else np.broadcast_to(noise_std, measurement.shape)
+    weight = np.ones(len(mean)) if weight is None else weight
     if not sensor.polar:
+        gaussian, column = of_groups(gaussian, modes), column.repeat(modes)
+        gaussian = np.where(weight[gaussian] > 0.0, gaussian, -1)
         row, each = np.maximum(gaussian, 0), (measurement[column], noise[column])
         of_pairs = mean[row], covariance[row], sensor, *each, _times(time_s, count)[column]
         found = Innovation(*linearised.innovations(*of_pairs, iterations, converged))
@@ -174,10 +188,18 @@ def iterated_update(
         *_innovations(
             iterations,
             converged,
-            *contiguous(mean, covariance, place_and_speed(sensor), pose(sensor)),
-            *contiguous(gaussian, column, measurement, noise, _times(time_s, count)),
+            *(*contiguous(mean, covariance, place_and_speed(sensor), pose(sensor)), modes),
+            *contiguous(weight, gaussian, column, measurement, noise, _times(time_s, count)),
         )
     )
+
+
+def of_groups(group: IntArray, modes: int) -> IntArray:
+    """Return the Gaussians of groups of so many rows, one after the other; -1 for those of -1."""
+    if modes == 1:
+        return group
+    every: IntArray = np.maximum(group[:, None] * modes + np.arange(modes), -1).ravel()
+    return every
 
 
 @compiled
@@ -185,7 +207,8 @@ def _updated(
     mean: Float2,
     covariance: Float3,
     axes: Int1,
-    gaussian: Int1,
+    modes: int,
+    group: Int1,
     pair: Int1,
     jacobian: Float3,
     weighted: Float2,
@@ -193,14 +216,15 @@ def _updated(
     time_s: Float1,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the results of `updated`; `axes` as in `_innovations`."""
-    count = len(gaussian)
+    count = len(group) * modes
     later_mean, later = np.empty((count, SIZE)), np.empty((count, SIZE, SIZE))
     x, y, vx, vy = axes[0], axes[1], axes[2], axes[3]
     cross, gain = np.empty((2, SIZE)), np.empty((2, SIZE))
     for row in range(count):
-        at, spread = pair[row], covariance[gaussian[row]]
-        copy_gaussian(mean[gaussian[row]], spread, later_mean[row], later[row])
-        if at < 0:
+        gaussian = group[row // modes] * modes + row % modes
+        at, spread = pair[row // modes] * modes + row % modes, covariance[gaussian]
+        copy_gaussian(mean[gaussian], spread, later_mean[row], later[row])
+        if pair[row // modes] < 0:
             continue
         time, seen = time_s[at], jacobian[at]
         a, b, d = inverse[at, 0, 0], inverse[at, 0, 1], inverse[at, 1, 1]
@@ -228,6 +252,7 @@ def updated(
     innovation: Innovation,
     time_s: FloatArray | None = None,
     pairs: tuple[IntArray, IntArray] | None = None,
+    modes: int = 1,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the means and covariances of Gaussians after their innovations.
 
@@ -241,11 +266,13 @@ def updated(
     pairs : tuple of two int arrays of shape (K,), or None
         Gaussian and innovation of each result; an innovation of -1 leaves the Gaussian as it is.
         None if they pair row by row.
+    modes : int
+        See `iterated_update`.
     """
     every = np.arange(len(mean))
-    gaussian, pair = (every, every) if pairs is None else pairs
+    group, pair = (every, every) if pairs is None else pairs
     return _updated(
-        *contiguous(mean, covariance, place_and_speed(sensor), gaussian, pair),
+        *(*contiguous(mean, covariance, place_and_speed(sensor)), modes, *contiguous(group, pair)),
         *contiguous(innovation.jacobian, innovation.weighted, innovation.inverse),
         *contiguous(_times(time_s, len(innovation.weighted))),
     )

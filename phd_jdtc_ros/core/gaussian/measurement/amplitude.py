@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray, contiguous
-from ...compilation import Float3, Int1, compiled
+from ...arrays import FloatArray
+from ...compilation import Float2, Float3, Int1, compiled
 from ...models import stationary
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
@@ -18,15 +18,15 @@ from ..dynamics import Dynamics
 from ..mixture import Mixture
 from .gating import Expected
 
-# Lower bound of the variance of an expected measurement, by whose root distances are divided.
-LEAST_VARIANCE = 1e-12
-
 
 class DetectionProbability(NamedTuple):
     """Probabilities of detection of H hypotheses."""
 
     by_class: FloatArray  # Probability of each Gaussian and class, (H, R, C)
-    by_cell: FloatArray  # Probability of each cell of SNR as a factor on its class's, (H, C, S)
+    # `cell`, `mean`: probability of each cell of SNR, and its mean over the cells of each
+    # hypothesis, (C, S) and (H, C). Their ratio is a factor on the probability of the class.
+    cell: FloatArray
+    mean: FloatArray
 
 
 def detection_probability(
@@ -49,51 +49,44 @@ def detection_probability(
         What the sensor's last look implies for each hypothesis, as in `Remembered`; None for p_D
         whatever that saw.
     """
-    log_snr, model, by_cell = dynamics.cells.log_snr, dynamics.model, np.ones(snr.shape)
-    flat = expected.measured.reshape(-1, expected.measured.shape[-1])
-    std = _std(expected)
-    seen = sensor.coverage_probability(flat, None, std)
+    log_snr, model, classes = dynamics.cells.log_snr, dynamics.model, snr.shape[1]
+    count, modes, size = expected.measured.shape
+    flat, std = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
+    seen = sensor.coverage_probability(flat, None, std).reshape(count, modes, 1)
     given = sensor.given_detection_probability(flat, std)
-    shape = *expected.measured.shape[:2], snr.shape[1]
     if given is None:
-        own = model.amplitudes.detection_probability(
+        cell = model.amplitudes.detection_probability(
             dynamics.mode_of_cell, log_snr.ravel(), sensor, model.modes
         ).reshape(log_snr.shape)
-        mean = np.einsum("hcs,cs->hc", snr, own)
-        by_cell = own / np.maximum(mean, TINY)[..., None]
-        given = mean.T.repeat(shape[1], axis=1)
-    probability = sensor.learned_detection_probability(given, flat)
+        mean = np.einsum("hcs,cs->hc", snr, cell)
+        probability = mean[:, None]
+    else:
+        cell, mean = np.ones(log_snr.shape), np.ones(snr.shape[:2])
+        probability = given.repeat(classes).reshape(count, modes, classes)
+    if sensor.detection_factor is not None:
+        each = probability.repeat(modes // probability.shape[1], axis=1).reshape(-1, classes)
+        learned = sensor.learned_detection_probability(each.T, flat)
+        probability = learned.T.reshape(count, modes, classes)
     if remembered is not None:
-        looked, detected = (each.repeat(shape[1]) for each in remembered)
+        looked, detected = (part[:, None, None] for part in remembered)
         probability = probability * (1.0 - looked) + detected
-    seen_and_detected = np.empty((len(flat), shape[2]))
-    np.multiply(seen, probability, out=seen_and_detected.T)
-    return DetectionProbability(seen_and_detected.reshape(shape), by_cell)
+    return DetectionProbability(seen * probability, cell, mean)
 
 
 def sector_probability(expected: Expected, sensor: Sensor, sector: Coverage) -> FloatArray:
     """Return the probability that a target of each Gaussian is measured in a sector, (H, R, 1)."""
-    share = sensor.sector_probability(expected.measured.reshape(-1, 2), sector, _std(expected))
+    measured, std = (part.reshape(-1, 2) for part in (expected.measured, expected.std))
+    share = sensor.sector_probability(measured, sector, std)
     return share.reshape(*expected.measured.shape[:2], 1)
-
-
-def _std(expected: Expected) -> FloatArray:
-    """Return the standard deviations of the expected measurements, (H R, Z)."""
-    variance = np.diagonal(expected.covariance, axis1=-2, axis2=-1)
-    variance = variance.reshape(-1, variance.shape[-1])
-    std: FloatArray = np.sqrt(np.maximum(variance, LEAST_VARIANCE))
-    return std
 
 
 def log_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
     """Return log p_D g(a) of every detection and cell, shape (M, C, S)."""
-    log_snr, count, model = dynamics.cells.log_snr, len(report), dynamics.model
-    cell, detection = np.divmod(np.arange(log_snr.size * count), max(count, 1))
-    likelihood = model.amplitudes.log_likelihood(
-        dynamics.mode_of_cell, log_snr.ravel(), report, (cell, detection), model.modes
-    )
-    by_detection = likelihood.reshape(log_snr.size, count).T
-    return np.ascontiguousarray(by_detection).reshape(count, *log_snr.shape)
+    model, log_snr = dynamics.model, dynamics.cells.log_snr
+    likelihood = np.empty((len(report), *log_snr.shape))
+    by_cell = model.amplitudes.log_cell_likelihood(log_snr, report, model.modes)
+    likelihood.transpose(1, 2, 0)[...] = by_cell
+    return likelihood
 
 
 def relative(
@@ -117,32 +110,17 @@ class Amplitudes(NamedTuple):
         largest, likelihood = relative(log_amplitude(report, dynamics), axis=(1, 2))
         return Amplitudes(largest.ravel(), likelihood)
 
-    def by_class(self, snr: FloatArray, row: IntArray, column: IntArray) -> FloatArray:
-        """Return the relative likelihood of pairs of hypothesis and detection by class, (P, C)."""
-        return _by_class(*contiguous(snr, row, column, self.relative))
-
-
-@compiled
-def _by_class(snr: Float3, row: Int1, column: Int1, relative: Float3) -> FloatArray:
-    """Return the results of `Amplitudes.by_class`."""
-    classes, cells = snr.shape[1:]
-    found = np.zeros((len(row), classes))
-    for pair in range(len(row)):
-        for class_id in range(classes):
-            for cell in range(cells):
-                likelihood = relative[column[pair], class_id, cell]
-                found[pair, class_id] += snr[row[pair], class_id, cell] * likelihood
-    return found
-
 
 @compiled
 def snr_after(
     snr: Float3,
     weight: Float3,
     detectable: Float3,
-    by_cell: Float3,
+    cell_probability: Float2,
+    mean_probability: Float2,
     relative: Float3,
     source: Int1,
+    pair: Int1,
     column: Int1,
 ) -> FloatArray:
     """Return the probabilities of the cells of SNR after an update, by Bayes' rule, (K, C, S).
@@ -153,26 +131,29 @@ def snr_after(
         The probabilities before.
     weight, detectable : arrays of shape (H, R, C)
         Weights before, and probabilities of detection, of each Gaussian and class.
-    by_cell : array of shape (H, C, S)
+    cell_probability, mean_probability : arrays of shape (C, S) and (H, C)
         See `DetectionProbability`.
     relative : array of shape (M, C, S)
         See `Amplitudes`.
-    source, column : int arrays of shape (K,)
-        Hypothesis before the update, and its detection; -1 for a missed detection.
+    source, pair : int arrays of shape (K,)
+        Hypothesis before the update, and its pair; -1 for a missed detection.
+    column : int array of shape (P,)
+        Detection of each pair.
     """
     classes, cells = snr.shape[1:]
     later = np.empty((len(source), classes, cells))
     for row in range(len(source)):
-        one, z = source[row], column[row]
+        one, z = source[row], column[pair[row]] if pair[row] >= 0 else -1
         for class_id in range(classes):
             mass, detected, total = 0.0, 0.0, 0.0
             for mode in range(weight.shape[1]):
                 mass += weight[one, mode, class_id]
                 detected += weight[one, mode, class_id] * detectable[one, mode, class_id]
             detected /= mass if mass > 0.0 else 1.0
+            detected /= max(mean_probability[one, class_id], TINY)
             for cell in range(cells):
                 if z < 0:
-                    likelihood = max(1.0 - detected * by_cell[one, class_id, cell], 0.0)
+                    likelihood = max(1.0 - detected * cell_probability[class_id, cell], 0.0)
                 else:
                     likelihood = relative[z, class_id, cell]
                 later[row, class_id, cell] = snr[one, class_id, cell] * likelihood

@@ -21,6 +21,8 @@ from ..mixture import Mixture
 # Radius of the gate in standard deviations of the innovation; a target's detection falls outside
 # with a probability of 4e-6.
 GATE_SIGMA = 5.0
+# Lower bound of the standard deviations of expected measurements, by which distances are divided.
+LEAST_STD = 1e-6
 
 
 class Expected(NamedTuple):
@@ -29,12 +31,15 @@ class Expected(NamedTuple):
     measured: FloatArray  # (H, R, Z)
     # Covariance of the expected measurement, without the sensor's noise, (H, R, Z, Z).
     covariance: FloatArray
+    std: FloatArray  # Roots of its diagonal, not below `LEAST_STD`, (H, R, Z)
 
     @staticmethod
     def of(mixture: Mixture, sensor: Sensor) -> Expected:
         """Return the measurements that a sensor is expected to make of a mixture's Gaussians."""
         if not sensor.polar:
-            return Expected(*linearised.expected(mixture.mean, mixture.covariance, sensor))
+            found = linearised.expected(mixture.mean, mixture.covariance, sensor)
+            variance = np.diagonal(found[1], axis1=-2, axis2=-1)
+            return Expected(*found, np.sqrt(np.maximum(variance, LEAST_STD**2)))
         return Expected(
             *_expected(
                 *(mixture.mean, mixture.covariance, kalman.place_and_speed(sensor)),
@@ -46,10 +51,11 @@ class Expected(NamedTuple):
 @compiled
 def _expected(
     mean: Float3, covariance: Float4, axes: Int1, pose: Float1
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the columns of `Expected`; for `axes` and `pose` see `kalman`."""
     count, modes = mean.shape[:2]
     measured, spread = np.empty((count, modes, 2)), np.empty((count, modes, 2, 2))
+    std = np.empty((count, modes, 2))
     x, y = axes[0], axes[1]
     at_x, at_y, cos, sin = pose[0], pose[1], pose[2], pose[3]
     for row in range(count):
@@ -66,7 +72,10 @@ def _expected(
             spread[row, mode, 1, 1] = n * (p * n + q * m) + m * (q * n + r * m)
             cross = j * (p * n + q * m) + k * (q * n + r * m)
             spread[row, mode, 0, 1] = spread[row, mode, 1, 0] = cross
-    return measured, spread
+            for axis in range(2):
+                variance = spread[row, mode, axis, axis]
+                std[row, mode, axis] = max(math.sqrt(max(variance, 0.0)), LEAST_STD)
+    return measured, spread, std
 
 
 @inner
@@ -158,6 +167,9 @@ def _gate_pairs(
                 pairs, log_likelihood = _longer(pairs, room), _longer(log_likelihood, room)
             near = False
             for mode in range(modes):
+                log_likelihood[found, mode] = -np.inf
+                if not weight[row, mode] > 0.0:
+                    continue
                 time = time_s[one]
                 along = detection[one, 0] - measured[row, mode, 0] - rate[row, mode, 0] * time
                 across = detection[one, 1] - measured[row, mode, 1] - rate[row, mode, 1] * time
@@ -167,8 +179,7 @@ def _gate_pairs(
                 c = spread[1, 1] + noise_std[one, 1] ** 2
                 determinant = max(a * c - b * b, TINY)
                 square = (c * along**2 - 2.0 * b * along * across + a * across**2) / determinant
-                log_likelihood[found, mode] = -np.inf
-                if around[mode] or (square <= GATE_SIGMA**2 and weight[row, mode] > 0.0):
+                if around[mode] or square <= GATE_SIGMA**2:
                     log_density = -0.5 * (square + math.log(determinant))
                     log_likelihood[found, mode] = log_density - math.log(FULL_TURN)
                     near = True
@@ -194,7 +205,8 @@ def gate_pairs(
         rate = sensor.measurement_rate(mixture.mean.reshape(-1, mixture.mean.shape[2]))
         rate = rate.reshape(shape)
     if not sensor.polar:
-        return linearised.gate_pairs(mixture.mode_weight, *expected, rate, report, GATE_SIGMA)
+        spread = expected.measured, expected.covariance
+        return linearised.gate_pairs(mixture.mode_weight, *spread, rate, report, GATE_SIGMA)
     std, moved = report.detection_std, np.zeros(shape)
     if timed:
         speed = np.abs(mixture.mean[..., list(sensor.space.velocity)]).sum(axis=-1)

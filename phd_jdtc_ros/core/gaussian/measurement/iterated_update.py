@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from ...arrays import FloatArray, IntArray
 from ...sensors.range_rate import Rates
 from ...sensors.report import Report
@@ -48,21 +46,19 @@ class PairUpdate(NamedTuple):
             Its pair with a detection in this update; -1 for none, which keeps its Gaussians.
         """
         modes, size = mixture.mean.shape[1:]
-        mean = mixture.mean.reshape(-1, size)
-        covariance = mixture.covariance.reshape(-1, size, size)
-        gaussian = (row[:, None] * modes + np.arange(modes)).ravel()
-        at = np.where(pair[:, None] < 0, -1, pair[:, None] * modes + np.arange(modes)).ravel()
+        before = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
         if self.rated is None:
             times = self.report.detections.time_s
             time_s = None if times is None else times[self.column].repeat(modes)
-            later = kalman.updated(
-                mean, covariance, self.report.sensor, self.matched, time_s, (gaussian, at)
+            mean, covariance = kalman.updated(
+                *before, self.report.sensor, self.matched, time_s, (row, pair), modes
             )
         else:
-            later = mean[gaussian], covariance[gaussian]
-            later[0][at >= 0] = self.rated.mean[at[at >= 0]]
-            later[1][at >= 0] = self.rated.covariance[at[at >= 0]]
-        return later[0].reshape(-1, modes, size), later[1].reshape(-1, modes, size, size)
+            gaussian, at = kalman.of_groups(row, modes), kalman.of_groups(pair, modes)
+            mean, covariance = before[0][gaussian], before[1][gaussian]
+            mean[at >= 0] = self.rated.mean[at[at >= 0]]
+            covariance[at >= 0] = self.rated.covariance[at[at >= 0]]
+        return mean.reshape(-1, modes, size), covariance.reshape(-1, modes, size, size)
 
 
 def iterated_update(
@@ -77,20 +73,21 @@ def iterated_update(
     """
     detections, sensor, rates = report.detections, report.sensor, report.range_rates
     modes, size = mixture.mean.shape[1:]
-    each = column.repeat(modes)
-    gaussian = (row[:, None] * modes + np.arange(modes)).ravel()
     mean, covariance = mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size)
     innovation = kalman.iterated_update(
         *(mean, covariance, sensor, detections.measurement, report.detection_std),
         detections.time_s,
-        # Modes without weight, half of all, are left out.
-        pairs=(np.where(mixture.mode_weight[row].ravel() > 0.0, gaussian, -1), each),
+        pairs=(row, column),
+        weight=mixture.mode_weight.reshape(-1),
+        modes=modes,
     )
     matched = innovation
     if sensor.outliers is not None and sensor.polar:
+        each = column.repeat(modes)
         matched = heavy_tails.mixed(innovation, sensor.outliers, report.detection_std, each)
     rated = None
     if rates is not None:
+        gaussian, each = kalman.of_groups(row, modes), column.repeat(modes)
         time_s = None if detections.time_s is None else detections.time_s[each]
         later = kalman.updated(mean[gaussian], covariance[gaussian], sensor, matched, time_s)
         rated = range_rate.update_rates(*later, sensor, rates.take(each), time_s)

@@ -12,7 +12,8 @@ from .gating import Expected
 
 # Gaussians with a smaller part within the range, or beyond it, keep their moments.
 LEAST_PART = 1e-3
-LEAST_STD = 1e-6
+# The standard normal distribution of minus this is less than `LEAST_PART`.
+FAR_SIGMA = 3.1
 
 
 def after_miss(
@@ -36,9 +37,10 @@ def after_miss(
     after a miss is proportional to N(d; m, s^2) (1 - p 1[d within]). Its mean and variance are
     matched; the other axes follow by their regression on the range.
     """
-    distance = expected.measured[..., 0]
-    std = np.maximum(np.sqrt(expected.covariance[..., 0, 0]), LEAST_STD)
-    limit = (sensor.max_range - distance) / std
+    std = expected.std[..., 0]
+    limit = (sensor.max_range - expected.measured[..., 0]) / std
+    if not (np.abs(limit) < FAR_SIGMA).any():
+        return None
     part = ndtr(limit)
     at = (part > LEAST_PART) & (part < 1.0 - LEAST_PART) & (mixture.mode_weight > 0.0)
     if not at.any():

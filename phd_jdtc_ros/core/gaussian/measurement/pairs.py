@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,8 +27,8 @@ LEAST_SHARE = 1e-4
 class PairLikelihoods(NamedTuple):
     """Log likelihoods of the P pairs of hypotheses and detections.
 
-    p_D L_z is exp(`measurement` + `largest` + `evidence`) times `amplitude`, broadcast over modes
-    and classes.
+    p_D L_z is exp(`measurement` + `largest` + `evidence`) times the likelihood of the amplitude
+    relative to that scale, broadcast over modes and classes.
     """
 
     # `row`, `column`: hypothesis and detection of each pair, (P,).
@@ -38,14 +38,8 @@ class PairLikelihoods(NamedTuple):
     measurement: FloatArray
     # (M,). Scale of each detection's amplitude likelihoods; see `amplitude.Amplitudes`.
     largest: FloatArray
-    amplitude: FloatArray  # p_D g(a) of each class relative to that scale, (P, C)
     evidence: FloatArray  # Log likelihood of the identity and the height, (P,)
     other: FloatArray  # See `competing_sources.log_intensities`, (1 + C, M)
-
-    def take(self, pairs: IntArray) -> PairLikelihoods:
-        """Return these pairs alone."""
-        own = ("row", "column", "measurement", "amplitude", "evidence")
-        return self._replace(**{name: getattr(self, name).take(pairs, axis=0) for name in own})
 
 
 class Association(NamedTuple):
@@ -56,9 +50,10 @@ class Association(NamedTuple):
     claimed: FloatArray  # Probability that a known target is the source of each detection, (M,)
     pair: FloatArray  # Association probability of each pair, (P,)
     existence: FloatArray  # Existence probability of each target, (T,)
-    # (K,). The kept hypotheses, by target and descending probability: below H, the prior hypothesis
-    # of this row with a missed detection; from H on, the pairs.
-    kept: IntArray
+    # `source`, `kept_pair`: the kept hypotheses, by target and descending probability: the prior
+    # hypothesis, and the index of its pair with a detection; -1 for a missed one, (K,).
+    source: IntArray
+    kept_pair: IntArray
     weight: FloatArray  # Their weights, (K, R, C)
     approximate: int  # Number of clusters of targets too large for exact association probabilities
 
@@ -119,21 +114,26 @@ def _likely(
     existence: Float1,
     weight: Float3,
     missed: Float3,
+    snr: Float3,
+    relative: Float3,
     row: Int1,
     column: Int1,
     measurement: Float2,
     largest: Float1,
-    amplitude: Float2,
     evidence: Float1,
     other: Float2,
-) -> IntArray:
+) -> tuple[IntArray, FloatArray]:
     """Return the results of `likely`; for the parameters see `PairLikelihoods`."""
     count, targets, size = len(row), len(existence), other.shape[1]
+    amplitude = np.zeros((count, snr.shape[1]))
     scale, _, total = _sources(column, measurement, largest, evidence, other)
     odds, wanted = np.empty(count), np.zeros(size)
     start, each = np.zeros(targets + 1, np.int64), np.empty(weight.shape[1:])
     for pair in range(count):
         one, z = row[pair], column[pair]
+        for class_id in range(snr.shape[1]):
+            for cell in range(snr.shape[2]):
+                amplitude[pair, class_id] += snr[one, class_id, cell] * relative[z, class_id, cell]
         factor = evidence[pair] + largest[z] - scale[z]
         _write_pair_weight(weight[one], measurement[pair], amplitude[pair], factor, each)
         odds[pair] = sum_of(each) / max(total[z], LEAST_CLUTTER)
@@ -160,11 +160,17 @@ def _likely(
             own[z] = 0.0
         for pair in pairs:
             counted[pair] = odds[pair] > least_share * max(alone[one], 1.0)
-    return np.flatnonzero(counted)
+    kept = np.flatnonzero(counted)
+    return kept, amplitude[kept]
 
 
-def likely(mixture: Mixture, missed: FloatArray, pairs: PairLikelihoods) -> IntArray:
+def likely(
+    mixture: Mixture, missed: FloatArray, pairs: PairLikelihoods, relative: FloatArray
+) -> tuple[IntArray, FloatArray]:
     """Return the pairs that may exceed `LEAST_SHARE` of both their target and their detection.
+
+    With them comes the likelihood of each pair's amplitude by class, p_D g(a) relative to the
+    largest of its detection, (P, C).
 
     Another target may claim a detection, however probable it is for this one. So a target's share
     is computed from the part of each detection that remains if all other targets claim it.
@@ -173,10 +179,12 @@ def likely(mixture: Mixture, missed: FloatArray, pairs: PairLikelihoods) -> IntA
     ----------
     missed : array of shape (H, R, C)
         Weights times the probability of a missed detection.
+    relative : array of shape (M, C, S)
+        See `amplitude.Amplitudes`.
     """
     return _likely(
         *(LEAST_SHARE, mixture.target, mixture.existence, mixture.weight),
-        *contiguous(missed, *pairs),
+        *contiguous(missed, mixture.snr, relative, *pairs),
     )
 
 
@@ -190,11 +198,11 @@ def _associate(
     weight: Float3,
     missed: Float3,
     detectable: Float3,
+    amplitude: Float2,
     row: Int1,
     column: Int1,
     measurement: Float2,
     largest: Float1,
-    amplitude: Float2,
     evidence: Float1,
     other: Float2,
 ) -> tuple[
@@ -206,6 +214,7 @@ def _associate(
     FloatArray,
     FloatArray,
     FloatArray,
+    IntArray,
     IntArray,
     FloatArray,
     int,
@@ -248,20 +257,24 @@ def _associate(
     for one in range(count):
         existence[target_of[one]] += mass[one]
     kept, factors = most_probable(most, least_share, target_of, mass)
-    found = np.empty((len(kept), modes, classes))
+    found, source = np.empty((len(kept), modes, classes)), kept.copy()
     for place in range(len(kept)):
+        pair = kept[place] - rows
+        source[place] = kept[place] if pair < 0 else row[pair]
         for mode in range(modes):
             for class_id in range(classes):
                 found[place, mode, class_id] = factors[place] * later[kept[place], mode, class_id]
-    associated = mass[rows:].copy()
-    claims = claim, total, probability
-    return *claims, scale, intensity, claimed, associated, existence, kept, found, approximate
+        kept[place] = max(pair, -1)
+    associated, claims = mass[rows:].copy(), (claim, total, probability)
+    hypotheses = source, kept, found, approximate
+    return *claims, scale, intensity, claimed, associated, existence, *hypotheses
 
 
 def associate(
     mixture: Mixture,
     missed: FloatArray,
     detectable: FloatArray,
+    amplitude: FloatArray,
     pairs: PairLikelihoods,
     bounds: Bounds,
 ) -> Association:
@@ -271,14 +284,13 @@ def associate(
     ----------
     missed, detectable : arrays of shape (H, R, C)
         Weights times the probability of a missed detection, and the probability of detection.
+    amplitude : array of shape (P, C)
+        See `likely`.
     """
-    mass, total, probability, scale, intensity, claimed, pair, existence, kept, weight, count = (
-        _associate(
-            *(marginals.MOST_WORK, bounds.hypotheses, bounds.least_share),
-            *(len(mixture.label), mixture.target),
-            *contiguous(mixture.weight, missed, detectable, *pairs),
-        )
+    associated: tuple[Any, ...] = _associate(
+        *(marginals.MOST_WORK, bounds.hypotheses, bounds.least_share),
+        *(len(mixture.label), mixture.target),
+        *contiguous(mixture.weight, missed, detectable, amplitude, *pairs),
     )
-    claims = Claims(pairs.row, pairs.column, mass, total, probability)
-    sources = CompetingSources(scale, intensity)
-    return Association(claims, sources, claimed, pair, existence, kept, weight, count)
+    claims, sources = Claims(pairs.row, pairs.column, *associated[:3]), associated[3:5]
+    return Association(claims, CompetingSources(*sources), *associated[5:])

@@ -28,10 +28,10 @@ def test_likely_pairs_are_those_of_a_share_of_all_that_may_be(
     mixture = mixture_of(Dynamics(lone({}).model), [(existence, MEAN, STD)])
     row, column, none = np.zeros(2, dtype=int), np.arange(2), np.zeros(2)
     log_likelihood = np.log(np.array(odds) / existence)[:, None]
-    likelihoods = pairs.PairLikelihoods(
-        row, column, log_likelihood, none, np.ones((2, 1)), none, none[None]
-    )
-    found = pairs.likely(mixture, np.full((1, 1, 1), missed), likelihoods)
+    likelihoods = pairs.PairLikelihoods(row, column, log_likelihood, none, none, none[None])
+    missed = np.full((1, 1, 1), missed)
+    found, amplitude = pairs.likely(mixture, missed, likelihoods, np.ones((2, 1, 1)))
+    np.testing.assert_array_equal(amplitude, np.ones((len(kept), 1)))
     np.testing.assert_array_equal(found, kept)
 
 
@@ -56,10 +56,10 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, cou
     total = np.array([0.3, 1e-12, 2.0])[:count]
     log_likelihood = np.log(weight / mixture.mass[row])
     likelihoods = pairs.PairLikelihoods(
-        *(row, column, log_likelihood[:, None], np.zeros(count), np.ones((len(row), 1))),
-        *(np.zeros(len(row)), np.log(total)[None]),
+        *(row, column, log_likelihood[:, None], np.zeros(count), np.zeros(len(row))),
+        np.log(total)[None],
     )
-    found = pairs.likely(mixture, missed, likelihoods)
+    found, _ = pairs.likely(mixture, missed, likelihoods, np.ones((count, 1, 1)))
 
     scale = np.log(total)
     np.maximum.at(scale, column, log_likelihood)
