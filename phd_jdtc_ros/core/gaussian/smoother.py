@@ -34,11 +34,15 @@ def extract_at(
 ) -> Estimates:
     """Return the smoothed targets at a stamp, between their updates before and after it."""
     before, after = lineages.around(stamp_ns)
-    followed = np.flatnonzero((after >= 0) & (lineages.stamps(before) < stamp_ns))
-    updates = np.concatenate([before, after[followed]])
+    by_label = np.argsort(lineages.labels(before))
+    before, after = before[by_label], after[by_label]
+    if (lineages.stamps(before) == stamp_ns).all():
+        after = np.full(len(before), -1)
+    followed = after >= 0
+    count, parts = int(np.count_nonzero(followed)), (before[followed], after[followed])
+    updates = np.concatenate([*parts, before[~followed]])
     targets = lineages.labels(updates), *lineages.hypotheses(updates)
     estimates = extract_targets(*targets, dynamics, stamp_ns, lag, -1.0)
-    alone = np.delete(np.arange(len(before)), followed)
-    rows = followed, len(before) + np.arange(len(followed)), alone
+    rows = slice(count), slice(count, 2 * count), slice(2 * count, None)
     modes = dynamics.model.modes
     return between(estimates, lineages.stamps(updates), *rows, stamp_ns, threshold, modes)

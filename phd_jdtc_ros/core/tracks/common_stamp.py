@@ -178,9 +178,9 @@ def at_stamp(
 def between(
     estimates: Estimates,
     time_ns: IntArray,
-    before: IntArray,
-    after: IntArray,
-    alone: IntArray,
+    before: IntArray | slice,
+    after: IntArray | slice,
+    alone: IntArray | slice,
     stamp_ns: int,
     threshold: float,
     modes: ModeSpace,
@@ -189,19 +189,17 @@ def between(
 
     Parameters
     ----------
-    before, after : int arrays of shape (B,)
-        Rows of targets before the stamp, and of the same targets after it.
-    alone : int array
-        Rows of targets up to the stamp that have no later ones.
+    before, after : int arrays or slices
+        Targets before the stamp, and the same targets after it; ascending.
+    alone : int array or slice
+        Targets up to the stamp that have no later estimate; ascending.
     """
-    parts = [
-        interpolate(
-            estimates.take(before),
-            estimates.take(after),
-            (time_ns[before], time_ns[after]),
-            stamp_ns,
-        ),
-        predict(estimates.take(alone), time_ns[alone], stamp_ns, modes),
-    ]
+    parts = []
+    if len(time_ns[alone]):
+        parts.append(predict(estimates.take(alone), time_ns[alone], stamp_ns, modes))
+    if len(time_ns[before]) or not parts:
+        ends = estimates.take(before), estimates.take(after)
+        parts.append(interpolate(*ends, (time_ns[before], time_ns[after]), stamp_ns))
     whole, _ = Estimates.concatenate(parts, estimates.lag)
-    return whole.take(np.flatnonzero(whole.weight > threshold))
+    probable = whole.weight > threshold
+    return whole if probable.all() else whole.take(np.flatnonzero(probable))

@@ -32,7 +32,7 @@ from ..models.amplitude_model import Band
 from ..models.tracker_model import TrackerModel
 from ..snapshot import Snapshot, from_snapshot, to_snapshot
 from ..types import COASTING, CONFIRMED, TENTATIVE, Estimates, Scan
-from .confirmation_records import ConfirmationRecords, PastStates
+from .confirmation_records import ConfirmationRecords, NotedStates, PastStates
 from .reporting_rule import MIN_EXISTENCE, ReportingRule, slowest_s
 
 # A target that a scan misses with a larger probability than this counts as not covered: neither as
@@ -142,7 +142,7 @@ class TrackStates:
     def reset(self) -> None:
         """Forget all tracks."""
         self._records = ConfirmationRecords.of_none()
-        self._noted = PastStates(*np.zeros((3, 0), dtype=np.int64))
+        self._noted = PastStates()
 
     def report_filtered(
         self,
@@ -248,9 +248,7 @@ class TrackStates:
 
     def note(self, published: Estimates) -> None:
         """Store the states of filtered estimates for the smoothed ones of their stamp."""
-        stamp_ns = np.full(len(published), published.stamp_ns)
-        new = PastStates(stamp_ns, published.track_id, published.track_state)
-        self._noted = PastStates(*map(np.concatenate, zip(self._noted, new, strict=True)))
+        self._noted = self._noted.then(published)
 
     def forget_before(self, stamp_ns: int) -> None:
         """Forget the states of stamps that have been smoothed."""
@@ -266,20 +264,18 @@ class TrackStates:
         estimates = self._of_reported_classes(estimates)
         if not self.rule.labelled:
             return estimates
+        track = estimates.track_id
         confirmed = self._records.label[self._records.state != TENTATIVE]
-        ever = np.concatenate([confirmed, self._noted.since(estimates.stamp_ns).label])
-        kept = contains(np.sort(ever), estimates.track_id) | (estimates.track_id == 0)
+        noted = self._noted.labels_since(estimates.stamp_ns)
+        kept = contains(confirmed, track) | contains(noted, track) | (track == 0)
         kept &= estimates.weight >= self.rule.delete[estimates.class_id]
         estimates = estimates.take(np.flatnonzero(kept))
-        _, label, state = self._noted.at(estimates.stamp_ns)
-        states = dict(zip(label.tolist(), state.tolist(), strict=True))
-        known = [states.get(n, TENTATIVE if n else CONFIRMED) for n in estimates.track_id.tolist()]
-        return replace(estimates, track_state=np.array(known, dtype=np.int64))
+        return replace(estimates, track_state=self._noted.states(estimates))
 
     def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the states in a snapshot."""
         to_snapshot(self._records, snapshot, "tracks")
-        to_snapshot(self._noted, snapshot, "noted")
+        to_snapshot(self._noted.columns, snapshot, "noted")
 
     def from_snapshot(self, snapshot: Snapshot) -> None:
         """Restore the states from a snapshot.
@@ -290,7 +286,7 @@ class TrackStates:
             If the tracker cannot have stored these values.
         """
         self._records = from_snapshot(ConfirmationRecords, snapshot, "tracks", {})
-        self._noted = from_snapshot(PastStates, snapshot, "noted", {})
+        self._noted = PastStates.of(from_snapshot(NotedStates, snapshot, "noted", {}))
 
 
 def _odds(probability: FloatArray) -> FloatArray:

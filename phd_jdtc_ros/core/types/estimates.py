@@ -65,7 +65,7 @@ class Attributes(ReadOnly):
         none = np.full(count, UNKNOWN)
         return Attributes(np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan), none, none)
 
-    def take(self, rows: IntArray) -> Attributes:
+    def take(self, rows: IntArray | slice) -> Attributes:
         """Return the attributes of the targets of these rows."""
         columns = {name: getattr(self, name)[rows] for name in _PER_ATTRIBUTE}
         return Attributes(**columns, seen_ns=None if self.seen_ns is None else self.seen_ns[rows])
@@ -127,7 +127,7 @@ class Estimates(_Targets):
     def __len__(self) -> int:
         return len(self.state)
 
-    def take(self, rows: IntArray) -> Estimates:
+    def take(self, rows: IntArray | slice) -> Estimates:
         """Return the estimates of these rows."""
         columns = {name: getattr(self, name)[rows] for name in _PER_TARGET}
         known = None if self.attributes is None else self.attributes.take(rows)

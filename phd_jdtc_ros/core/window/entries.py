@@ -102,6 +102,11 @@ class Entry(Generic[RowsT, LinkT]):
         return self if self.link is None else replace(self, link=None)
 
     @cached_property
+    def source_stamps(self) -> frozenset[int]:
+        """The stamps of the sources."""
+        return frozenset(source.stamp_ns for source in self.sources)
+
+    @cached_property
     def _extents(self) -> list[Extents]:
         return []
 

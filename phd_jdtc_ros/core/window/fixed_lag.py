@@ -267,9 +267,11 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         """Return the latest targets predicted to a stamp; `track_id` is still label + 1."""
         # Only the targets that no later scan has swept; most entries are as they were a scan ago.
         for rows in self.forward.unswept:
+            if rows.rows is None:
+                continue
             at, targets = rows.entry.stamp_ns, self._filtered[rows.entry.stamp_ns]
             alive = contains(rows.label, targets.track_id - 1)
-            if rows.rows is not None and not alive.all():
+            if not alive.all():
                 self._filtered = {**self._filtered, at: targets.take(np.flatnonzero(alive))}
         parts = [self._filtered[rows.entry.stamp_ns] for rows in self.forward.unswept]
         estimates, time_ns = Estimates.concatenate(parts, 0)

@@ -51,7 +51,7 @@ def interpolation_stamps(
         entry.stamp_ns
         for entry in window
         if entry.stamp_ns in alive
-        or (entry.stamp_ns > stamp_ns and any(source.stamp_ns in alive for source in entry.sources))
+        or (entry.stamp_ns > stamp_ns and not entry.source_stamps.isdisjoint(alive))
     ]
 
 
@@ -66,12 +66,11 @@ def trimmed(
         if entry.stamp_ns >= following:
             needed.add(entry.stamp_ns)
         if entry.stamp_ns > following:
-            needed.update([source.stamp_ns for source in entry.sources])
-    dropped = {entry.stamp_ns for entry in window} - needed
-    if not dropped:
+            needed |= entry.source_stamps
+    if all(entry.stamp_ns in needed for entry in window):
         return window
     return [
-        entry if any(source.stamp_ns in needed for source in entry.sources) else entry.unlinked
+        entry.unlinked if needed.isdisjoint(entry.source_stamps) else entry
         for entry in window
         if entry.stamp_ns in needed
     ]

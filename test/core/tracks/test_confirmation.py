@@ -272,7 +272,7 @@ def test_states_forget_tracks_and_stamps_that_are_gone():
         tracks.add(**{f"t{number}": 0.9})
         tracks.states.forget_before((tracks.index - 5) * INTERVAL)
     assert len(tracks.states._records.label) <= 2
-    assert len(np.unique(tracks.states._noted.stamp_ns)) == 6
+    assert len(tracks.states._noted.at) == 6
 
 
 def snapshot_of(tracks):
