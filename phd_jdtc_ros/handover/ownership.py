@@ -49,40 +49,31 @@ class Handover:
     # Numbers of consecutive stamps: positive together, negative apart.
     _together: dict[tuple[Track, Track], int] = field(init=False, default_factory=dict)
     _count: int = field(init=False, default=0)
-    _changes: int = field(init=False, default=0)
-
-    @property
-    def handed_over(self) -> int:
-        """Number of times that a target has changed over from one tracker to another."""
-        return self._changes
+    # Number of times that a target has changed over from one tracker to another.
+    handed_over: int = field(init=False, default=0)
 
     def forget(self) -> None:
         """Forget all tracks; their numbers are not reused."""
         self._number, self._tracks, self._owner, self._together = {}, {}, {}, {}
 
     def add(self, gathered: Mapping[int, Estimates]) -> Estimates:
-        """Return the joint estimates of a stamp.
+        """Return the joint estimates of a stamp, given those of at least one tracker.
 
-        Parameters
-        ----------
-        gathered : mapping of tracker to Estimates
-            At least one entry, all of one stamp. Stamps must increase. The tracks of a missing
-            tracker keep their numbers.
-
-        Returns
-        -------
-        Estimates
-            Numbers are assigned in the order in which targets are first reported.
+        Stamps must increase. The tracks of a missing tracker keep their numbers. Numbers are
+        assigned in the order in which targets are first reported.
         """
         found = self._complete(gathered)
-        depth = self._depths(found)
+        # Of each tracker's estimates in each region, [tracker][region].
+        depth = [[region.depth(own.position) for region in self.regions] for own in found]
         self._pair(found, depth, gathered.keys())
         rows: dict[int, dict[int, int]] = {}
         for tracker, estimates in enumerate(found):
             for row, number in enumerate(estimates.track_id.tolist()):
                 joint = self._number.get((tracker, number))
                 if joint is None and depth[tracker][tracker][row] >= 0.0:
-                    joint = self._begin((tracker, number))
+                    self._count += 1
+                    joint = self._count
+                    self._give((tracker, number), joint)
                 if joint is not None:
                     rows.setdefault(joint, {})[tracker] = row
         parts: list[list[tuple[int, int]]] = [[] for _ in found]
@@ -123,15 +114,6 @@ class Handover:
         """Return the estimates of every tracker, empty ones for missing trackers."""
         nothing = next(iter(gathered.values())).take(_NO_ROWS)
         return [gathered.get(tracker, nothing) for tracker in range(len(self.regions))]
-
-    def _depths(self, found: Sequence[Estimates]) -> list[list[FloatArray]]:
-        """Return the depths of each tracker's estimates in each region, [tracker][region]."""
-        return [[region.depth(own.position) for region in self.regions] for own in found]
-
-    def _begin(self, track: Track) -> int:
-        self._count += 1
-        self._give(track, self._count)
-        return self._count
 
     def _pair(
         self,
@@ -212,7 +194,7 @@ class Handover:
         for tracker, own in depth.items():
             if own > self.hysteresis:
                 owner = tracker
-        self._changes += before is not None and owner != before
+        self.handed_over += before is not None and owner != before
         self._owner[joint] = owner
         return owner
 

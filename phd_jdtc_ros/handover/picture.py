@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 
 from .number_history import Numbers
 from .ownership import Handover
-from .restarts import SeriesOfAll
+from .restarts import TrackSeries
 from .synchroniser import Gathered, Gathering, Refused, too_many
 
 # Window of stamps in which most must have estimates of all live trackers; otherwise the trackers
@@ -37,7 +37,7 @@ class _Run:
     """A run: estimates whose stamps do not go back."""
 
     gathered: Mapping[str, Gathering]
-    series: SeriesOfAll
+    series: Sequence[TrackSeries]
     numbers: Numbers
     # Smoothed estimates that wait for their numbers.
     smoothed: list[Gathered] = field(default_factory=list)
@@ -47,20 +47,16 @@ class _Run:
     until_ns: Mapping[int, float] = field(default_factory=dict)
     closed: bool = False  # Whether further smoothed estimates are too late
 
+    def apart(self, gathered: Gathered) -> Gathered:
+        """Return estimates of a stamp with track numbers that are unique in the run."""
+        return {tracker: self.series[tracker].apart(own) for tracker, own in gathered.items()}
+
 
 class JointPicture:
-    """Joins the estimates of trackers with adjacent regions.
+    """Joins the estimates of trackers with adjacent regions; see `Handover` and `Gathering`.
 
-    Parameters
-    ----------
-    regions : sequence of Region
-        One per tracker.
-    hysteresis : float
-        See `Handover`.
-    wait_s : float
-        Lead of the filtered picture at which smoothed estimates get their numbers, seconds.
-    longest_delay_s, most_waiting
-        See `Gathering`; `most_waiting` also bounds the smoothed stamps that wait for numbers.
+    Smoothed estimates get their numbers when the filtered picture is ahead by `wait_s`;
+    `most_waiting` also bounds the smoothed stamps that wait for that.
     """
 
     def __init__(
@@ -84,7 +80,7 @@ class JointPicture:
         count = len(self._trackers)
         limits = self._longest_delay_s, self._most_waiting
         gathered = {source: Gathering(count, *limits) for source in SOURCES}
-        return _Run(gathered, SeriesOfAll(count), Numbers(self._wait_ns))
+        return _Run(gathered, [TrackSeries() for _ in range(count)], Numbers(self._wait_ns))
 
     @property
     def silent(self) -> frozenset[int]:
@@ -125,23 +121,10 @@ class JointPicture:
         )
 
     def add(self, tracker: int, source: str, found: Estimates) -> list[Joint] | Refused:
-        """Add the filtered or smoothed estimates of a tracker.
+        """Add the filtered or smoothed estimates of a tracker, which pass `checks.why_not`.
 
-        Parameters
-        ----------
-        tracker : int
-            Index of the tracker.
-        source : str
-            ``filtered`` or ``smoothed``.
-        found : Estimates
-            Estimates that pass `checks.why_not`.
-
-        Returns
-        -------
-        list of (source, Estimates)
-            Joint estimates that are now complete, in the order of time for each source and run.
-        Refused
-            If they are too late or duplicates.
+        Returns the joint estimates that are now complete, in the order of time for each source and
+        run; or why these estimates are refused.
         """
         if self._is_of_before(tracker, source, found.stamp_ns):
             return self._add_to_before(tracker, source, found)
@@ -226,7 +209,9 @@ class JointPicture:
         for gathered in closed:
             stamp_ns = next(iter(gathered.values())).stamp_ns
             self._common.append(live.issubset(gathered))
-            joint = self._handover.add(run.series.take(stamp_ns, gathered))
+            for tracker, series in enumerate(run.series):
+                series.take(stamp_ns, gathered.get(tracker))
+            joint = self._handover.add(run.apart(gathered))
             run.numbers.add(stamp_ns, self._handover.numbers)
             run.reached_ns = stamp_ns
             done.append((FILTERED, joint))
@@ -241,7 +226,7 @@ class JointPicture:
             early = stamp_ns + self._wait_ns > run.reached_ns
             if early and not too_many(run.smoothed, self._most_waiting):
                 break
-            gathered = run.series.apart(run.smoothed.pop(0))
+            gathered = run.apart(run.smoothed.pop(0))
             joint = self._handover.join_numbered(gathered, run.numbers.at(stamp_ns))
             done.append((SMOOTHED, joint))
         # The previous run's estimates come first.

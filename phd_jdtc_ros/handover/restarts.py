@@ -9,14 +9,13 @@ in the joint picture.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from phd_jdtc_ros.core.types import Estimates
 
 from .ownership import REACH
-from .synchroniser import Gathered
 
 # Track numbers of messages are less than this.
 SERIES = 2**32
@@ -26,16 +25,16 @@ KEPT_S = 600.0
 SILENT_S = 60.0
 
 
-@dataclass
 class TrackSeries:
     """The series of one tracker's track numbers."""
 
-    _count: int = field(init=False, default=0)
-    # Stamps after which series began, ascending, and the series' numbers.
-    _begun: list[tuple[int, int]] = field(init=False, default_factory=list)
-    _highest: int = field(init=False, default=0)
-    _there: Estimates | None = field(init=False, default=None)
-    _last_ns: int = field(init=False, default=0)
+    def __init__(self) -> None:
+        self._count = 0
+        # Stamps after which series began, ascending, and the series' numbers.
+        self._begun: list[tuple[int, int]] = []
+        self._highest = 0
+        self._there: Estimates | None = None
+        self._last_ns = 0
 
     def take(self, stamp_ns: int, found: Estimates | None) -> None:
         """Add the filtered estimates of a stamp, None if the tracker has none; stamps increase."""
@@ -67,29 +66,6 @@ class TrackSeries:
         for after_ns, number in self._begun:
             series = number if found.stamp_ns > after_ns else series
         return replace(found, track_id=found.track_id + SERIES * series)
-
-
-class SeriesOfAll:
-    """The series of several trackers.
-
-    Parameters
-    ----------
-    trackers : int
-        Number of trackers.
-    """
-
-    def __init__(self, trackers: int) -> None:
-        self._each = [TrackSeries() for _ in range(trackers)]
-
-    def take(self, stamp_ns: int, gathered: Gathered) -> Gathered:
-        """Take in the filtered estimates of a stamp, and return them with unique track numbers."""
-        for tracker, series in enumerate(self._each):
-            series.take(stamp_ns, gathered.get(tracker))
-        return self.apart(gathered)
-
-    def apart(self, gathered: Gathered) -> Gathered:
-        """Return estimates of a stamp with unique track numbers."""
-        return {tracker: self._each[tracker].apart(own) for tracker, own in gathered.items()}
 
 
 def _goes_on(before: Estimates, found: Estimates) -> bool:

@@ -93,13 +93,7 @@ class Settings:
 
 
 def resolve(given: Mapping[str, Any]) -> Settings:
-    """Check the parameters of the node, given by dotted name.
-
-    Raises
-    ------
-    ConfigError
-        It lists every fault.
-    """
+    """Check the parameters of the node, given by dotted name; `ConfigError` lists every fault."""
     every = with_members(TABLE, "trackers", TRACKER, given)
     values, faults = check(every.values(), given, replaced.HAND_OVER, replaced.HAND_OVER_TRACKER)
     if None not in values.values():
@@ -107,7 +101,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
     if faults:
         raise ConfigError(faults)
     trackers = tuple(values["trackers"])
-    regions = tuple(_region(values, name) for name in trackers)
+    regions = tuple(Region(*values[f"{name}.region"]) for name in trackers)
     faults = region_faults([f"{name}." for name in trackers], regions)
     if faults:
         raise ConfigError(faults)
@@ -124,17 +118,8 @@ def resolve(given: Mapping[str, Any]) -> Settings:
 def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hysteresis") -> float:
     """Return the distance beyond a seam at which a target changes over, metres.
 
-    Parameters
-    ----------
-    given : float or None
-        None for `HYSTERESIS` of the smallest margin.
-    name : str
-        Name of the parameter or the option, for the error.
-
-    Raises
-    ------
-    ConfigError
-        If it is more than the smallest margin.
+    It is `HYSTERESIS` of the smallest margin unless it is given. More than this margin is a
+    `ConfigError` with the name of the parameter or the option.
     """
     margin = min(region.margin for region in regions)
     found = HYSTERESIS * margin if given is None else given
@@ -144,13 +129,7 @@ def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hyst
 
 
 def region_faults(owners: Sequence[str], regions: Sequence[Region]) -> list[str]:
-    """Return the faults of adjacent regions.
-
-    Parameters
-    ----------
-    owners : sequence of str
-        Prefix of each region's parameter names.
-    """
+    """Return the faults of adjacent regions; `owners` are the prefixes of their parameters."""
     faults = [
         f"{owner}region: margin {region.margin:g} given, must be above 0: a target is handed over "
         "where both trackers have it"
@@ -168,10 +147,6 @@ def region_faults(owners: Sequence[str], regions: Sequence[Region]) -> list[str]
 
 def _node(values: Mapping[str, Any], name: str) -> str:
     return values[f"{name}.node"] or f"/{name}{names.TRACKER}"
-
-
-def _region(values: Mapping[str, Any], name: str) -> Region:
-    return Region(*values[f"{name}.region"])
 
 
 def _faults(values: Mapping[str, Any]) -> list[str]:

@@ -40,13 +40,7 @@ class Refused(Enum):
 
 @dataclass
 class Gathering:
-    """Gathers the filtered or the smoothed estimates of one run.
-
-    Attributes
-    ----------
-    overflow : int
-        Number of stamps that were closed because too many waited.
-    """
+    """Gathers the filtered or the smoothed estimates of one run."""
 
     trackers: int  # Number of trackers
     # Longest time by which a waiting stamp may be behind the newest one, seconds; infinite for
@@ -55,6 +49,7 @@ class Gathering:
     # Upper bound of the waiting stamps (see `too_many`), above which the oldest is closed; None for
     # no bound.
     most_waiting: int | None = None
+    # Number of stamps that were closed because too many waited.
     overflow: int = field(init=False, default=0)
     _pending: dict[int, dict[int, Estimates]] = field(init=False, default_factory=dict)
     _latest: dict[int, int] = field(init=False, default_factory=dict)
@@ -106,15 +101,10 @@ class Gathering:
         return stamp_ns < self._latest.get(tracker, stamp_ns)
 
     def add(self, tracker: int, found: Estimates) -> list[Gathered] | Refused:
-        """Add the estimates of a tracker.
+        """Add the estimates of a tracker; return the stamps that are now closed, oldest first.
 
-        Returns
-        -------
-        list of mappings of tracker to Estimates
-            One mapping for each stamp that is now closed, oldest first, without the trackers that
-            have no estimates of it.
-        Refused
-            If the stamp is closed already, or the tracker has reported it before.
+        They are without the trackers that have no estimates of them. Estimates are refused if their
+        stamp is closed already, or the tracker has reported it before.
         """
         stamp = found.stamp_ns
         if stamp == self._latest.get(tracker) or tracker in self._pending.get(stamp, {}):
