@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from msg_adapters import names
 from msg_adapters.detections import OWN_LAYOUT, from_msg, to_msg
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
@@ -186,7 +187,7 @@ def _forged_record_times() -> dict[str, str]:
             done = reading.convert(path, out, settings.resolve({}), None, ())
         except Exception as error:  # any but an error of the recording would end with a traceback
             return {"times of records": f"{type(error).__name__}: {error}"}
-        clouds = sum(1 for _ in BagReader(out).messages([settings.topic_of("radar_1_1")]))
+        clouds = sum(1 for _ in BagReader(out).messages([names.detections("radar_1_1")]))
     counted = done.stream.counts["receipt_time"]
     if done.plots != 2 * count or clouds != done.clouds or counted != 2:
         return {"times of records": f"{done.plots} plots, {clouds} clouds, {counted} counted"}

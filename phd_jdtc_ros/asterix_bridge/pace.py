@@ -39,12 +39,7 @@ def steps(
     """Yield the datagrams of a recording, each with the truth up to the clouds that it completes.
 
     Times are those of a bridge with the same parameters and ``replayed``. The last step has no
-    datagram; it has the remaining truth.
-
-    Raises
-    ------
-    BagError
-        If the file is not a recording of ASTERIX.
+    datagram; it has the remaining truth. `BagError` is raised if the file is not a recording.
     """
     stream = bridge.stream(StreamClock())
     scans = _Scans(bridge, config)

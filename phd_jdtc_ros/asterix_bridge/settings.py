@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-from msg_adapters import names
 from phd_jdtc_ros.asterix.assembly import LEARNED
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.clocks import StreamClock
@@ -170,9 +169,8 @@ OF_FILES = (*table(In), *table(Out))
 TABLE = (*OF_FILES, *table(OfNode))
 
 
-@dataclass(frozen=True)
-class Amplitudes:
-    """The conversion of a radar's amplitudes; see `OF_ANY_RADAR`."""
+class Amplitudes(NamedTuple):
+    """The conversion of a radar's amplitudes; see `OfAnyRadar`."""
 
     choice: str
     noise_dbm: float
@@ -182,10 +180,9 @@ class Amplitudes:
 class Bridge:
     """The bridge's input as its parameters describe it."""
 
-    values: dict[str, Any]  # Dict of name to value. All parameters.
+    values: dict[str, Any]  # All parameters
     table: dict[str, Parameter]
-    # Dict of number to RadarSettings. Configured radars by SAC and SIC.
-    radars: dict[int, RadarSettings]
+    radars: dict[int, RadarSettings]  # Configured radars by SAC and SIC
     others: RadarSettings  # Settings of all other radars
 
     def amplitudes(self, radar: str) -> Amplitudes:
@@ -210,17 +207,9 @@ def output_of(bridge: Bridge, monosensor: bool, call_signs: CallSigns) -> TrackO
 
 
 def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> Bridge:
-    """Check parameters; a radar's missing parameters default to the common ones.
+    """Check parameters, with `top` being `TABLE` for the node; `ConfigError` has all faults.
 
-    Parameters
-    ----------
-    top : tuple of Parameter
-        `OF_FILES`, or `TABLE` for the node.
-
-    Raises
-    ------
-    ConfigError
-        With all faults.
+    A radar's missing parameters default to the common ones.
     """
     every = with_members(top, "radars", RADAR, given)
     values, faults = check(every.values(), given, replaced.BRIDGE, replaced.BRIDGE_RADAR)
@@ -251,21 +240,19 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
 def _address_faults(values: Mapping[str, Any]) -> list[str]:
     """Return the faults of a node's addresses."""
     faults = []
-    output = values.get("output", "")
-    for name, given in (
-        *(("inputs", text) for text in values.get("inputs", [])),
-        *([("output", output)] if output else []),
-    ):
+    given = [("inputs", text) for text in values.get("inputs", [])]
+    given += [("output", text) for text in [values.get("output")] if text]
+    for name, text in given:
         try:
-            udp.address(given)
+            udp.address(text)
         except ValueError as error:
             faults.append(f"{name}: {error}")
-    interface = values.get("interface", "")
-    if interface:
-        try:
+    interface = values.get("interface")
+    try:
+        if interface:
             udp.address(f"{interface}:1")
-        except ValueError:
-            faults.append(f"interface: {interface} given, must be an IPv4 address")
+    except ValueError:
+        faults.append(f"interface: {interface} given, must be an IPv4 address")
     return faults
 
 
@@ -293,8 +280,3 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarSettings:
         values[f"{own}hold_sectors"],
         tuple(values[f"{own}geodetic"]) if name and values[f"{own}geodetic"] else None,
     )
-
-
-def topic_of(radar: str) -> str:
-    """Return the topic of a radar's clouds."""
-    return names.detections(radar)

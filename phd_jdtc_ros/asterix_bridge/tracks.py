@@ -47,15 +47,8 @@ class _Life:
 class TrackOutput:
     """Converts clouds of estimates to data blocks.
 
-    Parameters
-    ----------
-    plane : Plane or None
-        Without a plane there are no latitudes and longitudes, and heights are above the world's
-        zero.
-    max_prediction_s : float
-        Tracks end when their latest estimates are older than this.
-    call_signs : CallSigns
-        Call signs by the tracks' addresses.
+    Without a plane there are no latitudes and longitudes, and heights are above the world's zero.
+    Tracks end when their latest estimates are older than `max_prediction_s`.
     """
 
     def __init__(
@@ -80,13 +73,7 @@ class TrackOutput:
         self.tracks = 0
 
     def take(self, cloud: PointCloud2) -> None:
-        """Replace the current estimates by those of a cloud.
-
-        Raises
-        ------
-        RejectedMessageError
-            If it is not a cloud of estimates.
-        """
+        """Replace the current estimates by those of a cloud, or raise `RejectedMessageError`."""
         if cloud.width * cloud.height > MOST_TRACKS:
             raise RejectedMessageError(
                 "oversize",
@@ -143,7 +130,7 @@ class TrackOutput:
             geodetic = np.stack(self._plane.to_geodetic(*position.T), axis=1).tolist()
         std = _deviations(covariance)
         position_std, velocity_std = std[:, list(space.position)], std[:, list(space.velocity)]
-        known = estimated.attributes or _nothing(len(later))
+        known = estimated.attributes or Attributes.unknown(len(later))
         height = self._datum + known.height @ np.array([1.0, ahead_s])
         climbed = np.array([[1.0, ahead_s], [0.0, 1.0]])
         up_std = _deviations(climbed @ known.height_covariance @ climbed.T)
@@ -184,13 +171,6 @@ def _deviations(covariance: FloatArray) -> FloatArray:
     """Return the standard deviations of covariances, shape (N, D)."""
     deviations: FloatArray = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
     return deviations
-
-
-def _nothing(count: int) -> Attributes:
-    """Return attributes without heights and identities."""
-    unknown = np.full(count, UNKNOWN)
-    none = np.full((count, 2), math.nan)
-    return Attributes(none, np.full((count, 2, 2), math.nan), unknown, unknown, None)
 
 
 def _ages(seen_ns: IntArray | None, count: int, time_ns: int) -> list[list[float]]:

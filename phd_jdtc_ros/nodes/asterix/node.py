@@ -195,7 +195,7 @@ class AsterixBridge(ManagedNode):
         self._outputs[name].publish(clouds.cloud(report, name, sectors, amplitudes))
 
     def _add_output(self, name: str) -> None:
-        topic, qos = settings.topic_of(name), topics.reliable(OUTPUT_DEPTH)
+        topic, qos = names.detections(name), topics.reliable(OUTPUT_DEPTH)
         self._outputs[name] = self.create_publisher(PointCloud2, topic, qos)
         self.get_logger().info(f"{name}: publishing on {self._outputs[name].topic_name}")
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from msg_adapters import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix.plot_stream import RadarState
-from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
@@ -55,7 +55,7 @@ class Proposal:
 
     values: dict[str, Any]
     comments: dict[str, str] = field(default_factory=dict)
-    # Dict of name to values. Parameters of radars that cannot be tracked with the others.
+    # Parameters of radars that cannot be tracked with the others.
     untracked: dict[str, dict[str, Any]] = field(default_factory=dict)
     hints: list[str] = field(default_factory=list)
 
@@ -72,26 +72,23 @@ def is_assumed_place(origin: Sequence[float]) -> bool:
 def propose(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
     """Return a tracker's parameters for the radars that sent reports; None without any.
 
-    Parameters
-    ----------
-    disorder_s : float
-        Largest difference between the newest stamp and the stamp of a later cloud.
+    `disorder_s` is the largest difference between the newest stamp and that of a later cloud.
     """
     active = sorted((s for s in states if s.reports), key=lambda s: s.plots, reverse=True)
     if not active:
         return None
     profile = from_arguments.load(resources.profile(PROFILE)[0])
     proposed = Proposal({k: v for k, v in profile.items() if not k.startswith(PROFILE_RADAR)})
-    own = {
+    profiled = {
         name.removeprefix(PROFILE_RADAR): value
         for name, value in profile.items()
         if name.startswith(PROFILE_RADAR) and not name.endswith((".position", ".yaw_deg"))
     }
     for state in active:
-        for name, value in own.items():
+        for name, value in profiled.items():
             proposed.values[f"{state.settings.name}.{name}"] = value
         _set_layout(proposed, state)
-        _set_ranges(proposed, state, own)
+        _set_ranges(proposed, state, profiled)
     together = _place_radars(proposed, active)
     proposed.values["sensors"] = [state.settings.name for state in together]
     _set_times(proposed, together)
@@ -104,9 +101,9 @@ def propose(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
     elif len(together) > 1 and disorder_s:
         comment = "largest age of a cloud behind the newest stamp when it came"
         proposed.set("reorder_s", math.ceil(10.0 * disorder_s) / 10.0, comment)
-    for state in active:
-        if state not in together:
-            _set_aside(proposed, state.settings.name)
+    for radar in (state.settings.name for state in active if state not in together):
+        own = [name for name in proposed.values if name.startswith(f"{radar}.")]
+        proposed.untracked[radar] = {name: proposed.values.pop(name) for name in own}
     return proposed
 
 
@@ -167,7 +164,7 @@ def _set_layout(proposed: Proposal, state: RadarState) -> None:
     """Set the layout of a radar's clouds."""
     radar, seen = state.settings.name, state.statistics
     proposed.values |= {
-        f"{radar}.topic": settings.topic_of(radar),
+        f"{radar}.topic": names.detections(radar),
         f"{radar}.frame": radar,
         f"{radar}.azimuth_convention": "enu_ccw",
     }
@@ -198,8 +195,9 @@ def _set_ranges(proposed: Proposal, state: RadarState, own: dict[str, Any]) -> N
     radar, seen = state.settings.name, state.statistics
     if not state.plots or not seen.farthest:
         return
-    digit = 10.0 ** (math.floor(math.log10(seen.farthest * MAX_RANGE_FACTOR)) - 1)
-    most = math.ceil(seen.farthest * MAX_RANGE_FACTOR / digit) * digit
+    reach = seen.farthest * MAX_RANGE_FACTOR
+    digit = 10.0 ** (math.floor(math.log10(reach)) - 1)
+    most = math.ceil(reach / digit) * digit
     scale = most / own["max_range"]
     proposed.set(f"{radar}.max_range", most, f"its farthest plot is at {seen.farthest:.0f} m")
     proposed.set(f"{radar}.clutter_max_range", most, "as max_range")
@@ -239,13 +237,11 @@ def _place_radars(proposed: Proposal, active: Sequence[RadarState]) -> list[Rada
                 together.append(state)
     reference = together[0].settings.name
     tracked = ", ".join(state.settings.name for state in together)
-    for state in active:
-        if state not in together:
-            left = state.settings.name
-            proposed.hints.append(
-                f"{left}: not tracked, because its position is unknown or too far from that of "
-                f"{reference}; tracked: {tracked}. Set {left}.geodetic"
-            )
+    proposed.hints += [
+        f"{left}: not tracked, because its position is unknown or too far from that of "
+        f"{reference}; tracked: {tracked}. Set {left}.geodetic"
+        for left in (state.settings.name for state in active if state not in together)
+    ]
     return together
 
 
@@ -282,9 +278,3 @@ def _set_equipped_probability(proposed: Proposal, together: Sequence[RadarState]
         share = min(max(round(identified / plots, 2), 0.01), MAX_EQUIPPED)
         origin = f"{identified} of {plots} plots have a code or an address"
         proposed.set("equipped_probability", share, origin)
-
-
-def _set_aside(proposed: Proposal, radar: str) -> None:
-    """Move the parameters of a radar that is not tracked out of the others."""
-    names = [name for name in proposed.values if name.startswith(f"{radar}.")]
-    proposed.untracked[radar] = {name: proposed.values.pop(name) for name in names}

@@ -15,7 +15,7 @@ from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix.transport import datagram, framing
 from phd_jdtc_ros.asterix.transport.datagram import RecordingError
-from phd_jdtc_ros.asterix_bridge import clouds, settings
+from phd_jdtc_ros.asterix_bridge import clouds
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
@@ -46,7 +46,7 @@ class Converted:
 
     stream: PlotStream
     recording: Counter[str] = field(default_factory=Counter)  # Skipped parts of the file, by reason
-    # `clouds`, `plots`: number of clouds and plots written.
+    topics: set[str] = field(default_factory=set)
     clouds: int = 0
     plots: int = 0
     hints: list[str] = field(default_factory=list)  # Remarks on the proposed parameters
@@ -58,20 +58,22 @@ class Converted:
     def lines(self) -> Iterator[str]:
         """Yield the counts of each radar, and the reasons for messages that are not used."""
         for state in self.stream.radars.values():
-            found = {"plots": state.plots, "service messages": state.services}
-            text = ", ".join(f"{count} {what}" for what, count in found.items())
-            turn_s = state.assembler.turn_s
+            name, turn_s = state.settings.name, state.assembler.turn_s
             turn = f", a turn of {turn_s:.4f} s" if turn_s else ""
-            yield f"{state.settings.name}: {text}, {state.reports} clouds{turn}{_of(state.counts)}"
+            listed = _listed(state.counts)
+            yield (
+                f"{name}: {state.plots} plots, {state.services} service messages, "
+                f"{state.reports} clouds{turn}{f'; {listed}' if listed else ''}"
+            )
             if state.counts["second_source"]:
                 own = " and ".join(dict.fromkeys(state.sources.values()))
                 yield (
-                    f"{state.settings.name}: messages of two sources, {own} and "
-                    f"{state.other_source}: messages of the second are left out"
+                    f"{name}: messages of two sources, {own} and {state.other_source}: messages of "
+                    "the second are left out"
                 )
             shift_s = state.clock.shift_ns * 1e-9
             if shift_s:
-                yield f"{state.settings.name}: its clock is {-shift_s:+.1f} s off, and was shifted"
+                yield f"{name}: its clock is {-shift_s:+.1f} s off, and was shifted"
         for size, count in self.stream.blocks.known_trailers().items():
             yield f"{count} datagrams have a trailer of {size} bytes, which is skipped"
         left_out = +(self.recording + self.stream.counts)
@@ -105,11 +107,6 @@ class Converted:
         )
 
 
-def _of(counts: Counter[str]) -> str:
-    listed = _listed(counts)
-    return f"; {listed}" if listed else ""
-
-
 def _listed(counts: Counter[str]) -> str:
     return ", ".join(f"{reason} {count}" for reason, count in sorted(counts.items()) if count)
 
@@ -119,12 +116,8 @@ def convert(
 ) -> Converted:
     """Write the clouds of a recording into a new bag, with parameters for a tracker beside it.
 
-    Parameters
-    ----------
-    midnight_ns : int or None
-        Begin of the recording's day; see `framing.datagrams`.
-    ports : iterable of int
-        Of captures: what was sent to other ports is left out; none for all.
+    `midnight_ns` is the begin of the recording's day; see `framing.datagrams`. If ports are given,
+    what captures have of others is left out.
 
     Raises
     ------
@@ -139,9 +132,8 @@ def convert(
                 raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
             framing.kind_of(data)
             with BagWriter(out) as bag:
-                known: set[str] = set()
                 for state, report in _reports(data, done, midnight_ns, frozenset(ports)):
-                    _write(bag, known, done, bridge, state, report)
+                    _write(bag, done, bridge, state, report)
     except RecordingError as error:
         raise BagError(f"{path}: {error}") from error
     found = parameters.propose([*done.stream.radars.values()], done.disorder_ns * 1e-9)
@@ -174,18 +166,13 @@ def _reports(
 
 
 def _write(
-    bag: BagWriter,
-    known: set[str],
-    done: Converted,
-    bridge: Bridge,
-    state: RadarState,
-    report: SectorReport,
+    bag: BagWriter, done: Converted, bridge: Bridge, state: RadarState, report: SectorReport
 ) -> None:
     name = state.settings.name
-    topic = settings.topic_of(name)
-    if topic not in known:
+    topic = names.detections(name)
+    if topic not in done.topics:
         bag.add_topic(Topic(topic, names.CLOUD, DEPTH))
-        known.add(topic)
+        done.topics.add(topic)
     message = clouds.cloud(report, name, state.settings.sectors, bridge.amplitudes(name))
     bag.write(topic, interfaces.encode(message), report.stamp_ns)
     done.disorder_ns = max(done.disorder_ns, done.newest_ns - report.stamp_ns)

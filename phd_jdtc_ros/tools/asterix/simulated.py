@@ -49,14 +49,7 @@ def write(
 ) -> int:
     """Write the data blocks of a seeded run in order of receipt, and return their number.
 
-    Parameters
-    ----------
-    path : Path
-        A capture if it ends with `CAPTURE`.
-    run : Scenario
-        All its radars must turn.
-    sending : sequence of Sending
-        One per radar.
+    The file is a capture if its name ends with `CAPTURE`. All radars must turn.
     """
     sent = []
     for index, own in enumerate(sending):

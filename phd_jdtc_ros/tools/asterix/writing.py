@@ -6,7 +6,7 @@ import contextlib
 import heapq
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -39,19 +39,17 @@ class ConversionCounts:
     """The counts of a conversion to ASTERIX."""
 
     what: str  # Name of the records, in the plural
-    # `records`, `blocks`: number of records and data blocks written.
     records: int = 0
-    blocks: int = 0
-    # `clouds`, `offered`: number of clouds that were used, and of all clouds.
-    clouds: int = 0
-    dropped: Counter[str] = field(default_factory=Counter)  # Number of unused clouds, by reason
-    offered: int = 0
-    out_of_range: int = 0  # Number of plots beyond the largest range of CAT048, which are left out
+    blocks: int = 0  # Data blocks
+    clouds: int = 0  # Those that were used
+    dropped: Counter[str] = field(default_factory=Counter)  # The others, by reason
+    out_of_range: int = 0  # Plots beyond the largest range of CAT048, which are left out
 
     @property
     def used(self) -> float:
         """Share of the bag's clouds that were used; 1 of none."""
-        return self.clouds / self.offered if self.offered else 1.0
+        offered = self.clouds + self.dropped.total()
+        return self.clouds / offered if offered else 1.0
 
 
 def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
@@ -78,19 +76,8 @@ def write_tracks(
 ) -> ConversionCounts:
     """Write the estimates of a bag as CAT062 and CAT065, predicted to the end of each period.
 
-    In a gap, which may be long, outputs continue until all tracks have ended.
-
-    Parameters
-    ----------
-    topic : str
-        Topic of the estimates.
-    radars : sequence of str
-        Topics of all radars, whose clouds may have call signs.
-
-    Raises
-    ------
-    BagError
-        If the bag has no estimates on the topic.
+    In a gap, which may be long, outputs continue until all tracks have ended. `topic` is that of
+    the estimates, and `radars` are those of all radars, whose clouds may have call signs.
     """
     bag.require({topic: names.CLOUD})
     call_signs = CallSigns()
@@ -107,7 +94,6 @@ def write_tracks(
                     clouds.learn_call_signs(interfaces.decode(entry.data, names.CLOUD), call_signs)
                 continue
             periodic.write_before(entry.stamp_ns)
-            done.offered += 1
             try:
                 output.take(interfaces.decode(entry.data, names.CLOUD))
             except RejectedMessageError as error:
@@ -169,13 +155,7 @@ class _PeriodicOutput:
 def write_plots(
     bag: BagReader, out: Path, config: TrackerConfig, bridge: Bridge
 ) -> ConversionCounts:
-    """Write the detections of a bag as CAT048, and the antennas' rotation as CAT034.
-
-    Raises
-    ------
-    BagError
-        If the bag lacks a radar's topic.
-    """
+    """Write the detections of a bag as CAT048, and the antennas' rotation as CAT034."""
     bag.require({radar.topic: reader_of(radar).type_name for radar in config.inputs})
     done = ConversionCounts("plots")
     numbers = {settings.name: number for number, settings in bridge.radars.items()}
@@ -189,19 +169,11 @@ def write_plots(
         for index, radar in enumerate(config.inputs)
     ]
     with out.open("wb") as stream:
-        parts = [_monotonic(radar.blocks(bag, done)) for radar in radars]
+        parts = [radar.blocks(bag, done) for radar in radars]
         for _, block in heapq.merge(*parts, key=lambda part: part[0]):
             stream.write(block)
             done.blocks += 1
     return done
-
-
-def _monotonic(parts: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
-    """Yield blocks with times that never decrease, so that they can be merged."""
-    latest = 0
-    for time_ns, block in parts:
-        latest = max(latest, time_ns)
-        yield latest, block
 
 
 class _Radar:
@@ -218,9 +190,12 @@ class _Radar:
         self._noise_dbm = noise_dbm
 
     def blocks(self, bag: BagReader, done: ConversionCounts) -> Iterator[tuple[int, bytes]]:
-        """Yield time and bytes of data blocks, in the order in which the radar would send them."""
+        """Yield time and bytes of data blocks, in the order in which the radar would send them.
+
+        Times never decrease, so that several radars' can be merged.
+        """
+        latest_ns = 0
         for entry in bag.messages([self._input.topic]):
-            done.offered += 1
             try:
                 report = reader_of(self._input).from_cdr(entry.data, self._input)
             except RejectedMessageError as error:
@@ -236,7 +211,9 @@ class _Radar:
                 near = [entry for entry in plots if entry[1].distance <= plots_out.FARTHEST]
                 done.out_of_range += len(plots) - len(near)
                 done.records += len(near)
-                yield from self._blocks_of_slice(stamp_ns, near, cut.coverage)
+                for time_ns, block in self._blocks_of_slice(stamp_ns, near, cut.coverage):
+                    latest_ns = max(latest_ns, time_ns)
+                    yield latest_ns, block
 
     def _blocks_of_slice(
         self, stamp_ns: int, plots: list[tuple[int, Plot]], coverage: Coverage | None
@@ -289,45 +266,22 @@ def plots_of(
     height: FloatArray,
     noise_dbm: float = math.nan,
 ) -> list[Plot]:
-    """Return the plots of detections.
+    """Return the plots of detections of the radar with an identifier, 256 SAC + SIC.
 
-    Parameters
-    ----------
-    number : int
-        Identifier of the radar, 256 SAC + SIC.
-    slant, azimuth, height : array, shape (M,)
-        Slant ranges, metres; azimuths clockwise from north, radians; heights, metres, or NaN.
-    noise_dbm : float
-        Noise level; NaN leaves amplitudes out.
+    Slant ranges and heights (NaN: unknown) are in metres, and azimuths in radians clockwise from
+    north. A noise level of NaN leaves amplitudes out.
     """
-    plots = []
-    for distance, clockwise, above, level, code, address, kind in zip(
-        slant.tolist(),
-        azimuth.tolist(),
-        height.tolist(),
-        filled_column(found.amplitude, len(found), math.nan).tolist(),
-        *(filled_column(c, len(found), UNKNOWN) for c in (found.code, found.address, found.kind)),
-        strict=True,
-    ):
-        replied = code != UNKNOWN or address != UNKNOWN
-        dbm = 20.0 * math.log10(level / math.sqrt(2.0)) + noise_dbm if level > 0.0 else math.nan
-        sensor = int(kind)
-        if kind == UNKNOWN:
-            sensor = COMBINED if replied else PRIMARY
-        mode_a, mode_s = (NONE if value == UNKNOWN else int(value) for value in (code, address))
-        plots.append(
-            Plot(
-                radar=number,
-                time_of_day=NONE,
-                period=DAY,
-                distance=distance,
-                azimuth=clockwise,
-                height=above,
-                code=mode_a,
-                address=mode_s,
-                kind=sensor,
-                primary_dbm=dbm,
-                secondary_dbm=math.nan,
-            )
-        )
-    return plots
+    code, address, kind = (
+        filled_column(column, len(found), UNKNOWN).astype(int)
+        for column in (found.code, found.address, found.kind)
+    )
+    replied = (code != UNKNOWN) | (address != UNKNOWN)
+    kind = np.where(kind != UNKNOWN, kind, np.where(replied, COMBINED, PRIMARY))
+    level = filled_column(found.amplitude, len(found), math.nan)
+    dbm = np.full(len(found), math.nan)
+    seen = level > 0.0
+    dbm[seen] = 20.0 * np.log10(level[seen] / math.sqrt(2.0)) + noise_dbm
+    # Absent codes and addresses are -1 in detections and in plots.
+    columns = (slant, azimuth, height, code, address, kind, dbm, np.full(len(found), math.nan))
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return [Plot(number, NONE, DAY, *row) for row in rows]
