@@ -9,41 +9,33 @@ import importlib
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from types import ModuleType
 
 from phd_jdtc_ros.quoting import short
 
+# Modules and purposes; the modules are in `nodes` or `tools`.
 EXECUTABLES = {
-    "sensor_replay": ("phd_jdtc_ros.nodes.replay.node", "plays a bag's detections and truth"),
-    "tracker": ("phd_jdtc_ros.nodes.tracker.node", "the live node"),
-    "evaluator": ("phd_jdtc_ros.nodes.evaluator.node", "compares estimates with truth, live"),
-    "track_bag": ("phd_jdtc_ros.tools.track_bag", "offline: bag in, bag with estimates out"),
-    "simulate": ("phd_jdtc_ros.tools.simulate", "a scenario to a bag"),
+    "sensor_replay": ("nodes.replay.node", "plays a bag's detections and truth"),
+    "tracker": ("nodes.tracker.node", "the live node"),
+    "evaluator": ("nodes.evaluator.node", "compares estimates with truth, live"),
+    "track_bag": ("tools.track_bag", "offline: bag in, bag with estimates out"),
+    "simulate": ("tools.simulate", "a scenario to a bag"),
     "asterix_bridge": (
-        "phd_jdtc_ros.tools.asterix.bridge",
+        "tools.asterix.bridge",
         "recordings of ASTERIX to bags; without arguments the node",
     ),
-    "tune": ("phd_jdtc_ros.tools.tune", "proposes a configuration from a recording"),
-    "register": (
-        "phd_jdtc_ros.tools.register",
-        "finds the systematic errors of radars in a recording",
-    ),
-    "compile_engines": (
-        "phd_jdtc_ros.tools.compile_engines",
-        "compiles the engines ahead of their first start",
-    ),
-    "report": ("phd_jdtc_ros.tools.report", "a bag with estimates to a page and pictures"),
-    "monte_carlo": (
-        "phd_jdtc_ros.tools.monte_carlo",
-        "many seeded runs to tables, figures and a summary",
-    ),
+    "tune": ("tools.tune", "proposes a configuration from a recording"),
+    "register": ("tools.register", "finds the systematic errors of radars in a recording"),
+    "compile_engines": ("tools.compile_engines", "compiles the engines ahead of their first start"),
+    "report": ("tools.report", "a bag with estimates to a page and pictures"),
+    "monte_carlo": ("tools.monte_carlo", "many seeded runs to tables, figures and a summary"),
     "hand_over": (
-        "phd_jdtc_ros.tools.hand_over",
+        "tools.hand_over",
         "joins the bags of trackers that part an area; without arguments the node",
     ),
-    "demo": ("phd_jdtc_ros.tools.demo.demo", "the three nodes on the shipped bag, and the report"),
+    "demo": ("tools.demo.demo", "the three nodes on the shipped bag, and the report"),
 }
 
 # Former executables, which are studies of the repository now.
@@ -56,29 +48,14 @@ MOVED = {
 }
 
 # Nodes that are started in the place of an executable that is given ROS arguments only, or none.
-NODES = {
-    "asterix_bridge": "phd_jdtc_ros.nodes.asterix.node",
-    "hand_over": "phd_jdtc_ros.nodes.hand_over.node",
-}
+NODES = {"asterix_bridge": "nodes.asterix.node", "hand_over": "nodes.hand_over.node"}
 
 # Modules that a ROS installation has, and that the extra `ros` installs.
-ROS_PACKAGES = frozenset(
-    {
-        "ament_index_python",
-        "builtin_interfaces",
-        "diagnostic_msgs",
-        "geometry_msgs",
-        "lifecycle_msgs",
-        "nav_msgs",
-        "rcl_interfaces",
-        "rclpy",
-        "rosgraph_msgs",
-        "sensor_msgs",
-        "std_msgs",
-        "std_srvs",
-        "visualization_msgs",
-    }
-)
+ROS_PACKAGES = {
+    *("ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs"),
+    *("lifecycle_msgs", "nav_msgs", "rcl_interfaces", "rclpy", "rosgraph_msgs", "sensor_msgs"),
+    *("std_msgs", "std_srvs", "visualization_msgs"),
+}
 
 
 def run(name: str, argv: Sequence[str] | None = None) -> int:
@@ -108,12 +85,12 @@ def _module(path: str) -> ModuleType:
 
     A node handles signals by itself once it runs, and is asked to stop by SIGTERM too.
     """
-    node = path.startswith("phd_jdtc_ros.nodes.")
+    node = path.startswith("nodes.")
     # Nothing has begun, so there is nothing to finish. The numbers are those of `exit_status`.
     status = 0 if node else 128 + signal.SIGINT
     numbers = (signal.SIGINT, signal.SIGTERM) if node else (signal.SIGINT,)
     before = {number: signal.signal(number, lambda *_: os._exit(status)) for number in numbers}
-    module = importlib.import_module(path)
+    module = importlib.import_module(f"phd_jdtc_ros.{path}")
     if not node:
         for number in numbers:
             signal.signal(number, before[number])
@@ -139,20 +116,12 @@ def main() -> int:
     return 0 if asked else 2
 
 
-# Entry points for the installed scripts.
-sensor_replay = partial(run, "sensor_replay")
-tracker = partial(run, "tracker")
-evaluator = partial(run, "evaluator")
-track_bag = partial(run, "track_bag")
-simulate = partial(run, "simulate")
-asterix_bridge = partial(run, "asterix_bridge")
-tune = partial(run, "tune")
-register = partial(run, "register")
-report = partial(run, "report")
-compile_engines = partial(run, "compile_engines")
-monte_carlo = partial(run, "monte_carlo")
-hand_over = partial(run, "hand_over")
-demo = partial(run, "demo")
+def __getattr__(name: str) -> Callable[[], int]:
+    """Return the entry point of the installed script of an executable."""
+    if name not in EXECUTABLES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return partial(run, name)
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -32,11 +32,6 @@ class SystemPlane:
     0.008 m from 65 to 131 km, 0.016 m to 262 km and 0.031 m to 524 km; the error is at most half of
     it.
 
-    Raises
-    ------
-    ValueError
-        If a latitude is beyond a pole, or a value is not finite.
-
     Notes
     -----
     EPSG method 9809: J. P. Snyder, *Map Projections: A Working Manual*, USGS Professional Paper
@@ -66,30 +61,16 @@ class SystemPlane:
     def to_plane(
         self, latitude: npt.ArrayLike, longitude: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the coordinates x, to the east, and y, to the north, metres.
+        """Return the coordinates x, to the east, and y, to the north, metres, of places in degrees.
 
-        Parameters
-        ----------
-        latitude, longitude : arrays of one shape, or numbers
-            Degrees; NaN gives NaN.
-
-        Raises
-        ------
-        ValueError
-            If a latitude is beyond a pole.
+        NaN gives NaN, and a latitude beyond a pole a ValueError.
         """
         latitude, longitude = _places(latitude, longitude)
         x, y = self._projection(longitude, latitude)
         return np.asarray(x, dtype=float), np.asarray(y, dtype=float)
 
     def to_geodetic(self, x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return latitudes, and longitudes from -180 to 180, degrees.
-
-        Parameters
-        ----------
-        x, y : arrays of one shape, or numbers
-            Metres; NaN gives NaN.
-        """
+        """Return latitudes, and longitudes from -180 to 180, degrees; NaN gives NaN."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         longitude, latitude = self._projection(x, y, inverse=True)
         return np.asarray(latitude, dtype=float), np.asarray(longitude, dtype=float)
@@ -98,17 +79,7 @@ class SystemPlane:
         """Return the direction of true north, radians counter-clockwise from the y axis.
 
         It is also the direction of true east from the x axis, and so the yaw of a sensor whose x
-        axis points east.
-
-        Parameters
-        ----------
-        latitude, longitude : arrays of one shape, or numbers
-            Degrees.
-
-        Raises
-        ------
-        ValueError
-            If a latitude is beyond a pole.
+        axis points east. A latitude beyond a pole gives a ValueError.
         """
         latitude, longitude = _places(latitude, longitude)
         # PROJ's own convergence is infinite at a pole and at longitudes beyond a turn.

@@ -17,12 +17,8 @@ def write(path: Path, data: str | bytes) -> None:
     """Write a file through a temporary one beside it, so that it is never incomplete.
 
     A symbolic link is replaced, and what it points to stays as it is. What is no regular file, such
-    as ``/dev/stdout``, is written to directly.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written, with the path as its ``filename``; nothing is left then.
+    as ``/dev/stdout``, is written to directly. An `OSError` has the path as its ``filename``;
+    nothing is left then.
     """
     content = data.encode() if isinstance(data, str) else data
     if path.exists() and not path.is_file():
@@ -43,19 +39,10 @@ def write(path: Path, data: str | bytes) -> None:
 
 
 def require_new(paths: Mapping[str, Path], made: Path | None = None) -> None:
-    """Check that files can be written once there is something to write.
+    """Check that files, by the option that asks for each, can be written when they are ready.
 
-    Parameters
-    ----------
-    paths : mapping of option to Path
-        The files, and what asks for each.
-    made : Path or None
-        A directory that will have been made by then.
-
-    Raises
-    ------
-    ConfigError
-        With every file whose path another one has, that exists, or whose directory does not.
+    `made` is a directory that will have been made by then. `ConfigError` lists every file whose
+    path another one has, that exists, or whose directory does not.
     """
     faults = []
     options: dict[Path, str] = {} if made is None else {made.resolve(): "--out"}

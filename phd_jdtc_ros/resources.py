@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import sysconfig
+from collections.abc import Iterable
 from pathlib import Path
 
 from phd_jdtc_ros.bags.errors import BagError
@@ -53,10 +54,7 @@ def find(relative: Path) -> Path:
 def bag(given: str | Path) -> Path:
     """Return the path of a bag that is given by its path, or by its name if it is a shipped one.
 
-    Raises
-    ------
-    BagError
-        If there is nothing of a name.
+    Raises `BagError` if there is nothing of a name.
     """
     path = Path(given)
     # os.path answers for names that are too long too, for which pathlib raises.
@@ -65,25 +63,25 @@ def bag(given: str | Path) -> Path:
     shipped = find(Path("bags") / path)
     if not os.path.isdir(shipped):
         others = find(Path("bags") / DEFAULT_BAG).parent.glob("*/metadata.yaml")
-        names = ", ".join(sorted(entry.parent.name for entry in others))
-        raise BagError(f"{short(str(path))}: no such bag; those shipped are {names or 'not found'}")
+        raise _missing(str(path), "bag", [entry.parent.name for entry in others])
     return shipped
 
 
 def profile(name: str) -> tuple[Path, str]:
     """Return the parameter file of a shipped profile, and the name of the bag that shows it.
 
-    Raises
-    ------
-    BagError
-        If there is no profile of this name.
+    Raises `BagError` if there is no profile of this name.
     """
     path = find(Path("config") / f"{name}.yaml")
     if Path(name).name != name or not os.path.exists(path):
         others = find(Path("config") / f"{DEFAULT_BAG}.yaml").parent.glob("*.yaml")
-        names = ", ".join(sorted(entry.stem for entry in others))
-        raise BagError(f"{short(name)}: no such profile; those shipped are {names or 'not found'}")
+        raise _missing(name, "profile", [entry.stem for entry in others])
     return path, PROFILE_BAGS.get(name, DEFAULT_BAG)
+
+
+def _missing(name: str, what: str, shipped: Iterable[str]) -> BagError:
+    listed = ", ".join(sorted(shipped)) or "not found"
+    return BagError(f"{short(name)}: no such {what}; those shipped are {listed}")
 
 
 def isolation() -> dict[str, str]:

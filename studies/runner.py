@@ -6,6 +6,7 @@ import argparse
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -72,8 +73,7 @@ def goal(name: str, value: float | None, bound: float, at_most: bool = True) -> 
 
 def run(study: Study, argv: Sequence[str]) -> int:
     """Run a study; return its exit status."""
-    arguments = _parser(study).parse_args(argv)
-    return command.guarded(study.name, lambda: _work(study, arguments))
+    return command.run(_parser(study), argv, partial(_work, study))
 
 
 def add_engine_argument(parser: ArgumentParser) -> None:

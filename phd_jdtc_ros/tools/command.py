@@ -34,10 +34,18 @@ SCENARIO = (
 BAG = "rosbag2 directory, MCAP file, or the name of a shipped bag"
 
 
-def guarded(name: str, work: Callable[[], int]) -> int:
-    """Run `work`; report errors that users can cause in a line, and return the exit status."""
+def run(
+    parser: argparse.ArgumentParser,
+    argv: Sequence[str],
+    work: Callable[[argparse.Namespace], int],
+) -> int:
+    """Run `work` with the parsed arguments, and return the exit status.
+
+    Errors that users can cause are reported in a line each.
+    """
+    arguments, name = parser.parse_args(argv), parser.prog.split()[-1]
     try:
-        return work()
+        return work(arguments)
     except (ConfigError, BagError) as error:
         return fail(name, error)
     except OSError as error:  # a path that cannot be written, a full disk
@@ -111,12 +119,7 @@ def at_least(least: float, unit: str) -> Callable[[str], float]:
 def add_proposal_arguments(parser: argparse.ArgumentParser, files: str, seconds: float) -> None:
     """Add the arguments of a tool that proposes parameters from a recording.
 
-    Parameters
-    ----------
-    files : str
-        Help of the parameter file that describes the radars.
-    seconds : float
-        Default length of the part of the recording that is read.
+    `files` is the help of the parameter file that describes the radars.
     """
     parser.add_argument("bag", help=BAG)
     parser.add_argument("--params-file", "--params", type=Path, help=files)
@@ -136,6 +139,16 @@ def require_new(what: str, *paths: Path | None) -> None:
             raise BagError(f"{path}: already exists, {what} is not overwritten")
 
 
+def recorded_parameters(
+    source: Path, params_file: Path | None
+) -> tuple[dict[str, Any], Path] | None:
+    """Return the parameters in a file, or else beside a bag, and where they are; None without."""
+    if params_file is not None:
+        return from_arguments.load(params_file), params_file
+    beside = bag_parameters.read(source)
+    return None if beside is None else (beside, bag_parameters.path_of(source))
+
+
 def write_proposal(
     path: Path | None, head: str, values: Mapping[str, Any], comments: Mapping[str, str]
 ) -> None:
@@ -151,16 +164,8 @@ def write_proposal(
 def tracker_config(arguments: argparse.Namespace, bag: Path | None = None) -> TrackerConfig:
     """Return the configuration that the parameter arguments describe.
 
-    Parameters
-    ----------
-    bag : Path or None
-        The bag that is read. The parameters beside it are used if neither a scenario nor a file
-        is given; a warning is printed for each given parameter that does not fit its scene.
-
-    Raises
-    ------
-    ConfigError
-        With every fault.
+    The parameters beside the bag that is read are used if neither a scenario nor a file is given.
+    A warning is printed for each given parameter that does not fit its scene.
     """
     recorded = None if bag is None else bag_parameters.read(bag)
     given: dict[str, Any] = {}
@@ -168,8 +173,7 @@ def tracker_config(arguments: argparse.Namespace, bag: Path | None = None) -> Tr
         given = from_arguments.scenario_parameters(yaml_files.load(arguments.scenario))
     elif recorded is not None and not arguments.params_file:
         given = dict(recorded)
-    paths: Sequence[Path] = arguments.params_file
-    given |= from_arguments.from_arguments(paths, arguments.assignments)
+    given |= from_arguments.from_arguments(arguments.params_file, arguments.assignments)
     # The file may be a live tracker's, with the node's own parameters.
     config = tracker_params.config(given)
     if bag is not None and recorded is not None:

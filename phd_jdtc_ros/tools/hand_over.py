@@ -6,11 +6,10 @@ Without arguments, this is the node, which does the same live.
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-
-from rich.console import Console
 
 from msg_adapters import estimates, interfaces, names
 from phd_jdtc_ros import resources
@@ -33,30 +32,27 @@ from . import command
 def join(
     runs: Sequence[Record], regions: Sequence[Region], hysteresis: float, wait_s: float
 ) -> dict[str, list[Estimates]]:
-    """Return the joint estimates by source; both have the same numbers.
+    """Return the joint estimates of all trackers by source; see `JointPicture`.
 
-    Parameters
-    ----------
-    runs : sequence of Record
-        One per tracker.
-    hysteresis, wait_s : float
-        See `JointPicture`.
+    Both sources have the same numbers.
     """
     picture = JointPicture(regions, hysteresis, wait_s, math.inf)
     received = [
-        (own.stamp_ns, place, tracker, source, own)
+        (tracker, source, own)
+        for source in (FILTERED, SMOOTHED)
         for tracker, run in enumerate(runs)
-        for place, (source, found) in enumerate(
-            ((FILTERED, run.filtered), (SMOOTHED, run.smoothed))
-        )
-        for own in found
+        for own in _by_source(run)[source]
     ]
     done = []
-    for _, _, tracker, source, own in sorted(received, key=lambda entry: entry[:3]):
-        complete = picture.add(tracker, source, own)
+    for entry in sorted(received, key=lambda entry: entry[2].stamp_ns):
+        complete = picture.add(*entry)
         done += complete if isinstance(complete, list) else []
     done += picture.close_all()
     return {kind: [own for source, own in done if source == kind] for kind in SOURCES}
+
+
+def _by_source(run: Record) -> dict[str, Sequence[Estimates]]:
+    return {FILTERED: run.filtered, SMOOTHED: run.smoothed}
 
 
 def _of_bag(given: str) -> tuple[Path, TrackerConfig, Region]:
@@ -91,7 +87,7 @@ def _require_common(
 def _run(path: Path, config: TrackerConfig) -> Record:
     """Return the record of a bag; `ConfigError` if some of its estimates cannot be joined."""
     found = load.record(path, config)
-    for source, of_source in ((FILTERED, found.filtered), (SMOOTHED, found.smoothed)):
+    for source, of_source in _by_source(found).items():
         for own in of_source:
             reason = checks.why_not(own)
             if reason is not None:
@@ -116,8 +112,7 @@ def _write(
             for own in by_stamp:
                 message = estimates.to_msg(own, config.world_frame)
                 bag.write(names.estimates(kind), interfaces.encode(message), own.stamp_ns)
-    values = {**config.values, "region": []}
-    bag_parameters.write(out / bag_parameters.NAME, values)
+    bag_parameters.write(out / bag_parameters.NAME, {**config.values, "region": []})
 
 
 def main(argv: Sequence[str]) -> int:
@@ -139,9 +134,8 @@ def main(argv: Sequence[str]) -> int:
         help="how much later than a smoothed estimate's stamp its track may have got its number; "
         "%(default)s",
     )
-    arguments = parser.parse_args(argv)
 
-    def work() -> int:
+    def work(arguments: argparse.Namespace) -> int:
         if len(arguments.bags) < 2:
             raise ConfigError(["BAG: one given, must be two or more"])
         paths, configs, regions = zip(*map(_of_bag, arguments.bags), strict=True)
@@ -155,13 +149,10 @@ def main(argv: Sequence[str]) -> int:
         found = join(runs, regions, hysteresis, arguments.smoothed_wait)
         _write(arguments.out, found, configs[0], paths[0])
         tracks = {n for own in found[FILTERED] for n in own.track_id.tolist()}
-        Console().print(
+        print(
             f"{arguments.out}: {len(found[FILTERED])} filtered and {len(found[SMOOTHED])} "
-            f"smoothed stamps of {len(runs)} trackers, {len(tracks)} tracks",
-            soft_wrap=True,
-            markup=False,
-            highlight=False,
+            f"smoothed stamps of {len(runs)} trackers, {len(tracks)} tracks"
         )
         return OK
 
-    return command.guarded("hand_over", work)
+    return command.run(parser, argv, work)

@@ -22,7 +22,7 @@ from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.study import figures, monte_carlo
-from phd_jdtc_ros.study.monte_carlo import KINDS, Kind, Outcome, Plan, Scene, Store, Study, Task
+from phd_jdtc_ros.study.monte_carlo import KINDS, Kind, Outcome, Plan, Scene, Store, Study
 
 from . import command
 
@@ -46,12 +46,8 @@ def _load_scene(directory: Path, name: str) -> Scene:
 def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> int:
     """Run the tasks that are not stored yet, write and print the results; return the exit status.
 
-    Parameters
-    ----------
-    out : Path
-        Directory for ``parts``, ``results.csv``, ``summary.json``, ``table.md`` and ``figures``.
-    backend : callable of (tasks, report)
-        Runs the tasks.
+    `out` gets ``parts``, ``results.csv``, ``summary.json``, ``table.md`` and ``figures``; `backend`
+    is a function of tasks and of the callback for outcomes.
     """
     console = Console()
     store = Store(out / "parts")
@@ -64,7 +60,7 @@ def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> in
             f"{len(plan.tasks)} tasks, {len(plan.tasks) - len(tasks)} of them already done"
         )
         with _progress(console, len(tasks), store, failures) as report:
-            backend(tasks, report)
+            backend(tasks, report=report)
     write_results(study, plan, out, failures, console)
     for outcome in failures:
         console.print(f"failed: {outcome.task.label}\n{outcome.error}", style="red", markup=False)
@@ -113,7 +109,7 @@ def write_results(
     figures.write_all(results, out / "figures")
     for table in figures.tables(summary):
         console.print(table)
-    console.print(f"results: {out}", soft_wrap=True, markup=False, highlight=False)
+    print(f"results: {out}")
 
 
 def _plan(arguments: argparse.Namespace, kinds: Kinds) -> tuple[Study, Plan]:
@@ -141,27 +137,11 @@ def _plan(arguments: argparse.Namespace, kinds: Kinds) -> tuple[Study, Plan]:
     return study, plan
 
 
-def _backend(arguments: argparse.Namespace, busy: Callable[[], int]) -> Callable[..., None]:
-    """Return the function that runs tasks, given a callback for their outcomes."""
-
-    def on_dask(tasks: Sequence[Task], report: monte_carlo.Report) -> None:
-        monte_carlo.run_on_dask(tasks, arguments.dask, report)
-
-    def on_processes(tasks: Sequence[Task], report: monte_carlo.Report) -> None:
-        monte_carlo.run_on_processes(tasks, arguments.workers, report, busy=busy)
-
-    return on_dask if arguments.dask else on_processes
-
-
 def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0, kinds: Kinds = KINDS) -> int:
     """Run the study tool.
 
-    Parameters
-    ----------
-    busy : callable
-        Returns how many processors of this machine are taken.
-    kinds : mapping of str to Kind
-        The kinds of tracker that variants may be of.
+    `busy` returns how many processors of this machine are taken, and `kinds` are the kinds of
+    tracker that variants may be of.
     """
     parser = ArgumentParser("monte_carlo", description=__doc__)
     parser.add_argument(
@@ -192,15 +172,19 @@ def main(argv: Sequence[str], busy: Callable[[], int] = lambda: 0, kinds: Kinds 
     )
     command.add_assignments_argument(parser)
     command.add_cutoff_argument(parser)
-    arguments = parser.parse_args(argv)
 
-    def work() -> int:
+    def work(arguments: argparse.Namespace) -> int:
         study, plan = _plan(arguments, kinds)
         # On SIGTERM the worker processes are stopped too.
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
-            return run(study, plan, arguments.out, _backend(arguments, busy))
+            if arguments.dask:
+                backend = partial(monte_carlo.run_on_dask, address=arguments.dask)
+            else:
+                workers = arguments.workers
+                backend = partial(monte_carlo.run_on_processes, workers=workers, busy=busy)
+            return run(study, plan, arguments.out, backend)
         finally:
             signal.signal(signal.SIGTERM, before)
 
-    return command.guarded("monte_carlo", work)
+    return command.run(parser, argv, work)

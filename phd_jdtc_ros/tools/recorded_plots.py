@@ -33,21 +33,9 @@ class Recorded:
 
 
 def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST_PLOTS) -> Recorded:
-    """Return the detections of the first part of a bag, at any range.
+    """Return the detections of the first part of a bag, at any range; `most` bounds each radar's.
 
-    Parameters
-    ----------
-    config : TrackerConfig
-        Topics, fields, units and platforms.
-    seconds : float
-        Length of the part.
-    most : int
-        About the largest number of detections of each radar.
-
-    Raises
-    ------
-    BagError
-        If the bag lacks a topic.
+    Raises `BagError` if the bag lacks a topic of the configuration.
     """
     inputs = [replace(radar, max_range=math.inf) for radar in config.inputs]
     bag.require(input_types(config))

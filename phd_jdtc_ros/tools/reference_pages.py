@@ -19,8 +19,6 @@ from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.parameter_files import evaluator, proposed_file, sensor_replay
 from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
 
-# --- parameters -----------------------------------------------------------------------------------
-
 _PARAMETERS = """\
 # Parameters
 
@@ -75,7 +73,8 @@ def parameters() -> str:
     parts = [_PARAMETERS.format(count=declared())]
     for title, text, table in _SECTIONS:
         rows = [
-            (f"`{p.name}`{_mark(p)}", f"`{_shown(p)}`", p.allowed, p.description) for p in table
+            (f"`{p.name}`{' *' * p.mutable}", f"`{_shown(p)}`", p.allowed, p.description)
+            for p in table
         ]
         head = ("name", "default", "allowed", "meaning")
         parts.append(_section(title, text, head, rows))
@@ -92,18 +91,12 @@ def declared() -> int:
     return sum(map(len, tables)) + len(bridge_only)
 
 
-def _mark(parameter: Parameter) -> str:
-    return " *" if parameter.mutable else ""
-
-
 def _shown(parameter: Parameter) -> str:
     default = parameter.default
     if parameter.keys:
         default = {key: getattr(default, key) for key in parameter.keys if getattr(default, key)}
     return str(default).replace("'", "") if default != "" else "(empty)"
 
-
-# --- metrics --------------------------------------------------------------------------------------
 
 _METRICS = """\
 # Metrics
@@ -113,8 +106,8 @@ Written by `make parameters` from the table in the code. `metrics.json` has them
 variant, lag, set and key, as means over runs. Shares are shown in per cent; in both files they are
 from 0 to 1. A figure that has no meaning, such as the RMS of no pairs, is null.
 
-The evaluator publishes on `~/ospa`, for every scan and set: {published}. On a topic each, for
-[plots](visualisation.md#plots), it publishes {plotted} too.
+The evaluator publishes on `~/ospa`, for every scan and set: {}. On a topic each, for
+[plots](visualisation.md#plots), it publishes {} too.
 
 c, the cutoff, and p, the order, are the evaluator's parameters `cutoff` and `order`; `track_bag`,
 `report` and `monte_carlo` have the option `--cutoff`. A target and an estimate are a pair where the
@@ -136,16 +129,14 @@ _WHOLE = "In `metrics.json` for all targets only."
 
 def metrics() -> str:
     """Return the page of the metrics as Markdown."""
-    names = {"published": PUBLISHED, "plotted": PLOTTED}
-    parts = [_METRICS.format(**{k: ", ".join(f"`{name}`" for name in v) for k, v in names.items()})]
+    listed = (", ".join(f"`{name}`" for name in names) for names in (PUBLISHED, PLOTTED))
+    parts = [_METRICS.format(*listed)]
     sections = [
-        *(
-            (g.title[0].upper() + g.title[1:], "" if g.of_sets else _WHOLE, metrics)
-            for g, metrics in GROUPS.items()
-        ),
-        ("In studies only", "", tuple(metric for each in OF_STUDY for metric in each.metrics)),
+        (group.title[0].upper() + group.title[1:], "" if group.of_sets else _WHOLE, metrics)
+        for group, metrics in GROUPS.items()
     ]
-    for title, text, group in sections:
+    of_study = tuple(metric for each in OF_STUDY for metric in each.metrics)
+    for title, text, group in [*sections, ("In studies only", "", of_study)]:
         rows = [(m.heading, f"`{m.key}`", m.unit, m.definition) for m in group]
         parts.append(_section(title, text, ("metric", "key", "unit", "definition"), rows))
     parts.append(_section("Other terms", "", ("term", "definition"), TERMS))
@@ -158,8 +149,6 @@ def _section(title: str, text: str, head: Sequence[str], rows: Sequence[Sequence
     lines.insert(1, "|---" * len(head) + "|")
     return "\n".join([f"## {title}", "", *([text, ""] if text else []), *lines, ""])
 
-
-# --- outputs --------------------------------------------------------------------------------------
 
 _LISTED = re.compile(r"(?<=<!-- outputs: make parameters -->\n).*?(?=<!-- end -->)", re.DOTALL)
 _RELIABLE, _LATCHED = "reliable, depth 10", "reliable, transient local, depth 1"
@@ -213,8 +202,6 @@ def policies(document: str) -> str:
     return _TOPICS.sub(listed, document)
 
 
-# --- upgrade --------------------------------------------------------------------------------------
-
 _BEGIN, _END = "<!-- begin: make parameters -->", "<!-- end -->"
 _REPLACED = (
     ("tracker", replaced.TRACKER),
@@ -239,8 +226,6 @@ def upgrade(page: str) -> str:
     ]
     return "\n".join([f"{head}{_BEGIN}", *(f"#{table}" for table in tables), f"{_END}{tail}"])
 
-
-# --- config/defaults.yaml -------------------------------------------------------------------------
 
 _DEFAULTS = """\
 # All defaults: those of the reference scenario, two radars, two classes and births at four known

@@ -27,7 +27,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
-from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.report.pictures import registration as picture
 
 from . import command, recorded_plots, registered_table
@@ -60,8 +60,7 @@ def main(argv: Sequence[str]) -> int:
         help="the radar that is taken to be right where only differences are observable, such as "
         "the difference of two clocks; by default the first one",
     )
-    arguments = parser.parse_args(argv)
-    return command.guarded("register", lambda: _work(arguments))
+    return command.run(parser, argv, _work)
 
 
 def _work(arguments: argparse.Namespace) -> int:
@@ -69,7 +68,13 @@ def _work(arguments: argparse.Namespace) -> int:
     drawn: Path | None = arguments.picture or (out.with_suffix(".png") if out else None)
     command.require_new("a file", out, drawn)
     source = resources.bag(arguments.bag)
-    given, where = _given(source, arguments.params_file)
+    recorded = command.recorded_parameters(source, arguments.params_file)
+    if recorded is None:
+        raise BagError(
+            f"{source}: has no {bag_parameters.NAME} beside it with the positions of its "
+            "radars: give a parameter file as --params"
+        )
+    given, where = recorded
     outcome = outcome_of(source, given, arguments.reference, arguments.seconds)
     now = tracker_params.config(given)
     console = Console()
@@ -77,8 +82,7 @@ def _work(arguments: argparse.Namespace) -> int:
     rows = registered_table.rows(outcome.found, outcome.parameters, now)
     console.print(registered_table.table(rows))
     console.print(registered_table.residuals(outcome.found))
-    for line in registered_table.remarks(outcome.found):
-        console.print(line, soft_wrap=True, markup=False, highlight=False)
+    print(*registered_table.remarks(outcome.found), sep="\n")
     if drawn is not None:
         FigureCanvasAgg(picture.residuals(outcome.found)).print_png(drawn)
         print(f"{drawn}: residuals before and after")
@@ -89,32 +93,12 @@ def _work(arguments: argparse.Namespace) -> int:
     return status
 
 
-def _given(source: Path, path: Path | None) -> tuple[dict[str, Any], Path]:
-    """Return the parameters with which the radars are read, and their file."""
-    if path is not None:
-        return from_arguments.load(path), path
-    beside = bag_parameters.read(source)
-    if beside is None:
-        raise BagError(
-            f"{source}: has no {bag_parameters.NAME} beside it with the positions of its "
-            "radars: give a parameter file as --params"
-        )
-    return beside, bag_parameters.path_of(source)
-
-
 def outcome_of(
     source: Path, given: Mapping[str, Any], reference: str | None, seconds: float
 ) -> Outcome:
-    """Return the systematic errors of the radars in a recording.
+    """Return the systematic errors of the radars in the first `seconds` of a recording.
 
-    Parameters
-    ----------
-    given : mapping of dotted name to value
-        The tracker's parameters.
-    reference : str or None
-        Name of the reference radar; None for the first.
-    seconds : float
-        Length of the part of the bag that is read.
+    `given` are the tracker's parameters, and the reference is the first radar if it is None.
 
     Raises
     ------

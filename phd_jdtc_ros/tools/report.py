@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,18 +36,8 @@ def write(
 ) -> int:
     """Write a bag's report into a directory, print its table and return the exit status.
 
-    The report of a damaged bag shows the intact part.
-
-    Parameters
-    ----------
-    out : Path
-        Directory for ``report.html`` and the PNGs.
-    config : TrackerConfig
-        Describes the radars of the bag.
-    summary : dict or None
-        Figures of the run; None computes them from the bag.
-    cutoff : float
-        c of OSPA, metres.
+    The report of a damaged bag shows the intact part. Without a `summary`, the figures of the run,
+    it is computed from the bag. `cutoff` is c of OSPA, metres.
     """
     run = load.record(bag, config)
     if out.exists() and not out.is_dir():
@@ -56,25 +47,20 @@ def write(
     out.mkdir(parents=True, exist_ok=True)
     evaluation = run.evaluate(cutoff, command.ORDER)
     if summary is None:
-        summary = metrics(evaluation, run.step_ms, _engine_of(bag))
+        recorded = bag_parameters.read(bag)
+        engine = None if recorded is None else tracker_params.config(recorded).engine
+        summary = metrics(evaluation, run.step_ms, engine)
     # The figures may be those of a node without class names.
     summary = {**summary, "class_names": list(run.sets.class_names)}
     figures.write_all(run, evaluation, out)
-    console = Console()
     if summary["scans"]:
-        console.print(score_tables(summary))
+        Console().print(score_tables(summary))
     page = out / PAGE
     if not _write_page(page, title, summary, run, evaluation):
         print("report: the page needs plotly: pip install plotly", file=sys.stderr)
         return FAILED
-    console.print(f"report: {page}", soft_wrap=True, markup=False, highlight=False)
+    print(f"report: {page}")
     return OK if run.damage is None else fail("report", run.damage)
-
-
-def _engine_of(bag: Path) -> str | None:
-    """Return the engine that made the estimates; None without parameters beside the bag."""
-    recorded = bag_parameters.read(bag)
-    return None if recorded is None else tracker_params.config(recorded).engine
 
 
 def _write_page(
@@ -100,12 +86,11 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--title", help="title of the page; the bag's name if absent")
     command.add_cutoff_argument(parser)
     command.add_parameter_arguments(parser)
-    arguments = parser.parse_args(argv)
 
-    def work() -> int:
+    def work(arguments: argparse.Namespace) -> int:
         bag = resources.bag(arguments.bag)
         config = command.tracker_config(arguments, bag)
         title = arguments.title or bag.name
         return write(bag, arguments.out, config, title, None, arguments.cutoff)
 
-    return command.guarded("report", work)
+    return command.run(parser, argv, work)

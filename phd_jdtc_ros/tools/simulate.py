@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import heapq
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from msg_adapters import interfaces, names, platform_poses, truth
@@ -39,19 +41,14 @@ def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) 
     with BagWriter(directory) as bag:
         for radar in config.inputs:
             kind = reader_of(radar)
-            bag.add_topic(
-                Topic(
-                    radar.topic,
-                    kind.type_name,
-                    DEPTH,
-                    definition=kind.definition,
-                    type_hash=kind.type_hash,
-                )
-            )
+            layout = Topic(radar.topic, kind.type_name, DEPTH)
+            bag.add_topic(replace(layout, definition=kind.definition, type_hash=kind.type_hash))
         for topic in config.carried:
             bag.add_topic(Topic(topic, platform_poses.TYPES[config.pose_message], DEPTH))
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
-        for stamp_ns, topic, data in _messages(run, config, seed):
+        # By stamp; then poses, truth, detections.
+        parts = _poses(run, config), _scans(run, config, seed)
+        for stamp_ns, topic, data in heapq.merge(*parts, key=lambda message: message[0]):
             bag.write(topic, data, stamp_ns)
     bag_parameters.write(directory / bag_parameters.NAME, config.values)
 
@@ -69,12 +66,6 @@ def check_platform(run: Scenario, config: TrackerConfig) -> None:
             faults.append(f"{radar.name}.pose: stabilised given, must not be: a platform turns it")
     if faults:
         raise ConfigError(faults)
-
-
-def _messages(run: Scenario, config: TrackerConfig, seed: int) -> Iterator[tuple[int, str, bytes]]:
-    """Yield stamp, topic and data of every message by stamp; then poses, truth, detections."""
-    poses, scans = _poses(run, config), _scans(run, config, seed)
-    yield from heapq.merge(poses, scans, key=lambda message: message[0])
 
 
 def _poses(run: Scenario, config: TrackerConfig) -> Iterator[tuple[int, str, bytes]]:
@@ -126,9 +117,8 @@ def main(argv: Sequence[str]) -> int:
     command.add_parameter_arguments(
         parser, "scenario file to simulate; without one the reference scenario"
     )
-    arguments = parser.parse_args(argv)
 
-    def work() -> int:
+    def work(arguments: argparse.Namespace) -> int:
         if arguments.seed < 0:
             raise ConfigError([f"--seed: {arguments.seed} given, must be at least 0"])
         path = arguments.scenario = arguments.scenario or resources.find(REFERENCE)
@@ -154,4 +144,4 @@ def main(argv: Sequence[str]) -> int:
         print(f"{arguments.out}: {run.scans} scans, {len(radars)} {several}, seed {arguments.seed}")
         return OK
 
-    return command.guarded("simulate", work)
+    return command.run(parser, argv, work)

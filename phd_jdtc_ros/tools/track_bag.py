@@ -6,6 +6,7 @@ ones. Two runs write the same bytes.
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -54,20 +55,7 @@ WRITERS = {"geojson": track_files.to_geojson, "csv": track_files.to_csv}
 
 
 class OfflineTracker:
-    """Feeds recorded detections to a pipeline and writes the estimates.
-
-    Parameters
-    ----------
-    bag : BagWriter
-        Has the topics of the estimates.
-
-    Attributes
-    ----------
-    step_ms : list of float
-        CPU time of each scan, milliseconds; see `StepClock`.
-    damage : BagError or None
-        Damage of the bag; its intact messages were tracked.
-    """
+    """Feeds recorded detections to a pipeline and writes the estimates to a bag."""
 
     def __init__(self, config: TrackerConfig, bag: BagWriter) -> None:
         self._config = config
@@ -78,9 +66,9 @@ class OfflineTracker:
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
         self.scans = 0
         self._last_ns = 0
-        self.step_ms: list[float] = []
+        self.step_ms: list[float] = []  # CPU time of each scan, milliseconds
         self._step_clock = StepClock()
-        self.damage: BagError | None = None
+        self.damage: BagError | None = None  # Of the bag, whose intact messages were tracked
         self._estimates: dict[str, list[Estimates]] = {source: [] for source in SOURCES}
         self._truth: list[bytes] = []
 
@@ -119,10 +107,7 @@ class OfflineTracker:
         self._write(self._feed.flush())
 
     def record(self) -> Record:
-        """Return truth and estimates as in the new bag, without plots.
-
-        Raises `BagError` if the truth cannot be read.
-        """
+        """Return truth and estimates as in the new bag, without plots."""
         config, found = self._config, self._estimates
         try:
             known = [truth.from_msg(interfaces.decode(data, names.CLOUD)) for data in self._truth]
@@ -172,12 +157,8 @@ def track_bag(
 ) -> OfflineTracker:
     """Track a bag and write the estimates, with the bag's detections and truth, into a new one.
 
-    `doing` is the caption of the progress bar.
-
-    Raises
-    ------
-    BagError
-        If the bag lacks a radar's topic, or the new one cannot be written.
+    `doing` is the caption of the progress bar. `BagError` is raised if the bag lacks a radar's
+    topic, or the new one cannot be written.
     """
     types = input_types(config)
     topics = list(types)
@@ -255,9 +236,8 @@ def main(argv: Sequence[str]) -> int:
     )
     command.add_cutoff_argument(parser)
     command.add_parameter_arguments(parser)
-    arguments = parser.parse_args(argv)
 
-    def work() -> int:
+    def work(arguments: argparse.Namespace) -> int:
         source = resources.bag(arguments.bag)
         config = command.tracker_config(arguments, source)
         files = {name: getattr(arguments, name) for name in WRITERS if getattr(arguments, name)}
@@ -282,4 +262,4 @@ def main(argv: Sequence[str]) -> int:
             Console().print(score_tables(summary))
         return status
 
-    return command.guarded("track_bag", work)
+    return command.run(parser, argv, work)

@@ -20,10 +20,9 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal, unspecified
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.calibration.tuning.proposal import Row
-from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters import schema
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
-from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
+from phd_jdtc_ros.parameter_files import tracker_params
 
 from . import command, recorded_plots
 from .recorded_plots import Recorded
@@ -40,19 +39,23 @@ def main(argv: Sequence[str]) -> int:
         "bag is used, or else topics and fields are recognised by their names"
     )
     command.add_proposal_arguments(parser, files, SECONDS)
-    arguments = parser.parse_args(argv)
-    return command.guarded("tune", lambda: _work(arguments))
+    return command.run(parser, argv, _work)
 
 
 def _work(arguments: argparse.Namespace) -> int:
     command.require_new("a file", arguments.out)
     source = resources.bag(arguments.bag)
     bag = BagReader(source)
-    given, where = _given(bag, source, arguments.params_file)
+    given, where = command.recorded_parameters(source, arguments.params_file) or (
+        {**recorded_plots.recognised_radars(bag), "births": []},
+        None,
+    )
     config = tracker_params.config(given)
     recorded = recorded_plots.read(bag, config, arguments.seconds)
     found = recorded_plots.findings_of(source, recorded)
-    now = config.values if where else _not_set(config)
+    # Without a file, only this was assumed to read the radars.
+    assumed = [f"{radar.name}.azimuth_convention" for radar in config.inputs]
+    now = config.values if where else {name: config.values[name] for name in assumed}
     rows = {radar: proposal.rows(each, now, radar) for radar, each in found.items()}
     console = Console()
     for radar, each in found.items():
@@ -64,22 +67,6 @@ def _work(arguments: argparse.Namespace) -> int:
     comments = _comments(rows, where is None)
     command.write_proposal(arguments.out, _head(source, where), proposed, comments)
     return status
-
-
-def _given(bag: BagReader, source: Path, path: Path | None) -> tuple[dict[str, Any], Path | None]:
-    """Return the parameters with which the radars are read, and their file."""
-    if path is not None:
-        return from_arguments.load(path), path
-    beside = bag_parameters.read(source)
-    if beside is not None:
-        return beside, bag_parameters.path_of(source)
-    return {**recorded_plots.recognised_radars(bag), "births": []}, None
-
-
-def _not_set(config: TrackerConfig) -> dict[str, Any]:
-    """Return the values that the tool assumed to read the radars, for want of a file."""
-    names = [f"{radar.name}.azimuth_convention" for radar in config.inputs]
-    return {name: config.values[name] for name in names}
 
 
 def _table(

@@ -145,9 +145,8 @@ def main(argv: Sequence[str]) -> int:
     add_dataset_arguments(parser)
     parser.add_argument("--lidar", action="store_true", help="the lidar's detections too")
     parser.add_argument("--out", type=Path, required=True, help="directory of the bags")
-    arguments = parser.parse_args(argv)
 
-    def work() -> int:
+    def work(arguments: argparse.Namespace) -> int:
         lidar: bool = arguments.lidar
         config = resolve(parameters(lidar))
         for recording in select_recordings(arguments):
@@ -160,4 +159,4 @@ def main(argv: Sequence[str]) -> int:
             print(f"{directory}: scans {', '.join(counts)}")
         return OK
 
-    return command.guarded("autoferry_bags", work)
+    return command.run(parser, argv, work)

@@ -17,7 +17,8 @@ ON_DEMAND = (
 )
 
 _context = multiprocessing.get_context("forkserver")
-_context.set_forkserver_preload([*OFTEN, *NODES.values(), *ON_DEMAND])
+_nodes = [f"phd_jdtc_ros.{path}" for path in (*OFTEN, *NODES.values())]
+_context.set_forkserver_preload([*_nodes, *ON_DEMAND])
 
 
 class Forked:

@@ -11,13 +11,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from msg_adapters import names
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.nodes.evaluator.recorder import Recorder
 from phd_jdtc_ros.parameter_files import bag_parameters
-from phd_jdtc_ros.tools.demo.demo import shipped_bag
 
 STRING = "std_msgs/msg/String"
+SHIPPED = resources.bag(resources.DEFAULT_BAG)
 # The evaluator records 80 scans of truth and detections, about 150 kB.
 TOO_LITTLE = 60_000
 
@@ -75,7 +76,7 @@ def record(processes, peer, directory, restrict):
     evaluator = processes.start("evaluator", "--ros-args", *words)
     assert peer.spin_until(lambda: peer.node.count_subscribers(names.TRUTH) == 2)
     restrict(evaluator)
-    processes.start("sensor_replay", shipped_bag(), "--rate", "200")
+    processes.start("sensor_replay", SHIPPED, "--rate", "200")
     peer.said(evaluator, "recording stopped")
     alive = evaluator.poll() is None
     evaluator.send_signal(signal.SIGTERM)
@@ -137,7 +138,7 @@ def test_recording_has_the_topics_that_are_on_and_the_parameters(processes, peer
     tracker = processes.start("tracker", "--ros-args", *options(outputs="[odometry]", lag=2))
     peer.said(tracker, "tracking ")
     assert peer.spin_until((bag / "parameters.yaml").exists)
-    words = (shipped_bag(), "--rate", "0", "--duration", "60", "--ros-args")
+    words = (SHIPPED, "--rate", "0", "--duration", "60", "--ros-args")
     replay = processes.start("sensor_replay", *words, *options(flush_service="/tracker/flush"))
     assert peer.spin_until(lambda: replay.poll() is not None)
     evaluator.send_signal(signal.SIGTERM)

@@ -25,17 +25,16 @@ NAME = "asterix_bridge"
 
 def main(argv: Sequence[str]) -> int:
     """Run the offline bridge."""
-    arguments = _parser().parse_args(argv)
+    return command.run(_parser(), argv, _work)
 
-    def work() -> int:
-        command.require_new("it", arguments.out)
-        given = from_arguments.from_arguments(arguments.params_file, arguments.assignments, NAME)
-        path = Path(arguments.source)
-        if path.is_file() and path.suffix != ".mcap":
-            return _to_bag(path, arguments, settings.resolve(given))
-        return _to_asterix(resources.bag(arguments.source), arguments, given)
 
-    return command.guarded(NAME, work)
+def _work(arguments: argparse.Namespace) -> int:
+    command.require_new("it", arguments.out)
+    given = from_arguments.from_arguments(arguments.params_file, arguments.assignments, NAME)
+    path = Path(arguments.source)
+    if path.is_file() and path.suffix != ".mcap":
+        return _to_bag(path, arguments, settings.resolve(given))
+    return _to_asterix(resources.bag(arguments.source), arguments, given)
 
 
 def _to_bag(path: Path, arguments: argparse.Namespace, bridge: settings.Bridge) -> int:

@@ -63,9 +63,8 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
         if not all(nodes.wait_for(BRIDGE, text) for text in ready):
             return False
         words = [str(recording(bag)), "--bag", str(bag), "--send", str(where)]
-        words += ["--interface", LOOPBACK, "--params-file", str(logs / PARAMETERS)]
-        module = f"{__package__}.{PLAYER}"
-        nodes.start(PLAYER, words, {}, shown=True, module=module)
+        words += ["--params-file", str(logs / PARAMETERS)]
+        nodes.start(PLAYER, words, {}, shown=True, module=f"{__package__}.{PLAYER}")
         if not (nodes.wait(PLAYER) and nodes.wait("evaluator", FINISH_S)):
             return False
         outputs = BagReader(out / RECORDING).counts[names.estimates(FILTERED)]
@@ -79,18 +78,12 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
 
 
 class TrackFile:
-    """Receives a bridge's datagrams at `address` and writes them to a file, within the context.
-
-    Attributes
-    ----------
-    outputs : int
-        Number of complete outputs.
-    """
+    """Receives a bridge's datagrams at `address` and writes them to a file, within the context."""
 
     def __init__(self, path: Path) -> None:
         self._socket = udp.receiving_socket(Address(LOOPBACK, 0), "")
         self.address = Address(*self._socket.getsockname())
-        self.outputs = 0
+        self.outputs = 0  # Number of complete ones
         self._file = path.open("wb")
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._receive, name="tracks", daemon=True)
@@ -127,16 +120,12 @@ def input_address() -> Address:
 
     The group depends on the process, so that parallel demos do not interfere.
     """
-    port = _free_port()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind((LOOPBACK, 0))
+        port = int(sock.getsockname()[1])
     chosen = random.Random(os.getpid())
     group = Address(f"239.255.{chosen.randrange(256)}.{chosen.randrange(1, 255)}", port)
     return group if _loops(group) else Address(LOOPBACK, port)
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind((LOOPBACK, 0))
-        return int(sock.getsockname()[1])
 
 
 def _loops(group: Address) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import time
+from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -23,7 +24,6 @@ from msg_adapters import diagnostics, names
 from phd_jdtc_ros.asterix import records
 from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.asterix_bridge import pace, settings
-from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
@@ -35,6 +35,7 @@ from phd_jdtc_ros.parameter_files import tracker_params
 
 from .. import command
 from ..asterix.writing import bridge_parameters
+from .asterix import LOOPBACK
 
 NAME = "asterix_player"
 QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -51,40 +52,21 @@ class PlayerError(Exception):
 
 
 class AsterixPlayer(RunnableNode):
-    """Sends the datagrams of a recording.
-
-    Parameters
-    ----------
-    bag : BagReader
-        Has the truth.
-    bridge : Bridge
-        Parameters of the bridge that receives the datagrams.
-    where : udp.Address
-        Address of the bridge.
-    interface : str
-        Address of the network interface if `where` is a multicast group.
-    config : TrackerConfig
-        Configuration of the tracker.
-    """
+    """Sends the datagrams of a recording to the bridge at `where`, and the truth of a bag."""
 
     def __init__(
-        self,
-        recording: Path,
-        bag: BagReader,
-        bridge: Bridge,
-        where: udp.Address,
-        interface: str,
-        config: TrackerConfig,
+        self, recording: Path, bag: BagReader, where: udp.Address, config: TrackerConfig
     ) -> None:
         super().__init__(NAME)
         records.prepare()
+        bridge = settings.resolve(bridge_parameters(config))
         steps = pace.steps(recording, bridge, config, bag.messages([names.TRUTH]))
         self._answers, self._answered_s = 0, 0.0
         self._expected: Counter[str] = Counter()
         self._received: Counter[str] = Counter()
         self._begin_ns = bag.start_ns
         self._line = ProgressLine(0.0, (bag.end_ns - bag.start_ns) * 1e-9)
-        self._sender = udp.sender(where, interface)
+        self._sender = udp.sender(where, LOOPBACK)
         self._truth = self.create_publisher(PointCloud2, names.TRUTH, QOS)
         self.create_subscription(DiagnosticArray, names.cardinality(), self._on_answer, QOS)
         self.create_subscription(DiagnosticArray, names.DIAGNOSTICS, self._on_health, QOS)
@@ -181,32 +163,21 @@ class AsterixPlayer(RunnableNode):
                     self._received[radar] = int(diagnostics.values_of(status)["received"])
 
 
-def _parser() -> ArgumentParser:
-    parser = ArgumentParser(NAME, description=__doc__)
-    parser.add_argument("recording", type=Path, help="of ASTERIX")
-    parser.add_argument("--bag", required=True, help=f"with the truth; {command.BAG}")
-    parser.add_argument("--send", required=True, type=udp.address, metavar="HOST:PORT")
-    parser.add_argument("--interface", default="", help="address of the interface, for a group")
-    parser.add_argument("--params-file", type=Path, required=True, help="of the tracker")
-    return parser
-
-
 def main(argv: Sequence[str]) -> int:
     """Run the player."""
+    parser = ArgumentParser(NAME, description=__doc__)
+    parser.add_argument("recording", type=Path, help="of ASTERIX")
+    parser.add_argument("--bag", type=Path, required=True, help="with the truth")
+    parser.add_argument("--send", required=True, type=udp.address, metavar="HOST:PORT")
+    parser.add_argument("--params-file", type=Path, required=True, help="of the tracker")
     others, _ = arguments.split(NAME, argv)
-    given = _parser().parse_args(others)
 
-    def work() -> int:
+    def work(given: Namespace) -> int:
         config = tracker_params.load(given.params_file, names.TRACKER)
-        bridge = settings.resolve(bridge_parameters(config))
-        bag = BagReader(Path(given.bag))
-
-        def player() -> AsterixPlayer:
-            return AsterixPlayer(given.recording, bag, bridge, given.send, given.interface, config)
-
+        player = partial(AsterixPlayer, given.recording, BagReader(given.bag), given.send, config)
         return runtime.run(NAME, player, argv[len(others) :])
 
-    return command.guarded(NAME, work)
+    return command.run(parser, others, work)
 
 
 if __name__ == "__main__":

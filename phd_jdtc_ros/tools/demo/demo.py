@@ -10,6 +10,7 @@ A recording of ASTERIX beside the bag is sent by UDP, as its radars would send i
 
 from __future__ import annotations
 
+import argparse
 import json
 import shutil
 import signal
@@ -79,23 +80,6 @@ def run_nodes(
         return nodes.wait("sensor_replay") and nodes.wait("evaluator", FINISH_S)
 
     return processes.run(bag, config, out, logs, cutoff, play)
-
-
-def shipped_bag() -> Path:
-    """Return the reference scenario's bag, from the checkout or the installed package."""
-    return resources.bag(resources.DEFAULT_BAG)
-
-
-def _default_out(profile: str | None, shown: str, bag: Path, engine: str | None) -> Path:
-    """Return the output directory for a profile, bag and engine; `shown` is the profile's bag."""
-    parts = ["demo", profile, None if bag.resolve() == resources.bag(shown).resolve() else bag.stem]
-    return Path("out", "_".join(part for part in (*parts, engine) if part))
-
-
-def _cutoff(given: str, shown: str) -> float:
-    """Return c of OSPA and GOSPA, metres, for a shipped bag, or else for the profile's bag."""
-    cutoffs = resources.BAG_CUTOFFS
-    return cutoffs.get(given, cutoffs.get(shown, command.CUTOFF))
 
 
 def _places(profile: Path, bag: Path) -> list[str]:
@@ -179,42 +163,40 @@ def main(argv: Sequence[str]) -> int:
     command.add_cutoff_argument(parser)
     command.add_parameter_arguments(parser)
     parser.set_defaults(cutoff=None)
-    arguments = parser.parse_args(argv)
+    return command.run(parser, argv, _work)
 
-    def work() -> int:
-        shown = resources.DEFAULT_BAG
-        if arguments.profile:
-            path, shown = resources.profile(arguments.profile)
-        given = arguments.bag or shown
-        cutoff = arguments.cutoff
-        if cutoff is None:
-            cutoff = _cutoff(given, shown)
-        bag = resources.bag(given)
-        if not bag.exists():
-            raise BagError(f"{bag}: no such bag")
-        # The profile's parameters are combined with the radars of another bag.
-        if arguments.profile and (given != shown or asterix.recording(bag) is None):
-            arguments.assignments[:0] = _places(path, bag)
-            arguments.params_file.insert(0, path)
-        if arguments.engine:
-            arguments.assignments.append(f"engine:={arguments.engine}")
-        out: Path = arguments.out or _default_out(
-            arguments.profile, shown, bag.resolve(), arguments.engine
-        )
-        config = command.tracker_config(arguments, bag)
-        _check_recording(out)
-        with _unfinished_results(out) as new:
-            play = run_nodes if asterix.recording(bag) is None else asterix.run_nodes
-            if not play(bag, config, new, out / LOGS, cutoff):
-                return FAILED
-            if bag.resolve() == shipped_bag().resolve():
-                _compare(bag, config, new)
-            _replace(out, new)
-        summary = json.loads((out / METRICS).read_text())
-        report.write(out / RECORDING, out, config, bag.resolve().name, summary, cutoff)
-        return OK
 
-    return command.guarded("demo", work)
+def _work(arguments: argparse.Namespace) -> int:
+    profile, shown = arguments.profile, resources.DEFAULT_BAG
+    if profile:
+        path, shown = resources.profile(profile)
+    given = arguments.bag or shown
+    cutoffs = {shown: command.CUTOFF, **resources.BAG_CUTOFFS}
+    cutoff = arguments.cutoff or cutoffs.get(given, cutoffs[shown])
+    bag = resources.bag(given)
+    if not bag.exists():
+        raise BagError(f"{bag}: no such bag")
+    # The profile's parameters are combined with the radars of another bag.
+    if profile and (given != shown or asterix.recording(bag) is None):
+        arguments.assignments[:0] = _places(path, bag)
+        arguments.params_file.insert(0, path)
+    if arguments.engine:
+        arguments.assignments.append(f"engine:={arguments.engine}")
+    other_bag = None if bag.resolve() == resources.bag(shown).resolve() else bag.resolve().stem
+    folder = "_".join(filter(None, ("demo", profile, other_bag, arguments.engine)))
+    out: Path = arguments.out or Path("out", folder)
+    config = command.tracker_config(arguments, bag)
+    _check_recording(out)
+    with _unfinished_results(out) as new:
+        play = run_nodes if asterix.recording(bag) is None else asterix.run_nodes
+        if not play(bag, config, new, out / LOGS, cutoff):
+            return FAILED
+        if bag.resolve() == resources.bag(resources.DEFAULT_BAG).resolve():
+            _compare(bag, config, new)
+        _replace(out, new)
+    summary = json.loads((out / METRICS).read_text())
+    report.write(out / RECORDING, out, config, bag.resolve().name, summary, cutoff)
+    return OK
 
 
 @contextmanager

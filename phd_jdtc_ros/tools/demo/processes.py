@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -51,10 +52,8 @@ class Processes:
     def _stop(self, *names: str) -> None:
         stopped = [self._running[name] for name in names]
         for process in stopped:
-            if process.poll() is None:
-                # The signal is not SIGINT, which background jobs of a script ignore, with their
-                # children.
-                process.terminate()
+            # Not by SIGINT, which background jobs of a script ignore, with their children.
+            process.terminate()
         for process in stopped:
             try:
                 process.wait(STOP_S)
@@ -88,31 +87,29 @@ class Processes:
         deadline = time.monotonic() + START_S
         while text not in (self._logs / f"{name}.log").read_text():
             if self._running[name].poll() is not None or time.monotonic() > deadline:
-                print(f"demo: {name} did not get ready\n{self._tail(name)}", file=sys.stderr)
-                return False
+                return self._failed(name, "did not get ready")
             time.sleep(0.05)
         return True
 
     def wait(self, name: str, timeout_s: float | None = None) -> bool:
         """Wait until a node ends; return whether it and the others ran without failure."""
-        deadline = time.monotonic() + timeout_s if timeout_s else None
+        deadline = time.monotonic() + (timeout_s or math.inf)
         while self._running[name].poll() is None:
             ended = [n for n, process in self._running.items() if process.poll()]
             if ended:
-                print(f"demo: {ended[0]} ended early\n{self._tail(ended[0])}", file=sys.stderr)
-                return False
-            if deadline and time.monotonic() > deadline:
+                return self._failed(ended[0], "ended early")
+            if time.monotonic() > deadline:
                 # The process is stopped first, so that its log ends with the reason.
                 self._stop(name)
-                print(f"demo: {name} did not finish\n{self._tail(name)}", file=sys.stderr)
-                return False
+                return self._failed(name, "did not finish")
             time.sleep(0.05)
-        if self._running[name].returncode != 0:
-            print(f"demo: {name} failed\n{self._tail(name)}", file=sys.stderr)
-        return self._running[name].returncode == 0
+        return self._running[name].returncode == 0 or self._failed(name, "failed")
 
-    def _tail(self, name: str) -> str:
-        return "\n".join((self._logs / f"{name}.log").read_text().splitlines()[-10:])
+    def _failed(self, name: str, how: str) -> bool:
+        """Print how a node has failed, with the end of its log; return False."""
+        log = (self._logs / f"{name}.log").read_text().splitlines()
+        print(f"demo: {name} {how}", *log[-10:], sep="\n", file=sys.stderr)
+        return False
 
 
 def reporting(bag: Path, config: TrackerConfig, out: Path, cutoff: float) -> dict[str, object]:
@@ -154,41 +151,30 @@ def run(
 ) -> bool:
     """Track and score a bag live; return whether no process failed.
 
-    Parameters
-    ----------
-    config : TrackerConfig
-        Configuration of the tracker.
-    out, logs : Path
-        Directories for the results, and for the logs and the tracker's parameters.
-    cutoff : float
-        c of OSPA and GOSPA, metres.
-    play : callable
-        Plays the bag and waits for the evaluator; returns whether both succeeded.
+    The results go to `out`, and logs and the tracker's parameters to `logs`. `cutoff` is c of OSPA
+    and GOSPA, metres. `play` plays the bag and waits for the evaluator; it returns whether both
+    succeeded.
     """
     evaluator = reporting(bag, config, out, cutoff)
     # A new installation compiles the engine here, and not while the nodes are waited for.
     new_engine(config)
-    with Processes(logs) as nodes:
-        # A replay waits for its own subscribers, but cannot see whether the evaluator and the
-        # tracker have found each other.
-        return _start_tracking(nodes, config, logs, evaluator) and play(nodes)
-
-
-def _start_tracking(
-    nodes: Processes, config: TrackerConfig, logs: Path, evaluator: Mapping[str, object]
-) -> bool:
-    """Start the evaluator and the tracker; return whether they have found each other."""
-    parameters = logs / PARAMETERS
-    bag_parameters.write(parameters, config.values)
     given: dict[str, object] = {
         f"qos_overrides.{topic}.subscription.reliability": "reliable"
         for topic in [*(radar.topic for radar in config.inputs), *config.carried]
     }
     if config.plane is not None:  # for viewers with a map of the earth
         given["outputs"] = f"[{', '.join([*tracker_node.Node().outputs, 'navsat'])}]"
-    nodes.start("evaluator", [], evaluator)
-    nodes.start("tracker", ["--ros-args", "--params-file", str(parameters)], given)
-    return nodes.wait_for("tracker", "tracking") and nodes.wait_for("evaluator", "connected")
+    with Processes(logs) as nodes:
+        parameters = logs / PARAMETERS
+        bag_parameters.write(parameters, config.values)
+        nodes.start("evaluator", [], evaluator)
+        nodes.start("tracker", ["--ros-args", "--params-file", str(parameters)], given)
+        # A replay waits for its own subscribers, but cannot see whether the evaluator and the
+        # tracker have found each other.
+        connected = nodes.wait_for("tracker", "tracking") and nodes.wait_for(
+            "evaluator", "connected"
+        )
+        return connected and play(nodes)
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration import tracker_node
-from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, USAGE
 from phd_jdtc_ros.parameter_files import bag_parameters, sections, sensor_replay, tracker_params
@@ -50,12 +50,8 @@ def rate(text: str) -> float:
 def full_namespace(pushed: str | None, given: str) -> str:
     """Return the full namespace of a node, ``/`` for the root.
 
-    Parameters
-    ----------
-    pushed : str or None
-        Namespace of the group that includes the launch file (PushRosNamespace).
-    given : str
-        Relative to `pushed`, unless it begins with a slash.
+    `pushed` is that of the group that includes the launch file (PushRosNamespace), to which `given`
+    is relative unless it begins with a slash.
     """
     names = given.split("/") if given.startswith("/") else f"{pushed or ''}/{given}".split("/")
     return "/" + "/".join(filter(None, names))
@@ -69,14 +65,9 @@ def full_name(namespace: str, node: str) -> str:
 def load(params_file: str, tracker: str) -> TrackerConfig:
     """Return the configuration in a file for the tracker of this full name, or the defaults.
 
-    Raises
-    ------
-    ConfigError
-        If the file has no section for the tracker, or with every fault.
+    Raises `ConfigError` if the file has no section for the tracker, or with every fault.
     """
-    if not params_file:
-        return tracker_params.config({})
-    return tracker_params.load(Path(params_file), tracker)
+    return tracker_params.load(Path(params_file), tracker) if params_file else resolve({})
 
 
 def outputs(params_file: str, tracker: str, frames: bool) -> list[str]:
@@ -98,23 +89,9 @@ class Demo:
 def demo(bag: str, params_file: str, tracker: str, out: Path) -> Demo:
     """Return the demo of a bag, with the parameters beside it unless a file is given.
 
-    Parameters
-    ----------
-    bag : str
-        Path of a bag, or the name of a shipped one.
-    params_file : str
-        Parameter file of the tracker, or empty.
-    tracker : str
-        Full name of the tracker.
-    out : Path
-        Directory for a parameter file with the tracker's name.
-
-    Raises
-    ------
-    BagError
-        If there is no bag of that name.
-    ConfigError
-        With every fault of the parameters.
+    The bag is given by its path, or by its name if it is a shipped one. Its parameters are written
+    into the directory `out`, for the tracker with this full name. `BagError` is raised if there is
+    no such bag, and `ConfigError` with every fault of the parameters.
     """
     found = resources.bag(bag)
     recorded = None if params_file else bag_parameters.read(found)
