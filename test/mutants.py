@@ -5,14 +5,15 @@ module that it changed: a mutant that passes them all survives. What numba compi
 interpreted here, because a mutant of a compiled one would be compiled for every test.
 
 A mutant that no test can distinguish from the original is equivalent, and is listed with the
-reason in ``equivalent_mutants.yaml``. The share is that of the others, and the goal is for each
-part. Names of parts may be given.
+reason in ``mutants.yaml``, which also has the parts. The share is that of the others, and the goal
+is for each part. Names of parts may be given.
 """
 
 import ast
 import difflib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -24,7 +25,6 @@ import yaml
 
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / "out" / "mutants"
-EQUIVALENT = Path(__file__).with_name("equivalent_mutants.yaml")
 CORE = "phd_jdtc_ros/core"
 # Paths that the tests import and read.
 COPIED = ("phd_jdtc_ros", "msg_adapters", "robustness", "config", "test", "pyproject.toml")
@@ -37,68 +37,15 @@ NOT_KILLED = ("survived", "no tests", "not checked", "suspicious", "skipped")
 
 @dataclass(frozen=True)
 class Part:
-    """Modules, and the tests that are to kill their mutants."""
+    """Modules, and the tests that are to kill their mutants; see ``mutants.yaml``."""
 
-    modules: tuple[str, ...]  # Patterns of paths below the core
-    tests: tuple[str, ...]  # Paths below ``test/core``
-    # Names of tests in them that take a second or more; every survivor would run them all.
+    modules: list[str]
+    tests: list[str]
     without: tuple[str, ...] = ()
 
 
-UPDATE = (
-    "gaussian/test_gaussian_births.py",
-    "gaussian/test_gaussian_update.py",
-    "gaussian/measurement/test_pairs.py",
-    "gaussian/test_update_with_rates_and_replies.py",
-    "gaussian/test_joint_update.py",
-)
-PARTS = {
-    "association": Part(
-        (
-            "association/belief_propagation.py",
-            "association/bernoulli.py",
-            "association/clusters.py",
-            "association/marginals.py",
-            "association/shares.py",
-        ),
-        ("association",),
-    ),
-    "exact association": Part(
-        ("association/frontier.py", "association/planning.py"), ("association",)
-    ),
-    "correction": Part(("smc/correction.py",), ("smc/test_correction.py",)),
-    "gaussian pairs": Part(
-        ("gaussian/measurement/amplitude.py", "gaussian/measurement/pairs.py"), UPDATE
-    ),
-    "gaussian update": Part(("gaussian/update.py",), UPDATE),
-    "gaussian births": Part(
-        ("gaussian/measurement/iterated_update.py", "gaussian/measurement/newborn.py"),
-        (
-            "gaussian/test_gaussian_births.py",
-            "gaussian/test_gaussian_update.py",
-            "gaussian/measurement/test_iterated_update.py",
-            "gaussian/measurement/test_newborn_gaussians.py",
-        ),
-    ),
-    "smoother": Part(
-        ("window/backward_pass.py", "smc/smoother.py"),
-        ("smc/test_smoother.py", "window/test_backward_pass.py"),
-        ("rauch_tung_striebel",),
-    ),
-    "gaussian smoother": Part(
-        ("gaussian/hindsight.py", "gaussian/lineages.py", "gaussian/smoother.py"),
-        (
-            "gaussian/test_smoother.py",
-            "gaussian/test_enumeration.py",
-            "gaussian/algebra/test_moments.py",
-            "gaussian/test_smoothed_window.py",
-        ),
-    ),
-    "window": Part(
-        ("window/fixed_lag.py", "window/window_rows.py"),
-        ("window/test_fixed_lag.py", "window/test_window_enumeration.py"),
-    ),
-}
+DOCUMENT = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text())
+PARTS = {name: Part(**part) for name, part in DOCUMENT["parts"].items()}
 
 
 @dataclass
@@ -119,16 +66,13 @@ class Result:
 
 def configuration(part):
     """Return the section of pyproject.toml for mutmut."""
-    tests = [
-        path for path in (f"test/core/{name}" for name in part.tests) if (ROOT / path).exists()
-    ]
     left_out = " and ".join(f"not {name}" for name in ("numba", *part.without))
     options = {
         "source_paths": ["phd_jdtc_ros"],
         "only_mutate": [f"{CORE}/{module}" for module in part.modules],
         "also_copy": ["msg_adapters", "robustness", "config"],
         "pytest_add_cli_args": ["-p", "no:cacheprovider", "-k", left_out],
-        "pytest_add_cli_args_test_selection": tests,
+        "pytest_add_cli_args_test_selection": [f"test/core/{name}" for name in part.tests],
     }
     lines = [f"{name} = {json.dumps(value)}" for name, value in options.items()]
     return "\n".join(["", "[tool.mutmut]", *lines, ""])
@@ -185,29 +129,35 @@ def changes(mutants, tree):
             }
         original = functions[path][f"{function.rpartition('__mutmut_')[0]}__mutmut_orig"]
         lines = difflib.unified_diff(original, functions[path][function], lineterm="", n=0)
-        change = [
+        change = "\n".join(
             f"{line[0]} {line[1:].strip()}"
             for line in lines
             if line[:3] not in ("---", "+++", "@@ ")
-        ]
-        found[mutant] = (
-            str(path.relative_to(tree / CORE)),
-            "\n".join(line for line in change if not line.startswith("@")),
         )
+        found[mutant] = str(path.relative_to(tree / CORE)), change
     return found
 
 
 def known_equivalents():
-    """Return the changes that are known to be equivalent, by module and change."""
-    if not EQUIVALENT.exists():
-        return set()
-    document = yaml.safe_load(EQUIVALENT.read_text()) or {}
+    """Return the changes of lines that are known to be equivalent, by module and change."""
     return {
         (module, f"- {line}\n+ {mutant}")
-        for module, reasons in document.items()
-        for pairs in reasons.values()
-        for line, mutant in pairs
+        for module, reasons in DOCUMENT["equivalent"].items()
+        for lines in reasons.values()
+        for line, mutants in lines.items()
+        for mutant in mutants
     }
+
+
+def equivalent_anywhere(change):
+    """Return whether a change is one that no test can distinguish in any module."""
+    line, _, mutant = change.removeprefix("- ").partition("\n+ ")
+    return any(
+        line[: at.start()] + new + line[at.end() :] == mutant
+        for changes in DOCUMENT["anywhere"].values()
+        for old, new in changes.items()
+        for at in re.finditer(re.escape(old), line)
+    )
 
 
 def judged(status, tree, equivalents):
@@ -215,7 +165,7 @@ def judged(status, tree, equivalents):
     alive = [mutant for mutant, what in status.items() if what in NOT_KILLED]
     result = Result(len(status), len(status) - len(alive))
     for mutant, (module, change) in changes(alive, tree).items():
-        if (module, change) in equivalents:
+        if (module, change) in equivalents or equivalent_anywhere(change):
             result.equivalent += 1
         else:
             result.survivors.append(f"{mutant}: {status[mutant]}\n{change}")

@@ -1,14 +1,11 @@
 """The container's files agree with the package's."""
 
-import ast
 import json
 import re
-import xml.etree.ElementTree as ElementTree
-from pathlib import Path
 
 import pytest
+from manifest import REQUIREMENTS, ROOT, declared
 
-ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "Dockerfile").read_text()
 # Needs a screen.
 LEFT_OUT = {"ros-jazzy-rviz2"}
@@ -18,7 +15,7 @@ TEST_TOOLS = {"git", "iproute2", "make", "python3-venv"}
 PIP_KEYS = {"mcap-ros2-support"}
 
 
-def stages():
+def read_stages():
     """Return the instructions of each stage by its name, continued lines joined."""
     lines = re.sub(r"^#.*\n", "", TEXT, flags=re.MULTILINE).replace("\\\n", " ").splitlines()
     found, name = {}, ""
@@ -30,60 +27,48 @@ def stages():
     return found
 
 
+STAGES = read_stages()
+
+
 def installed(stage, command):
     """Return the packages that a stage installs with apt-get or pip, in their order."""
     (listed,) = [
         re.search(rf"{command} install (.*?)(?: &&|$)", rest)[1]
-        for instruction, rest in stages()[stage]
+        for instruction, rest in STAGES[stage]
         if instruction == "RUN" and f"{command} install" in rest
     ]
     words = re.sub(r"-c \S+", "", listed).split()
     return [word for word in words if not word.startswith("-")]
 
 
-def named_in_manifest(*kinds):
-    """Return the Debian packages of dependencies in package.xml, and those that are pip's."""
-    manifest = ElementTree.parse(ROOT / "package.xml").getroot()
-    keys = {element.text for kind in kinds for element in manifest.findall(kind)}
-    debian = {key for key in keys - PIP_KEYS if key.startswith("python3-")}
-    ros = {f"ros-jazzy-{key.replace('_', '-')}" for key in keys - PIP_KEYS - debian}
-    return debian | ros, keys & PIP_KEYS
+def debian_packages(*kinds):
+    """Return the Debian packages of dependencies in package.xml."""
+    keys = declared(*kinds) - PIP_KEYS
+    python = {key for key in keys if key.startswith("python3-")}
+    return python | {f"ros-jazzy-{key.replace('_', '-')}" for key in keys - python}
 
 
 def test_packages_are_those_of_the_manifest():
-    expected, _ = named_in_manifest("depend", "exec_depend")
-
-    assert {*installed("dependencies", "apt-get")} == expected - LEFT_OUT | TOOLS
-
-
-def test_development_has_the_packages_that_tests_need():
-    expected, _ = named_in_manifest("test_depend")
-
-    assert {*installed("development", "apt-get")} == expected | TEST_TOOLS
+    runtime = debian_packages("depend", "exec_depend") - LEFT_OUT | TOOLS
+    assert {*installed("dependencies", "apt-get")} == runtime
+    of_tests = debian_packages("test_depend") | TEST_TOOLS
+    assert {*installed("development", "apt-get")} == of_tests
 
 
 def test_pip_installs_what_ubuntu_lacks():
-    _, keys = named_in_manifest("depend", "exec_depend")
-    tree = ast.parse((ROOT / "setup.py").read_text())
-    (required,) = [
-        ast.literal_eval(keyword.value)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call)
-        for keyword in node.keywords
-        if keyword.arg == "install_requires"
-    ]
-    names = {re.split(r"[<>=]", entry)[0] for entry in required}
     debian = {package.removeprefix("python3-") for package in installed("dependencies", "apt-get")}
     # mcap-ros2-support brings these; a ROS installation has the build tools.
     brought = {"mcap", "lz4", "zstandard", "setuptools", "pyyaml"}
+    expected = {*REQUIREMENTS} - debian - brought | PIP_KEYS
 
-    assert {*installed("dependencies", "pip")} == names - debian - brought | keys
+    assert {*installed("dependencies", "pip")} == expected
+    assert declared("depend", "exec_depend") >= PIP_KEYS
 
 
 @pytest.mark.parametrize("stage", ["dependencies", "development"])
 def test_packages_are_sorted_and_leave_no_lists(stage):
     packages = installed(stage, "apt-get")
-    (run,) = [rest for name, rest in stages()[stage] if name == "RUN" and "apt-get" in rest]
+    (run,) = [rest for name, rest in STAGES[stage] if name == "RUN" and "apt-get" in rest]
 
     assert packages == sorted(packages)
     assert run.startswith("apt-get update && ")
@@ -93,30 +78,26 @@ def test_packages_are_sorted_and_leave_no_lists(stage):
 
 @pytest.mark.parametrize("stage", ["development", "runtime"])
 def test_container_does_not_run_as_root(stage):
-    users = [rest for name, rest in stages()[stage] if name == "USER"]
-
-    assert users == ["ubuntu"]
+    assert [rest for name, rest in STAGES[stage] if name == "USER"] == ["ubuntu"]
 
 
 def test_what_git_ignores_stays_out_of_the_image():
     ignored = (ROOT / ".gitignore").read_text().split()
     left_out = {line.removeprefix("**/") for line in (ROOT / ".dockerignore").read_text().split()}
-    folders = {line.rstrip("/") for line in ignored if line.endswith("/")}
 
-    assert folders <= left_out
+    assert {line.rstrip("/") for line in ignored if line.endswith("/")} <= left_out
 
 
 def test_development_container_opens_a_stage_that_there_is():
-    document = json.loads((ROOT / ".devcontainer" / "devcontainer.json").read_text())
     folder = ROOT / ".devcontainer"
+    document = json.loads((folder / "devcontainer.json").read_text())
 
     assert (folder / document["build"]["dockerfile"]).resolve() == ROOT / "Dockerfile"
     assert (folder / document["build"]["context"]).resolve() == ROOT
-    assert document["build"]["target"] in stages()
-    assert ("USER", document["remoteUser"]) in stages()[document["build"]["target"]]
+    assert ("USER", document["remoteUser"]) in STAGES[document["build"]["target"]]
 
 
 def test_first_command_is_one_of_the_package():
-    (command,) = [rest for name, rest in stages()["runtime"] if name == "CMD"]
+    (command,) = [rest for name, rest in STAGES["runtime"] if name == "CMD"]
 
     assert json.loads(command)[:4] == ["ros2", "run", "phd_jdtc_ros", "demo"]

@@ -31,3 +31,10 @@ def test_listed_equivalents_are_separated_from_survivors(tmp_path):
 def test_equivalent_mutants_are_of_modules_that_are_mutated():
     modules = {module for part in MUTANTS["PARTS"].values() for module in part.modules}
     assert {module for module, _ in MUTANTS["known_equivalents"]()} <= modules
+
+
+def test_some_changes_are_equivalent_anywhere():
+    equivalent = MUTANTS["equivalent_anywhere"]
+    line = "a, b = c.reshape(-1, 2), d.reshape(-1)"
+    assert equivalent(f"- {line}\n+ a, b = c.reshape(-1, 2), d.reshape(-2)")
+    assert not equivalent(f"- {line}\n+ a, b = c.reshape(-1, 3), d.reshape(-1)")

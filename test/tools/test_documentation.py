@@ -8,7 +8,6 @@ import page_tables
 import pytest
 import yaml
 
-import phd_jdtc_ros
 from phd_jdtc_ros.__main__ import EXECUTABLES
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.earth import SystemPlane
@@ -48,19 +47,15 @@ def test_launch_page_lists_the_arguments_of_the_launch_files():
 
 
 def test_launch_commands_in_the_text_use_arguments_that_there_are():
-    used = [
+    texts = [page.read_text() for page in [*TEXTS, *(ROOT / "launch").glob("*.py")]]
+    used = {
         (name, argument)
-        for page in [*TEXTS, *(ROOT / "launch").glob("*.py")]
-        for name, rest in re.findall(
-            r"(\w+\.launch\.py)((?:[ \[]+\w+:=[^\s`]+)+)", page.read_text()
-        )
+        for name, rest in named(r"(\w+\.launch\.py)((?:[ \[]+\w+:=[^\s`]+)+)", texts)
         for argument in re.findall(r"(\w+):=", rest)
-    ]
+    }
 
     assert len({name for name, _ in used}) == 2
-    assert not [
-        (name, argument) for name, argument in used if argument not in launch_arguments(name)
-    ]
+    assert {(n, argument) for n, argument in used if argument not in launch_arguments(n)} == set()
 
 
 @pytest.mark.parametrize("engine", ["particles", "gaussian"])
@@ -125,69 +120,43 @@ def test_detection_probabilities_without_amplitudes_are_those_of_the_radar_page(
         assert found == pytest.approx(probability, abs=0.005)
 
 
-COMMANDS = [
-    (str(page.relative_to(ROOT)), line)
-    for page in TEXTS
-    for line in page.read_text().replace("\\\n", " ").splitlines()
-]
+COMMANDS = [line for page in TEXTS for line in page.read_text().replace("\\\n", " ").splitlines()]
 
 
-def test_executables_in_the_text_exist():
-    used = {
-        (page, name)
-        for page, line in COMMANDS
-        for name in re.findall(r"(?:ros2 run phd_jdtc_ros|-m phd_jdtc_ros) (\w+)", line)
-        if name != "NAME"
-    }
-
-    assert len(used) > 10
-    assert {(page, name) for page, name in used if name not in EXECUTABLES} == set()
+def named(pattern, lines=COMMANDS):
+    """Return what a pattern finds in the lines of all texts."""
+    return {found for line in lines for found in re.findall(pattern, line.strip())}
 
 
-def test_make_targets_in_the_text_exist():
+def test_executables_make_targets_and_cases_of_studies_in_the_text_exist():
+    executables = named(r"(?:ros2 run phd_jdtc_ros|-m phd_jdtc_ros) (\w+)") - {"NAME"}
+    assert len(executables) > 10
+    assert executables <= {*EXECUTABLES}
+
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
-    used = {
-        (page, name)
-        for page, line in COMMANDS
-        for name in re.findall(r"(?:^|`)make ([a-z]+)", line.strip())
-    }
-
+    used = named(r"(?:^|`)make ([a-z]+)")
     assert len(used) > 10
-    assert {(page, name) for page, name in used if name not in targets} == set()
+    assert used <= {*targets}
 
-
-def study_commands():
-    """Return the cases and variants that commands in the text pick."""
-    return [
-        (option, quoted or plain)
-        for _, line in COMMANDS
-        if re.search("-m (phd_jdtc_ros|studies) monte_carlo", line)
-        for option, quoted, plain in re.findall(r'--(case|variant) (?:"([^"]+)"|(\w\S*))', line)
-    ]
-
-
-def test_cases_and_variants_of_study_commands_exist():
     study = yaml.safe_load((ROOT / "config" / "studies" / "published.yaml").read_text())
-    used = study_commands()
-
-    assert {option for option, _ in used} == {"case", "variant"}
-    assert [(option, name) for option, name in used if name not in study[f"{option}s"]] == []
+    pattern = re.compile("-m (phd_jdtc_ros|studies) monte_carlo")
+    studies = [line for line in COMMANDS if pattern.search(line)]
+    chosen = named(r'--(case|variant) (?:"([^"]+)"|(\w\S*))', studies)
+    assert {option for option, *_ in chosen} == {"case", "variant"}
+    assert {(o, q or p) for o, q, p in chosen if (q or p) not in study[f"{o}s"]} == set()
 
 
 def test_files_in_the_text_exist():
-    named = [
-        (str(page.relative_to(ROOT)), path)
-        for page in TEXTS
-        for path in re.findall(r"`((?:[\w.]+/)+(?:[\w-]+\.\w+)?)`", page.read_text())
+    paths = {
+        path
+        for path in named(r"`((?:[\w.]+/)+(?:[\w-]+\.\w+)?)`")
         if "NAME" not in path and not path.startswith(("out/", "keys/"))
-    ]
+    }
     # The method's paths begin in the package.
     roots = (ROOT, ROOT / "phd_jdtc_ros")
 
-    assert len(named) > 40
-    assert [
-        (page, path) for page, path in named if not any((root / path).exists() for root in roots)
-    ] == []
+    assert len(paths) > 40
+    assert {path for path in paths if not any((root / path).exists() for root in roots)} == set()
 
 
 def names_of(path):
@@ -244,19 +213,6 @@ def test_drawing_of_the_house_has_the_parts_of_the_contract():
     assert {*drawn} - packages <= rooms
 
 
-def test_citation_agrees_with_the_package():
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    manifest = (ROOT / "package.xml").read_text()
-
-    assert citation["version"] == phd_jdtc_ros.__version__
-    assert all(f">{author['name']}</maintainer>" in manifest for author in citation["authors"])
-    assert f">{citation['license']}</license>" in manifest
-    assert (
-        f"{citation['version']} ({citation['date-released']})"
-        in (ROOT / "CHANGELOG.rst").read_text()
-    )
-
-
 def commands_of(workflow):
     """Return the commands that a workflow's jobs run."""
     jobs = yaml.safe_load((ROOT / ".github" / "workflows" / workflow).read_text())["jobs"]
@@ -273,8 +229,6 @@ def test_workflow_runs_what_a_change_must_pass():
 
 def test_release_has_the_wheel_and_the_site():
     commands = " ".join(commands_of("release.yml"))
-    manifest = (ROOT / "package.xml").read_text()
 
-    assert f"<version>{phd_jdtc_ros.__version__}</version>" in manifest
     assert "<version>$GITHUB_REF_NAME</version>" in commands
     assert commands.index("make docs") < commands.index("pip wheel") < commands.index("gh release")

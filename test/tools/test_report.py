@@ -7,6 +7,8 @@ import subprocess
 import sys
 from collections import Counter
 
+import pytest
+
 from msg_adapters import names
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.errors import BagError
@@ -33,12 +35,6 @@ def test_report_of_untracked_detections_notes_that_there_are_no_estimates(short_
     assert "There are no estimates in this bag" in text
     assert '<canvas id="map"' in text
     assert re.findall(r'<div id="(\w+)"', text)[-1] == "numbers"
-
-
-def test_report_refuses_a_missing_bag(tmp_path, capsys):
-    assert run("report", [str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 2
-    assert "no such bag" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
 
 
 def test_report_of_a_recording_cut_by_a_kill_shows_every_whole_chunk(tracked, tmp_path, capsys):
@@ -74,20 +70,21 @@ def salvaged(path):
     return found
 
 
-def test_report_refuses_a_directory_that_cannot_be_made(short_bag, tmp_path, capsys):
-    (tmp_path / "file").touch()
-    out = tmp_path / "file" / "report"
-    assert run("report", [str(short_bag), "--out", str(out)]) == 2
-    assert capsys.readouterr().err == f"report: {out}: Not a directory\n"
-
-
-def test_report_refuses_a_file_for_its_directory(short_bag, tmp_path, capsys):
-    path = tmp_path / "page.html"
-    path.write_text("mine")
-
-    assert run("report", [str(short_bag), "--out", str(path)]) == 2
-    assert capsys.readouterr().err == f"report: {path}: is a file, must be a directory\n"
-    assert path.read_text() == "mine"
+@pytest.mark.parametrize(
+    ("bag", "out", "fault"),
+    [
+        ("none", "out", "none: no such bag"),
+        (None, "file/report", "file/report: Not a directory"),
+        (None, "file", "file: is a file, must be a directory"),
+    ],
+)
+def test_report_refuses_wrong_paths(short_bag, tmp_path, capsys, bag, out, fault):
+    (tmp_path / "file").write_text("mine")
+    source = tmp_path / bag if bag else short_bag
+    assert run("report", [str(source), "--out", str(tmp_path / out)]) == 2
+    assert capsys.readouterr().err == f"report: {tmp_path / fault}\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert (tmp_path / "file").read_text() == "mine"
 
 
 def test_report_without_plotly_writes_the_pictures_and_names_what_to_install(tracked, tmp_path):
@@ -107,20 +104,17 @@ def test_report_without_plotly_writes_the_pictures_and_names_what_to_install(tra
     assert not (tmp_path / "report.html").exists()
 
 
-def test_report_takes_another_cutoff(tracked, tmp_path, capsys):
-    assert run("report", [str(tracked), "--out", str(tmp_path), "--cutoff", "25.5"]) == 0
-
-    assert "c = 25.5 m" in capsys.readouterr().out
-    assert "Here p = 2, c = 25.5 m." in (tmp_path / "report.html").read_text()
-
-
-def test_report_has_the_configured_names_of_the_classes(tracked, tmp_path):
+def test_report_takes_another_cutoff_and_the_configured_names_of_the_classes(
+    tracked, tmp_path, capsys
+):
     names = ("ship", "buoy")
     options = [f"classes:=[{', '.join(names)}]", *(f"{n}.snr_band_db:=[10.0, 50.0]" for n in names)]
     given = [word for option in options for word in ("-p", option)]
-    assert run("report", [str(tracked), "--out", str(tmp_path), *given]) == 0
+    assert run("report", [str(tracked), "--out", str(tmp_path), "--cutoff", "25.5", *given]) == 0
 
+    assert "c = 25.5 m" in capsys.readouterr().out
     page = (tmp_path / "report.html").read_text()
+    assert "Here p = 2, c = 25.5 m." in page
     for name in names:
         assert f">{name}</th>" in page
         assert f'"{name}"' in page

@@ -14,6 +14,9 @@ from phd_jdtc_ros.report import load
 RADARS = [names.detections("radar_1"), names.detections("radar_2")]
 
 
+AS_SCANS = {"radar_1.message": "radar_scan", "radar_2.message": "radar_scan"}
+
+
 @pytest.fixture
 def scan_bag(short_bag, tmp_path):
     """Return the short bag with ``radar_msgs/RadarScan`` in the place of clouds."""
@@ -35,33 +38,25 @@ def scan_bag(short_bag, tmp_path):
     return write(tmp_path / "scans", [*topics, Topic(names.TRUTH, names.CLOUD)], entries)
 
 
-AS_SCANS = ["-p", "radar_1.message:=radar_scan", "-p", "radar_2.message:=radar_scan"]
-
-
-def test_track_bag_reads_radar_scans_where_radar_msgs_is_not_installed(scan_bag, tracked, track):
-    status, out = track(scan_bag, *AS_SCANS)
+def test_track_bag_reads_and_copies_radar_scans_where_radar_msgs_is_not_installed(
+    scan_bag, tracked, track
+):
+    given = (word for item in AS_SCANS.items() for word in ("-p", ":=".join(item)))
+    status, out = track(scan_bag, *given)
     assert status == 0
-    for source in ("filtered", "smoothed"):
-        of_scans, of_clouds = recorded(out, source), recorded(tracked, source)
+    for kind in ("filtered", "smoothed"):
+        of_scans, of_clouds = recorded(out, kind), recorded(tracked, kind)
         assert [e.stamp_ns for e in of_scans] == [e.stamp_ns for e in of_clouds]
         # Levels in decibels are rounded to single precision.
         for one, other in zip(of_scans, of_clouds, strict=True):
             np.testing.assert_allclose(one.state, other.state, rtol=0, atol=1.0)
-
-
-def test_track_bag_copies_radar_scans_as_they_are(scan_bag, track):
-    _, out = track(scan_bag, *AS_SCANS)
     source, copy = BagReader(scan_bag), BagReader(out)
     for topic in RADARS:
         assert copy.topic(topic) == source.topic(topic)
         assert [m.data for m in copy.messages([topic])] == [
             m.data for m in source.messages([topic])
         ]
-
-
-def test_report_shows_the_detections_of_radar_scans(scan_bag, track):
-    _, out = track(scan_bag, *AS_SCANS)
-    given = {"radar_1.message": "radar_scan", "radar_2.message": "radar_scan"}
-    record = load.record(out, resolve(given))
+    # A report shows them too.
+    record = load.record(out, resolve(AS_SCANS))
     assert len(record.plots) == 16
     assert sum(len(plot.position) for plot in record.plots) > 100

@@ -103,20 +103,6 @@ def test_tune_overwrites_nothing(tmp_path, capsys):
     assert out.read_text() == "mine"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "reason"),
-    [
-        (("one_radar", "--seconds", "0"), "0 given, must be a number of at least 1 s"),
-        (("one_radar", "--seconds", "soon"), "soon given, must be a number of at least 1 s"),
-    ],
-)
-def test_tune_refuses_a_part_that_is_none(arguments, reason, capsys):
-    with pytest.raises(SystemExit) as ended:
-        tune(*arguments)
-    assert ended.value.code == 2
-    assert reason in capsys.readouterr().err
-
-
 def test_tune_names_the_fields_of_clouds_that_it_does_not_recognise(tmp_path, capsys):
     cloud = point_cloud.encode(10**9, "lidar", {"x": np.ones(3), "ring": np.ones(3)})
     write(tmp_path / "points", ["/lidar/points"], [("/lidar/points", cloud, 10**9)])
