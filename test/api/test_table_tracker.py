@@ -38,13 +38,17 @@ def assert_same(found, expected):
         np.testing.assert_array_equal(found[name], expected[name])
 
 
-def test_track_finds_two_targets_that_cross():
-    found = Tracker(crossing.PARAMETERS).track(DETECTIONS).smoothed
+@pytest.fixture(scope="module")
+def tracked():
+    """Return the tracks of the usual table with the usual parameters."""
+    return Tracker(crossing.PARAMETERS).track(DETECTIONS)
 
-    scores = evaluate(TRUTH, found, cutoff=50.0)
+
+def test_track_finds_two_targets_that_cross(tracked):
+    scores = evaluate(TRUTH, tracked.smoothed, cutoff=50.0)
     assert scores["identity_switches"] == 0
     assert scores["ospa"] < 8.0
-    assert set(found["class"]) == {"target"}
+    assert set(tracked.smoothed["class"]) == {"target"}
 
 
 @pytest.fixture(scope="module")
@@ -101,69 +105,48 @@ def test_fit_reports_what_a_recording_lacks():
         Tracker().fit(few)
 
 
-def test_positions_are_tracked_where_no_ranges_are_known():
-    found = Tracker(crossing.PARAMETERS).track(cartesian(DETECTIONS)).smoothed
+@pytest.mark.parametrize(
+    "changes", [{}, {"position": [-300.0, 200.0], "yaw_deg": 70.0, "max_range": 3000.0}]
+)
+def test_positions_are_tracked_in_the_world_wherever_the_sensor_is(changes):
+    found = Tracker(with_radar(**changes)).track(cartesian(DETECTIONS)).smoothed
 
     assert evaluate(TRUTH, found, cutoff=50.0)["ospa"] < 8.0
 
 
-def test_positions_have_deviations_of_their_own():
-    table = cartesian(DETECTIONS)
-    near = Tracker(crossing.PARAMETERS).track(
-        {**table, "position_std": np.full(len(table["x"]), 2.0)}
-    )
-    far = Tracker(crossing.PARAMETERS).track(
-        {**table, "position_std": np.full(len(table["x"]), 20.0)}
-    )
+def test_csv_gives_what_arrays_give_in_any_order_of_rows(tmp_path, tracked):
+    path = tmp_path / "detections.csv"
+    order = np.argsort(-DETECTIONS["time"], kind="stable")
+    rows = np.column_stack([*DETECTIONS.values()])[order].tolist()
+    lines = [",".join(map(repr, row)) for row in rows]
+    path.write_text("\n".join([",".join(DETECTIONS), *lines]))
 
-    def spread(tracks):
-        return np.median(tracks.filtered["covariance"][:, 0, 0])
-
-    assert spread(far) > 10.0 * spread(near)
+    assert_same(Tracker(crossing.PARAMETERS).track(path).smoothed, tracked.smoothed)
 
 
-def test_positions_are_in_the_world_wherever_the_sensor_is():
-    parameters = with_radar(position=[-300.0, 200.0], yaw_deg=70.0, max_range=3000.0)
-
-    found = Tracker(parameters).track(cartesian(DETECTIONS)).smoothed
-
-    assert evaluate(TRUTH, found, cutoff=50.0)["ospa"] < 8.0
-
-
-def test_azimuths_are_read_by_the_parameters():
+def test_azimuths_are_read_by_the_parameters(tracked):
     compass = {**DETECTIONS, "azimuth": 90.0 - np.degrees(DETECTIONS["azimuth"])}
     parameters = with_radar(azimuth_convention="compass_cw", azimuth_unit="deg")
 
     found = Tracker(parameters).track(compass).smoothed
-    expected = Tracker(crossing.PARAMETERS).track(DETECTIONS).smoothed
 
-    np.testing.assert_array_equal(found["label"], expected["label"])
-    np.testing.assert_allclose(found["x"], expected["x"])
-
-
-def test_csv_gives_what_arrays_give(tmp_path):
-    path = tmp_path / "detections.csv"
-    lines = [",".join(map(repr, map(float, row))) for row in zip(*DETECTIONS.values(), strict=True)]
-    path.write_text("\n".join([",".join(DETECTIONS), *lines]))
-
-    found = Tracker(crossing.PARAMETERS).track(path)
-
-    assert_same(found.smoothed, Tracker(crossing.PARAMETERS).track(DETECTIONS).smoothed)
+    np.testing.assert_array_equal(found["label"], tracked.smoothed["label"])
+    np.testing.assert_allclose(found["x"], tracked.smoothed["x"])
 
 
-def test_order_of_rows_makes_no_difference():
-    order = np.argsort(-DETECTIONS["time"], kind="stable")
+def test_positions_have_deviations_of_their_own():
+    table = cartesian(DETECTIONS)
 
-    found = Tracker(crossing.PARAMETERS).track({k: v[order] for k, v in DETECTIONS.items()})
+    def spread(std):
+        given = {**table, "position_std": np.full(len(table["x"]), std)}
+        found = Tracker(crossing.PARAMETERS).track(given).filtered
+        return np.median(found["covariance"][:, 0, 0])
 
-    assert_same(found.smoothed, Tracker(crossing.PARAMETERS).track(DETECTIONS).smoothed)
+    assert spread(20.0) > 10.0 * spread(2.0)
 
 
-def test_updates_and_flush_give_what_track_gives():
-    tracker = Tracker(crossing.PARAMETERS)
-    expected = tracker.track(DETECTIONS)
-
-    parts = []
+def test_updates_and_flush_give_what_track_gives(tracked):
+    tracker, parts = Tracker(crossing.PARAMETERS), []
     for time in np.unique(DETECTIONS["time"]):
         now = DETECTIONS["time"] == time
         parts.append(tracker.update(time, {k: DETECTIONS[k][now] for k in ("range", "azimuth")}))
@@ -171,7 +154,7 @@ def test_updates_and_flush_give_what_track_gives():
 
     for kind in ("filtered", "smoothed"):
         found = np.concatenate([getattr(part, kind) for part in parts])
-        assert_same(found, getattr(expected, kind))
+        assert_same(found, getattr(tracked, kind))
     assert len(parts[-1].smoothed) > 0
 
 
@@ -274,8 +257,8 @@ def test_tracker_of_a_parameter_file_gives_what_the_bags_tracker_gives(request):
     np.testing.assert_array_equal(table.smoothed["label"], label)
 
 
-def test_covariance_is_of_x_y_vx_vy():
-    found = Tracker(crossing.PARAMETERS).track(DETECTIONS).filtered
+def test_covariance_is_of_x_y_vx_vy(tracked):
+    found = tracked.filtered
     settled = found[found["time"] > 30.0]
 
     deviations = np.sqrt(np.einsum("nii->ni", settled["covariance"])).mean(axis=0)
