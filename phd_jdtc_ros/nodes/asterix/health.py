@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
@@ -20,35 +21,41 @@ SILENT_S = 15.0
 EXPECTED = frozenset({"other_category", "unknown_radar", "no_detection"})
 
 
-def of_input(
-    node: str,
-    stream: PlotStream,
-    lost: int,
-    inputs: Sequence[str],
-    active_s: float,
-    rises: Rises,
-    now_s: float,
-) -> DiagnosticStatus:
-    """Return the status of all received datagrams.
+class Moment(NamedTuple):
+    """What the statuses of one report share."""
 
-    Parameters
-    ----------
-    lost : int
-        Datagrams for which there was no room.
-    active_s : float
-        Time for which the bridge has been active, seconds; NaN while it is not.
-    """
+    node: str  # Full name of the bridge
+    rises: Rises  # Of all counts since the bridge was made
+    active_s: float  # Time for which the bridge has been active; NaN while it is not
+    now_s: float
+
+    def recent(self, name: str, count: int) -> int:
+        """Return by how much a count has risen recently."""
+        return self.rises.recent(name, count, self.now_s)
+
+    def quiet_s(self, name: str, count: int) -> float:
+        """Return the time since a count last rose while the bridge was active, seconds."""
+        return min(self.rises.unchanged_s(name, count, self.now_s), self.active_s)
+
+    @property
+    def inactive(self) -> tuple[bytes, bool, str]:
+        """The condition that the bridge is not active."""
+        return DiagnosticStatus.STALE, math.isnan(self.active_s), "not active"
+
+
+def of_input(at: Moment, stream: PlotStream, lost: int, inputs: Sequence[str]) -> DiagnosticStatus:
+    """Return the status of all received datagrams; for `lost` ones there was no room."""
     counts = +stream.counts
     faults = {reason: count for reason, count in counts.items() if reason not in EXPECTED}
-    quiet_s = min(rises.unchanged_s("datagrams", stream.datagrams, now_s), active_s)
+    quiet_s = at.quiet_s("datagrams", stream.datagrams)
     quiet = (
         f"no datagram for {quiet_s:.0f} s on {', '.join(inputs)}; check the address and port that "
         "the sender uses, and interface for a group"
     )
-    losing = rises.recent("lost", lost, now_s)
-    malformed = rises.recent("faults", sum(faults.values()), now_s)
+    losing = at.recent("lost", lost)
+    malformed = at.recent("faults", sum(faults.values()))
     condition = first(
-        _inactive(active_s),
+        at.inactive,
         (WARN, inputs and quiet_s > SILENT_S, quiet),
         (WARN, losing, f"{lost} datagrams lost: they come too fast"),
         (WARN, malformed, f"malformed: {_enumerate(faults)}"),
@@ -56,18 +63,11 @@ def of_input(
     )
     trailers = sum(stream.blocks.known_trailers().values())
     values = {"datagrams": stream.datagrams, "lost": lost, "trailers": trailers, **counts}
-    return diagnostics.status(names.health("input", node), values, *condition, node)
+    return diagnostics.status(names.health("input", at.node), values, *condition, at.node)
 
 
-def of_radar(
-    name: str,
-    number: int,
-    state: RadarState,
-    active_s: float,
-    rises: Rises,
-    now_s: float,
-) -> DiagnosticStatus:
-    """Return the status of a radar; `active_s` is as in `of_input`."""
+def of_radar(at: Moment, number: int, state: RadarState) -> DiagnosticStatus:
+    """Return the status of a radar."""
     offset_s, shift_s = state.clock.offset_s, state.clock.shift_ns * 1e-9
     values = {
         "plots": state.plots,
@@ -78,14 +78,15 @@ def of_radar(
         "clock_shift_s": shift_s,
         **+state.counts,
     }
+    name = names.health(state.settings.name, at.node)
     messages, late = state.plots + state.services, state.counts["late_plots"]
-    quiet_s = min(rises.unchanged_s(f"{name} messages", messages, now_s), active_s)
+    quiet_s = at.quiet_s(f"{name} messages", messages)
     quiet = f"silent for {quiet_s:.0f} s" if messages else "no messages yet"
     sources = " and ".join(dict.fromkeys(state.sources.values()))
-    second = rises.recent(f"{name} second", state.counts["second_source"], now_s)
-    arriving_late = rises.recent(f"{name} late", late, now_s)
+    second = at.recent(f"{name} second", state.counts["second_source"])
+    arriving_late = at.recent(f"{name} late", late)
     condition = first(
-        _inactive(active_s),
+        at.inactive,
         (WARN, quiet_s > SILENT_S, quiet),
         (WARN, second, f"two sources: {sources} is used, {state.other_source} is not"),
         (WARN, shift_s, f"its clock is {-offset_s:+.1f} s off; its times are shifted"),
@@ -96,46 +97,27 @@ def of_radar(
 
 
 def of_output(
-    node: str,
-    output: str,
-    sent: Counter[str],
-    dropped: Mapping[str, int],
-    clouds: int,
-    hint: str,
-    active_s: float,
-    rises: Rises,
-    now_s: float,
+    at: Moment, output: str, sent: Counter[str], dropped: Mapping[str, int], clouds: int, hint: str
 ) -> DiagnosticStatus:
-    """Return the status of the output.
+    """Return the status of the output to an address, which is empty for none.
 
-    Parameters
-    ----------
-    output : str
-        Address that the bridge sends to; empty for none.
-    dropped : mapping
-        Numbers of clouds that are not sent, by reason.
-    clouds : int
-        Received clouds of estimates.
-    hint : str
-        Fault of a topic without estimates; empty if they are published.
+    `dropped` are the numbers of clouds that are not sent, by reason, and `clouds` that of received
+    ones. `hint` is the fault of a topic without estimates, empty if they are published.
     """
     counts = {reason: count for reason, count in dropped.items() if reason != "lost"}
-    dropping = rises.recent("dropped", sum(counts.values()), now_s)
-    quiet_s = min(rises.unchanged_s("estimates", clouds, now_s), active_s)
+    dropping = at.recent("dropped", sum(counts.values()))
+    quiet_s = at.quiet_s("estimates", clouds)
     quiet = "; ".join(filter(None, (f"no estimates for {quiet_s:.0f} s", hint)))
     condition = first(
         (OK, not output, "nowhere to send tracks"),
-        _inactive(active_s),
+        at.inactive,
         (WARN, dropping, _enumerate(counts)),
         (WARN, quiet_s > SILENT_S, quiet),
         (OK, True, f"{sent['tracks']} tracks sent to {output}"),
     )
-    values = {**sent, **counts}
-    return diagnostics.status(names.health("output", node), values, *condition, node)
-
-
-def _inactive(active_s: float) -> tuple[bytes, bool, str]:
-    return DiagnosticStatus.STALE, math.isnan(active_s), "not active"
+    return diagnostics.status(
+        names.health("output", at.node), {**sent, **counts}, *condition, at.node
+    )
 
 
 def _enumerate(counts: Mapping[str, int]) -> str:

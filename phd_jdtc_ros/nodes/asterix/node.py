@@ -248,21 +248,17 @@ class AsterixBridge(ManagedNode):
 
     def _statuses(self) -> list[DiagnosticStatus]:
         self._log_subscribers()
-        node, now_s = self.get_fully_qualified_name(), time.monotonic()
-        times = now_s - self._active_since_s, self._rises, now_s
+        now_s, rises = time.monotonic(), self._rises
+        node, active_s = self.get_fully_qualified_name(), now_s - self._active_since_s
+        at, stream = health.Moment(node, rises, active_s, now_s), self._stream
         lost = self._dropped["lost"] + (self._receiver.lost if self._receiver is not None else 0)
         output, hint = self._values["output"], ""
         if output:
             hint = topics.publisher_hint(self, self.resolve_topic_name(ESTIMATES), PointCloud2)
-        traffic = self._sent, self._dropped, self._clouds
-        stream = self._stream
         return [
-            health.of_input(node, stream, lost, self._values["inputs"], *times),
-            health.of_output(node, output, *traffic, hint, *times),
-            *(
-                health.of_radar(names.health(state.settings.name, node), number, state, *times)
-                for number, state in stream.radars.items()
-            ),
+            health.of_input(at, stream, lost, self._values["inputs"]),
+            health.of_output(at, output, self._sent, self._dropped, self._clouds, hint),
+            *(health.of_radar(at, number, state) for number, state in stream.radars.items()),
         ]
 
 
