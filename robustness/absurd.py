@@ -10,7 +10,6 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -51,28 +50,20 @@ from phd_jdtc_ros.handover import checks
 from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
-from . import engines
+from . import engines, scans
 from .figures import Found, measures, result, such_as
 
-NS = 10**9
-START_NS = 1_700_000_000 * NS
+NS, START_NS = scans.SECOND_NS, scans.START_NS
 VALUES = (1e300, -1e300, 1.7e308, 1e160, 1e154, 3.4e38, 1e20, -1e9, 1e-40, 5e-324)
 WHOLE = (0, 2**31 - 1, 2**31, 2**32 - 1)
 SECONDS, NANOSECONDS = (-(2**31), -1, 0, 2**31 - 1), (0, NS, 2**32 - 1)
-PROFILE = Path(__file__).parents[1] / "config" / "air_traffic.yaml"
+PROFILE = scans.CONFIG / "air_traffic.yaml"
 INTERVAL_S = 4.0
 # The fields of a radar with all optional fields.
-FIELDS = {
-    "time": "time",
-    "height": "height",
-    "code": "code",
-    "address": "address",
-    "kind": "kind",
-    "range_std": "range_std",
-    "azimuth_std": "azimuth_std",
-    "range_rate": "range_rate",
-    "range_rate_std": "range_rate_std",
-}
+FIELDS = (
+    *("time", "height", "code", "address", "kind"),
+    *("range_std", "azimuth_std", "range_rate", "range_rate_std"),
+)
 REGIONS = (Region(-1e5, -1e5, 0.0, 1e5, 1e4), Region(0.0, -1e5, 1e5, 1e5, 1e4))
 _CODES = {PointField.FLOAT32: "f8", PointField.FLOAT64: "f8", PointField.UINT32: "u4"}
 
@@ -182,7 +173,7 @@ def _require_finite(*arrays: Any) -> None:
 def _of_radars() -> Iterator[tuple[str, Callable[[], None]]]:
     """Yield clouds of a radar with all optional fields, in one run of the tracker."""
     values = from_arguments.load(PROFILE)
-    values |= {f"approach.fields.{what}": name for what, name in FIELDS.items()}
+    values |= {f"approach.fields.{name}": name for name in FIELDS}
     values |= {
         "approach.range_rate_std": 2.0,
         "engine": engines.current(),

@@ -20,7 +20,6 @@ from .rig import LIGHT, Rig
 
 LIMIT_S, MOST_MB, LONGEST_LINE = 2.0, 256.0, 600
 PROCESS_S = 60.0
-BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
 FRAME_ID = "x" * 2**20
 YAML = {
     "aliases": "\n".join(
@@ -130,7 +129,7 @@ def outcome() -> dict[str, Any]:
     usual = {name: _run((name, "--help"), domain.number)[1] for name in WAYS}
     with tempfile.TemporaryDirectory() as name:
         directory = Path(name)
-        places = {"BAG": str(BAG), "OUT": str(directory / "out")}
+        places = {"BAG": str(scans.BAG), "OUT": str(directory / "out")}
         for run, words in _commands(directory):
             done, spent = _run([places.get(word, word) for word in words], domain.number)
             seconds.append(max(spent - usual[words[0]], 0.0))

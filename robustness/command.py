@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import os
 import time
@@ -13,33 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from . import (
-    absurd,
-    asterix_bytes,
-    bad_scans,
-    bags,
-    bombs,
-    clutter,
-    crowd,
-    decoders,
-    engines,
-    flood,
-    forgeries,
-    hostile,
-    late_sectors,
-    moving,
-    network,
-    numerics,
-    overload,
-    publishers,
-    raw_bytes,
-    recordings,
-    restarts,
-    soak,
-    stamps_and_time,
-    turning,
-    warm_restart,
-)
+from . import asterix_bytes, decoders, engines, raw_bytes, soak
 from .figures import Figure, all_reached
 
 Measure = Callable[[], Figure]
@@ -63,62 +38,36 @@ ELSEWHERE = (
     ),
 )
 
-# The quick and informative ones first.
-FAULTS: tuple[Measure, ...] = (
-    bad_scans.measure,
-    turning.measure,
-    turning.measure_refused,
-    late_sectors.measure,
-    moving.measure,
-    bags.measure_recovery,
-    bags.measure_bomb,
-    overload.measure,
-    overload.measure_said,
-    clutter.measure,
-    crowd.measure,
-    numerics.measure,
-    absurd.measure,
-    hostile.measure_seam,
-    hostile.measure_repeated,
-    hostile.measure_names,
-    hostile.measure_forged_times,
-    flood.measure,
-    bombs.measure,
-    stamps_and_time.measure_silence,
-    publishers.measure,
-    restarts.measure_kills,
-    warm_restart.measure,
-    forgeries.measure,
-    restarts.measure_stops,
-    stamps_and_time.measure_time_faults,
-    network.measure,
-    stamps_and_time.measure_gap,
-    recordings.measure_full,
-    recordings.measure_read_only,
-    restarts.measure_second,
+# The modules of the fault matrix, the quick and informative ones first.
+PARTS = (
+    *("bad_scans", "turning", "late_sectors", "moving", "bags", "overload", "clutter", "crowd"),
+    *("numerics", "absurd", "hostile", "flood", "bombs", "publishers", "restarts", "warm_restart"),
+    *("forgeries", "stamps_and_time", "network", "recordings"),
 )
+
+
+def figures_of(part: str) -> list[Measure]:
+    """Return the measurements of a module, in its order."""
+    module = importlib.import_module(f".{part}", __package__)
+    made = [found for found in vars(module).values() if hasattr(found, "of_engines")]
+    return [found for found in made if found.__module__ == module.__name__]
+
+
+FAULTS = tuple(measure for part in PARTS for measure in figures_of(part))
 
 
 def faults(arguments: argparse.Namespace) -> Iterator[Measure]:
     """Yield all measurements with one engine, and those that depend on the engine with others."""
-    asked = [each for each in FAULTS if part_of(each) in (arguments.part or PARTS)]
+    asked = [each for part in arguments.part or PARTS for each in figures_of(part)]
     for measure in asked:
         yield engines.of(arguments.engine, measure)
     others = [engine for engine in engines.ALL if engine != arguments.engine]
     for engine in [] if arguments.only else others:
         for measure in asked:
-            if measure.__dict__["of_engines"]:
+            if vars(measure)["of_engines"]:
                 yield engines.of(engine, measure)
     for figure in () if arguments.part else ELSEWHERE:
         yield lambda found=figure: found
-
-
-def part_of(measure: Measure) -> str:
-    """Return the name of the module that a measurement is in."""
-    return measure.__module__.rpartition(".")[2]
-
-
-PARTS = sorted({part_of(measure) for measure in FAULTS})
 
 
 def soaking(arguments: argparse.Namespace) -> Iterator[Measure]:

@@ -5,9 +5,7 @@ Every case runs in its own process, so that the measured memory is the tracker's
 
 from __future__ import annotations
 
-import resource
 import time
-from pathlib import Path
 
 import numpy as np
 
@@ -20,11 +18,10 @@ from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 from . import engines, scans
-from .figures import Found, in_own_process, measures
+from .figures import Found, in_own_process, measures, peak_mb
 
 DETECTIONS = 100_000
 # The profile has motions for Gaussians; particles have the default ones.
-PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
 BORN_ANYWHERE = {"births": [], "detection_births.rates": [0.05, 0.05]}
 CROWDED, CROWDS, LAST = 30, 2, 45
 CUTOFF, ORDER = 1000.0, 2.0
@@ -58,14 +55,14 @@ def measure(detections: int = DETECTIONS, seeds: int = SEEDS) -> Found:
     found = {
         " ".join(case): in_own_process(of_case, engine, detections, *case, seeds) for case in cases
     }
-    step_s, peak_mb, ratio = (
+    step_s, peak, ratio = (
         max(run[key] for run in found.values()) for key in ("step_s", "peak_mb", "ratio")
     )
     text = (
         f"{detections:,} of both radars in {CROWDS} scans, the worst of {len(cases)} kinds: "
-        f"{step_s:.1f} s of CPU, {peak_mb:.0f} MB; OSPA afterwards {ratio:.3f} times that without"
+        f"{step_s:.1f} s of CPU, {peak:.0f} MB; OSPA afterwards {ratio:.3f} times that without"
     )
-    return text, step_s <= 5.0 and peak_mb <= 1000.0 and ratio <= 1.1, found
+    return text, step_s <= 5.0 and peak <= 1000.0 and ratio <= 1.1, found
 
 
 def crowd(
@@ -96,7 +93,7 @@ def _run(
 ) -> tuple[float, float]:
     """Return the most CPU time of a crowded scan, and the mean OSPA of the scans after them."""
     amplitude = "none" if amplitudes == "none" else "band"
-    given = from_arguments.load(PROFILE) if engine == engines.GAUSSIAN else BORN_ANYWHERE
+    given = from_arguments.load(scans.PROFILE) if engine == engines.GAUSSIAN else BORN_ANYWHERE
     config = tracker_params.config(
         {
             **given,
@@ -130,8 +127,8 @@ def of_case(engine: str, count: int, amplitudes: str, choice: str, seeds: int) -
     """Return the figures of runs with the crowded scans and of ones without them."""
     every = range(seeds)
     crowded = [_run(engine, count, amplitudes, choice, seed) for seed in every]
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    peak = peak_mb()
     without = [_run(engine, 0, amplitudes, choice, seed)[1] for seed in every]
     step_s, after = (np.array(column) for column in zip(*crowded, strict=True))
     ratio = float(after.mean() / np.mean(without))
-    return {"step_s": float(step_s.max()), "peak_mb": peak_mb, "ratio": ratio}
+    return {"step_s": float(step_s.max()), "peak_mb": peak, "ratio": ratio}

@@ -127,6 +127,13 @@ def in_own_process(function: Callable[..., Any], *arguments: Any) -> Any:
     return json.loads(done.stdout)
 
 
+def peak_mb() -> float:
+    """Return the peak memory of this process, MB."""
+    # Not `getrusage`, whose figure begins with that of the parent process.
+    text = Path("/proc/self/status").read_text()
+    return int(text.partition("VmHWM:")[2].split()[0]) / 1024.0
+
+
 def all_reached(figures: Sequence[Figure]) -> bool:
     """Return whether no figure that was measured misses its goal."""
     return all(figure.reached is not False for figure in figures)

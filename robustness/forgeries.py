@@ -36,6 +36,7 @@ LEARNING = {
 }
 Change = Callable[[Snapshot], object]
 OLDEST, NEXT, STAMPS = "stored.0", "stored.1", "window.stamps_ns"
+COVARIANCE = f"{OLDEST}.covariance"
 
 
 class _Log:
@@ -63,15 +64,20 @@ def measure() -> Found:
     return text, not wrong and found["memory_mb"] <= 256.0, {**found, "wrong": wrong}
 
 
+def _edit(name: str, new: Callable[[Any], Any]) -> Change:
+    """Return a change of an array."""
+    return lambda snapshot: snapshot.arrays.update({name: new(snapshot.arrays[name])})
+
+
 def _put(name: str, value: Any, kind: Any = None) -> Change:
     """Return a change that writes a value into the first entry of an array."""
 
-    def change(snapshot: Snapshot) -> None:
-        array = np.array(snapshot.arrays[name], dtype=kind)
-        array.flat[0] = value
-        snapshot.arrays[name] = array
+    def put(array: Any) -> Any:
+        found = np.array(array, dtype=kind)
+        found.flat[0] = value
+        return found
 
-    return change
+    return _edit(name, put)
 
 
 NAN, INF = float("nan"), float("inf")
@@ -123,8 +129,8 @@ def _common() -> dict[str, Change]:
         "no window": ("window.entries", "7"),
     }
     return {
-        **{what: _replace(name, value) for what, (name, value) in values.items()},
-        "stamps backwards": lambda s: _replace(STAMPS, s.arrays[STAMPS][::-1])(s),
+        **{what: _set(name, value) for what, (name, value) in values.items()},
+        "stamps backwards": _edit(STAMPS, lambda stamps: stamps[::-1]),
         "a huge stamp": _put(STAMPS, 1 << 62),
         "a stamp as a float": _put(STAMPS, 1.0, "f8"),
         "track numbers that are none": lambda s: s.arrays.pop("numbers.number"),
@@ -135,7 +141,7 @@ def _common() -> dict[str, Change]:
     }
 
 
-def _replace(name: str, value: Any) -> Change:
+def _set(name: str, value: Any) -> Change:
     """Return a change that replaces an array."""
     return lambda snapshot: snapshot.arrays.update({name: np.array(value)})
 
@@ -156,8 +162,8 @@ def _of_particles() -> dict[str, Change]:
             state=10**60
         ),
         "no random state": lambda s: s.json_values.pop("filter.rng"),
-        "states of other axes": _other_axes(f"{OLDEST}.state"),
-        "states as text": _whole(f"{OLDEST}.state"),
+        "states of other axes": _edit(f"{OLDEST}.state", _three),
+        "states as text": _edit(f"{OLDEST}.state", _whole),
         "survival above one": _put(f"{NEXT}.link.survival", 1.5),
         "a kernel that is not finite": _put(f"{NEXT}.link.ratio.data", NAN),
         "a kernel that explodes": _put(f"{NEXT}.link.ratio.data", 1e250),
@@ -173,51 +179,40 @@ def _of_mixtures(honest: Snapshot) -> dict[str, Change]:
         for value in ((-2, 10**6) if array.dtype.kind == "i" else (NAN, 1e250))
     }
     return {
-        "means of other axes": _other_axes(f"{OLDEST}.mean"),
-        "means as text": _whole(f"{OLDEST}.mean"),
-        "covariances with a negative eigenvalue": _against_each_other(f"{OLDEST}.covariance"),
-        "covariances that are not symmetric": _asymmetric(f"{OLDEST}.covariance"),
+        "means of other axes": _edit(f"{OLDEST}.mean", _three),
+        "means as text": _edit(f"{OLDEST}.mean", _whole),
+        "covariances with a negative eigenvalue": _edit(
+            f"{OLDEST}.covariance", _against_each_other
+        ),
+        "covariances that are not symmetric": _edit(f"{OLDEST}.covariance", _asymmetric),
         "survival above one": _put(f"{link}.survival", 1.5),
         "a share above one": _put(f"{link}.share", 3.0),
         **values,
     }
 
 
-def _other_axes(name: str) -> Change:
-    def change(snapshot: Snapshot) -> None:
-        snapshot.arrays[name] = snapshot.arrays[name][..., :3]
-
-    return change
+def _three(array: Any) -> Any:
+    return array[..., :3]
 
 
-def _whole(name: str) -> Change:
-    def change(snapshot: Snapshot) -> None:
-        snapshot.arrays[name] = np.nan_to_num(snapshot.arrays[name]).astype("i8")
-
-    return change
+def _whole(array: Any) -> Any:
+    return np.nan_to_num(array).astype("i8")
 
 
-def _against_each_other(name: str) -> Change:
-    """Return a change that makes the correlations of three axes impossibly negative."""
-
-    def change(snapshot: Snapshot) -> None:
-        matrix = np.array(snapshot.arrays[name])
-        scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1)[..., :3], 1.0))
-        pattern = np.where(np.eye(3) > 0.0, 1.0, -0.99)
-        matrix[..., :3, :3] = pattern * scale[..., :, None] * scale[..., None, :]
-        snapshot.arrays[name] = matrix
-
-    return change
+def _against_each_other(covariance: Any) -> Any:
+    """Return covariances in which the correlations of three axes are impossibly negative."""
+    matrix = np.array(covariance)
+    scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1)[..., :3], 1.0))
+    pattern = np.where(np.eye(3) > 0.0, 1.0, -0.99)
+    matrix[..., :3, :3] = pattern * scale[..., :, None] * scale[..., None, :]
+    return matrix
 
 
-def _asymmetric(name: str) -> Change:
-    def change(snapshot: Snapshot) -> None:
-        matrix = np.array(snapshot.arrays[name])
-        matrix[..., 0, 1] *= -0.5
-        matrix[..., 0, 1] += 0.1 * np.sqrt(matrix[..., 0, 0] * matrix[..., 1, 1])
-        snapshot.arrays[name] = matrix
-
-    return change
+def _asymmetric(covariance: Any) -> Any:
+    matrix = np.array(covariance)
+    matrix[..., 0, 1] *= -0.5
+    matrix[..., 0, 1] += 0.1 * np.sqrt(matrix[..., 0, 0] * matrix[..., 1, 1])
+    return matrix
 
 
 def bodies(body: bytes) -> dict[str, bytes]:

@@ -29,16 +29,15 @@ from phd_jdtc_ros.handover.ownership import Handover
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.tools.asterix import reading
 
-from . import engines
-from .figures import Found, in_own_process, measures, such_as
+from . import engines, scans
+from .figures import Found, in_own_process, measures, peak_mb, such_as
 
-NS = 10**9
+NS = scans.SECOND_NS
 DAY_NS = 20_779 * 86_400 * NS
 REGIONS = (Region(-1e5, -1e5, 0.0, 1e5, 1e4), Region(0.0, -1e5, 1e5, 1e5, 1e4))
 TARGETS = 3000
 COPIES, COPIED, SCANS = 500, range(5, 8), 32
 NAMES = 3000
-PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
 RADAR, ROTATION_S, SECTORS, FORGED = 0x0101, 4.0, 32, 500
 
 
@@ -66,19 +65,13 @@ def join(spread: float) -> dict[str, float]:
     handover = Handover(REGIONS, 2e3)
     # The first call loads SciPy, and is not measured.
     handover.add({k: _tracks(0, place[:2]) for k in range(2)})
-    before, step_s = _peak_mb(), 0.0
+    before, step_s = peak_mb(), 0.0
     for stamp in range(1, 5):
         both = {k: _tracks(stamp, place + rng.normal(0.0, 20.0, place.shape)) for k in range(2)}
         begin_s = time.process_time()
         handover.add(both)
         step_s = max(step_s, time.process_time() - begin_s)
-    return {"step_s": step_s, "memory_mb": _peak_mb() - before}
-
-
-def _peak_mb() -> float:
-    # Not `getrusage`, whose figure begins with that of the parent process.
-    text = Path("/proc/self/status").read_text()
-    return int(text.partition("VmHWM:")[2].split()[0]) / 1024.0
+    return {"step_s": step_s, "memory_mb": peak_mb() - before}
 
 
 def _tracks(stamp: int, place: np.ndarray[Any, Any]) -> Estimates:
@@ -104,7 +97,7 @@ def _tracks(stamp: int, place: np.ndarray[Any, Any]) -> Estimates:
 )
 def measure_repeated() -> Found:
     """Track a target of a radar whose driver repeats its buffer many times in some scans."""
-    given = from_arguments.load(PROFILE)
+    given = from_arguments.load(scans.PROFILE)
     of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
     engine = engines.current()
     config = tracker_params.config({**of_one, "sensors": ["radar_1"], "engine": engine})

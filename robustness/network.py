@@ -14,13 +14,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from . import scans
 from .figures import Found, NotMeasurableError, measures
 from .isolation import ISOLATED, OPEN
 from .rig import LIGHT, RELIABLE, Node, Rig
 
 ADDRESSES = ("10.77.0.1", "10.77.0.2")
 ROGUE_S = 8.0
-BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
 
 
 # Environments of the tracker and the replay. The demo has both the profile and the limited
@@ -104,7 +104,7 @@ def attempt(
         rogue = _rogue(theirs, rig.domain, seconds)
         replay = rig.start(
             "sensor_replay",
-            *(BAG, "--rate", "0", "--ros-args", "-p", "subscriber_timeout_s:=15.0"),
+            *(scans.BAG, "--rate", "0", "--ros-args", "-p", "subscriber_timeout_s:=15.0"),
             prefix=inside,
             **environment,
         )

@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, cycle, islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from phd_jdtc_ros.simulation.simulate import simulate
 from . import engines, scans
 from .figures import Found, measures, result, such_as
 
-PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
 HOUR_S = 3600.0
 USUAL_S = 6.0
 # Smallest variance of a position or a velocity; it is 0 for a target with a single particle.
@@ -131,7 +129,7 @@ def measure(cases: Mapping[str, Case] = CASES) -> Found:
 
 def outcome(case: Case, engine: str) -> str:
     """Return the fault in an engine's estimates of a case; empty without one."""
-    values = {**from_arguments.load(PROFILE), **case.values, "engine": engine}
+    values = {**from_arguments.load(scans.PROFILE), **case.values, "engine": engine}
     config = tracker_params.config(values)
     tracker, restored = new_engine(config), new_engine(config)
     try:

@@ -13,7 +13,6 @@ from . import scans
 from .figures import Found, measures, result
 from .radars import TOPICS, Radars
 from .rig import LIGHT, Rig
-from .stamps_and_time import BAG
 
 MOST_SCANS = 6
 PERIOD_S = 0.5
@@ -77,7 +76,7 @@ def _restart_driver(restarts: int, run_s: float) -> tuple[list[bytes], int, int]
         radars = rig.radars
         radars.leave_the_topics()
         for _ in range(restarts + 1):
-            driver = rig.start("sensor_replay", BAG, "--rate", RATE, "--loop")
+            driver = rig.start("sensor_replay", scans.BAG, "--rate", RATE, "--loop")
             before = len(radars.filtered)
             if not radars.spin_until(lambda n=before: len(radars.filtered) > n, 30.0):
                 raise RuntimeError(f"no estimate of the driver's scans:\n{driver.text[-2000:]}")

@@ -5,15 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from statistics import median
 
 from phd_jdtc_ros.nodes.tracker.name_claim import NEWCOMER_S
 
+from . import scans
 from .figures import Found, measures
 from .radars import Radars
 from .rig import LIGHT, RELIABLE, Node, Rig
-from .stamps_and_time import BAG
 
 KILLS = 20
 MEDIAN_S, MOST_S = 1.5, 4.0
@@ -26,37 +26,16 @@ STOP_S = 1.0
 NODES: Mapping[str, tuple[object, ...]] = {
     "tracker": (),
     "evaluator": (),
-    "sensor_replay": (BAG, "--rate", "1", "--ros-args", "-p", "subscriber_timeout_s:=0.0"),
+    "sensor_replay": (scans.BAG, "--rate", "1", "--ros-args", "-p", "subscriber_timeout_s:=0.0"),
 }
 
 
 @measures("kill -9 to first estimate", "median 1.5 s, max 4 s")
 def measure_kills(kills: int = KILLS) -> Found:
     """Kill and restart a tracker repeatedly, while radars go on sending."""
-    took = _restarts(kills, _tracker)
-    # Half as many kills suffice to show how much of the time is the tracker's.
-    bare = _restarts(max(1, kills // 2), _bare_node)
-    text = (
-        f"median {median(took):.2f} s, max {max(took):.2f} s of {kills} kills; a bare node of "
-        f"rclpy: median {median(bare):.2f} s, max {max(bare):.2f} s"
-    )
-    details = {"seconds": took, "bare_node_s": bare, "load_average": os.getloadavg()[0]}
-    return text, median(took) <= MEDIAN_S and max(took) <= MOST_S, details
-
-
-def _tracker(rig: Rig) -> Node:
-    return rig.start("tracker", "--ros-args", *RELIABLE, *LIGHT)
-
-
-def _bare_node(rig: Rig) -> Node:
-    return rig.run("bare_node", "robustness.bare_node")
-
-
-def _restarts(kills: int, start: Callable[[Rig], Node]) -> list[float]:
-    """Return the seconds from each kill to the first answer after it."""
     took: list[float] = []
     with Rig() as rig:
-        node, radars = start(rig), rig.radars
+        node, radars = _start(rig), rig.radars
         radars.connected()
         index = _send_until_answered(radars, 0)
         for _ in range(kills):
@@ -65,12 +44,18 @@ def _restarts(kills: int, start: Callable[[Rig], Node]) -> list[float]:
             radars.answered.clear()
             killed = time.monotonic()
             node.kill()
-            node = start(rig)
+            node = _start(rig)
             index = _send_until_answered(radars, index + 1)
             if not radars.answered:
                 raise RuntimeError(f"no estimate after a restart:\n{node.text[-2000:]}")
             took.append(radars.filtered[-1][1] - killed)
-    return took
+    text = f"median {median(took):.2f} s, max {max(took):.2f} s of {kills} kills"
+    details = {"seconds": took, "load_average": os.getloadavg()[0]}
+    return text, median(took) <= MEDIAN_S and max(took) <= MOST_S, details
+
+
+def _start(rig: Rig) -> Node:
+    return rig.start("tracker", "--ros-args", *RELIABLE, *LIGHT)
 
 
 def _send_until_answered(radars: Radars, index: int) -> int:
@@ -142,7 +127,7 @@ def measure_second() -> Found:
     """Start a second tracker beside a running one, and a third after that one has been killed."""
     with Rig() as rig:
         first = rig.tracker(*LIGHT)
-        second = rig.start("tracker", "--ros-args", *RELIABLE, *LIGHT)
+        second = _start(rig)
         begin = time.monotonic()
         status = _exit_status(second)
         seconds = time.monotonic() - begin

@@ -37,6 +37,14 @@ RELIABLE = tuple(
 LIGHT = ("-p", "particles_per_target:=200", "-p", "particles_per_birth:=256", "-p", "lag:=2")
 
 
+def launch(
+    command: Sequence[str], log: Path, environment: Mapping[str, str]
+) -> subprocess.Popen[bytes]:
+    """Start a process whose output goes to a file."""
+    with log.open("wb") as stream:
+        return subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT, env=environment)
+
+
 class Node:
     """A running executable of the package, with its output.
 
@@ -50,13 +58,8 @@ class Node:
         self, command: Sequence[str], log: Path, domain: int, environment: Mapping[str, str]
     ) -> None:
         self._log = log
-        with log.open("wb") as stream:
-            self.process = subprocess.Popen(
-                command,
-                stdout=stream,
-                stderr=subprocess.STDOUT,
-                env={**os.environ, "ROS_DOMAIN_ID": str(domain), **environment},
-            )
+        everything = {**os.environ, "ROS_DOMAIN_ID": str(domain), **environment}
+        self.process = launch(command, log, everything)
 
     @property
     def alive(self) -> bool:
@@ -145,19 +148,8 @@ class Rig:
         A tracker has the engine that `engines.current` names.
         """
         engine = engines.arguments() if name == "tracker" else ()
-        module = ("phd_jdtc_ros", name, *map(str, arguments), *engine)
-        return self.run(name, *module, prefix=prefix, **environment)
-
-    def run(
-        self,
-        name: str,
-        module: str,
-        *arguments: str,
-        prefix: Sequence[str] = (),
-        **environment: str,
-    ) -> Node:
-        """Start a Python module; `name` is used for its log."""
-        command = [*prefix, sys.executable, "-m", module, *arguments]
+        module = ("-m", "phd_jdtc_ros", name, *map(str, arguments), *engine)
+        command = [*prefix, sys.executable, *module]
         log = self.directory / f"{len(self._nodes)}_{name}.log"
         node = Node(command, log, self.domain, environment)
         self._nodes.append(node)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 from msg_adapters import detections, interfaces
 from phd_jdtc_ros.configuration.build import resolve
@@ -12,6 +13,9 @@ from phd_jdtc_ros.core.types import Scan, Truth
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
+ROOT = Path(__file__).parents[1]
+BAG, CONFIG = ROOT / "bags" / "paper_scenario", ROOT / "config"
+PROFILE = CONFIG / "surveillance.yaml"
 SECOND_NS = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND_NS
 # The stamp's seconds and nanoseconds follow the four bytes of the encapsulation.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from itertools import pairwise, takewhile
 from operator import eq
-from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
@@ -17,7 +16,6 @@ from .radars import REPLY_S, Radars
 from .rig import LIGHT, Rig
 
 GAP_SCANS, SHORT_GAP_SCANS = 600, 10
-BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
 LOOPS = 3
 # Multiple of the bag's rate: about 17 scans per second.
 RATE = 100
@@ -60,7 +58,7 @@ def _loop_bag(loops: int, duration_s: float) -> tuple[int, int]:
         _, radars = rig.tracking(*LIGHT)
         replay = rig.start(
             "sensor_replay",
-            *(BAG, "--rate", RATE, "--loop", "--duration", duration_s),
+            *(scans.BAG, "--rate", RATE, "--loop", "--duration", duration_s),
         )
         # Until the first estimates of one more pass, so that `loops` passes are complete.
         radars.spin_until(lambda: _jumps_back(radars) >= loops, 90.0)

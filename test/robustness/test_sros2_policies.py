@@ -12,7 +12,7 @@ import stand_ins
 from msg_adapters import names, plots
 from phd_jdtc_ros.configuration import tracker_node
 from robustness.rig import Rig
-from robustness.stamps_and_time import BAG
+from robustness.scans import BAG
 
 ROOT = Path(__file__).parents[2]
 POLICIES = ROOT / "config" / "sros2" / "policies.xml"
