@@ -26,21 +26,15 @@ AT_A_TIME = 5
 LONGEST = (
     "test/robustness/test_live_faults.py",
     "test/robustness/test_full_tracker.py",
-    "test/nodes/test_sensor_replay.py",
     "test/nodes/test_demo.py",
-    "test/nodes/test_tracker_diagnostics.py",
-    "test/nodes/test_warm_restart.py",
     "test/study/test_benchmarks.py",
-    "test/nodes/test_asterix_bridge_node.py",
 )
-# Files with nodes in pytest's own process, whose graph keeps them after their end: run alone too.
-OWN_NODES = (
-    "test/nodes/test_parameter_sections.py",
-    "test/nodes/test_poses_before_clouds.py",
-    "test/nodes/test_runtime.py",
-)
-# Number of the other live files that share a pytest: each pytest spends 3 s on imports.
-TOGETHER = 5
+# Files with nodes in pytest's own process, whose graph keeps them after their end: run apart from
+# the others.
+OWN_NODES = ("test/nodes/test_parameter_sections.py", "test/nodes/test_poses_before_clouds.py")
+# Number of the other live files that share a pytest: each pytest spends 3 s on imports, and 4 s on
+# the server of its nodes (see helpers/forked.py).
+TOGETHER = 10
 # Two halves that take about as long as each other.
 HALF = (
     *("test/calibration", "test/configuration", "test/core", "test/evaluation", "test/handover"),
@@ -107,7 +101,7 @@ def live_files(arguments):
     return [
         *([file] for file in LONGEST if file in found),
         *(others[k::count] for k in range(count)),
-        *([file] for file in OWN_NODES if file in found),
+        *filter(None, [[file for file in OWN_NODES if file in found]]),
     ]
 
 

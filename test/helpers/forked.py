@@ -18,7 +18,13 @@ ON_DEMAND = (
 
 _context = multiprocessing.get_context("forkserver")
 _nodes = [f"phd_jdtc_ros.{path}" for path in (*OFTEN, *NODES.values())]
-_context.set_forkserver_preload([*_nodes, *ON_DEMAND])
+_preloaded = [*_nodes, *ON_DEMAND]
+_context.set_forkserver_preload(_preloaded)
+
+
+def preload(module):
+    """Have a module imported in all nodes of this pytest, which none has started yet."""
+    _context.set_forkserver_preload([*_preloaded, module])
 
 
 class Forked:

@@ -6,7 +6,8 @@ import pytest
 import tower
 import yaml
 from bag_content import messages, write
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
+from live_radars import Health, options
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 from two_regions import MARGIN, REGIONS, given
@@ -35,8 +36,7 @@ def parameters(tracker):
 
 def joining(**more):
     """Return the parameters of the hand-over as ROS arguments."""
-    words = (word for name, value in given(**more).items() for word in ("-p", f"{name}:={value}"))
-    return ["--ros-args", *words]
+    return ["--ros-args", *options(**given(**more))]
 
 
 def seen(scan):
@@ -232,30 +232,12 @@ class Replayed:
             for tracker in REGIONS
         }
         self.joint = peer.collect(PointCloud2, "/hand_over/filtered/estimates", 100)
-        self.health = peer.collect(DiagnosticArray, "/diagnostics", 100)
+        self.until = Health(peer, "/hand_over").until_level
         peer.meet("/hand_over")
         peer.settled(*self.outputs.values())
 
     def stamps(self):
         return [cloud.header.stamp.sec for cloud in self.joint]
-
-    def status(self, name):
-        """Return the newest status of that name, None before the first."""
-        found = [
-            s for array in self.health for s in array.status if s.name == f"/hand_over: {name}"
-        ]
-        return found[-1] if found else None
-
-    def until(self, name, level, words):
-        """Wait for a status of a level with these words."""
-        assert self.peer.spin_until(
-            lambda: (
-                self.status(name) is not None
-                and self.status(name).level == level
-                and words in self.status(name).message
-            )
-        ), self.status(name)
-        return self.status(name)
 
 
 @pytest.mark.live

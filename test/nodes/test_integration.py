@@ -7,9 +7,8 @@ azimuths from north. Everything an operator does happens on the way.
 import numpy as np
 import pytest
 import yaml
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState, GetState
+from diagnostic_msgs.msg import DiagnosticStatus
+from live_radars import Health, change, options, reliable, state_of
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
@@ -164,14 +163,7 @@ class Operator:
         self.outputs = [peer.publisher(PointCloud2, topic, 50) for topic in topics]
         self.filtered = peer.collect(PointCloud2, "/tracker/filtered/estimates")
         self.smoothed = peer.collect(PointCloud2, "/tracker/smoothed/estimates")
-        self.health = peer.collect(DiagnosticArray, "/diagnostics")
-
-    def change(self, transition):
-        request = ChangeState.Request(transition=Transition(id=transition))
-        return self.peer.call(ChangeState, "/tracker/change_state", request).success
-
-    def state(self):
-        return self.peer.call(GetState, "/tracker/get_state").current_state.label
+        self.health = Health(peer)
 
     def set(self, **values):
         """Set parameters together; a double underscore stands for the dot."""
@@ -188,12 +180,6 @@ class Operator:
         request = GetParameters.Request(names=names)
         reply = self.peer.call(GetParameters, "/tracker/get_parameters", request)
         return [value.double_value for value in reply.values]
-
-    def levels(self):
-        """Return level and message of every line of the next health report but one."""
-        before = len(self.health)
-        assert self.peer.spin_until(lambda: len(self.health) > before + 1)
-        return {s.name: (s.level, s.message) for s in self.health[-1].status}
 
     def connect(self):
         assert self.peer.spin_until(
@@ -222,37 +208,32 @@ def stamp_of(cloud):
 def test_tracker_follows_its_operators_transitions(processes, peer, tmp_path):
     profile = tmp_path / "radars.yaml"
     profile.write_text(yaml.safe_dump({"/**/tracker": {"ros__parameters": PARAMETERS}}))
-    reliable = [
-        word
-        for radar in resolve(GIVEN).inputs
-        for word in ("-p", f"qos_overrides.{radar.topic}.subscription.reliability:=reliable")
-    ]
-    tracker = processes.start(
-        "tracker", "--ros-args", "--params-file", profile, "-p", "autostart:=false", *reliable
+    words = (
+        *options(autostart=False),
+        *reliable(*(radar.topic for radar in resolve(GIVEN).inputs)),
     )
+    tracker = processes.start("tracker", "--ros-args", "--params-file", profile, *words)
     operator = Operator(peer)
     half = len(SCENE) // 2
 
     # Unconfigured it has no topics and reports its state.
-    assert operator.state() == "unconfigured"
+    assert state_of(peer) == "unconfigured"
     assert not peer.node.count_subscribers("/drivers/north/plots")
-    assert operator.levels()["/tracker: south"] == (
-        DiagnosticStatus.STALE,
-        "the tracker is unconfigured",
-    )
+    words = "the tracker is unconfigured"
+    assert operator.health.until_level("south", DiagnosticStatus.STALE, words)
     # Not every transition is there from every state; asking for another does no harm.
-    assert not operator.change(Transition.TRANSITION_ACTIVATE)
+    assert not change(peer, "ACTIVATE")
 
     # Inactive it receives nothing.
-    assert operator.change(Transition.TRANSITION_CONFIGURE)
+    assert change(peer, "CONFIGURE")
     operator.connect()
     for index, cloud in SCENE[:4]:
         operator.outputs[index].publish(cloud)
     peer.meet(times=len(SCENE[:4]))
     assert not operator.filtered
 
-    assert operator.change(Transition.TRANSITION_ACTIVATE)
-    assert operator.state() == "active"
+    assert change(peer, "ACTIVATE")
+    assert state_of(peer) == "active"
     operator.send(0, half)
 
     # A change is refused whole, with every reason.
@@ -274,13 +255,14 @@ def test_tracker_follows_its_operators_transitions(processes, peer, tmp_path):
     assert widths[STAMPS[half]] == 0
 
     operator.send(half + 2, len(SCENE))
-    assert {level for level, _ in operator.levels().values()} <= {
+    operator.health.fresh("south")
+    assert {found[-1].level for found in operator.health.all().values()} <= {
         DiagnosticStatus.OK,
         DiagnosticStatus.STALE,  # nothing is sent while this waits for the report
     }
 
     # Deactivating brings out what was held back.
-    assert operator.change(Transition.TRANSITION_DEACTIVATE)
+    assert change(peer, "DEACTIVATE")
     assert peer.spin_until(lambda: len(operator.smoothed) == len(SCENE))
     operator.outputs[0].publish(SCENE[0][1])
     peer.meet(times=2)
@@ -295,10 +277,10 @@ def test_tracker_follows_its_operators_transitions(processes, peer, tmp_path):
         ]
         assert second_half_ospa(found) < OSPA_BOUND_M
 
-    assert operator.change(Transition.TRANSITION_CLEANUP)
+    assert change(peer, "CLEANUP")
     assert peer.spin_until(lambda: not peer.node.count_publishers("/tracker/filtered/estimates"))
-    assert operator.change(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
-    assert operator.state() == "finalized"
+    assert change(peer, "UNCONFIGURED_SHUTDOWN")
+    assert state_of(peer) == "finalized"
     tracker.terminate()
     assert tracker.wait(5.0) == 0
     assert "Traceback" not in tracker.log.read_text()

@@ -4,17 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from live_radars import RELIABLE, SCANS
-from sensor_msgs.msg import PointCloud2
+from diagnostic_msgs.msg import DiagnosticStatus
+from live_radars import RELIABLE, SCANS, connected, options
 
 from msg_adapters import (
     detections,
-    detections_in_map,
     diagnostics,
-    names,
-    point_cloud,
-    stamps,
 )
 from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual, RegistrationMonitor
 from phd_jdtc_ros.configuration import tracker_node
@@ -24,12 +19,10 @@ from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 from phd_jdtc_ros.nodes.tracker.health import registration_status
 
-NODE = "/tracker"
 FEW = {"engine": "gaussian", "lag": 0}
 # Error of the second radar, whose noise is 300 m and 1 degree.
 ERROR = SensorBias(range_bias=1000.0)
 USED = 45
-WORLD = dict.fromkeys("xy", point_cloud.FLOATS)
 
 
 def residual(mean, sigma, count=LEAST, significant=(False, False)):
@@ -88,63 +81,18 @@ def test_a_radar_that_is_off_is_warned_of_live_as_offline(processes, peer):
     expected = monitor.mean_residuals()
     assert expected[1].significant[0]
 
-    outputs = [peer.publisher(PointCloud2, f"/radar_{k}/detections", 50) for k in (1, 2)]
-    filtered = peer.collect(PointCloud2, names.estimates("filtered"), 100)
-    health = peer.collect(DiagnosticArray, names.DIAGNOSTICS)
-    given = [word for name, value in FEW.items() for word in ("-p", f"{name}:={value}")]
-    watch = ("-p", "outputs:=[registration]")
-    processes.start("tracker", "--ros-args", *given, *watch, *RELIABLE)
-    assert peer.spin_until(
-        lambda: (
-            all(output.get_subscription_count() for output in outputs)
-            and peer.node.count_publishers(names.estimates("filtered"))
-        )
-    )
-    peer.meet()
+    words = options(**FEW, outputs="[registration]")
+    processes.start("tracker", "--ros-args", *words, *RELIABLE)
+    group = connected(peer)
     for number, (index, cloud) in enumerate(sent):
-        outputs[index].publish(cloud)
+        group.outputs[index].publish(cloud)
         if index:
             done = (number + 1) // 2
-            assert peer.spin_until(lambda done=done: len(filtered) >= done), number
-
-    def status(radar):
-        every = [s for message in health for s in message.status]
-        name = names.health(f"registration of {radar}", NODE)
-        return ([s for s in every if s.name == name] or [None])[-1]
-
-    def counted():
-        found = status("radar_2")
-        values = diagnostics.values_of(found) if found else {}
-        return values.get("residuals") == str(expected[1].residuals)
-
-    assert peer.spin_until(counted)
-    assert status("radar_2").level == DiagnosticStatus.WARN
-    assert "ranges +" in status("radar_2").message
-    values = diagnostics.values_of(status("radar_2"))
+            assert peer.spin_until(lambda done=done: len(group.filtered) >= done), number
+    count = str(expected[1].residuals)
+    found = group.health.until("registration of radar_2", lambda _, v: v["residuals"] == count)
+    assert found.level == DiagnosticStatus.WARN
+    assert "ranges +" in found.message
+    values = diagnostics.values_of(found)
     assert float(values["range_residual_m"]) == pytest.approx(expected[1].mean[0], rel=1e-3)
     assert float(values["range_sigma_m"]) == pytest.approx(expected[1].sigma[0], rel=1e-3)
-
-
-@pytest.mark.live
-def test_corrections_are_made_live(processes, peer):
-    biases = [1000.0, 0.0, 0.0, 0.5]
-    given = {**FEW, "radar_1.biases": biases, "radar_2.biases": biases}
-    config = resolve(given)
-    outputs = [peer.publisher(PointCloud2, f"/radar_{k}/detections", 50) for k in (1, 2)]
-    seen = peer.collect(PointCloud2, names.detections_in_map(), 100)
-    words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
-    processes.start("tracker", "--ros-args", *words, *RELIABLE)
-    assert peer.spin_until(lambda: all(output.get_subscription_count() for output in outputs))
-    peer.meet()
-    true = SCANS[0]
-    for index, (output, layout) in enumerate(zip(outputs, config.inputs, strict=True)):
-        stamp_ns, wrong = layout.bias.apply_to(true.stamp_ns, true.detections[index])
-        output.publish(detections.to_msg(wrong, stamp_ns, layout.frame))
-    assert peer.spin_until(lambda: seen)
-    assert stamps.to_ns(seen[0].header.stamp) == true.stamp_ns
-    exact = detections_in_map.to_msg(true, config.model.radars, config.world_frame)
-    found, expected = (
-        np.stack([point_cloud.decode(cloud, WORLD)[axis] for axis in WORLD], axis=1)
-        for cloud in (seen[0], exact)
-    )
-    np.testing.assert_allclose(found, expected, atol=0.05)

@@ -1,14 +1,13 @@
-"""A live tracker and a radar that turns, over DDS: by sectors, by turns, and misconfigured."""
+"""A live tracker and a radar that turns, over DDS."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from live_and_offline import answered, assert_alike, started
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections, diagnostics, names
+from msg_adapters import detections
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_pipeline
 from phd_jdtc_ros.configuration.schema import flatten
@@ -30,7 +29,8 @@ PARAMETERS = {
     "classes": ["aircraft"],
     "motions": ["cv"],
     "births": [],
-    "detection_births": {"rates": [0.1], "velocity_std": 150.0, "particles": 256},
+    "detection_births": {"rates": [0.1], "velocity_std": 150.0},
+    "particles_per_birth": 256,
     "spawn": {"rate": 0.0},
     "aircraft": {"motions": ["cv"], "mode_transition": [1.0], "snr_band_db": [10.0, 30.0]},
     "cv": {"noise_density": 5.0},
@@ -111,12 +111,9 @@ def tracker(processes, peer, tmp_path):
     return start
 
 
-@pytest.mark.parametrize("per_turn", [16, 1])
-def test_a_turning_radar_is_tracked_live_as_offline(tracker, peer, per_turn):
-    layout = {"tower.sectors": 16 if per_turn > 1 else 0}
-    layout["tower.fields.sector"] = "sector" if per_turn > 1 else ""
-    config, output, found, _ = tracker(**layout)
-    sent = clouds(config, per_turn)
+def test_a_radar_that_sends_whole_turns_is_tracked_live_as_offline(tracker, peer):
+    config, output, found, _ = tracker(**{"tower.sectors": 0, "tower.fields.sector": ""})
+    sent = clouds(config, 1)
     expected = offline(config, sent)
     answered(peer, output, found, sent)
     assert peer.spin_until(lambda: len(found) >= len(expected))
@@ -148,19 +145,4 @@ def test_a_turn_that_is_not_configured_is_found_and_reported(tracker, peer):
     layout = {"tower.sectors": 0, "tower.rotation_s": 0.0, "tower.fields.sector": ""}
     config, output, found, log = tracker(**layout, **{"tower.clutter_rate": 150.0})
     answered(peer, output, found, clouds(config, 16, clutter=150)[:40])
-    expected = "the estimated time of a turn is "
-    assert peer.spin_until(lambda: expected in log.read_text())
-
-
-def test_times_that_are_missing_are_warned_of(tracker, peer):
-    _, output, _, _ = tracker(**{"tower.fields.time": "toa"})
-    named = resolve(dict(flatten(PARAMETERS)))
-    health = peer.collect(DiagnosticArray, "/diagnostics")
-    for cloud in clouds(named, 16)[:3]:
-        output.publish(cloud)
-
-    def counted():
-        found = [s for array in health for s in array.status if s.name == names.health("tower")]
-        return found and diagnostics.values_of(found[-1]).get("time_missing") == "3"
-
-    assert peer.spin_until(counted)
+    assert peer.spin_until(lambda: "the estimated time of a turn is " in log.read_text())
