@@ -14,7 +14,7 @@ from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
-from . import ground_ranges, identities, plot_times
+from . import ground_ranges, identities, sent_columns
 
 # Largest envelope: 120 dB above the noise, more than any receiver reports.
 MAX_AMPLITUDE = 1e6
@@ -86,7 +86,7 @@ def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     }
     time = amplitude = None
     if "time" in columns:
-        time = plot_times.relative(columns["time"], stamp_ns, radar)
+        time = sent_columns.relative_time(columns["time"], stamp_ns, radar)
         most = MAX_TURNS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
         passed["time"] = np.abs(time) <= most  # False for NaN
     if "amplitude" in columns:

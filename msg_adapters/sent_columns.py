@@ -13,7 +13,10 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.sectors import sector_of
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
-from . import ground_ranges, identities, plot_times
+from . import ground_ranges, identities
+
+# This is defined here, because `stamps` imports ROS.
+NS_PER_S = 1_000_000_000
 
 
 def names_of(radar: RadarParameters) -> dict[str, str]:
@@ -52,7 +55,7 @@ def _sector(detections: Detections, _: int, radar: RadarParameters) -> npt.NDArr
 
 def _time(detections: Detections, stamp_ns: int, radar: RadarParameters) -> FloatArray:
     time_s = _known(detections.time_s, detections, 0.0)
-    return plot_times.encode(time_s, stamp_ns, radar)
+    return sent_time(time_s, stamp_ns, radar)
 
 
 def _kind(detections: Detections, _: int, __: RadarParameters) -> npt.NDArray[Any]:
@@ -88,6 +91,33 @@ _COLUMNS: Mapping[str, Callable[[Detections, int, RadarParameters], npt.NDArray[
     "range_rate": lambda own, _, __: _known(own.range_rate, own, np.nan),
     "range_rate_std": lambda own, _, __: _known(own.range_rate_std, own, np.nan),
 }
+
+
+def relative_time(sent: FloatArray, stamp_ns: int, radar: RadarParameters) -> FloatArray:
+    """Convert times from the radar's convention to seconds from the stamp.
+
+    Times since the epoch keep the resolution of doubles, 0.24 us today.
+    """
+    if not radar.time_since_epoch:
+        return sent * radar.time_unit_s
+    seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
+    # Whole seconds are exact in every unit, as is the difference of two close doubles.
+    since_second = (sent - float(seconds) * _per_second(radar)) * radar.time_unit_s
+    return since_second - nanoseconds * 1e-9
+
+
+def sent_time(time_s: FloatArray, stamp_ns: int, radar: RadarParameters) -> FloatArray:
+    """Convert seconds from the stamp to the radar's convention: the inverse of `relative_time`."""
+    per_second = _per_second(radar)
+    if not radar.time_since_epoch:
+        return time_s * per_second
+    seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
+    return (time_s + nanoseconds * 1e-9) * per_second + float(seconds) * per_second
+
+
+def _per_second(radar: RadarParameters) -> float:
+    """Return the number of the radar's time units per second."""
+    return float(round(1.0 / radar.time_unit_s))
 
 
 def azimuth(angle: FloatArray, radar: RadarParameters) -> FloatArray:

@@ -31,6 +31,7 @@ MAX_SUGGESTIONS = 20
 _NO_NAMES: Mapping[str, str] = MappingProxyType({})
 # Key of a parameter in the metadata of its field.
 _DECLARED = "parameter"
+S = TypeVar("S")
 T = TypeVar("T")
 
 
@@ -270,6 +271,19 @@ class ConfigError(ValueError):
     def __init__(self, faults: Sequence[str]) -> None:
         self.faults = tuple(map(short, faults))
         super().__init__("\n".join(self.faults))
+
+
+def read_each(read: Callable[[S], T], items: Iterable[S]) -> list[T]:
+    """Return what is read of every item; raise `ConfigError` with the faults of all of them."""
+    found, faults = list[T](), list[str]()
+    for item in items:
+        try:
+            found.append(read(item))
+        except ConfigError as error:
+            faults += error.faults
+    if faults:
+        raise ConfigError(faults)
+    return found
 
 
 def name_faults(

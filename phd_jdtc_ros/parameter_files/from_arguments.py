@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from phd_jdtc_ros.configuration.schema import ConfigError, flatten
+from phd_jdtc_ros.configuration.schema import ConfigError, flatten, read_each
 from phd_jdtc_ros.parameter_files import sections, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 
@@ -64,23 +65,15 @@ def from_arguments(
     paths: Sequence[Path], assignments: Sequence[str], node: str = _NODE
 ) -> dict[str, Any]:
     """Return a node's parameters from files and assignments; later values override."""
-    found: dict[str, Any] = {}
-    faults: list[str] = []
-    for path in paths:
-        try:
-            found.update(load(path, node))
-        except ConfigError as error:
-            faults += error.faults
-    for assignment in assignments:
+
+    def assigned(assignment: str) -> dict[str, Any]:
         name, separator, value = assignment.partition(":=")
         if not value:
             hint = yaml_files.EMPTY_STRING if separator else ""
-            faults.append(f"-p {assignment}: must be NAME:=VALUE{hint}")
-            continue
-        try:
-            found[name] = yaml_files.parse(value, f"-p {yaml_files.one_line(assignment)}")
-        except ConfigError as error:
-            faults += error.faults
-    if faults:
-        raise ConfigError(faults)
-    return found
+            raise ConfigError([f"-p {assignment}: must be NAME:=VALUE{hint}"])
+        return {name: yaml_files.parse(value, f"-p {yaml_files.one_line(assignment)}")}
+
+    sources = [*(partial(load, path, node) for path in paths)]
+    sources += [partial(assigned, assignment) for assignment in assignments]
+    parts = read_each(lambda source: source(), sources)
+    return {name: value for part in parts for name, value in part.items()}

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.configuration.schema import ConfigError, flatten
+from phd_jdtc_ros.configuration.schema import ConfigError, flatten, read_each
 from phd_jdtc_ros.parameter_files import yaml_files
 
 # Name of the file with a tracker's parameters in a bag's directory.
@@ -97,21 +97,15 @@ def given_in(argv: Sequence[str]) -> tuple[ParameterFile, ...]:
     ConfigError
         With the faults of all files.
     """
-    found: list[ParameterFile] = []
-    faults: list[str] = []
-    for path in _paths(argv):
-        try:
-            file = read(path)
-        except ConfigError as error:
-            faults += error.faults
-            continue
+
+    def of_nodes(path: Path) -> ParameterFile:
+        file = read(path)
         # The error of rclpy would give only a line number.
         if not file.sections:
-            faults.append(f"{path}: has no ros__parameters under a node's name")
-        found.append(file)
-    if faults:
-        raise ConfigError(faults)
-    return tuple(found)
+            raise ConfigError([f"{path}: has no ros__parameters under a node's name"])
+        return file
+
+    return tuple(read_each(of_nodes, _paths(argv)))
 
 
 def _paths(argv: Sequence[str]) -> Iterator[Path]:

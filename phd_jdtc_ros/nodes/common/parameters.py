@@ -13,7 +13,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check
+from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, read_each
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 # Parameters that rclpy declares for itself.
@@ -64,15 +64,7 @@ def _by_launch(path: Path) -> bool:
 
 def _values_in(files: Sequence[ParameterFile], node: Node) -> list[dict[str, Any]]:
     """Return the node's parameters in each file."""
-    found, faults = list[dict[str, Any]](), list[str]()
-    for file in files:
-        try:
-            found.append(file.values(node.get_fully_qualified_name()))
-        except ConfigError as error:
-            faults += error.faults
-    if faults:
-        raise ConfigError(faults)
-    return found
+    return read_each(lambda file: file.values(node.get_fully_qualified_name()), files)
 
 
 def declare(
