@@ -37,14 +37,11 @@ class Plot(NamedTuple):
     distance: float  # Slant range, metres
     azimuth: float  # Radians clockwise from north
     height: float  # From the flight level, or else measured, metres; NaN if unknown
-    # `code`, `address`: mode 3/A code and Mode S address; `NONE` if unknown.
-    code: int
-    address: int
+    code: int  # Mode 3/A code; `NONE` if unknown
+    address: int  # Mode S address; `NONE` if unknown
     kind: int  # A kind such as `PRIMARY`; 0 if unknown
-    # `primary_dbm`, `secondary_dbm`: amplitudes of the echo and of the replies, dBm; NaN if
-    # unknown.
-    primary_dbm: float
-    secondary_dbm: float
+    primary_dbm: float  # Amplitude of the echo, dBm; NaN if unknown
+    secondary_dbm: float  # Amplitude of the replies, dBm; NaN if unknown
     call_sign: int = NONE  # The 48 bits of I048/240; `NONE` if unknown
 
 

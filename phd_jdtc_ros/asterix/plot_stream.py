@@ -38,9 +38,8 @@ class RadarSettings:
 class PlotStatistics:
     """Statistics of a radar's plots."""
 
-    # `nearest`, `farthest`: slant ranges, metres.
-    nearest: float = math.inf
-    farthest: float = 0.0
+    nearest: float = math.inf  # Smallest slant range, metres
+    farthest: float = 0.0  # Largest slant range, metres
     # Numbers of plots with a height, a code, an address, a kind, and a code or an address.
     heights: int = 0
     codes: int = 0
@@ -80,11 +79,9 @@ class RadarState:
     clock: RadarClock
     # Position of the radar, from its configuration or else from I034/120; None if unknown.
     site: tuple[float, float, float] | None
-    # `plots`, `services`, `reports`: numbers of accepted plots and service messages, and of reports
-    # made from them.
-    plots: int = 0
-    services: int = 0
-    reports: int = 0
+    plots: int = 0  # Number of accepted plots
+    services: int = 0  # Number of accepted service messages
+    reports: int = 0  # Number of reports made from them
     # Sources of the radar's plots (`Plot`) and service messages (`ServiceMessage`), which may
     # differ; absent if unknown.
     sources: dict[type, str] = field(default_factory=dict)

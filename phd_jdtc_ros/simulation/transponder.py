@@ -33,15 +33,12 @@ STREAM = 3
 class Card(NamedTuple):
     """The content of a target's replies."""
 
-    # `code`, `address`: `UNKNOWN` without a transponder.
-    code: int
+    code: int  # `UNKNOWN` without a transponder, as the address
     address: int
-    # `level`, `climb`, `since_s`, `for_s`: initial height, metres; climb rate, metres per second;
-    # start of the climb, seconds after scan 0, and its duration, seconds.
-    level: float
-    climb: float
-    since_s: float
-    for_s: float
+    level: float  # Initial height, metres
+    climb: float  # Climb rate, metres per second
+    since_s: float  # Start of the climb, seconds after scan 0
+    for_s: float  # Duration of the climb, seconds
 
     def height(self, time_s: FloatArray) -> FloatArray:
         """Return the heights and climb rates at times after scan 0, shape (N, 2)."""

@@ -12,9 +12,8 @@ _DESTINATION, _SOURCE = b"\x01\x00\x5e\x01\x01\x01", b"\x02\x00\x00\x00\x00\x01"
 
 
 class Line(NamedTuple):
-    """The addresses of sender and receiver."""
+    """The IPv4 addresses of sender and receiver."""
 
-    # `sender`, `receiver`: IPv4 addresses.
     sender: tuple[int, int, int, int] = (10, 0, 0, 1)
     receiver: tuple[int, int, int, int] = (239, 1, 1, 1)
     port: int = 8600  # UDP port of both

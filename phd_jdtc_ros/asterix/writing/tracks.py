@@ -24,9 +24,8 @@ LEVEL, CLIMBING, DESCENDING = range(3)
 class Source:
     """Identification of the sending tracker."""
 
-    # `sac`, `sic`: system area and identification code of the tracker.
-    sac: int
-    sic: int
+    sac: int  # System area code of the tracker
+    sic: int  # System identification code
     service: int = 1  # Number of the service
     monosensor: bool = False  # Whether there is only one radar
     # Whether heights are above the ellipsoid; otherwise they refer to the standard atmosphere.
@@ -43,38 +42,29 @@ class TrackReport:
     """A track at one time."""
 
     number: int  # From 0 to 65535
-    # `position`, `velocity`: in the system plane, m and m/s, x east and y north.
-    position: tuple[float, float]
-    velocity: tuple[float, float]
+    position: tuple[float, float]  # In the system plane, x east and y north, m
+    velocity: tuple[float, float]  # m/s
     geodetic: tuple[float, float] | None = None  # Latitude and longitude, degrees
-    # `height`, `climb`: m and m/s; NaN if unknown.
-    height: float = math.nan
-    climb: float = math.nan
-    # `code`, `address`, `call_sign`: `NONE` if unknown.
+    height: float = math.nan  # m; NaN if unknown
+    climb: float = math.nan  # m/s; NaN if unknown
     code: int = NONE
     address: int = NONE
     course: int = UNKNOWN  # `STRAIGHT`, `RIGHT`, `LEFT` or `UNKNOWN`
     vertical: int = UNKNOWN  # `LEVEL`, `CLIMBING`, `DESCENDING` or `UNKNOWN`
-    # `confirmed`, `coasting`, `first`, `last`: whether the track is confirmed, has no recent plot,
-    # is reported for the first or the last time.
     confirmed: bool = True
-    coasting: bool = False
-    first: bool = False
-    last: bool = False
-    # `age_s`, `since_s`: times since the track was first reported, and since it last was not
-    # coasting.
-    age_s: float = 0.0
-    since_s: float = 0.0
+    coasting: bool = False  # Whether it has no recent plot
+    first: bool = False  # Whether it is reported for the first time
+    last: bool = False  # Whether it is reported for the last time
+    age_s: float = 0.0  # Time since it was first reported
+    since_s: float = 0.0  # Time since it last was not coasting
     # Times since the last detection by a primary radar, a secondary radar and Mode S; NaN for
     # never. All are NaN if the detecting sensors are unknown.
     sensor_ages_s: tuple[float, float, float] = (math.nan, math.nan, math.nan)
-    # `position_std`, `velocity_std`: standard deviations along x and y.
-    position_std: tuple[float, float] = (0.0, 0.0)
-    velocity_std: tuple[float, float] = (0.0, 0.0)
+    position_std: tuple[float, float] = (0.0, 0.0)  # Standard deviations along x and y, m
+    velocity_std: tuple[float, float] = (0.0, 0.0)  # Standard deviations along x and y, m/s
     covariance: float = 0.0  # Covariance of x and y, square metres
-    # `height_std`, `climb_std`: standard deviations, m and m/s; NaN if unknown.
-    height_std: float = math.nan
-    climb_std: float = math.nan
+    height_std: float = math.nan  # m; NaN if unknown
+    climb_std: float = math.nan  # m/s; NaN if unknown
     call_sign: int = NONE
 
 

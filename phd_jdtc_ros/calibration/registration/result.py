@@ -13,10 +13,8 @@ class Residuals:
     """Residuals of one radar's plots against the trajectories from all radars."""
 
     time_s: FloatArray  # Ascending only within a target, seconds, (N,)
-    # `before`, `after`: (N, 2). Residuals of the plots as reported, and after removal of the
-    # estimated biases; range and azimuth, metres and radians.
-    before: FloatArray
-    after: FloatArray
+    before: FloatArray  # Of the plots as reported: range and azimuth, m and rad, (N, 2)
+    after: FloatArray  # After removal of the estimated biases, (N, 2)
 
 
 @dataclass(frozen=True)
@@ -28,10 +26,9 @@ class RadarEstimate:
     # (4,). Standard deviations in the order and units of a `SensorBias`; NaN for unobservable
     # biases.
     std: FloatArray
-    # `tracks`, `plots`: number of common tracks with its plots, and number of these plots. A target
-    # that is lost and found again is another track.
+    # Number of common tracks with its plots; a target that is lost and found again is another one.
     tracks: int
-    plots: int
+    plots: int  # Number of these plots
     residuals: Residuals
 
 

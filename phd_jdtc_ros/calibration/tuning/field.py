@@ -25,9 +25,8 @@ AGAIN, LEAST_AGAIN, CELL_SIGMA = 0.15, 5.0, 3.0
 class Field:
     """A radar's coverage."""
 
-    # `min_range`, `max_range`: range of the nearest and of the farthest plot, metres.
-    min_range: float
-    max_range: float
+    min_range: float  # Range of the nearest plot, metres
+    max_range: float  # Range of the farthest plot, metres
     # Range up to which plots that belong to no track are uniform in range, metres.
     clutter_range: float
     # First azimuth and counter-clockwise width of the coverage, radians; None if plots are all

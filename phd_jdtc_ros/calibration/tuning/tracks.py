@@ -46,9 +46,8 @@ _LOG_MODE = np.log([1.0 - MANOEUVRES, MANOEUVRES])
 class NoiseModel:
     """Measurement noise and process noise."""
 
-    # `range_std`, `azimuth_std`: standard deviations of a measurement, metres and radians.
-    range_std: float
-    azimuth_std: float
+    range_std: float  # Standard deviation of a range, metres
+    azimuth_std: float  # Standard deviation of an azimuth, radians
     # Spectral densities of the white acceleration at constant velocity and in a manoeuvre, m^2/s^3.
     densities: tuple[float, float]
 

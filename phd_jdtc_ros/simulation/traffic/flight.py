@@ -52,9 +52,8 @@ class Flight:
     class_id: int
     snr: float  # Mean signal-to-noise ratio, linear
     start_s: float  # Seconds after scan 0
-    # `position`, `velocity`: state at the start, world frame, metres and metres per second.
-    position: tuple[float, float]
-    velocity: tuple[float, float]
+    position: tuple[float, float]  # Position at the start, world frame, metres
+    velocity: tuple[float, float]  # Velocity at the start, metres per second
     legs: tuple[Leg, ...]  # Successive legs
     height: float = 0.0  # Height above the world's zero, metres
 
