@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,6 @@ from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.slant_range import MIN_SLANT_RANGE
 
 from .antenna import Antenna
-from .platform import MovingPlatform
 from .scenario import Scenario
 from .traffic.flight import Flight
 
@@ -34,123 +34,129 @@ class Looks(NamedTuple):
     source: IntArray  # The track_id of the target, (N,)
 
 
-def passes(
-    flight: Flight,
-    radar: RadarModel,
-    antenna: Antenna,
-    until_s: float,
-    carrier: MovingPlatform | None = None,
-) -> FloatArray:
-    """Return the times at which the beam passes a target, seconds after scan 0, ascending.
+@dataclass(frozen=True)
+class TurningRadar:
+    """A turning radar of a scenario."""
 
-    Passes later than `until_s` are left out. `carrier` is the radar's platform; None if
-    stationary.
+    scenario: Scenario
+    index: int  # Of the radar in the scenario
+    layout: RadarParameters  # Its messages, and its site if it is on the round earth
 
-    Notes
-    -----
-    The target moves while the beam turns. Its bearing is unwrapped over the turns, so that a
-    target that crosses the y axis is passed exactly once. Each step turns the beam to the target's
-    position at the time of the previous step.
-    """
-    rotation_s = radar.rotation_s
-    end = min(flight.end_s, until_s)
-    after = end + SPARE_TURNS * rotation_s
-    grid = np.arange(flight.start_s - rotation_s, after, rotation_s)
+    @property
+    def model(self) -> RadarModel:
+        """The radar, without its biases and its platform."""
+        return self.scenario.radars[self.index]
 
-    def part(time_s: FloatArray) -> FloatArray:
+    @property
+    def antenna(self) -> Antenna:
+        """The radar's antenna."""
+        return self.scenario.antennas[self.index]
+
+    def turns_at(self, time_s: FloatArray) -> FloatArray:
+        """Return the antenna's turns at times, seconds after scan 0; see `Antenna.turns_at`."""
+        return self.antenna.turns_at(time_s, self.model.rotation_s)
+
+    def times_at(self, turns: FloatArray) -> FloatArray:
+        """Return the times of turns, seconds after scan 0; the inverse of `turns_at`."""
+        return self.antenna.times_at(turns, self.model.rotation_s)
+
+    @property
+    def end(self) -> float:
+        """The antenna's turns at the end of the run."""
+        return float(self.turns_at(np.array([self.scenario.duration_s]))[0])
+
+    def measure(self, state: FloatArray, time_s: FloatArray, height: FloatArray) -> FloatArray:
+        """Return noise-free (range, azimuth) of states at times; slant ranges with a site, (N, 2).
+
+        `height`, (N,), is above the world's zero, metres.
+        """
+        plane = self.scenario.measure(self.index, state, time_s)
+        if self.layout.site is None:
+            return plane
+        above = height + self.layout.datum
+        distance, azimuth = self.layout.site.to_slant(plane[:, 0], plane[:, 1], above)
+        return np.stack([distance, wrap_angle(azimuth)], axis=1)
+
+    def passes(self, flight: Flight) -> FloatArray:
+        """Return the times at which the beam passes a target, seconds after scan 0, ascending.
+
+        Notes
+        -----
+        The target moves while the beam turns. Its bearing is unwrapped over the turns, so that a
+        target that crosses the y axis is passed exactly once. Each step turns the beam to the
+        target's position at the time of the previous step.
+        """
+        rotation_s = self.model.rotation_s
+        end = min(flight.end_s, self.scenario.duration_s)
+        grid = np.arange(flight.start_s - rotation_s, end + SPARE_TURNS * rotation_s, rotation_s)
+
+        def part(time_s: FloatArray) -> FloatArray:
+            plane = self.scenario.measure(self.index, flight.states(time_s), time_s)
+            return self.antenna.turns_to(plane[:, 1])
+
+        unwrapped = np.unwrap(part(grid), period=1.0)
+        first = np.floor(self.turns_at(grid[:1]) - unwrapped[0])
+        time = self.times_at(first + np.arange(len(grid)) + unwrapped)
+        for _ in range(STEPS):
+            error = part(time) - self.turns_at(time)
+            time = time + (error - np.round(error)) * rotation_s
+        time = np.sort(time[(time >= flight.start_s) & (time <= end)])
+        return time[np.diff(time, prepend=-np.inf) > SAME_PASS_S]
+
+    def looks(self) -> Looks:
+        """Return the passes over all targets.
+
+        Targets in gaps are left out; targets outside the radar's ranges and azimuths are not.
+        """
+        nothing = np.zeros(0), np.zeros((0, len(self.model.space))), np.zeros((0, 2))
+        parts = [Looks(*nothing, np.zeros(0, dtype=np.int64))]
+        for number, flight in enumerate(self.scenario.flights, start=1):
+            time = self.passes(flight)
+            seen = self._is_among_nearest(flight, time) & ~self.scenario.hidden(number, time)
+            parts.append(self._looks_at(number, time[seen]))
+        return Looks(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def looks_beside(self, number: int, place: tuple[float, float]) -> Looks:
+        """Return a target's states when the beam points at a place, metres in the world.
+
+        The noise-free measurement has the target's range and the azimuth of the place.
+        """
+        state, zero = np.zeros((1, len(self.model.space))), np.zeros(1)
+        state[:, list(self.model.space.position)] = place
+        plane = self.scenario.measure(self.index, state, zero)
+        time = self.times_at(self.antenna.turns_to(plane[:, 1]) + np.arange(np.ceil(self.end)))
+        flight = self.scenario.flights[number - 1]
+        time = time[(time >= max(flight.start_s, 0.0)) & (time <= flight.end_s)]
+        found = self._looks_at(number, time[~self.scenario.hidden(number, time)])
+        azimuth = self.measure(state, zero, zero)[0, 1]
+        exact = np.stack([found.exact[:, 0], np.full(len(found.exact), azimuth)], axis=1)
+        return found._replace(exact=exact)
+
+    def _looks_at(self, number: int, time_s: FloatArray) -> Looks:
+        """Return the looks at a target at given times, without those outside the elevations."""
+        state = self.scenario.flights[number - 1].states(time_s)
+        height = self.scenario.height(number, time_s)
+        exact = self.measure(state, time_s, height)
+        found = Looks(time_s, state, exact, np.full(len(time_s), number))
+        if self.layout.site is None:
+            return found
+        distance, azimuth = exact.T
+        above = height + self.layout.datum
+        far = np.maximum(distance, MIN_SLANT_RANGE)
+        sine = self.layout.site.elevation_of(far, azimuth, above)
+        inside = (sine >= np.sin(self.antenna.lowest)) & (sine <= np.sin(self.antenna.highest))
+        return Looks(*(column[inside] for column in found))
+
+    def _is_among_nearest(self, flight: Flight, time_s: FloatArray) -> BoolArray:
+        """Return whether the radar is among the `most_radars` nearest to a target, shape (N,)."""
+        scenario = self.scenario
+        if not scenario.most_radars:
+            return np.ones(len(time_s), dtype=np.bool_)
         state = flight.states(time_s)
-        seen = state if carrier is None else carrier.to_platform(state, time_s)
-        return antenna.turns_to(radar.measure(seen)[:, 1])
-
-    unwrapped = np.unwrap(part(grid), period=1.0)
-    first = np.floor(antenna.turns_at(grid[:1], rotation_s) - unwrapped[0])
-    turn = first + np.arange(len(grid)) + unwrapped
-    time = antenna.times_at(turn, rotation_s)
-    for _ in range(STEPS):
-        error = part(time) - antenna.turns_at(time, rotation_s)
-        time = time + (error - np.round(error)) * rotation_s
-    time = np.sort(time[(time >= flight.start_s) & (time <= end)])
-    return time[np.diff(time, prepend=-np.inf) > SAME_PASS_S]
-
-
-def looks(scenario: Scenario, index: int, layout: RadarParameters | None = None) -> Looks:
-    """Return the passes of one radar's beam over all targets; see `plots_of` for the layout.
-
-    Targets in gaps are left out; targets outside the radar's ranges and azimuths are not.
-    """
-    radar, antenna = scenario.radars[index], scenario.antennas[index]
-    nothing = np.zeros(0), np.zeros((0, len(radar.space))), np.zeros((0, 2))
-    parts = [Looks(*nothing, np.zeros(0, dtype=np.int64))]
-    for number, flight in enumerate(scenario.flights, start=1):
-        time = passes(flight, radar, antenna, scenario.duration_s, scenario.carrier(index))
-        time = time[_among_nearest(scenario, index, flight, time) & ~scenario.hidden(number, time)]
-        parts.append(_looks_at(scenario, index, layout, number, time))
-    return Looks(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def looks_beside(
-    scenario: Scenario,
-    index: int,
-    layout: RadarParameters | None,
-    number: int,
-    place: tuple[float, float],
-) -> Looks:
-    """Return a target's states when the beam points at a place, metres in the world.
-
-    The noise-free measurement has the target's range and the azimuth of the place.
-    """
-    radar, antenna = scenario.radars[index], scenario.antennas[index]
-    state = np.zeros((1, len(radar.space)))
-    state[:, list(radar.space.position)] = place
-    beside = scenario.measure(index, state, np.zeros(1))
-    end = antenna.turns_at(np.array([scenario.duration_s]), radar.rotation_s)[0]
-    turns = antenna.turns_to(beside[:, 1]) + np.arange(np.ceil(end))
-    time = antenna.times_at(turns, radar.rotation_s)
-    flight = scenario.flights[number - 1]
-    time = time[(time >= max(flight.start_s, 0.0)) & (time <= flight.end_s)]
-    found = _looks_at(scenario, index, layout, number, time[~scenario.hidden(number, time)])
-    azimuth = slant(layout, beside, np.zeros(1))[0, 1]
-    exact = np.stack([found.exact[:, 0], np.full(len(found.exact), azimuth)], axis=1)
-    return found._replace(exact=exact)
-
-
-def _looks_at(
-    scenario: Scenario, index: int, layout: RadarParameters | None, number: int, time_s: FloatArray
-) -> Looks:
-    """Return a radar's looks at a target at given times, without those outside its elevations."""
-    state = scenario.flights[number - 1].states(time_s)
-    height = scenario.height(number, time_s)
-    exact = slant(layout, scenario.measure(index, state, time_s), height)
-    found = Looks(time_s, state, exact, np.full(len(time_s), number))
-    antenna = scenario.antennas[index]
-    if layout is None or layout.site is None:
-        return found
-    distance, azimuth = exact.T
-    above = height + layout.datum
-    sine = layout.site.elevation_of(np.maximum(distance, MIN_SLANT_RANGE), azimuth, above)
-    inside = (sine >= np.sin(antenna.lowest)) & (sine <= np.sin(antenna.highest))
-    return Looks(*(column[inside] for column in found))
-
-
-def slant(layout: RadarParameters | None, measured: FloatArray, height: FloatArray) -> FloatArray:
-    """Return (range, azimuth) as measured by a radar on the round earth; others unchanged.
-
-    `measured`, (N, 2), is in the plane; `height`, (N,), is above the world's zero, metres.
-    """
-    if layout is None or layout.site is None:
-        return measured
-    above = height + layout.datum
-    distance, azimuth = layout.site.to_slant(measured[:, 0], measured[:, 1], above)
-    return np.stack([distance, wrap_angle(azimuth)], axis=1)
-
-
-def _among_nearest(scenario: Scenario, index: int, flight: Flight, time_s: FloatArray) -> BoolArray:
-    """Return whether a radar is among the `most_radars` nearest to a target, shape (N,)."""
-    if not scenario.most_radars:
-        return np.ones(len(time_s), dtype=np.bool_)
-    state = flight.states(time_s)
-    exact = [scenario.measure(k, state, time_s) for k in range(len(scenario.radars))]
-    sees = [radar.visibility.sees(z) > 0.0 for radar, z in zip(scenario.radars, exact, strict=True)]
-    distance = np.where(sees, [z[:, 0] for z in exact], np.inf)
-    nearer: BoolArray = (distance < distance[index]).sum(axis=0) < scenario.most_radars
-    return nearer
+        exact = [scenario.measure(k, state, time_s) for k in range(len(scenario.radars))]
+        sees = [
+            radar.visibility.sees(z) > 0.0 for radar, z in zip(scenario.radars, exact, strict=True)
+        ]
+        distance = np.where(sees, [z[:, 0] for z in exact], np.inf)
+        nearer: BoolArray = (distance < distance[self.index]).sum(axis=0) < scenario.most_radars
+        return nearer

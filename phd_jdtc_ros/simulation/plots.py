@@ -7,14 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.types import FULL_TURN
 
-from .antenna import Antenna
-from .looks import looks, looks_beside, passes
+from .looks import TurningRadar
 from .noise import Observed
-from .scenario import Scenario
 from .simulate import false_detections, observe, range_rates
 from .traffic.flight import Flight, Leg
 
@@ -38,36 +35,29 @@ class SimulatedPlots(NamedTuple):
         return SimulatedPlots._make(None if column is None else column[rows] for column in self)
 
 
-def plots_of(
-    scenario: Scenario, index: int, rng: np.random.Generator, layout: RadarParameters | None = None
-) -> SimulatedPlots:
-    """Return the plots of one radar, with clutter, ordered by time.
-
-    `layout` has the radar's site on the round earth; None if it measures over a plane.
-    """
-    radar, antenna = scenario.radars[index], scenario.antennas[index]
-    own = looks(scenario, index, layout)
-    snr = np.array([0.0, *(flight.snr for flight in scenario.flights)])[own.source]
-    observed = observe(own.exact, snr, radar, rng)
-    turns = antenna.turns_at(own.time_s, radar.rotation_s)
-    targets = _detected(antenna, turns, own.exact, observed, own.source, own.source)
+def plots_of(radar: TurningRadar, rng: np.random.Generator) -> SimulatedPlots:
+    """Return the plots of one radar, with clutter, ordered by time."""
+    own = radar.looks()
+    snr = np.array([0.0, *(flight.snr for flight in radar.scenario.flights)])[own.source]
+    observed = observe(own.exact, snr, radar.model, rng)
+    targets = _detected(radar, own.time_s, own.exact, observed, own.source, own.source)
     parts = (
         targets,
-        _clutter(scenario, index, rng),
-        *_reflector_plots(scenario, index, rng),
-        *_mirror_plots(scenario, index, layout, rng),
+        _clutter(radar, rng),
+        *_reflector_plots(radar, rng),
+        *_mirror_plots(radar, rng),
     )
     columns = zip(*(part[:5] for part in parts), strict=True)
     every = SimulatedPlots(*map(np.concatenate, columns))
     others = len(every.turns) - len(targets.turns)
-    range_rate = range_rates(own.state[observed.seen], others, radar, rng)
+    range_rate = range_rates(own.state[observed.seen], others, radar.model, rng)
     every = every._replace(range_rate=range_rate)
     return every.take(np.argsort(every.turns, kind="stable"))
 
 
 def _detected(
-    antenna: Antenna,
-    turns: FloatArray,
+    radar: TurningRadar,
+    time_s: FloatArray,
     exact: FloatArray,
     observed: Observed,
     source: IntArray,
@@ -75,67 +65,54 @@ def _detected(
 ) -> SimulatedPlots:
     """Return the plots that a radar detects.
 
-    The antenna points at the true azimuths, of `exact` (N, 2), at `turns`, (N,).
+    The antenna points at the true azimuths, of `exact` (N, 2), at `time_s`, (N,).
     """
     moved = wrap_angle(observed.measurement[:, 1] - exact[:, 1]) / FULL_TURN
-    turned = turns + (-moved if antenna.clockwise else moved)
-    every = SimulatedPlots(turned, observed.measurement, observed.amplitude, source, answering)
+    turns = radar.turns_at(time_s) + (-moved if radar.antenna.clockwise else moved)
+    every = SimulatedPlots(turns, observed.measurement, observed.amplitude, source, answering)
     return every.take(np.flatnonzero(observed.seen))
 
 
-def _reflector_plots(
-    scenario: Scenario, index: int, rng: np.random.Generator
-) -> Iterator[SimulatedPlots]:
+def _reflector_plots(radar: TurningRadar, rng: np.random.Generator) -> Iterator[SimulatedPlots]:
     """Yield a radar's plots of each kind of reflectors."""
-    radar, antenna = scenario.radars[index], scenario.antennas[index]
-    whole = (Leg(max(scenario.duration_s, radar.rotation_s)),)
-    for kind in scenario.reflectors:
-        exact, turns = [np.zeros((0, 2))], [np.zeros(0)]
+    whole = (Leg(max(radar.scenario.duration_s, radar.model.rotation_s)),)
+    for kind in radar.scenario.reflectors:
+        exact, times = [np.zeros((0, 2))], [np.zeros(0)]
         for point in kind.points:
             still = Flight(0, 0.0, 0.0, point, (0.0, 0.0), whole)
-            time = passes(still, radar, antenna, scenario.duration_s, scenario.carrier(index))
-            exact.append(scenario.measure(index, still.states(time), time))
-            turns.append(antenna.turns_at(time, radar.rotation_s))
-        true, turned = np.concatenate(exact), np.concatenate(turns)
+            time = radar.passes(still)
+            exact.append(radar.scenario.measure(radar.index, still.states(time), time))
+            times.append(time)
+        true, time = np.concatenate(exact), np.concatenate(times)
         none = np.zeros(len(true), dtype=np.int64)
-        yield _detected(antenna, turned, true, kind.measure(true, radar, rng), none, none)
+        yield _detected(radar, time, true, kind.measure(true, radar.model, rng), none, none)
 
 
-def _mirror_plots(
-    scenario: Scenario, index: int, layout: RadarParameters | None, rng: np.random.Generator
-) -> Iterator[SimulatedPlots]:
+def _mirror_plots(radar: TurningRadar, rng: np.random.Generator) -> Iterator[SimulatedPlots]:
     """Yield a radar's plots of each target's replies by each mirror."""
-    radar, antenna = scenario.radars[index], scenario.antennas[index]
-    axes = list(radar.space.position)
-    for mirror in scenario.mirrors:
-        for number, flight in enumerate(scenario.flights, start=1):
-            if not scenario.has_transponder(number):
+    axes = list(radar.model.space.position)
+    for mirror in radar.scenario.mirrors:
+        for number, flight in enumerate(radar.scenario.flights, start=1):
+            if not radar.scenario.has_transponder(number):
                 continue
-            own = looks_beside(scenario, index, layout, number, mirror.position)
+            own = radar.looks_beside(number, mirror.position)
             position = own.state[:, axes]
-            detour = mirror.detour(position, radar)
+            detour = mirror.detour(position, radar.model)
             exact = own.exact + np.stack([detour, np.zeros(len(detour))], axis=1)
-            observed = observe(exact, np.full(len(exact), flight.snr), radar, rng)
-            reflected = observed.seen & mirror.reflects(position, radar, rng)
-            turns = antenna.turns_at(own.time_s, radar.rotation_s)
-            none = np.zeros(len(exact), dtype=np.int64)
+            observed = observe(exact, np.full(len(exact), flight.snr), radar.model, rng)
+            reflected = observed.seen & mirror.reflects(position, radar.model, rng)
             observed = observed._replace(seen=reflected)
-            yield _detected(antenna, turns, exact, observed, none, own.source)
+            none = np.zeros(len(exact), dtype=np.int64)
+            yield _detected(radar, own.time_s, exact, observed, none, own.source)
 
 
-def _clutter(scenario: Scenario, index: int, rng: np.random.Generator) -> SimulatedPlots:
+def _clutter(radar: TurningRadar, rng: np.random.Generator) -> SimulatedPlots:
     """Return one radar's clutter in its field of view; the clutter rate is per whole turn."""
-    radar, antenna = scenario.radars[index], scenario.antennas[index]
-    end = antenna.turns_at(np.array([scenario.duration_s]), radar.rotation_s)
-    last = int(np.ceil(end[0]))
-    count = rng.poisson(radar.clutter_rate, last)
-    measurement, amplitude = false_detections(radar, int(count.sum()), rng, scenario.law(index))
-    turns = np.repeat(np.arange(last), count) + antenna.turns_to(measurement[:, 1])
+    last, model = int(np.ceil(radar.end)), radar.model
+    count = rng.poisson(model.clutter_rate, last)
+    law = radar.scenario.law(radar.index)
+    measurement, amplitude = false_detections(model, int(count.sum()), rng, law)
+    turns = np.repeat(np.arange(last), count) + radar.antenna.turns_to(measurement[:, 1])
     none = np.zeros(len(turns), dtype=np.int64)
-    kept = np.flatnonzero(radar.visibility.sees(measurement) > 0.0)
+    kept = np.flatnonzero(model.visibility.sees(measurement) > 0.0)
     return SimulatedPlots(turns, measurement, amplitude, none, none).take(kept)
-
-
-def plot_times(scenario: Scenario, index: int, plots: SimulatedPlots) -> FloatArray:
-    """Return the times of one radar's plots, seconds after scan 0, shape (M,)."""
-    return scenario.antennas[index].times_at(plots.turns, scenario.radars[index].rotation_s)

@@ -3,7 +3,7 @@
 ::
 
     Scenario, seed
-      |  passes of the beam over targets         passes, looks
+      |  passes of the beam over targets         TurningRadar
       |  detection, noise, clutter               plots_of
     SimulatedPlots of a radar, ordered by time
       |  by turn or by sector                    reports_of
@@ -28,7 +28,8 @@ from phd_jdtc_ros.core.sensors.slant_range import HeightProjection, over_ground
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 
 from .antenna import Antenna
-from .plots import SimulatedPlots, plot_times, plots_of
+from .looks import TurningRadar
+from .plots import SimulatedPlots, plots_of
 from .scenario import Scenario, truth_at
 from .simulate import detect_scan, scan_replies
 
@@ -57,8 +58,8 @@ def simulate_reports(
     for index, (radar, layout) in enumerate(zip(scenario.radars, inputs, strict=True)):
         rng = _generator(seed, index)
         if radar.rotation_s > 0.0:
-            plots = plots_of(scenario, index, rng, layout)
-            reports += reports_of(scenario, index, plots, layout, seed)
+            turning = TurningRadar(scenario, index, layout)
+            reports += reports_of(turning, plots_of(turning, rng), seed)
         else:
             reports += _staring_reports(scenario, index, layout, rng, seed)
     reports = [_add_bias(report, scenario) for report in reports]
@@ -76,22 +77,21 @@ def check_sites(inputs: Sequence[RadarParameters]) -> None:
         raise ConfigError(faults)
 
 
-def plots_with_replies(
-    scenario: Scenario, index: int, layout: RadarParameters, seed: int
-) -> tuple[SimulatedPlots, Detections]:
+def plots_with_replies(radar: TurningRadar, seed: int) -> tuple[SimulatedPlots, Detections]:
     """Return the plots of a turning radar from scan 0 on, and the same as detections.
 
     The detections have the radar's biases, all replies of its targets and a sensor type,
-    independent of the message `layout`; their ranges are slant ranges if the radar has a site.
-    Their times are `plot_times`.
+    independent of the messages; their ranges are slant ranges if the radar has a site. Their times
+    are those of the plots' turns.
     """
-    plots = plots_of(scenario, index, _generator(seed, index), layout)
-    time_s = plot_times(scenario, index, plots)
-    found = _with_replies(scenario, index, plots, time_s, seed)
+    plots = plots_of(radar, _generator(seed, radar.index))
+    time_s = radar.times_at(plots.turns)
+    found = _with_replies(radar, plots, time_s, seed)
     found = replace(found, amplitude=None, range_rate=None)
-    if scenario.transponders is None:
-        found = replace(found, height=_heights(scenario, plots.source, time_s))
-    _, found = scenario.bias(index).apply_to(0, replace(found, kind=_sensor_types(found)))
+    if radar.scenario.transponders is None:
+        found = replace(found, height=_heights(radar.scenario, plots.source, time_s))
+    bias = radar.scenario.bias(radar.index)
+    _, found = bias.apply_to(0, replace(found, kind=_sensor_types(found)))
     rows = np.flatnonzero(time_s >= 0.0)
     return plots.take(rows), found.take(rows)
 
@@ -107,35 +107,31 @@ def _add_bias(report: SimulatedReport, scenario: Scenario) -> SimulatedReport:
     return report._replace(stamp_ns=stamp_ns, detections=found)
 
 
-def reports_of(
-    scenario: Scenario, index: int, plots: SimulatedPlots, layout: RadarParameters, seed: int = 0
-) -> list[SimulatedReport]:
+def reports_of(radar: TurningRadar, plots: SimulatedPlots, seed: int = 0) -> list[SimulatedReport]:
     """Return one report per turn or sector of a radar, also without plots.
 
     Incomplete turns at the start and the end of the run are omitted. `seed` is the seed of the
     replies.
     """
-    radar, antenna = scenario.radars[index], scenario.antennas[index]
+    scenario, antenna, layout = radar.scenario, radar.antenna, radar.layout
     # Turns and sectors begin by the biased azimuth that the antenna reports.
-    ahead = scenario.bias(index).azimuth / FULL_TURN * (-1.0 if antenna.clockwise else 1.0)
-    turned, offset = plots.turns + ahead, antenna.begin + ahead
-    time_s = plot_times(scenario, index, plots)
-    every = _with_replies(scenario, index, plots, time_s, seed)
+    ahead = scenario.bias(radar.index).azimuth / FULL_TURN * (-1.0 if antenna.clockwise else 1.0)
+    turned, time_s = plots.turns + ahead, radar.times_at(plots.turns)
+    every = _with_replies(radar, plots, time_s, seed)
     parts = max(layout.sectors, 1)
-    first = int(np.ceil(offset)) * parts
-    end_turn = antenna.turns_at(np.array([scenario.duration_s]), radar.rotation_s)[0] + ahead
-    last = int(np.floor(end_turn * parts + 1e-9))
+    first = int(np.ceil(antenna.begin + ahead)) * parts
+    last = int(np.floor((radar.end + ahead) * parts + 1e-9))
     edges = np.searchsorted(turned * parts, np.arange(first, last + 1))
     reports = []
     for number, begin, end in zip(range(first, last), edges[:-1], edges[1:], strict=True):
         edge = (number + 1) / parts
-        end_s = float(antenna.times_at(np.array(edge - ahead), radar.rotation_s))
+        end_s = float(radar.times_at(np.array(edge - ahead)))
         rows = np.arange(begin, end)
         # The lead over a uniform rotation at the plot, minus the lead at the stamp.
         lead_change_s = antenna.ahead_s(time_s[rows]) - antenna.ahead_s(np.array(end_s))
         found = replace(
             every.take(rows),
-            time_s=(turned[rows] - edge) * radar.rotation_s - lead_change_s,
+            time_s=(turned[rows] - edge) * radar.model.rotation_s - lead_change_s,
             coverage=_coverage(antenna, number % parts, parts) if layout.sectors else None,
         )
         source = plots.source[rows]
@@ -149,16 +145,16 @@ def reports_of(
             time_s=found.time_s if layout.fields.time else None,
         )
         stamp_ns = scenario.ns_after(end_s)
-        reports.append(SimulatedReport(index, stamp_ns, to_plane(found, layout), source))
+        reports.append(SimulatedReport(radar.index, stamp_ns, to_plane(found, layout), source))
     return reports
 
 
 def _with_replies(
-    scenario: Scenario, index: int, plots: SimulatedPlots, time_s: FloatArray, seed: int
+    radar: TurningRadar, plots: SimulatedPlots, time_s: FloatArray, seed: int
 ) -> Detections:
     """Return all plots with their targets' replies, independent of the messages."""
     found = Detections(plots.measurement, plots.amplitude, range_rate=plots.range_rate)
-    return scenario.with_replies(found, plots.answering, time_s, (seed, index))
+    return radar.scenario.with_replies(found, plots.answering, time_s, (seed, radar.index))
 
 
 def _heights(scenario: Scenario, source: IntArray, time_s: FloatArray) -> FloatArray:

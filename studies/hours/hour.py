@@ -37,8 +37,7 @@ from phd_jdtc_ros.core.types import Detections, Estimates, Truth
 from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
-from phd_jdtc_ros.simulation.looks import looks, slant
-from phd_jdtc_ros.simulation.plots import plot_times
+from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import SimulatedReport, plots_with_replies
 from phd_jdtc_ros.study.runs import TAXIING
@@ -116,16 +115,21 @@ class Hour:
         """
         return np.array(turn_ends(self.scenario)[LEAST_LOOKS - 1 :])
 
+    @property
+    def turning(self) -> TurningRadar:
+        """The radar with the scenario that it sees."""
+        return TurningRadar(self.scenario, 0, self.layout)
+
     @cached_property
     def plots(self) -> tuple[FloatArray, Detections]:
         """The times of all plots, seconds after scan 0, and the measurements."""
-        plots, found = plots_with_replies(self.scenario, 0, self.layout, self.seed)
-        return plot_times(self.scenario, 0, plots), found
+        plots, found = plots_with_replies(self.turning, self.seed)
+        return self.turning.times_at(plots.turns), found
 
     @cached_property
     def in_sight(self) -> dict[int, FloatArray]:
         """The times at which the beam passes a target, seconds after scan 0, by its number."""
-        own = looks(self.scenario, 0, self.layout)
+        own = self.turning.looks()
         seen = self.scenario.radars[0].visibility.sees(own.exact) > 0.0
         numbers = np.unique(own.source[seen]).tolist()
         return {number: own.time_s[seen & (own.source == number)] for number in numbers}
@@ -146,8 +150,8 @@ class Hour:
         """Return the targets at a time after scan 0, and their positions in the tracks' plane."""
         truth = truth_after(self.scenario, time_s)
         height = np.zeros(len(truth.track_id)) if truth.height is None else truth.height[:, 0]
-        plane = self.scenario.measure(0, truth.state, np.full(len(height), time_s))
-        distance, azimuth = slant(self.layout, plane, height).T
+        times_s = np.full(len(height), time_s)
+        distance, azimuth = self.turning.measure(truth.state, times_s, height).T
         # The height of a target without a transponder is unknown to every tracker.
         equipped = [self.scenario.has_transponder(number) for number in truth.track_id.tolist()]
         known = np.where(equipped, height + self.layout.datum, np.nan)

@@ -12,7 +12,7 @@ from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.sensors.visibility import sector_probability
 from phd_jdtc_ros.core.types import FULL_TURN
 from phd_jdtc_ros.simulation.antenna import Antenna
-from phd_jdtc_ros.simulation.looks import passes
+from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.plots import plots_of
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
@@ -49,9 +49,9 @@ def beam_deg(antenna, time_s, rotation_s=ROTATION_S):
 @pytest.mark.parametrize("bearing", [0.0, 2.0])
 def test_passes_are_when_the_beam_points_at_the_target(flight, clockwise, bearing):
     antenna = Antenna(bearing, clockwise)
-    found, _ = scene(flight, antenna=antenna)
+    found, inputs = scene(flight, antenna=antenna, duration_s=200.0)
     (radar,) = found.radars
-    time = passes(flight, radar, antenna, 1e9)
+    time = TurningRadar(found, 0, inputs[0]).passes(flight)
     azimuth = radar.measure(flight.states(time))[:, 1]
     off = wrap_angle(np.radians(beam_deg(antenna, time)) - azimuth)
     np.testing.assert_allclose(off, 0.0, atol=1e-9)
@@ -147,8 +147,8 @@ def test_targets_are_detected_with_the_given_probability_over_range():
         for a in np.linspace(0.01, 6.2, 100)
     ]
     table = [0.0, 0.9, 40e3, 0.9, 80e3, 0.1]
-    found, _ = scene(*ring, detection_probability=table)
-    plots = plots_of(found, 0, np.random.default_rng(1))
+    found, inputs = scene(*ring, detection_probability=table)
+    plots = plots_of(TurningRadar(found, 0, inputs[0]), np.random.default_rng(1))
     near = plots.measurement[:, 0] < 40e3
     # 15 turns of 100 targets each.
     assert near.sum() / 1500 == pytest.approx(0.9, abs=0.03)
@@ -156,10 +156,10 @@ def test_targets_are_detected_with_the_given_probability_over_range():
 
 
 def test_nothing_is_seen_in_blind_sectors_and_below_the_least_range():
-    found, _ = scene(
+    found, inputs = scene(
         CIRCLING, CROSSING_NORTH, clutter_rate=500.0, min_range=2e3, blind_sectors_deg=[80.0, 120.0]
     )
-    plots = plots_of(found, 0, np.random.default_rng(1))
+    plots = plots_of(TurningRadar(found, 0, inputs[0]), np.random.default_rng(1))
     degrees = np.degrees(plots.measurement[:, 1])
     assert not ((degrees > 80.1) & (degrees < 119.9)).any()
     assert plots.measurement[:, 0].min() > 1999.0
@@ -168,10 +168,10 @@ def test_nothing_is_seen_in_blind_sectors_and_below_the_least_range():
 
 def test_noise_has_the_deviations_of_the_radar():
     still = Flight(0, 1.0, 0.0, (30e3, 10e3), (0.0, 0.0), (Leg(8000.0),))
-    found, _ = scene(
+    found, inputs = scene(
         still, duration_s=8000.0, range_std=30.0, azimuth_std_deg=0.2, range_std_growth=1e-3
     )
-    measured = plots_of(found, 0, np.random.default_rng(1)).measurement
+    measured = plots_of(TurningRadar(found, 0, inputs[0]), np.random.default_rng(1)).measurement
     exact = found.radars[0].measure(still.states(np.zeros(1)))[0]
     std = (measured - exact).std(axis=0)
     assert std[0] == pytest.approx(math.hypot(30.0, 1e-3 * exact[0]), rel=0.05)

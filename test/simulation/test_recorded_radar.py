@@ -8,7 +8,7 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import UNKNOWN
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.simulation import scenario_file
-from phd_jdtc_ros.simulation.plots import plot_times
+from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 
 PARAMETERS = {
@@ -36,8 +36,9 @@ def plots(**document):
     given = {"scans": 601, "interval_s": 1.0, "targets": [OVERHEAD], "transponders": {}, **document}
     config = resolve(PARAMETERS, SystemPlane)
     run = scenario_file.resolve(given, config.model.radars)
-    found, answers = plots_with_replies(run, 0, config.inputs[0], 1)
-    return run, plot_times(run, 0, found), found, answers
+    radar = TurningRadar(run, 0, config.inputs[0])
+    found, answers = plots_with_replies(radar, 1)
+    return run, radar.times_at(found.turns), found, answers
 
 
 def test_target_in_a_gap_has_no_plots():
@@ -90,6 +91,7 @@ def test_plots_before_scan_0_are_left_out():
     antennas = {"hill": {"bearing_deg": 200.0}}
     given = {"scans": 61, "interval_s": 1.0, "antennas": antennas}
     run = scenario_file.resolve(given, config.model.radars)
-    found, answers = plots_with_replies(run, 0, config.inputs[0], 1)
+    radar = TurningRadar(run, 0, config.inputs[0])
+    found, answers = plots_with_replies(radar, 1)
     assert len(found.turns) == len(answers) > 500
-    assert plot_times(run, 0, found).min() >= 0.0
+    assert radar.times_at(found.turns).min() >= 0.0

@@ -20,7 +20,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
-from phd_jdtc_ros.simulation.plots import plot_times
+from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.sending import Sending
 from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
@@ -70,23 +70,23 @@ def _blocks(
     run: Scenario, index: int, layout: RadarParameters, sending: Sending, seed: int
 ) -> Iterator[tuple[int, bytes]]:
     """Yield time of receipt, nanoseconds since the epoch, and bytes of a radar's data blocks."""
-    radar, antenna = run.radars[index], run.antennas[index]
-    plots, answers = plots_with_replies(run, index, layout, seed)
-    time_s = plot_times(run, index, plots)
+    radar = TurningRadar(run, index, layout)
+    plots, answers = plots_with_replies(radar, seed)
+    time_s = radar.times_at(plots.turns)
     source = OWN_SAC << 8 | index + 1
     records = _plots(answers, layout, source)
     own_ns = round(sending.clock_ahead_s * 1e9) + run.bias(index).offset_ns
-    end = antenna.turns_at(np.array([run.duration_s]), radar.rotation_s)[0]
-    crossed = np.arange(math.ceil(antenna.begin * sending.sectors), int(end * sending.sectors) + 1)
-    times_s = antenna.times_at(crossed / sending.sectors, radar.rotation_s)
+    sectors = sending.sectors
+    crossed = np.arange(math.ceil(radar.antenna.begin * sectors), int(radar.end * sectors) + 1)
+    times_s = radar.times_at(crossed / sectors)
     edges = np.searchsorted(time_s, times_s)
     for number, passed_s, row, last in zip(
         crossed.tolist(), times_s.tolist(), [0, *edges.tolist()], edges.tolist(), strict=False
     ):
         passed_ns = run.ns_after(passed_s)
         if sending.services:
-            azimuth = FULL_TURN * (number % sending.sectors) / sending.sectors
-            turn_s = radar.rotation_s
+            azimuth = FULL_TURN * (number % sectors) / sectors
+            turn_s = radar.model.rotation_s
             service = plots_out.service_block(source, passed_ns + own_ns, azimuth, turn_s)
             yield passed_ns + round(SERVICE_DELAY_S * 1e9), service
         for begin in range(row, last, sending.plots):

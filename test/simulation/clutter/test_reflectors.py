@@ -12,6 +12,7 @@ from phd_jdtc_ros.core.clutter.amplitude_law import level_db
 from phd_jdtc_ros.core.intake.poses import Mount
 from phd_jdtc_ros.core.types import FULL_TURN, Pose
 from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.plots import plots_of
 from phd_jdtc_ros.simulation.simulate import simulate
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
@@ -61,8 +62,8 @@ def test_reflectors_stay_in_the_world_in_every_scan(platform):
 
 @pytest.mark.parametrize("platform", [{}, SHIP], ids=["ashore", "aboard"])
 def test_plots_of_reflectors_are_measured_when_the_antenna_points_at_them(platform):
-    found, _ = scene(2.5, platform=platform)
-    plots = plots_of(found, 0, np.random.default_rng(2))
+    found, (layout,) = scene(2.5, platform=platform)
+    plots = plots_of(TurningRadar(found, 0, layout), np.random.default_rng(2))
     assert not plots.source.any()
     # Each is passed once a turn, and once more or less where the ship turns by a part of one.
     assert 15 * 21 <= len(plots.turns) <= 17 * 21

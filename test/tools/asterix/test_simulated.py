@@ -14,7 +14,6 @@ from phd_jdtc_ros.asterix.transport import pcap
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import UNKNOWN
 from phd_jdtc_ros.simulation import sending
-from phd_jdtc_ros.simulation.plots import plot_times
 from phd_jdtc_ros.simulation.turning_antenna import plots_with_replies
 from phd_jdtc_ros.tools import simulate
 from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
@@ -45,8 +44,8 @@ class Recorded:
         rows = [k for k, each in enumerate(self.messages) if isinstance(each, Plot)]
         self.plots = [self.messages[k] for k in rows]
         self.plots_received = [self.received[k] for k in rows]
-        self.own, self.answers = plots_with_replies(self.hour.scenario, 0, self.hour.layout, seed)
-        self.time_s = plot_times(self.hour.scenario, 0, self.own)
+        self.own, self.answers = plots_with_replies(self.hour.turning, seed)
+        self.time_s = self.hour.turning.times_at(self.own.turns)
 
     def column(self, name):
         return np.array([getattr(plot, name) for plot in self.plots])
