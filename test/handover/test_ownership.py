@@ -164,7 +164,7 @@ def test_thousands_of_targets_at_the_seam_are_joined_in_bounded_time_and_memory(
     handover = Handover(REGIONS, HYSTERESIS)
     longest_s = 0.0
     tracemalloc.start()
-    for stamp in range(3):
+    for stamp in range(TOGETHER):
         seen = [dict(enumerate(place + 20.0 * rng.standard_normal(place.shape))) for _ in REGIONS]
         both = [estimates(stamp, {n + 1: own for n, own in said.items()}) for said in seen]
         begin_s = time.process_time()

@@ -75,11 +75,6 @@ def test_tracker_is_given_up_after_all_retries_or_a_fault_of_its_arguments(statu
     assert arguments.is_final(status, ends, retries=2) is final
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "launch").glob("*.py")), ids=lambda path: path.stem)
-def test_launch_files_compile(path):
-    compile(path.read_text(), str(path), "exec")
-
-
 @pytest.mark.parametrize("text", ["-1", "0.05", "nan", "fast", "", "1001"])
 def test_rate_refuses_what_the_replay_would_refuse(text):
     assert [arguments.rate(good) for good in ("0", "0.1", "2")] == [0.0, 0.1, 2.0]

@@ -24,7 +24,6 @@ CONFIG = Path(__file__).parents[2] / "config"
         ("paper_literal", {}),
         ("phd", {}),
         ("surveillance", {}),
-        ("defaults", {"engine": "gaussian"}),
         ("surveillance", {"engine": "particles"}),
     ],
 )
