@@ -1,10 +1,18 @@
-"""Work for the study's processes that ends them; they import it from here."""
+"""Work for the study's processes that ends them; they import it from here, and nothing heavy."""
 
 import os
 import signal
 import time
+from types import SimpleNamespace
 
-from phd_jdtc_ros.study.monte_carlo import Outcome
+
+def tasks(count):
+    """Return tasks that are no more than their seeds."""
+    return [SimpleNamespace(seed=seed) for seed in range(count)]
+
+
+def outcome(task, error=""):
+    return SimpleNamespace(task=task, error=error)
 
 
 def die_once(marker, task):
@@ -12,13 +20,13 @@ def die_once(marker, task):
     if task.seed == 1 and not marker.exists():
         marker.touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    return Outcome(task)
+    return outcome(task)
 
 
 def die_of_one(seed, task):
     if task.seed == seed:
         os.kill(os.getpid(), signal.SIGKILL)
-    return Outcome(task)
+    return outcome(task)
 
 
 def alone(active, task):
@@ -26,7 +34,7 @@ def alone(active, task):
     try:
         active.touch(exist_ok=False)
     except FileExistsError:
-        return Outcome(task, error="another task is running")
+        return outcome(task, error="another task is running")
     time.sleep(0.05)
     active.unlink()
-    return Outcome(task)
+    return outcome(task)

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros import resources
 from studies.autoferry import bags
 from studies.autoferry import recording as autoferry
 from studies.autoferry import scores as autoferry_scores
@@ -102,9 +101,14 @@ def test_goals_compare_with_the_better_peer_of_the_same_source():
     assert not goals["GOSPA smoothed, particles, to the better peer's"]["reached"]
 
 
-def test_all_trackers_are_scored_on_the_same_scans(tmp_path):
-    """Two boats that go straight on, seen from a ferry that moves."""
+CHANGES = {"lidar.range_std": 9.0}
+
+
+@pytest.fixture(scope="module")
+def boats(tmp_path_factory):
+    """Two boats that go straight on, seen from a ferry that moves, and the scores of trackers."""
     pytest.importorskip("stonesoup")
+    directory = tmp_path_factory.mktemp("boats")
     rng, rows, truth = np.random.default_rng(0), [], []
     for scan in range(40):
         time_s, own = 1000.0 + 1.68 * scan, np.array([0.5 * scan, -0.3 * scan])
@@ -116,9 +120,15 @@ def test_all_trackers_are_scored_on_the_same_scans(tmp_path):
             seen = [north, east] - own + rng.normal(0.0, 2.0, 2)
             rows.append(f"{scan},radar,{time_s:.3f},{own[0]},{own[1]},{seen[0]},{seen[1]}")
     head, head_truth = DETECTIONS.splitlines()[0], TRUTH.splitlines()[0]
-    (tmp_path / "scenario1_detections.csv").write_text("\n".join([head, *rows]))
-    (tmp_path / "scenario1_truth.csv").write_text("\n".join([head_truth, *truth]))
-    scores = autoferry_scores.scores_of(autoferry.read(tmp_path, 1), bags.parameters(lidar=False))
+    (directory / "scenario1_detections.csv").write_text("\n".join([head, *rows]))
+    (directory / "scenario1_truth.csv").write_text("\n".join([head_truth, *truth]))
+    recording = autoferry.read(directory, 1)
+    given = bags.parameters(lidar=False)
+    return recording, autoferry_scores.scores_of(recording, given, None, CHANGES)
+
+
+def test_all_trackers_are_scored_on_the_same_scans(boats):
+    _, scores = boats
     assert {(each.tracker, each.source) for each in scores} == {
         (tracker, source)
         for tracker in ("particles", "gaussian", "GNN", "JPDA")
@@ -128,13 +138,9 @@ def test_all_trackers_are_scored_on_the_same_scans(tmp_path):
     assert all(each.position_rms < 6.0 for each in scores)
 
 
-def test_changes_are_those_of_our_trackers_and_not_of_the_peers(tmp_path):
-    pytest.importorskip("stonesoup")
-    recording = bags.of_bag(resources.bag(bags.SHIPPED))
-    given, changes = bags.parameters(lidar=False), {"lidar.range_std": 9.0}
-    usual = autoferry_scores.scores_of(recording, given, None, changes)
-    other = autoferry_scores.scores_of(
-        recording, given, None, {**changes, "radar.clutter_rate": 40.0}
-    )
+def test_changes_are_those_of_our_trackers_and_not_of_the_peers(boats):
+    recording, usual = boats
+    changes = {**CHANGES, "radar.clutter_rate": 40.0}
+    other = autoferry_scores.scores_of(recording, bags.parameters(lidar=False), None, changes)
     same = {mine.tracker for mine, changed in zip(usual, other, strict=True) if mine == changed}
     assert same == set(autoferry_scores.PEERS)

@@ -4,11 +4,11 @@ from studies.command import main
 
 
 def test_changes_are_found_and_none_where_there_is_none(tmp_path, capsys):
-    given = ["changed_radars", "--runs", "2", "--seed", "3", "--out", str(tmp_path)]
+    given = ["changed_radars", "--runs", "1", "--seed", "3", "--out", str(tmp_path)]
     assert main(given) == 0
     assert "false alarms" in capsys.readouterr().out
     cases = json.loads((tmp_path / "changed_radars.json").read_text())["cases"]
-    assert cases["no change"] == [{}, {}]
+    assert cases["no change"] == [{}]
     for own in cases["detection x 0.5"]:
         assert 40 <= own["fewer_detections"] <= 60
     for own in cases["blind sector"]:

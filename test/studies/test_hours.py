@@ -1,15 +1,24 @@
 """The study of hours, in a short form, from recordings to goals."""
 
 import json
+import time
 
 import pytest
 
+from phd_jdtc_ros import __main__ as executables
 from phd_jdtc_ros.exit_status import FAILED, OK, USAGE
 from studies.command import main
 from studies.hours import study
 from studies.hours.goals import WAYS
 
-SHORT = ["--minutes", "3", "--hour", "en_route_hour"]
+SHORT = ["--minutes", "2", "--hour", "en_route_hour"]
+
+
+def run_here(name, *arguments):
+    """Run an executable in this process, which has loaded all of them."""
+    begin = time.process_time()
+    status = executables.run(name, [*map(str, arguments)])
+    return study.Run(status, time.process_time() - begin, "")
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +26,9 @@ def ran(tmp_path_factory):
     """Return the exit status of the study of some minutes, and its directories."""
     place = tmp_path_factory.mktemp("hours")
     out, kept = place / "out", place / "kept"
-    status = main(["hours", *SHORT, "--out", str(out), "--keep", str(kept)])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study, "run", run_here)
+        status = main(["hours", *SHORT, "--out", str(out), "--keep", str(kept)])
     return status, out, kept
 
 
@@ -30,7 +41,7 @@ def test_hours_writes_figures_and_goals(ran):
     for each in ways.values():
         assert each["cpu_s"] > 0.0
         assert set(each["scores"]) == {"filtered", "smoothed"}
-        assert each["plot_kalman"]["instants"] > 200
+        assert each["plot_kalman"]["instants"] > 100
     assert json.loads((out / "summary.json").read_text())["goals"] == found["goals"]
     assert (kept / "en_route_hour" / "recording.pcap").stat().st_size > 10_000
 

@@ -1,9 +1,12 @@
 import json
 
+from studies import misspecified
 from studies.command import main
 
 
-def test_tracker_that_learns_is_compared_with_those_that_are_told(tmp_path, capsys):
+def test_tracker_that_learns_is_compared_with_those_that_are_told(tmp_path, capsys, monkeypatch):
+    two = {name: misspecified.CASES[name] for name in ("all right", "noise x 2")}
+    monkeypatch.setattr(misspecified, "CASES", two)
     assert main(["misspecified", "--runs", "1", "--seed", "3", "--out", str(tmp_path)]) == 0
     assert "told wrongly" in capsys.readouterr().out
     found = json.loads((tmp_path / "misspecified.json").read_text())

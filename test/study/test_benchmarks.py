@@ -15,6 +15,7 @@ from benchmarks import (
     command,
     forms,
     goals,
+    growth,
     late,
     messages,
     recursion,
@@ -237,6 +238,9 @@ def summary():
         patch.setattr(step_growth, "QUICK_LADDER", dict.fromkeys(recursion.PARTS, (4, 8)))
         patch.setattr(step_growth, "QUICK_MEMORY_TARGETS", 4)
         patch.setattr(step_growth, "STEPS", 2)
+        patch.setattr(growth, "TARGETS", 4)
+        patch.setattr(growth, "PER_TARGET_LADDER", (125, 250))
+        patch.setattr(growth, "TARGETS_LADDER", (2, 4))
         return command.run(True, WITHOUT_ROS, Console(quiet=True))
 
 

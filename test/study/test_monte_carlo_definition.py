@@ -16,10 +16,13 @@ def faults(study_file, change, assigned=None):
     return faults_of(load_study, study_file(change), assigned or {})
 
 
-def test_resolve_takes_the_published_study():
-    study = load_study(ROOT / "config" / "studies" / "published.yaml", {})
+@pytest.fixture(scope="module")
+def published():
+    return load_study(ROOT / "config" / "studies" / "published.yaml", {})
 
-    assert [case.name for case in study.cases] == [
+
+def test_resolve_takes_the_published_study(published):
+    assert [case.name for case in published.cases] == [
         "clutter 20",
         "clutter 10",
         "clutter 50",
@@ -48,16 +51,15 @@ def test_resolve_takes_the_published_study():
         "terminal radar, heights",
         "terminal radar, clean codes",
     ]
-    assert {variant.kind for variant in study.variants} == set(KINDS.values())
+    assert {variant.kind for variant in published.variants} == set(KINDS.values())
 
 
-def test_resolve_finds_every_published_goal_among_what_is_run():
+def test_resolve_finds_every_published_goal_among_what_is_run(published):
     """A goal of a variant, case or lag that is not run would never be judged."""
-    study = load_study(ROOT / "config" / "studies" / "published.yaml", {})
-    variants = {variant.name: variant for variant in study.variants}
-    cases = {case.name: case for case in study.cases}
+    variants = {variant.name: variant for variant in published.variants}
+    cases = {case.name: case for case in published.cases}
 
-    for goal in study.goals:
+    for goal in published.goals:
         others = (goal.relative_to or goal.variant, goal.relative_case)
         for name, case in ((goal.variant, goal.case), others):
             assert case in variants[name].cases
