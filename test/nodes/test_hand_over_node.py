@@ -177,34 +177,6 @@ def test_live_picture_keeps_the_numbers_at_the_seam_and_is_that_of_the_offline_t
         assert len(of_run(stack.joint[source])) == SCANS
 
 
-@pytest.mark.live
-def test_numbers_stay_those_of_their_aircraft_where_a_tracker_is_flushed(processes, peer, tmp_path):
-    # The smoother has targets of which the filter is not sure yet, and nothing waits for that.
-    stack = Stack(processes, peer, tmp_path)
-    for scan in range(SCANS // 2):
-        stack.track(scan)
-    # It numbers its tracks from 1 again, and its stamps go on.
-    assert peer.call(Trigger, "/east/tracker/flush").success
-    for scan in range(SCANS // 2, SCANS):
-        stack.track(scan)
-    stack.flush()
-
-    own, joint = {}, {}
-    for (tracker, source), clouds in stack.said.items():
-        for cloud in clouds:
-            found = estimates.from_msg(cloud)
-            for number, code in zip(found.track_id, found.attributes.code, strict=True):
-                own.setdefault((tracker, source, int(number)), set()).add(int(code))
-    # The same number is that of several aircraft.
-    assert any(len(codes.intersection(CODES)) > 1 for codes in own.values())
-    for clouds in stack.joint.values():
-        for cloud in clouds:
-            found = estimates.from_msg(cloud)
-            for number, code in zip(found.track_id, found.attributes.code, strict=True):
-                joint.setdefault(int(number), set()).add(int(code))
-    assert all(len(codes.intersection(CODES)) == 1 for codes in joint.values())
-
-
 def said(stamp, rows, classes=1, frame="map", covariance=None):
     """Return the cloud of a tracker's estimates: (number, x) of what flies east."""
     if covariance is None:

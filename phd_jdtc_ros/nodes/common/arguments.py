@@ -26,10 +26,7 @@ def check(name: str, purpose: str, argv: Sequence[str]) -> tuple[ParameterFile, 
 
     rclpy ignores them silently: a parameter file without ``--ros-args`` before it has no effect.
 
-    Returns
-    -------
-    tuple of ParameterFile
-        The files among the ROS arguments.
+    Returns the files among the ROS arguments.
 
     Raises
     ------

@@ -45,11 +45,8 @@ def first(*conditions: tuple[bytes, object, str]) -> Condition:
 class Rhythm:
     """The usual interval between repeated events: the median of the latest ones.
 
-    Parameters
-    ----------
-    first_guess_s : float
-        Counts as one interval, so that the first two events arriving together are not taken as
-        the usual interval.
+    The first guess counts as one interval, so that the first two events arriving together are not
+    taken as the usual interval.
     """
 
     def __init__(self, first_guess_s: float) -> None:
@@ -108,10 +105,7 @@ class Rises:
 class ThrottledWarnings:
     """Logs a subject's warnings at most once in `WARNING_PERIOD_S`.
 
-    Parameters
-    ----------
-    clock : callable
-        Returns the time, seconds; a steady one, because a clock that is set back would silence it.
+    The clock returns seconds; it must be steady, because one that is set back would silence it.
     """
 
     def __init__(self, logger: RcutilsLogger, clock: Callable[[], float] = time.monotonic) -> None:
@@ -130,14 +124,8 @@ class ThrottledWarnings:
 class HealthReports:
     """Publishes a node's statuses on ``/diagnostics`` each second, and logs causes of warnings.
 
-    Parameters
-    ----------
-    statuses : callable
-        Returns the statuses.
-    active : callable
-        Returns whether the node works, so that its warnings are logged.
-    state : callable
-        Returns a value whose change is published at once.
+    `active` returns whether the node works, so that its warnings are logged, and `state` a value
+    whose change is published at once.
     """
 
     def __init__(

@@ -39,10 +39,7 @@ REPORTED = (
 class RunnableNode(Node):
     """A node that `run` runs.
 
-    Attributes
-    ----------
-    exit_status : int or None
-        None while the node runs; set once it has ended by itself or failed.
+    Its exit status is None while it runs, and set once it has ended by itself or failed.
     """
 
     exit_status: int | None = None

@@ -26,11 +26,8 @@ class _Sequence:
 class SequenceNumbers:
     """The sequence numbers received on a topic.
 
-    Attributes
-    ----------
-    lost : int
-        Number of messages that were published and not received. With two publishers it may fall,
-        when a number arrives that was counted as lost.
+    Messages that were published and not received are `lost`. With two publishers their number may
+    fall, when a number arrives that was counted as lost.
     """
 
     def __init__(self) -> None:

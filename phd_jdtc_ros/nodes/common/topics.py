@@ -50,12 +50,8 @@ def qos_of(topic: str) -> Iterator[None]:
 def full_name(node: Node, topic: str, parameter: str, given: str | None = None) -> str:
     """Return the name of a topic after remapping.
 
-    Parameters
-    ----------
-    parameter : str
-        The parameter that the topic comes from, for the error.
-    given : str or None
-        The parameter's value; None if that is the topic.
+    An error names the parameter that the topic comes from. That has the value `given`, None if it
+    is the topic itself.
 
     Raises
     ------

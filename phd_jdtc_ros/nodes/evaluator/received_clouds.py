@@ -22,10 +22,9 @@ LINGER_S = 0.5
 class ReceivedClouds:
     """Counts the clouds of the truth and of the estimates."""
 
-    # `truth`, `estimates`: str, mapping of source to str. Their topics.
-    truth: str
-    estimates: Mapping[str, str]
-    # `received`, `refused`: numbers of valid and invalid clouds by topic.
+    truth: str  # Its topic
+    estimates: Mapping[str, str]  # Their topics by source
+    # Numbers of valid and of invalid clouds by topic.
     received: Counter[str] = field(default_factory=Counter)
     refused: Counter[str] = field(default_factory=Counter)
     _first_ns: dict[str, int] = field(default_factory=dict)
@@ -87,10 +86,7 @@ class ReceivedClouds:
 class Completion:
     """Decides when enough stamps are scored, and late messages have had time to arrive.
 
-    Parameters
-    ----------
-    wanted : int
-        Number of stamps; 0 if the evaluation has no end.
+    `wanted` is the number of stamps; 0 if the evaluation has no end.
     """
 
     def __init__(self, evaluation: Evaluation, wanted: int) -> None:

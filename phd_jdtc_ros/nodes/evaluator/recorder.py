@@ -31,15 +31,8 @@ class Recorder:
     ``/tf_static`` is recorded too if tf2_msgs is installed. A bag of a live tracker has its
     parameters beside it.
 
-    Parameters
-    ----------
-    optional : mapping of topic to type name
-        Topics that are in the bag only if they have messages; their types need not be installed.
-
-    Attributes
-    ----------
-    written : Counter
-        Number of recorded messages by topic.
+    `optional` are topics that are in the bag only if they have messages; their types need not be
+    installed. `written` counts the recorded messages by topic.
     """
 
     def __init__(

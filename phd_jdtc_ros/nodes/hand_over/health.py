@@ -21,26 +21,15 @@ LONGEST_TURN_S = 12.0
 
 @dataclass
 class TrackerHealth:
-    """The estimates received from a tracker.
-
-    Attributes
-    ----------
-    clouds : Counter
-        Clouds by source.
-    refused : Counter
-        Clouds that are not in the picture, by reason.
-    left_out : bool
-        Whether the latest cloud is not in the picture.
-    last_s : float or None
-        Time of the last cloud by the steady clock, seconds.
-    """
+    """The estimates received from a tracker."""
 
     # Time without clouds beyond the usual interval after which the tracker is quiet, seconds.
     limit_s: float
-    clouds: Counter[str] = field(default_factory=Counter)
+    clouds: Counter[str] = field(default_factory=Counter)  # By source
+    # Clouds that are not in the picture, by reason, and whether the latest one is of them.
     refused: Counter[str] = field(default_factory=Counter)
     left_out: bool = False
-    last_s: float | None = None
+    last_s: float | None = None  # Time of the last cloud by the steady clock
     _rhythm: Rhythm = field(default_factory=lambda: Rhythm(LONGEST_TURN_S))
     _rises: Rises = field(default_factory=Rises)
 
@@ -75,16 +64,9 @@ class TrackerHealth:
     ) -> DiagnosticStatus:
         """Return the status of the tracker's estimates.
 
-        Parameters
-        ----------
-        name, node : str
-            Name of the status, and full name of the tracker's node.
-        behind_s : float
-            Age of its estimates relative to the newest of all, seconds.
-        silent : bool
-            Whether the picture is without it.
-        hint : str
-            Fault of a topic without estimates; empty if they are published.
+        `name` is the status's, and `node` the tracker's full name. Its estimates are `behind_s`
+        older than the newest of all, and the picture is without it if it is `silent`. `hint` is the
+        fault of a topic without estimates, empty if they are published.
         """
         quiet_s = self.quiet_s(now_s)
         values = {
@@ -115,12 +97,8 @@ def of_picture(
 ) -> DiagnosticStatus:
     """Return the status of the joint picture.
 
-    Parameters
-    ----------
-    published : Counter
-        Clouds by source.
-    alive : sequence of str
-        Names of the trackers that are in the picture and not quiet.
+    `published` counts clouds by source; `alive` are the names of the trackers that are in the
+    picture and not quiet.
     """
     parted = picture.parted
     values = {

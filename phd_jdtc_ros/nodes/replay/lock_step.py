@@ -14,10 +14,7 @@ class LockStep:
 
     Times are seconds of one monotonic clock.
 
-    Parameters
-    ----------
-    delay_s : float
-        Largest age of a reply relative to its stamp, in the bag's time.
+    `delay_s` is the largest age of a reply relative to its stamp, in the bag's time.
     """
 
     def __init__(self, delay_s: float = 0.0) -> None:

@@ -42,10 +42,8 @@ class Playable:
 def select(bag: BagReader, wanted: list[str]) -> Playable:
     """Return the part of a bag that is played.
 
-    Parameters
-    ----------
-    wanted : list of str
-        Topics; if empty, all but those that the tracker, the evaluator and every node publish.
+    If no topics are `wanted`, it has all but those that the tracker, the evaluator and every node
+    publish.
 
     Raises
     ------

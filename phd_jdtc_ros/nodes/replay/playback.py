@@ -33,23 +33,10 @@ class Playback:
     Messages of the scan topics with one stamp are one group, together with all messages recorded
     between them; every other message is a group of its own.
 
-    Parameters
-    ----------
-    scan_topics : collection of str
-        The topics whose stamps define the scans.
-    start_s : float
-        Seconds to skip.
-    duration_s : float
-        Seconds to play; 0 for all.
-
-    Attributes
-    ----------
-    upcoming : Group or None
-        The next group; None at the end.
-    damage : BagError or None
-        The fault of a damaged bag, known once the end is reached.
-    first_ns, last_ns : int
-        Log times at which the selected part begins and ends.
+    The stamps of the scan topics define the scans. `start_s` are skipped, and `duration_s` are
+    played, all if that is 0. `upcoming` is the next group, None at the end; the fault of a damaged
+    bag, `damage`, is known once the end is reached. The selected part was recorded from `first_ns`
+    to `last_ns`.
 
     Raises
     ------

@@ -48,12 +48,8 @@ class CheckpointError(Exception):
 def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> None:
     """Store a snapshot; the previous file stays until the new one is complete on the disk.
 
-    Parameters
-    ----------
-    path : Path
-        In an existing directory.
-    configuration : mapping
-        Parameters by name; only a tracker with the same ones may continue from the snapshot.
+    Only a tracker with the same `configuration`, parameters by name, may continue from it. The
+    directory must exist.
 
     Raises
     ------
@@ -170,14 +166,9 @@ def _delete_leftovers(path: Path) -> None:
 class Checkpoints:
     """A tracker's checkpoints: one is read at the start, and new ones are written.
 
-    Parameters
-    ----------
-    every : int
-        Scans between checkpoints; 0 to write on request only.
-    max_age_s : float
-        Longest time from the checkpoint's last scan to the first scan after a restart, seconds.
-    configuration : mapping
-        Parameters of the tracker, without those that can change while it runs.
+    One is written after every so many scans, on request only if that is 0. A restart continues if
+    its first scan is at most `max_age_s` later and the parameters are the same, except for those
+    that can change while the tracker runs, which are not in `configuration`.
     """
 
     def __init__(

@@ -63,10 +63,8 @@ class Load:
 class StepHealth:
     """The tracker's own step time, and whether it keeps up."""
 
-    # `rhythm`, `pace`: intervals of the scans, by their stamps, and of the steps, by the wall
-    # clock.
-    rhythm: Rhythm
-    pace: Rhythm
+    rhythm: Rhythm  # Intervals of the scans, by their stamps
+    pace: Rhythm  # Intervals of the steps, by the wall clock
     engine: str = "gaussian"
     step_ms: float | None = None
     scans: int = 0
@@ -86,14 +84,8 @@ class StepHealth:
     ) -> None:
         """Record a step of a scan.
 
-        Parameters
-        ----------
-        step_ms : float
-            CPU time from receipt to publication.
-        targets : int
-            Number of reported targets.
-        figures : mapping of name to number
-            Figures of the engine.
+        It has taken `step_ms` of CPU time from receipt to publication, and reported `targets`.
+        `figures` are those of the engine, by name.
         """
         self.scans += 1
         self.sums.update({name: int(figures[name]) for name in SUMMED if name in figures})
@@ -108,24 +100,18 @@ class StepHealth:
         self.rhythm.begin_series()
         self.pace.begin_series()
 
-    def status(self, node: str, limit: float, lost: int, busy: float) -> DiagnosticStatus:
+    def status(self, node: str, lost: int, busy: float) -> DiagnosticStatus:
         """Return the status of the step time.
 
         Losses come first, because the interval between the scans that were received is not that
         of the scans that were sent.
 
-        Parameters
-        ----------
-        limit : float
-            Limit of the step time, in intervals between scans.
-        lost : int
-            Messages of all radars that were lost recently because the tracker is too slow.
-        busy : float
-            Share of the recent time in which the tracker worked.
+        `lost` messages of all radars were lost recently because the tracker is too slow, and `busy`
+        is the share of the recent time in which it worked.
         """
         advice, interval_s = ADVICE[self.engine], self.rhythm.interval_s
         lost_text = f"overloaded, {lost} messages lost in the last {WARNING_MEMORY_S:g} s: {advice}"
-        slow = self.step_ms is not None and self.step_ms > limit * 1e3 * interval_s
+        slow = self.step_ms is not None and self.step_ms > 1e3 * interval_s
         at_limit = busy > BUSY_SHARE and self.pace.interval_s > REAL_TIME * interval_s
         busy_text = f"at its limit, busy for {busy:.0%} of the time: {advice}"
         # Once there were targets, their absence is not suspicious.

@@ -52,8 +52,7 @@ class InputHealth:
     anomalies: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     fit: Fit | None = None  # The radar's innovations compared with its noise, if known
-    # Mapping of name to number. What was learned of the radar, without its name; see
-    # `SensorMemory.figures`.
+    # What was learned of the radar, without its name; see `SensorMemory.figures`.
     learned: Mapping[str, float] = field(default_factory=dict)
     _last_s: float | None = None
     _worked_s: float = 0.0
@@ -69,12 +68,8 @@ class InputHealth:
     def arrived(self, now_s: float, sequence: int | None, worked_s: float) -> None:
         """Count a message and those lost before it.
 
-        Parameters
-        ----------
-        sequence : int or None
-            Its publisher's number for it.
-        worked_s : float
-            Time that the tracker has worked so far, of `now_s`.
+        `sequence` is its publisher's number for it, and `worked_s` the time that the tracker has
+        worked so far, of `now_s`.
         """
         self.received += 1
         if sequence is not None:
@@ -113,11 +108,8 @@ class InputHealth:
     def silent(self, checked_s: float) -> bool:
         """Return whether nothing has arrived for `SILENT_AFTER_SCANS` of its usual intervals.
 
-        Parameters
-        ----------
-        checked_s : float
-            All messages that had arrived by this time have been received. Messages that wait in
-            the queue of a slow tracker must not count as silence.
+        All messages that had arrived by `checked_s` have been received. Messages that wait in the
+        queue of a slow tracker must not count as silence.
         """
         if self._last_s is None:
             return True

@@ -42,12 +42,7 @@ POSE_DEPTH = 200
 class Inputs:
     """Subscribes to every radar and platform; as `Notices` it counts their unused messages.
 
-    Attributes
-    ----------
-    radars : list of InputHealth
-        In the configured order.
-    platforms : dict of topic to InputHealth
-        The poses of platforms that carry radars.
+    `radars` are in the configured order; `platforms`, by topic, carry radars and send their poses.
     """
 
     def __init__(self, node: LifecycleNode, settings: Settings) -> None:
@@ -94,12 +89,8 @@ class Inputs:
     ) -> None:
         """Subscribe to all inputs.
 
-        Parameters
-        ----------
-        on_message : callable
-            Receives a radar's index and reader, the message, and its information.
-        on_pose : callable
-            Receives a platform's topic, the message, and its information.
+        `on_message` receives a radar's index and reader, the message, and its information;
+        `on_pose` a platform's topic, the message, and its information.
 
         Raises
         ------

@@ -35,8 +35,6 @@ from .outputs import Outputs
 
 # An older checkpoint is not used, seconds: its targets have moved on.
 CHECKPOINT_MAX_AGE_S = 60.0
-# Step time above which diagnostics warn, in intervals between scans: the tracker falls behind.
-STEP_TIME_LIMIT = 1.0
 
 
 class LiveTracker:
@@ -272,7 +270,7 @@ class LiveTracker:
         residuals = [] if self._registration is None else self._registration.mean_residuals()
         return [
             *self.inputs.statuses(now_s),
-            self._step_health.status(name, STEP_TIME_LIMIT, lost, busy),
+            self._step_health.status(name, lost, busy),
             self._output_health.status(name, now_s),
             *(registration_status(found, name) for found in residuals),
         ]
