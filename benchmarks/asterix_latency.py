@@ -221,5 +221,5 @@ class _Site:
 
 
 def _plot(distance: float, azimuth: float) -> Plot:
-    place = float(distance), 0.5 * math.pi - float(azimuth), math.nan
-    return Plot(NUMBER, NONE, DAY, *place, NONE, NONE, PRIMARY, math.nan, math.nan)
+    turned = 0.5 * math.pi - float(azimuth)
+    return Plot(NUMBER, NONE, DAY, float(distance), turned, kind=PRIMARY)

@@ -13,7 +13,7 @@ import numpy as np
 
 from msg_adapters import names
 from msg_adapters.detections import OWN_LAYOUT, from_msg, to_msg
-from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
+from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
 from phd_jdtc_ros.asterix.transport import pcap_out
 from phd_jdtc_ros.asterix.writing import plots as plots_out
@@ -228,6 +228,4 @@ def _good(time_ns: int, sector: int, crossings: bool) -> bytes:
 
 
 def _plot(azimuth: float) -> Plot:
-    unknown = math.nan
-    turned = azimuth % (2.0 * math.pi)
-    return Plot(RADAR, NONE, DAY, 5e4, turned, unknown, NONE, NONE, 1, unknown, unknown)
+    return Plot(RADAR, NONE, DAY, 5e4, azimuth % (2.0 * math.pi), kind=PRIMARY)

@@ -12,10 +12,9 @@ from bisect import bisect_right, insort
 from collections import Counter, deque
 from dataclasses import dataclass, field
 
-from .messages import Plot, ServiceMessage
+from .messages import FULL_TURN, Plot, ServiceMessage
 from .slices import MAX_PENDING, NoTurnFinder, RecentMaximum, SectorReport, Slicer, TurnFinder
 
-FULL_TURN = 2.0 * math.pi
 # A sector counts as passed once the azimuth is within TOLERANCE of its end: half the resolution of
 # sector-crossing messages, radians.
 TOLERANCE = 0.5 * FULL_TURN / 2**8
@@ -215,10 +214,9 @@ class Assembler:
         if len(self._pending) >= MAX_PENDING:
             del self._pending[0]
             self.counts["overflow"] += 1
-        width = FULL_TURN / self.sectors
-        ahead = math.remainder(plot.azimuth - self._passed * width, FULL_TURN)
+        ahead = math.remainder(plot.azimuth - self._passed * self._width, FULL_TURN)
         # The tolerance assigns a plot at the beginning of a sector to it despite rounding.
-        number = self._passed + 1 + math.floor(ahead / width + 1e-9)
+        number = self._passed + 1 + math.floor(ahead / self._width + 1e-9)
         insort(self._pending, (number, time_ns, plot), key=_number_of)
         return number
 

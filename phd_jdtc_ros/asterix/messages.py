@@ -13,11 +13,10 @@ from typing import NamedTuple, TypeAlias
 TICKS_PER_S = 128
 DAY = 86_400 * TICKS_PER_S
 TRUNCATED = 2**16
-NAUTICAL_MILE = 1852.0
+NAUTICAL_MILE, FULL_TURN = 1852.0, 2.0 * math.pi
 # A quarter of a flight level, which is 25 ft.
 QUARTER_LEVEL = 7.62
-AZIMUTH_UNIT = 2.0 * math.pi / 2**16
-SECTOR_UNIT = 2.0 * math.pi / 2**8
+AZIMUTH_UNIT, SECTOR_UNIT = FULL_TURN / 2**16, FULL_TURN / 2**8
 # Unit of latitude and longitude in I034/120, degrees.
 SITE_UNIT = 180.0 / 2**23
 # Marks a code, an address or a time that is absent from a message.
@@ -36,12 +35,12 @@ class Plot(NamedTuple):
     period: int  # `DAY`, or `TRUNCATED`
     distance: float  # Slant range, metres
     azimuth: float  # Radians clockwise from north
-    height: float  # From the flight level, or else measured, metres; NaN if unknown
-    code: int  # Mode 3/A code; `NONE` if unknown
-    address: int  # Mode S address; `NONE` if unknown
-    kind: int  # A kind such as `PRIMARY`; 0 if unknown
-    primary_dbm: float  # Amplitude of the echo, dBm; NaN if unknown
-    secondary_dbm: float  # Amplitude of the replies, dBm; NaN if unknown
+    height: float = math.nan  # From the flight level, or else measured, metres; NaN if unknown
+    code: int = NONE  # Mode 3/A code; `NONE` if unknown
+    address: int = NONE  # Mode S address; `NONE` if unknown
+    kind: int = 0  # A kind such as `PRIMARY`; 0 if unknown
+    primary_dbm: float = math.nan  # Amplitude of the echo, dBm; NaN if unknown
+    secondary_dbm: float = math.nan  # Amplitude of the replies, dBm; NaN if unknown
     call_sign: int = NONE  # The 48 bits of I048/240; `NONE` if unknown
 
 

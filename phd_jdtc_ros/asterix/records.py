@@ -249,8 +249,6 @@ def _surface(data: bytes, items: Items) -> Plot | str:
         _code(data, at060),
         _address(data, at220),
         _SURFACE.get(first >> 5, 0) if at020 >= 0 else 0,
-        math.nan,
-        math.nan,
     )
 
 

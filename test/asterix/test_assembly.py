@@ -11,8 +11,7 @@ ROTATION_S = 4.0
 
 
 def plot(azimuth_deg, number=0):
-    azimuth = math.radians(azimuth_deg % 360.0)
-    return Plot(1, 0, DAY, 1000.0 + number, azimuth, 0.0, 0, 0, 1, math.nan, math.nan)
+    return Plot(1, 0, DAY, 1000.0 + number, math.radians(azimuth_deg % 360.0))
 
 
 def crossing(azimuth_deg, kind=SECTOR, rotation_s=math.nan):

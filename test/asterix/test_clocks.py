@@ -17,7 +17,7 @@ def message(time_of_day, period=DAY):
     """Return a plot of this time, or a service message."""
     if period == DAY:
         return ServiceMessage(1, time_of_day, 1, 0.0, 0.0)
-    return Plot(1, time_of_day, period, *[0.0] * 8)
+    return Plot(1, time_of_day, period, 0.0, 0.0)
 
 
 def seconds(clock, time_s, received_s=None, check_clock=True, midnight=0):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.asterix.columns import UNKNOWN, columns
-from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
+from phd_jdtc_ros.asterix.messages import DAY, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
 from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.core.intake.sectors import coverage_of
@@ -15,9 +15,7 @@ SEEN = [(10.0, 20.0), (100.0, 30.0), (190.0, 40.0), (350.0, 50.0)]
 
 
 def plot(azimuth_deg=0.0, **changes):
-    azimuth = math.radians(azimuth_deg)
-    base = Plot(1, 0, DAY, 1000.0, azimuth, math.nan, NONE, NONE, 3, math.nan, math.nan)
-    return base._replace(**changes)
+    return Plot(1, 0, DAY, 1000.0, math.radians(azimuth_deg), **changes)
 
 
 def of(*plots, sector=0, sectors=32, amplitude="any", noise_dbm=-100.0):

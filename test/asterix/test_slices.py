@@ -1,5 +1,4 @@
 import itertools
-import math
 import random
 from collections import Counter
 
@@ -14,7 +13,7 @@ BEGIN = 1000 * NS
 
 
 def plot(number=0):
-    return Plot(1, 0, DAY, 1000.0 + number, 0.0, 0.0, 0, 0, 1, math.nan, math.nan)
+    return Plot(1, 0, DAY, 1000.0 + number, 0.0)
 
 
 def fed(slicer, times_s):

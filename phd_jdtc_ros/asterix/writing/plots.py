@@ -6,6 +6,7 @@ import math
 
 from ..messages import (
     AZIMUTH_UNIT,
+    FULL_TURN,
     NAUTICAL_MILE,
     NONE,
     NORTH,
@@ -17,7 +18,6 @@ from ..messages import (
 )
 from .encoding import blocks, record, signed, time_of_day, unsigned
 
-FULL_TURN = 2.0 * math.pi
 RANGE_UNIT = NAUTICAL_MILE / 256.0
 # Upper bound of the range in I048/040, metres.
 FARTHEST = (2**16 - 1) * RANGE_UNIT
