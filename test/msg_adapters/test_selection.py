@@ -209,6 +209,7 @@ LAYOUTS = {
     "epoch_ns": {"time_field": "t", "time_since_epoch": True, "time_unit_s": 1e-9},
     "height": {"height_field": "h", "position": (0.0, 0.0, 120.0)},
     "deviations": {"range_std_field": "dr", "azimuth_std_field": "da", "azimuth_in_degrees": True},
+    "rates": {"range_rate_field": "rr", "range_rate_std_field": "sd"},
     "sectors": {"sector_field": "s", "rotation_s": 4.0, "sectors": 16},
     "sectors_compass": {"sector_field": "s", "rotation_s": 4.0, "sectors": 7, "compass": True},
 }
@@ -222,6 +223,8 @@ def test_to_msg_writes_what_from_msg_reads(changes):
         None,
         time_s=np.array([-1.2345678, 0.25]),
         noise_std=np.array([[6.0, np.nan], [np.nan, 0.001]]),
+        range_rate=np.array([-3.5, np.nan]),
+        range_rate_std=np.array([0.25, np.nan]),
         coverage=coverage_of(3, layout.sectors or 8, layout.compass),
     )
     report = adapter.from_msg(adapter.to_msg(given, STAMP_NS, FRAME, layout), layout)
@@ -232,6 +235,11 @@ def test_to_msg_writes_what_from_msg_reads(changes):
         assert_allclose(report.detections.time_s, given.time_s, rtol=0.0, atol=1e-6)
     if layout.fields.range_std:
         assert_allclose(report.detections.noise_std, given.noise_std, rtol=1e-6)
+    if layout.fields.range_rate:
+        lacking = adapter.to_msg(replace(given, range_rate=None), STAMP_NS, FRAME, layout)
+        assert_array_equal(adapter.from_msg(lacking, layout).detections.range_rate, [NAN, NAN])
+        assert_array_equal(report.detections.range_rate, given.range_rate)
+        assert_array_equal(report.detections.range_rate_std, given.range_rate_std)
     if layout.fields.sector:
         assert report.sector == 3
 
@@ -276,18 +284,3 @@ def test_range_rates_beyond_the_ambiguity_are_used_and_a_doubt():
     report = read(["rr"], points, **settings)
     assert_array_equal(report.detections.range_rate, [29.9, -15.0, 30.0, 30.1, -45.0, NAN])
     assert report.anomalies == {"range_rates_beyond_ambiguity": 2}
-
-
-def test_range_rates_are_written_as_they_are_read():
-    layout = radar(amplitude_field="", **RATES)
-    sent = Detections(
-        np.array([[1000.0, 0.5], [900.0, 0.25]]),
-        None,
-        range_rate=np.array([-3.5, NAN]),
-        range_rate_std=np.array([0.25, NAN]),
-    )
-    found = adapter.from_msg(adapter.to_msg(sent, STAMP_NS, FRAME, layout), layout).detections
-    assert_array_equal(found.range_rate, sent.range_rate)
-    assert_array_equal(found.range_rate_std, sent.range_rate_std)
-    none = adapter.to_msg(replace(sent, range_rate=None), STAMP_NS, FRAME, layout)
-    assert_array_equal(adapter.from_msg(none, layout).detections.range_rate, [NAN, NAN])
