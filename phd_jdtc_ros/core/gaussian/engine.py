@@ -29,15 +29,13 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
     """
 
     forward: GaussianFilter
-    # What was smoothed of the window; found again if the window is another one.
+    # What was smoothed of the window; smoothed again if the window is another one.
     _lineages: Lineages = field(init=False, default_factory=Lineages, repr=False)
 
     def _extract(self, stored: Mixture, stamp_ns: int, lag: int, threshold: float) -> Estimates:
         return extract(stored, self.forward.dynamics, stamp_ns, lag, threshold)
 
     def _smoothed_at(self, stamp_ns: int, lag: int, threshold: float) -> Estimates:
-        if not self._lineages.continued_by(self._window):
-            self._lineages = Lineages()
         self._lineages.extend(self._window)
         self._lineages.smooth(stamp_ns)
         self.forward.on_stage_end("backward")

@@ -108,6 +108,15 @@ def _scratch(pairs: int, modes: int, classes: int, edges: int) -> _Scratch:
 
 
 @inner
+def _clear(mean: FloatArray, covariance: FloatArray) -> None:
+    """Write zeros; an assignment to parts of larger arrays would take longer."""
+    for i in range(SIZE):
+        mean[i] = 0.0
+        for k in range(SIZE):
+            covariance[i, k] = 0.0
+
+
+@inner
 def _write_predicted(
     updates: Updates, one: int, edges: Edges, later: Gaussians, part: FloatArray, ahead: Gaussians
 ) -> None:
@@ -120,13 +129,15 @@ def _write_predicted(
     modes, classes = later.weight.shape[1:]
     first, count = updates.predicted[one, 0], updates.predicted[one, 1] - updates.predicted[one, 0]
     begin, end = updates.edge[one, 0], updates.edge[one, 1]
-    ahead.weight[:count], ahead.mean[:count], ahead.covariance[:count] = 0.0, 0.0, 0.0
+    ahead.weight[:count] = 0.0
     for edge in range(begin, end):
         to, child = edges.parent[edge] - first, edges.child[edge]
         for mode in range(modes):
             part[edge - begin, mode] = 0.0
             if not 0 <= to < count:
                 continue
+            if total_of(ahead.weight[to, mode]) == 0.0:
+                _clear(ahead.mean[to, mode], ahead.covariance[to, mode])
             for class_id in range(classes):
                 given = later.weight[child, mode, class_id] * edges.share[edge, mode, class_id]
                 ahead.weight[to, mode, class_id] += given
@@ -278,6 +289,8 @@ def _add_pairs(of: IntArray, scratch: _Scratch, smoothed: Gaussians, at: int) ->
     mass = scratch.mass
     for pair in range(len(of)):
         if mass[pair] > 0.0:
+            if total_of(weight[of[pair]]) == 0.0:
+                _clear(mean[of[pair]], covariance[of[pair]])
             add(scratch.joint[pair], weight[of[pair]])
     for pair in range(len(of)):
         if mass[pair] > 0.0:
@@ -320,6 +333,7 @@ def go_back(
     of: Int1,
     to: Int1,
     first: int,
+    order: Int1,
     needed: Bool1,
     updates: Updates,
     edges: Edges,
@@ -328,7 +342,7 @@ def go_back(
     own: Gaussians,
     smoothed: Gaussians,
 ) -> None:
-    """Smooth the updates that those from `first` on continue, directly or not, latest first.
+    """Smooth the updates that those from `first` on continue, directly or not.
 
     Parameters
     ----------
@@ -336,6 +350,9 @@ def go_back(
         The pairs of motion modes of `prediction.Moves`.
     first : int
         The first new update.
+    order : int array of shape (U,)
+        The updates of later scans first, and those of one scan in the order of the tables, in which
+        memory is read ahead.
     needed : bool array of shape (U,)
         Whether each update is still of use; the others are left as they are.
     own, smoothed : Gaussians
@@ -350,20 +367,23 @@ def go_back(
         np.empty((most_rows, modes, SIZE, SIZE)),
     )
     changed = np.arange(count) >= first
-    for one in range(count - 1, -1, -1):
+    for place in range(count):
+        one = order[place]
         before = updates.before[one]
         if before < 0 or not changed[one] or not needed[before]:
             continue
         changed[before] = True
         begin, alive, dead = updates.row[before, 0], 0.0, 1.0
         first_row, end_row = updates.predicted[one, 0], updates.predicted[one, 1]
-        _write_predicted(updates, one, edges, smoothed, scratch.part, ahead)
+        kept = updates.edge[one, 0] < updates.edge[one, 1]
+        if kept:
+            _write_predicted(updates, one, edges, smoothed, scratch.part, ahead)
         for row in range(first_row, end_row):
             part, at = row - first_row, begin + row - first_row
-            smoothed.weight[at], smoothed.mean[at], smoothed.covariance[at] = 0.0, 0.0, 0.0
+            smoothed.weight[at] = 0.0
             for mode in range(modes):
                 dead -= predicted.survival[row, mode] * total_of(own.weight[at, mode])
-            if sum_of(ahead.weight[part]) > 0.0:
+            if kept and sum_of(ahead.weight[part]) > 0.0:
                 _write_row(of, to, own, at, predicted, pairs, row, ahead, part, scratch)
                 alive += _add_pairs(of, scratch, smoothed, at)
         death = (1.0 - min(alive, 1.0)) / dead if dead > 0.0 else 0.0

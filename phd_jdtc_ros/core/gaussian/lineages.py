@@ -20,8 +20,9 @@ from .mixture import Mixture
 from .prediction import Moves
 from .reduction import Ancestry
 
-# Number of dropped entries, beside those in the window, above which the tables are made anew.
-MOST_DROPPED = 16
+# Number of hypotheses of dropped entries, beside as many as the window has, above which the tables
+# are filled anew.
+MOST_DROPPED = 1024
 
 
 @dataclass(frozen=True)
@@ -82,26 +83,36 @@ class Lineages:
         self._done = 0  # Number of updates that have been smoothed
         self._edges, self._predicted, self._pairs = _Table(), _Table(), _Table()
         self._filtered, self._smoothed = _Table(), _Table()
+        self._tables = (
+            *(self._updates, self._edges, self._predicted, self._pairs),
+            *(self._filtered, self._smoothed),
+        )
 
-    def continued_by(self, window: Sequence[Entry[Mixture, Link]]) -> bool:
-        """Return whether a window has these entries, except for dropped ones, and later ones."""
+    def extend(self, window: Sequence[Entry[Mixture, Link]]) -> None:
+        """Append the new entries of a window; begin again if it does not continue these entries."""
+        if not self._continued_by(window):
+            self._places.clear()
+            self._done = 0
+            for table in self._tables:
+                table.size = 0
+        for entry in window:
+            if entry.stamp_ns not in self._places:
+                self._append(entry)
+
+    def _continued_by(self, window: Sequence[Entry[Mixture, Link]]) -> bool:
+        """Return whether a window has these entries, but for dropped ones, and later ones."""
         places, latest = self._places, next(reversed(self._places), -1)
         known = [entry for entry in window if entry.stamp_ns <= latest]
+        kept = sum(len(entry.stored) for entry in known)
         return (
             bool(known)
             and known[-1].stamp_ns == latest
-            and len(places) <= 2 * len(known) + MOST_DROPPED
+            and self._filtered.size <= 2 * kept + MOST_DROPPED
             and all(
                 entry.stamp_ns in places and places[entry.stamp_ns].stored is entry.stored
                 for entry in known
             )
         )
-
-    def extend(self, window: Sequence[Entry[Mixture, Link]]) -> None:
-        """Append the entries of a window that are new."""
-        for entry in window:
-            if entry.stamp_ns not in self._places:
-                self._append(entry)
 
     def smooth(self, since_ns: int = -1) -> None:
         """Smooth the updates that new ones continue, if a stamp from this one on needs them.
@@ -131,6 +142,7 @@ class Lineages:
         go_back(
             *self._pairs_of_modes,
             first,
+            np.argsort(-stamp, kind="stable"),
             needed,
             Updates(before, row, predicted, edge),
             Edges(*self._edges.columns),

@@ -125,7 +125,7 @@ def test_window_that_grows_is_smoothed_as_one_that_was_always_whole():
     grown = lineages.Lineages()
     for end in range(50, len(entries) + 1):
         since_ns = entries[end - 40].stamp_ns
-        assert grown.continued_by(entries[:end]) == (end > 50)
+        assert grown._continued_by(entries[:end]) == (end > 50)
         grown.extend(entries[:end])
         grown.smooth(since_ns)
         whole = lineages.Lineages()
@@ -156,11 +156,25 @@ def test_updates_around_a_stamp_are_the_last_before_it_and_the_first_after_it():
 def test_lineages_of_another_window_are_not_continued():
     entries = window(5)
     own = lineages.Lineages()
-    assert not own.continued_by(entries)
+    assert not own._continued_by(entries)
     own.extend(entries[:-1])
-    assert own.continued_by(entries)
-    assert own.continued_by(entries[9:])
-    assert not own.continued_by(entries[:-2])  # it went back
-    assert not own.continued_by(entries[-1:])  # it has none of them
+    assert own._continued_by(entries)
+    assert own._continued_by(entries[9:])
+    assert not own._continued_by(entries[:-2])  # it went back
+    assert not own._continued_by(entries[-1:])  # it has none of them
     copied = replace(entries[20], stored=replace(entries[20].stored))
-    assert not own.continued_by([*entries[:20], copied, *entries[21:]])
+    assert not own._continued_by([*entries[:20], copied, *entries[21:]])
+
+
+def test_lineages_begin_again_with_a_window_that_went_back():
+    entries = window(5)
+    again, fresh = lineages.Lineages(), lineages.Lineages()
+    again.extend(entries)
+    again.smooth()
+    for each in (again, fresh):
+        each.extend(entries[:-9])
+        each.smooth()
+    for entry in entries[:-9]:
+        found, expected = (each.smoothed(entry.stamp_ns).gaussians for each in (again, fresh))
+        for own, other in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(own, other)
