@@ -128,19 +128,14 @@ def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
     blocks = [*made.turns(1)]
     packets = [(k * 10**8, made.packet(block)) for k, block in enumerate(blocks)]
     packets += [(k * 10**8, made.packet(block, port=9)) for k, block in enumerate(blocks)]
-    status, out, said = bridge(made.pcap(sorted(packets)), "--port", "8600", "-p", "sectors:=8")
-    assert status == 0
-    assert "left out: other_port 33" in said.out
-    assert BagReader(out).counts == {TOPIC: 8}
-
-
-def test_a_port_is_not_required_of_recordings_without_ports(bridge):
-    blocks = enumerate(made.turns(1))
-    data = b"".join(made.final(block, 1000.0 + k / 8.0) for k, block in blocks)
-    status, out, said = bridge(data, "--port", "8600", "-p", "sectors:=8")
-    assert status == 0
-    assert "left out: none" in said.out
-    assert BagReader(out).counts == {TOPIC: 8}
+    # Recordings without ports are read whatever is asked.
+    final = b"".join(made.final(block, 1000.0 + k / 8.0) for k, block in enumerate(blocks))
+    for data, left_out in ((made.pcap(sorted(packets)), "other_port 33"), (final, "none")):
+        given = ("--port", "8600", "-p", "sectors:=8")
+        status, out, said = bridge(data, *given, out=left_out[:4])
+        assert status == 0
+        assert f"left out: {left_out}" in said.out
+        assert BagReader(out).counts == {TOPIC: 8}
 
 
 def test_wrong_clock_and_second_source_are_reported(bridge):
@@ -201,17 +196,17 @@ def test_trailers_of_datagrams_are_reported_and_no_faults(bridge):
     assert "left out: none" in said.out
 
 
-def test_empty_recording_fails(bridge):
-    status, out, said = bridge(b"")
-    assert status == 3
-    assert "recording.ast: is empty, nothing was recorded" in said.err
-    assert not out.exists()
-
-
-def test_what_is_no_recording_is_refused(bridge):
-    status, out, said = bridge(b"not a recording")
-    assert status == 2
-    assert "recording.ast: is not a recording of ASTERIX" in said.err
+@pytest.mark.parametrize(
+    ("data", "status", "fault"),
+    [
+        (b"", 3, "is empty, nothing was recorded"),
+        (b"not a recording", 2, "is not a recording of ASTERIX"),
+    ],
+)
+def test_what_is_no_recording_is_refused(bridge, data, status, fault):
+    found, out, said = bridge(data)
+    assert found == status
+    assert f"recording.ast: {fault}" in said.err
     assert not out.exists()
 
 
