@@ -188,7 +188,7 @@ class Tracker:
             one.
         """
         columns = {} if detections is None else columns_of(detections)
-        stamp_ns = int(stamps_ns({TIME: _column(time)})[0])
+        stamp_ns = int(stamps_ns(columns_of({TIME: [time]}))[0])
         if self._run is None:
             if not columns:
                 # Before the first detections the columns are unknown, and there is nothing to
@@ -225,10 +225,6 @@ class Tracker:
         self.dropped += run.tally.dropped
         for warning in run.warnings():
             warnings.warn(warning, stacklevel=3)
-
-
-def _column(value: Any) -> Column:
-    return columns_of({TIME: [value]})[TIME]
 
 
 def _index_of(radar: str | None, names: list[str]) -> int:

@@ -103,10 +103,9 @@ def rate(given: Any) -> float:
     ConfigError
         If it is not allowed.
     """
-    (own,) = (entry for entry in AT_THE_START if entry.name == "rate")
-    value = own.coerce(given)
-    if not isinstance(value, float):
-        raise ConfigError([own.fault(given)])
+    value = _rate(given)
+    if value is None:
+        raise ConfigError([f"rate: {given!r} given, must be {RATE.allowed}"])
     return value
 
 
