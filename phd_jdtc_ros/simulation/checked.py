@@ -6,7 +6,8 @@ A block is declared as a dataclass whose fields are parameters; `read` makes an 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from phd_jdtc_ros.configuration.schema import (
@@ -99,12 +100,19 @@ def read(
     found: list[str] = []
     values = take(table(declared), given, prefix, found, also)
     if not found:
-        try:
+        with collecting_faults(prefix, faults):
             return build(declared, values, **others)
-        except ConfigError as error:
-            found = [f"{prefix}{fault}" for fault in error.faults]
     faults += found
     return None
+
+
+@contextmanager
+def collecting_faults(prefix: str, faults: list[str]) -> Iterator[None]:
+    """Add the faults of a `ConfigError` in the block to `faults`, and go on after it."""
+    try:
+        yield
+    except ConfigError as error:
+        faults += [f"{prefix}{fault}" for fault in error.faults]
 
 
 def mappings(

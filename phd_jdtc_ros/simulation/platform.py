@@ -9,23 +9,34 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter
+from phd_jdtc_ros.configuration.schema import ConfigError, parameter
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.intake.poses import Mount
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import Pose
 
-from .checked import mapping, take
-from .traffic.flight import PLACES, Flight
+from .checked import collecting_faults, mapping, pair, read
+from .traffic.flight import Flight
 from .traffic.targets import legs
 
-PLATFORM = (
-    Parameter("radars", [], "Names of the radars on the platform.", element=str, required=True),
-    Parameter("pose_interval_s", 0.5, "Interval between poses, s.", 1e-3, 60.0),
-    *PLACES,
-)
 _POSITION = list(PLANAR.position)
+
+
+@dataclass(frozen=True)
+class PlatformBlock:
+    """The block ``platform`` without its legs."""
+
+    radars: list[str] = parameter(
+        [], "Names of the radars on the platform.", element=str, required=True
+    )
+    position: tuple[float, float] = pair("Position at scan 0, world frame, m.", required=True)
+    velocity: tuple[float, float] = pair("Velocity at scan 0, world frame, m/s.", required=True)
+    pose_interval_s: float = parameter(0.5, "Interval between poses, s.", (1e-3, 60.0))
+
+    def __post_init__(self) -> None:
+        if not self.radars:
+            raise ConfigError(["radars: none given, must be at least one"])
 
 
 @dataclass(frozen=True)
@@ -69,29 +80,26 @@ def platform(
     given = mapping(document, "platform", faults)
     if not given:
         return None
-    found: list[str] = []
-    values = take(PLATFORM, given, "platform.", found, ("legs",))
-    ways = legs(given, "platform.", found)
+    block = read(PlatformBlock, given, "platform.", faults, ("legs",))
+    ways = legs(given, "platform.", faults)
+    if block is None or not ways:
+        return None
     known = [radar.name for radar in radars]
-    found += [
+    found = [
         f"platform.radars: {name!r} given, must be some of {', '.join(known)}"
-        for name in values.get("radars") or []
+        for name in block.radars
         if name not in known
     ]
     found += [
         f"platform.radars: {radar.name!r} has range rates, which can be simulated only for "
         "stationary radars"
         for radar in radars
-        if radar.range_rate is not None and radar.name in (values.get("radars") or [])
+        if radar.range_rate is not None and radar.name in block.radars
     ]
-    if not found and not values["radars"]:
-        found.append("platform.radars: none given, must be at least one")
-    if not found:
-        try:
-            motion = Flight(0, 0.0, 0.0, tuple(values["position"]), tuple(values["velocity"]), ways)
-            carried = tuple(known.index(name) for name in values["radars"])
-            return MovingPlatform(motion, carried, values["pose_interval_s"])
-        except ConfigError as error:
-            found += [f"platform.{fault}" for fault in error.faults]
     faults += found
+    if not found:
+        with collecting_faults("platform.", faults):
+            motion = Flight(0, 0.0, 0.0, block.position, block.velocity, ways)
+            carried = tuple(map(known.index, block.radars))
+            return MovingPlatform(motion, carried, block.pose_interval_s)
     return None

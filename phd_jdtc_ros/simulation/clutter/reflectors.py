@@ -14,34 +14,50 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.configuration.schema import ConfigError, parameter
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
-from ..checked import mappings, take
+from ..checked import mappings, read
 from ..noise import Observed, with_noise
 from .law import NOISE, ClutterLaw, law_of
 
-REFLECTORS = (
-    Parameter("points", [0.0, 0.0], "x and y of points, world frame, m.", -1e7, 1e7, required=True),
-    Parameter(
-        "spacing",
-        0.0,
-        "Distance between reflectors on the line through the points, m; 0: only the points.",
-        0.0,
-        1e6,
-    ),
-    Parameter(
-        "detection_probability",
-        0.5,
-        "Of each reflector per scan or turn.",
-        0.0,
-        1.0,
-        required=True,
-    ),
-)
 # Largest number of points of a line, which bounds the memory for a small spacing.
 MOST = 10_000
+
+
+@dataclass(frozen=True)
+class ReflectorBlock:
+    """Reflectors of one kind in a document, without their amplitudes."""
+
+    points: list[float] = parameter(
+        [0.0, 0.0], "x and y of points, world frame, m.", (-1e7, 1e7), required=True
+    )
+    detection_probability: float = parameter(
+        0.5, "Of each reflector per scan or turn.", (0.0, 1.0), required=True
+    )
+    spacing: float = parameter(
+        0.0,
+        "Distance between reflectors on the line through the points, m; 0: only the points.",
+        (0.0, 1e6),
+    )
+
+    def __post_init__(self) -> None:
+        if not self.points or len(self.points) % 2:
+            raise ConfigError(["points: must be x and y of at least one point"])
+        length = float(np.hypot(*np.diff(self.corners, axis=0).T).sum())
+        if self.spacing and length / self.spacing > MOST:
+            raise ConfigError(
+                [
+                    f"spacing: {self.spacing:g} given, must be at least {length / MOST:g} for at "
+                    f"most {MOST} reflectors"
+                ]
+            )
+
+    @property
+    def corners(self) -> FloatArray:
+        """The points, shape (N, 2)."""
+        return np.reshape(self.points, (-1, 2))
 
 
 @dataclass(frozen=True)
@@ -67,29 +83,16 @@ def reflectors(
     """Return the kinds of reflectors in a scenario document; add faults to `faults`."""
     kinds = []
     for index, given in enumerate(mappings(document, "reflectors", "", faults)):
-        prefix, found = f"reflectors[{index}].", list[str]()
-        values = take(REFLECTORS, given, prefix, found, ("amplitude",))
-        # The bounds of a law follow from the threshold; the highest threshold is the strictest.
-        strictest = max(radars, key=lambda radar: radar.threshold)
+        prefix = f"reflectors[{index}]."
+        block = read(ReflectorBlock, given, prefix, faults, ("amplitude",))
         law: ClutterLaw = NOISE
         if "amplitude" in given:
-            law = law_of(given["amplitude"], f"{prefix}amplitude.", strictest, found)
-        if not found and (not values["points"] or len(values["points"]) % 2):
-            found.append(f"{prefix}points: must be x and y of at least one point")
-        faults += found
-        if found:
-            continue
-        corners = np.reshape(values["points"], (-1, 2))
-        length = float(np.hypot(*np.diff(corners, axis=0).T).sum())
-        if values["spacing"] and length / values["spacing"] > MOST:
-            faults.append(
-                f"{prefix}spacing: {values['spacing']:g} given, must be at least "
-                f"{length / MOST:g} for at most {MOST} reflectors"
-            )
-            continue
-        kinds.append(
-            Reflectors(_along(corners, values["spacing"]), values["detection_probability"], law)
-        )
+            # The bounds of a law follow from the threshold; the highest one is the strictest.
+            strictest = max(radars, key=lambda radar: radar.threshold)
+            law = law_of(given["amplitude"], f"{prefix}amplitude.", strictest, faults)
+        if block is not None:
+            points = _along(block.corners, block.spacing)
+            kinds.append(Reflectors(points, block.detection_probability, law))
     return tuple(kinds)
 
 

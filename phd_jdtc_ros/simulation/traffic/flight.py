@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Parameter, parameter
+from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, parameter
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.state_space import PLANAR
 
@@ -17,11 +17,6 @@ from ..checked import degrees
 
 # Tolerance of a flight's end, which is a sum of durations, at a scan's time.
 ROUNDING_S = 1e-6
-# The state at the start in a document.
-PLACES = (
-    Parameter("position", [0.0, 0.0], "Position, world frame, m.", length=2, required=True),
-    Parameter("velocity", [0.0, 0.0], "Velocity, world frame, m/s.", length=2, required=True),
-)
 
 
 def turn_rate_field(**more: Any) -> Any:

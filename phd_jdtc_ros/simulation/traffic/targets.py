@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter
-from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
+from phd_jdtc_ros.configuration.schema import parameter
 
-from ..checked import mappings, read, read_list, take
-from .flight import PLACES, Flight, Leg
+from ..checked import collecting_faults, mappings, pair, read, read_list, signal_to_noise
+from .flight import Flight, Leg
 from .target_script import HEIGHTS, TargetScript, Turn
 
-FLIGHT = (
-    Parameter("class_id", 0, "Class, from 0.", 0, 1000, required=True),
-    Parameter("snr_db", 30.0, "Mean signal-to-noise ratio, dB.", -100.0, 200.0),
-    Parameter("start_s", 0.0, "Time of appearance, s after scan 0.", 0.0, 1e7),
-    *PLACES,
-    Parameter("height", 0.0, "Height above the world's zero, m.", *HEIGHTS),
-)
+
+@dataclass(frozen=True)
+class FlightBlock:
+    """A target with legs in a document, without the legs."""
+
+    class_id: int = parameter(0, "Class, from 0.", (0, 1000), required=True)
+    position: tuple[float, float] = pair("Position, world frame, m.", required=True)
+    velocity: tuple[float, float] = pair("Velocity, world frame, m/s.", required=True)
+    snr: float = signal_to_noise(30.0)
+    start_s: float = parameter(0.0, "Time of appearance, s after scan 0.", (0.0, 1e7))
+    height: float = parameter(0.0, "Height above the world's zero, m.", HEIGHTS)
 
 
 def targets(document: Mapping[str, Any], faults: list[str]) -> list[TargetScript | Flight]:
@@ -32,23 +36,11 @@ def targets(document: Mapping[str, Any], faults: list[str]) -> list[TargetScript
 
 def _flight(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Flight | None:
     """Return a checked flight; add its faults to `faults` and return None if there are any."""
-    found: list[str] = []
-    values = take(FLIGHT, script, prefix, found, ("legs",))
-    own = legs(script, prefix, found)
-    if not found:
-        try:
-            return Flight(
-                class_id=values["class_id"],
-                snr=snr_from_db(values["snr_db"]),
-                start_s=values["start_s"],
-                position=tuple(values["position"]),
-                velocity=tuple(values["velocity"]),
-                legs=own,
-                height=values["height"],
-            )
-        except ConfigError as error:
-            found += [f"{prefix}{fault}" for fault in error.faults]
-    faults += found
+    block = read(FlightBlock, script, prefix, faults, ("legs",))
+    own = legs(script, prefix, faults)
+    if block and own:
+        with collecting_faults(prefix, faults):
+            return Flight(**vars(block), legs=own)
     return None
 
 
