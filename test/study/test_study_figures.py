@@ -2,6 +2,7 @@ import io
 import math
 import re
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,9 +58,25 @@ def names(pictures):
     return {picture.stem for picture in pictures}
 
 
-@pytest.mark.parametrize("options", [{}, {"runs": 1}, {"scans": 1}])
-def test_write_all_writes_every_picture_1200_pixels_wide(tmp_path, options):
-    pictures = write_all(everything(**options), tmp_path / "new")
+def without_targets():
+    result = result_of(variant_of("corrected"))
+    result.scores.values[...] = 0.0
+    return [result]
+
+
+@pytest.mark.parametrize(
+    "results",
+    [
+        everything(),
+        everything(runs=1),
+        everything(scans=1),
+        [result_of(variant_of("filter alone", lags=(0,)))],
+        without_targets(),
+    ],
+    ids=["all", "one run", "one scan", "filter alone", "no targets"],
+)
+def test_write_all_writes_every_picture_1200_pixels_wide(tmp_path, results):
+    pictures = write_all(results, tmp_path / "new")
 
     assert names(pictures) == {"ospa_against_lag"} | OVER_TIME
     for picture in pictures:
@@ -69,30 +86,12 @@ def test_write_all_writes_every_picture_1200_pixels_wide(tmp_path, options):
         assert picture.parent.name == "quiet"
 
 
-def test_write_all_has_a_directory_for_each_case(tmp_path):
-    one = variant_of("corrected")
-    write_all([result_of(one), result_of(one, case="clutter 20")], tmp_path)
-
-    assert {path.name for path in tmp_path.iterdir()} == {"quiet", "clutter_20"}
-
-
-def test_write_all_draws_no_time_without_our_tracker(tmp_path):
-    pictures = write_all([result_of(variant_of("GNN", "gnn", (0,)), sets=("all",))], tmp_path)
+def test_write_all_has_a_directory_for_each_case_and_no_time_without_our_tracker(tmp_path):
+    peer = result_of(variant_of("GNN", "gnn", (0,)), sets=("all",))
+    pictures = write_all([peer, replace(peer, case="clutter 20")], tmp_path)
 
     assert names(pictures) == {"ospa_against_lag"}
-
-
-def test_write_all_draws_a_filter_alone(tmp_path):
-    result = result_of(variant_of("corrected", lags=(0,)))
-
-    assert names(write_all([result], tmp_path)) == {"ospa_against_lag"} | OVER_TIME
-
-
-def test_write_all_draws_a_run_without_targets(tmp_path):
-    result = result_of(variant_of("corrected"))
-    result.scores.values[...] = 0.0
-
-    assert names(write_all([result], tmp_path)) == {"ospa_against_lag"} | OVER_TIME
+    assert {path.name for path in tmp_path.iterdir()} == {"quiet", "clutter_20"}
 
 
 def test_over_time_has_a_row_for_each_class_and_one_for_all():
