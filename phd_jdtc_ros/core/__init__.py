@@ -31,7 +31,6 @@ against bounds that are declared with their fields. `compilation` compiles funct
 The packages import downwards only, see the contracts in ``pyproject.toml``::
 
     pipeline
-    events
     gaussian, smc
     window
     intake

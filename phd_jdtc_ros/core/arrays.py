@@ -128,6 +128,14 @@ def contains(ascending: IntArray, value: IntArray) -> BoolArray:
     return found
 
 
+def matches(ascending: IntArray, value: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the rows of values that are among the ascending ones, and their places there."""
+    place = ascending.searchsorted(value)
+    inside = np.flatnonzero(place < len(ascending))
+    row = inside[ascending[place[inside]] == value[inside]]
+    return row, place[row]
+
+
 def add_by_row(total: FloatArray | IntArray, row: IntArray, weight: FloatArray | None) -> None:
     """Add the sums of `weight` over ascending rows to `total`, in place; None counts pairs."""
     if len(row):

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import TypeAlias
 
 from .engine import Engine, Step
-from .events import Event, RunEnded, Stepped
 from .intake.input_checks import ReportWatch, ResultWatch
 from .intake.out_of_sequence import OutOfSequence
 from .intake.posed_reports import PosedReports
@@ -26,15 +26,35 @@ from .intake.turns import Turns
 from .models.tracker_model import TrackerModel
 from .tracks.region import Everywhere, Region, select_in_region
 from .tracks.reporting_rule import ReportingRule, slowest_s
-from .types import Detections, Pose, Scan
-
-__all__ = ["EVERYWHERE", "Event", "Pipeline", "RunEnded", "Stepped", "start_cold"]
+from .types import Detections, Estimates, Pose, Scan
 
 # Counts reports of moving radars that are dropped because the radar's pose is unknown.
 POSE_MISSING = "pose_missing"
 # Counts reports, or slices of turns, of closed scans that are reprocessed.
 REPROCESSED = "late_reworked"
 EVERYWHERE = Everywhere()
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """The engine has stepped through a scan."""
+
+    scan: Scan
+    step: Step
+    # Number of consecutive scans with detections but without targets, if a warning is due;
+    # otherwise 0.
+    scans_without_targets: int = 0
+
+
+@dataclass(frozen=True)
+class RunEnded:
+    """The stamps jumped, or the run was flushed; later events belong to a new run."""
+
+    reset: Reset | None  # The jump; None if the run was flushed
+    smoothed: tuple[Estimates, ...]  # Pending smoothed estimates, oldest first
+
+
+Event: TypeAlias = "Stepped | RunEnded"
 
 
 def start_cold(engine: Engine, stamp_ns: int) -> None:
@@ -174,7 +194,7 @@ class Pipeline:
             return
         model, rule = self._tuned
         radars = tuple(
-            radar.with_rotation_period(turns.nominal_period_s or radar.rotation_s)
+            replace(radar, rotation_s=turns.nominal_period_s or radar.rotation_s)
             for radar, turns in zip(model.radars, self._turns, strict=True)
         )
         tuned = replace(model, radars=radars)

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, ClassVar, Protocol, TypeVar, cast, get_args, get_type_hints
+from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar, cast, get_args, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -64,20 +64,6 @@ class Snapshot:
         }
 
 
-class _Stored(Protocol):
-    """Storage of a field under a key, by default the field's name, and bounds of its arrays."""
-
-    @property
-    def key(self) -> str:
-        """Name in the snapshot, if it is not the field's."""
-
-    def put(self, snapshot: Snapshot, name: str, value: Any) -> None:
-        """Store a value under a name."""
-
-    def get(self, snapshot: Snapshot, name: str, sizes: dict[str, int]) -> Any:
-        """Return the value of a name; raises ValueError if the tracker could not have stored it."""
-
-
 @dataclass(frozen=True)
 class _Array:
     """An array of numbers; `shape` has a letter for each axis, and is empty for a single number."""
@@ -89,12 +75,14 @@ class _Array:
     below: str = ""
     ascending: bool = False
     covariances: bool = False
-    key: str = ""
+    key: str = ""  # Name in the snapshot, if it is not the field's
 
     def put(self, snapshot: Snapshot, name: str, value: Any) -> None:
+        """Store a value under a name."""
         snapshot.arrays[name] = np.asarray(value, None if self.shape else f"{self.kind}8")
 
     def get(self, snapshot: Snapshot, name: str, sizes: dict[str, int]) -> Any:
+        """Return the value of a name; raises ValueError if the tracker could not have stored it."""
         array = snapshot.array(name)
         if array.dtype.kind != self.kind:
             expected = "floats" if self.kind == "f" else "whole numbers"
@@ -114,7 +102,7 @@ class _Array:
 
 @dataclass(frozen=True)
 class _Sparse:
-    """A sparse matrix in rows or columns, with numbers of at least 0."""
+    """A sparse matrix in rows or columns, with numbers of at least 0; see `_Array`."""
 
     matrix: Any
     shape: str
@@ -136,6 +124,9 @@ class _Sparse:
         matrix = self.matrix((parts["data"], parts["indices"], parts["indptr"]), shape=shape)
         matrix.check_format()
         return matrix
+
+
+_Stored: TypeAlias = "_Array | _Sparse"
 
 
 class Stateful(Protocol):

@@ -8,19 +8,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, matches
 from ..sensors.report import Report
-from ..types import UNKNOWN, Attributes, Detections, Estimates
+from ..snapshot import ROUNDING, Snapshot, from_snapshot, to_snapshot
+from ..types import SENSORS, UNKNOWN, Attributes, Detections, Estimates
 from . import reprojection, uniqueness, updates
 from .evidence import Evidence, addresses_of, compare, edges_of, log_clutter_factor
 from .history import History
-from .identity import Belief
+from .identity import CANDIDATES, Belief
 from .records import AttributeModel, AttributeRecords, Beliefs
 from .reprojection import Gate, Paired
 from .uniqueness import OutOfGate
 
 # Smallest probability with which a height is known.
 KNOWN_HEIGHT = 0.5
+# Name and sizes of the arrays in a snapshot.
+NAME = "attributes"
+SIZES = {"K": CANDIDATES, "W": CANDIDATES + 2, "A": 2, "S": len(SENSORS)}
 
 
 class AttributeMemory:
@@ -63,7 +67,7 @@ class AttributeMemory:
     def addresses(self, label: IntArray) -> tuple[IntArray, IntArray]:
         """Return the address of each label, or `UNKNOWN`, and the time of its last detection."""
         address, seen_ns = np.full((2, len(label)), UNKNOWN)
-        row, place = self._rows(label)
+        row, place = matches(self.records.label, label)
         records = self.records
         address[row] = Belief(records.address[place], records.address_weight[place]).most_probable()
         seen_ns[row] = records.seen_ns[place].max(axis=1)
@@ -78,7 +82,7 @@ class AttributeMemory:
     def predicted(self, label: IntArray, stamp_ns: int) -> AttributeRecords:
         """Return the records of labels, predicted to a stamp; priors for labels without one."""
         found = AttributeRecords.of(label, stamp_ns, Beliefs.fresh(len(label), self.model))
-        row, place = self._rows(label)
+        row, place = matches(self.records.label, label)
         kept = self.records.take(place)
         dt = (stamp_ns - kept.stamp_ns).astype(np.float64) * 1e-9
         beliefs = kept.beliefs.predict(dt, self.model)
@@ -95,12 +99,33 @@ class AttributeMemory:
             heights = new.beliefs.heights.take(with_height)
             self.history = self.history.record(new.label[with_height], stamp_ns, heights)
 
-    def _rows(self, label: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the indices of labels with records, and the rows of those records."""
-        place = np.searchsorted(self.records.label, label)
-        inside = np.flatnonzero(place < len(self.records.label))
-        row = inside[self.records.label[place[inside]] == label[inside]]
-        return row, place[row]
+    def to_snapshot(self, snapshot: Snapshot) -> None:
+        """Store the records and the history in a snapshot."""
+        to_snapshot(self.records, snapshot, f"{NAME}.record")
+        to_snapshot(self.history, snapshot, f"{NAME}.history")
+
+    @staticmethod
+    def from_snapshot(snapshot: Snapshot, model: AttributeModel) -> AttributeMemory:
+        """Return the stored memory; an empty one if the snapshot has none.
+
+        Raises
+        ------
+        ValueError
+            If the tracker cannot have stored these values.
+        """
+        memory = AttributeMemory(model)
+        if not snapshot.names_below(NAME):
+            return memory
+        records = from_snapshot(AttributeRecords, snapshot, f"{NAME}.record", SIZES)
+        history = from_snapshot(History, snapshot, f"{NAME}.history", SIZES)
+        for name in ("code_weight", "address_weight"):
+            if (np.abs(getattr(records, name).sum(axis=1) - 1.0) > ROUNDING).any():
+                raise ValueError(f"{NAME}.record.{name}: must sum to one")
+        order = np.lexsort((history.stamp_ns, history.label))
+        if (np.diff(order) < 0).any():
+            raise ValueError(f"{NAME}.history.origin: must be in order")
+        memory.records, memory.history = records, history
+        return memory
 
 
 class AttributesAt(NamedTuple):
@@ -122,8 +147,9 @@ class AttributesAt(NamedTuple):
         if projection is None or detections.height is None:
             return reprojection.plain(gate, detections)
         heights = self.memory.predicted(label, self.stamp_ns).beliefs.heights
-        model, std = self.memory.model.height, report.detection_std
-        return reprojection.pair(gate, target, heights, detections, std, projection, model)
+        return reprojection.pair(
+            gate, target, heights, report, projection, self.memory.model.height
+        )
 
     def out_of_gate(
         self, label: IntArray, target: IntArray, column: IntArray, detections: Detections

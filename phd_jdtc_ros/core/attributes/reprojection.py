@@ -14,6 +14,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..sensors.report import Report
 from ..sensors.slant_range import HeightProjection
 from ..types import Detections
 from .height import HeightModel, Heights, HeightUpdate, compare
@@ -58,42 +59,80 @@ def pair(
     gate: Gate,
     target: IntArray,
     heights: Heights,
-    detections: Detections,
-    std: FloatArray,
+    report: Report,
     projection: HeightProjection,
     model: HeightModel,
 ) -> Paired:
-    """Return the pairs of detections, some of them projected at the heights of the targets.
+    """Return the pairs of a report's detections, some of them projected at heights of the targets.
 
-    Given are the target of each of the engine's rows, (N,), the heights of all targets at the
-    scan's stamp, and the standard deviations of the detections, metres and radians, (M, 2).
+    Given are the target of each of the engine's rows, (N,), and the heights of all targets at the
+    scan's stamp.
     """
-    first, size = plain(gate, detections), len(detections)
+    plots, size = _Plots(report, heights, projection, model), len(report)
+    first = plain(gate, report.detections)
     edge = np.unique(target[first.row] * size + first.column)
-    doubtful = _doubtful(edge, heights, detections, model)
     known = heights.known > MIN_KNOWN
+    # Detections without the height of a target in whose gate they are.
+    right = edge[known[edge // size] & plots.compare(edge).probably_known]
+    doubtful = np.setdiff1d(np.arange(size), right % size)
     if not known.any() or not len(doubtful):
         return first
-    between = heights.mean[known, 0].min(), heights.mean[known, 0].max()
-    edge = _gated_at_heights(gate, target, detections, std, projection, doubtful, between)
-    owner, column = edge // size, edge % size
-    update = _height_update(heights, owner, column, detections, model)
-    edge = edge[known[owner] & update.probably_garbled]
+    row, column, _ = gate(plots.widened(doubtful, heights.mean[known, 0]))
+    edge = np.unique(target[row] * size + doubtful[column])
+    edge = edge[known[edge // size] & plots.compare(edge).probably_garbled]
     if not len(edge):
         return first
-    again = _project(edge // size, edge % size, heights, detections, std, projection)
-    return _replace_pairs(first, plain(gate, again), target, edge, std)
+    again = plain(gate, plots.projected(edge))
+    return _replace_pairs(first, again, target, edge, report.detection_std)
 
 
-def _doubtful(
-    edge: IntArray, heights: Heights, detections: Detections, model: HeightModel
-) -> IntArray:
-    """Return the detections without the height of a target in whose gate they are."""
-    size = len(detections)
-    owner, column = edge // size, edge % size
-    update = _height_update(heights, owner, column, detections, model)
-    right = (heights.known > MIN_KNOWN)[owner] & update.probably_known
-    return np.setdiff1d(np.arange(size), column[right])
+class _Plots(NamedTuple):
+    """A report's plots, and the heights at which they can be projected again.
+
+    An edge is target * M + detection, (E,).
+    """
+
+    report: Report
+    heights: Heights  # Of the targets
+    projection: HeightProjection
+    model: HeightModel
+
+    @property
+    def height(self) -> FloatArray:
+        """Height of each detection, NaN if missing, (M,)."""
+        given = self.report.detections.height
+        return np.full(len(self.report), np.nan) if given is None else given
+
+    def compare(self, edge: IntArray) -> HeightUpdate:
+        """Return the likelihood of the heights of edges."""
+        target, column = np.divmod(edge, len(self.report))
+        since = self.report.time_s[column]
+        return compare(self.heights, target, self.height[column], since, self.model)
+
+    def at(self, columns: IntArray, height: FloatArray) -> FloatArray:
+        """Return detections projected at other heights, (K, 2)."""
+        measured = self.report.detections.measurement[columns]
+        return self.projection.at(measured, self.height[columns], height)
+
+    def widened(self, columns: IntArray, heights: FloatArray) -> Detections:
+        """Return detections with gates that reach to their places at some of the heights."""
+        plots, std = self.report.detections.take(columns), self.report.detection_std[columns]
+        wide = std.copy()
+        for height in (heights.min(), heights.max()):
+            shift = self.at(columns, np.full(len(columns), height)) - plots.measurement
+            wide[:, 0] = np.maximum(wide[:, 0], std[:, 0] + np.abs(shift[:, 0]) / WIDENING)
+        return replace(plots, noise_std=wide)
+
+    def projected(self, edge: IntArray) -> Detections:
+        """Return the detection of each edge, projected at the height of its target."""
+        target, column = np.divmod(edge, len(self.report))
+        height = self.heights.mean[target, 0]
+        place, std = self.at(column, height), self.report.detection_std[column]
+        # The uncertainty of the height adds to that of the range.
+        higher = height + np.sqrt(self.heights.covariance[target, 0, 0])
+        spread = self.at(column, higher)[:, 0] - place[:, 0]
+        noise = np.stack([np.hypot(std[:, 0], spread), std[:, 1]], axis=1)
+        return replace(self.report.detections.take(column), measurement=place, noise_std=noise)
 
 
 def _replace_pairs(
@@ -104,7 +143,7 @@ def _replace_pairs(
     `again` has pairs of the detections that were projected again, one for each edge, (E,).
     """
     size = len(first.projected)
-    owner, column = edge // size, edge % size
+    owner, column = np.divmod(edge, size)
     own = np.flatnonzero(target[again.row] == owner[again.column])
     kept = np.flatnonzero(~np.isin(target[first.row] * size + first.column, edge))
     row = np.concatenate([first.row[kept], again.row[own]])
@@ -122,66 +161,3 @@ def _replace_pairs(
             noise_std=np.concatenate([std, again.projected.noise_std]),
         ),
     )
-
-
-def _height_update(
-    heights: Heights,
-    target: IntArray,
-    column: IntArray,
-    detections: Detections,
-    model: HeightModel,
-) -> HeightUpdate:
-    """Return the likelihood of the heights of (target, detection) pairs."""
-    since = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
-    return compare(heights, target, _heights(detections)[column], since[column], model)
-
-
-def _gated_at_heights(
-    gate: Gate,
-    target: IntArray,
-    detections: Detections,
-    std: FloatArray,
-    projection: HeightProjection,
-    columns: IntArray,
-    between: tuple[float, float],
-) -> IntArray:
-    """Return the pairs of targets and detections that may be in a gate at some height `between`.
-
-    The result, (E,), is ascending and has target * M + detection.
-    """
-    doubtful, wide = detections.take(columns), std[columns]
-    for height in between:
-        shift = _at(projection, doubtful, np.full(len(columns), height)) - doubtful.measurement
-        wide[:, 0] = np.maximum(wide[:, 0], std[columns, 0] + np.abs(shift[:, 0]) / WIDENING)
-    row, column, _ = gate(replace(doubtful, noise_std=wide))
-    size = len(detections)
-    return np.unique(target[row] * size + columns[column])
-
-
-def _project(
-    target: IntArray,
-    column: IntArray,
-    heights: Heights,
-    detections: Detections,
-    std: FloatArray,
-    projection: HeightProjection,
-) -> Detections:
-    """Return the detections of some columns, projected at the heights of targets."""
-    again = detections.take(column)
-    height, std_height = heights.mean[target, 0], np.sqrt(heights.covariance[target, 0, 0])
-    place = _at(projection, again, height)
-    # The uncertainty of the height adds to that of the range.
-    spread = _at(projection, again, height + std_height)[:, 0] - place[:, 0]
-    noise = np.stack([np.hypot(std[column, 0], spread), std[column, 1]], axis=1)
-    return replace(again, measurement=place, noise_std=noise)
-
-
-def _at(projection: HeightProjection, detections: Detections, height: FloatArray) -> FloatArray:
-    """Return detections projected at other heights, (M, 2)."""
-    return projection.at(detections.measurement, _heights(detections), height)
-
-
-def _heights(detections: Detections) -> FloatArray:
-    """Return the heights of detections, NaN if missing, (M,)."""
-    given = detections.height
-    return np.full(len(detections), np.nan) if given is None else given

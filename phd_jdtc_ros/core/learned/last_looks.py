@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly, contains, zeros
+from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly, matches, zeros
 from ..snapshot import MAX_INDEX, MAX_STAMP_NS, floats, integers
 from .correlation import MAX_REMEMBERED, SUMS, sums_of
 
@@ -73,11 +73,10 @@ class Remembered:
 
     def of(self, label: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return the columns for the targets of some labels, 0 for unknown ones."""
-        if not len(self.label):
-            return np.zeros(len(label)), np.zeros(len(label))
-        place = np.minimum(np.searchsorted(self.label, label), len(self.label) - 1)
-        known = self.label[place] == label
-        return np.where(known, self.looked[place], 0.0), np.where(known, self.detected[place], 0.0)
+        looked, detected = np.zeros((2, len(label)))
+        row, place = matches(self.label, label)
+        looked[row], detected[row] = self.looked[place], self.detected[place]
+        return looked, detected
 
     def probability(self, usual: FloatArray, label: IntArray) -> FloatArray:
         """Return the detection probabilities, given the usual ones, of rows; (..., N).
@@ -120,7 +119,7 @@ class LastLooks(ReadOnly):
 
     def of(self, labels: IntArray) -> LastLooks:
         """Return the looks at the targets of ascending labels."""
-        return self._take(np.flatnonzero(contains(labels, self.label)))
+        return self._take(matches(labels, self.label)[0])
 
     def _take(self, rows: IntArray) -> LastLooks:
         columns = (getattr(self, name)[rows] for name in _NUMBERS)
@@ -182,9 +181,8 @@ class LastLooks(ReadOnly):
         If a target is detected with probability d, given that it exists, the share d of its pairs
         counts, times its existence probability, and the share 1 - d stays open.
         """
-        place = np.searchsorted(look.label, self.label)
-        known = np.flatnonzero(contains(look.label, self.label))
-        detected, existence = look.detected[place[known]], look.existence[place[known]]
+        known, place = matches(look.label, self.label)
+        detected, existence = look.detected[place], look.existence[place]
         sums: FloatArray = (detected * existence) @ self.pairs[known]
         pairs = self.pairs.copy()
         pairs[known] *= 1.0 - detected[:, None]

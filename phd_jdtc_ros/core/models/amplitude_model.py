@@ -11,7 +11,6 @@ over its `SnrCells`.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,8 +27,9 @@ from ..types import Detections
 CELLS = 11
 
 
-class AmplitudeModel(ABC):
-    """Use of amplitudes in the recursion.
+@dataclass(frozen=True)
+class AmplitudeModel:
+    """Use of amplitudes in the recursion: their likelihood, averaged over the SNR band of a class.
 
     Only an engine with particles draws and diffuses; only one with weighted hypotheses has cells.
     """
@@ -38,7 +38,6 @@ class AmplitudeModel(ABC):
         """Return the detections that the update uses, with or without amplitudes."""
         return detections
 
-    @abstractmethod
     def detection_probability(
         self, mode: IntArray, log_snr: FloatArray, sensor: Sensor, modes: ModeSpace
     ) -> FloatArray:
@@ -46,8 +45,8 @@ class AmplitudeModel(ABC):
 
         A sensor's `given_detection_probability` takes its place.
         """
+        return sensor.class_detection_probability(modes.classes)[modes.class_of[mode]]
 
-    @abstractmethod
     def log_likelihood(
         self,
         mode: IntArray,
@@ -57,16 +56,21 @@ class AmplitudeModel(ABC):
         modes: ModeSpace,
     ) -> FloatArray:
         """Return log p_D g^tau(a) of every (hypothesis, detection) pair, shape (P,)."""
+        row, column = pairs
+        per_class = report.sensor.log_class_likelihood(report.detections, modes.classes)
+        place = (modes.class_of * len(report)).take(mode).take(row) + column
+        return per_class.take(place)
 
-    @abstractmethod
     def log_cell_likelihood(
         self, log_snr: FloatArray, report: Report, modes: ModeSpace
     ) -> FloatArray:
         """Return log p_D g^tau(a) of every cell, (C, S), and detection; broadcasts to (C, S, M)."""
+        return report.sensor.log_class_likelihood(report.detections, modes.classes)[:, None]
 
-    @abstractmethod
     def cells(self, modes: ModeSpace) -> SnrCells:
-        """Return the cells of the classes' SNR bands, for weighted hypotheses."""
+        """Return the cells of the classes' SNR bands, for weighted hypotheses: one a class."""
+        classes = len(modes.classes)
+        return SnrCells(np.zeros((classes, 1)), np.zeros((classes, 1, 1)))
 
     def draw(
         self,
@@ -93,45 +97,11 @@ class AmplitudeModel(ABC):
         return log_snr
 
 
-@dataclass(frozen=True)
 class Band(AmplitudeModel):
     """Likelihood averaged over the SNR band of a class, without a memory."""
 
-    def detection_probability(
-        self, mode: IntArray, log_snr: FloatArray, sensor: Sensor, modes: ModeSpace
-    ) -> FloatArray:
-        """Return p_D of each mode's class, shape (N,)."""
-        per_class = sensor.class_detection_probability(modes.classes)
-        return per_class[modes.class_of[mode]]
 
-    def log_likelihood(
-        self,
-        mode: IntArray,
-        log_snr: FloatArray,
-        report: Report,
-        pairs: tuple[IntArray, IntArray],
-        modes: ModeSpace,
-    ) -> FloatArray:
-        """Return log g_c(a) of each pair's class, shape (P,)."""
-        row, column = pairs
-        per_class = report.sensor.log_class_likelihood(report.detections, modes.classes)
-        place = (modes.class_of * len(report)).take(mode).take(row) + column
-        return per_class.take(place)
-
-    def log_cell_likelihood(
-        self, log_snr: FloatArray, report: Report, modes: ModeSpace
-    ) -> FloatArray:
-        """Return log g_c(a) of every class and detection, (C, 1, M)."""
-        return report.sensor.log_class_likelihood(report.detections, modes.classes)[:, None]
-
-    def cells(self, modes: ModeSpace) -> SnrCells:
-        """Return one cell a class."""
-        classes = len(modes.classes)
-        return SnrCells(np.zeros((classes, 1)), np.zeros((classes, 1, 1)))
-
-
-@dataclass(frozen=True)
-class Ignored(Band):
+class Ignored(AmplitudeModel):
     """Amplitudes are ignored: classes differ only in p_D."""
 
     def select(self, detections: Detections) -> Detections:
@@ -207,11 +177,7 @@ class Memory(AmplitudeModel):
         pairs: tuple[IntArray, IntArray],
         modes: ModeSpace,
     ) -> FloatArray:
-        """Return log a - ln(1 + d) - a^2 / 2(1 + d) of each pair, shape (P,).
-
-        It is log p_D for unknown amplitudes; a given or learned p_D replaces the one that follows
-        from d.
-        """
+        """Return log a - ln(1 + d) - a^2 / 2(1 + d) of each pair, (P,); see `log_detected`."""
         row, column = pairs
         measured, amplitude = report.detections.measurement[column], report.detections.amplitude
         if amplitude is not None:
@@ -230,19 +196,11 @@ class Memory(AmplitudeModel):
         own: FloatArray, sensor: Sensor, measured: FloatArray, amplitude: FloatArray | None
     ) -> FloatArray:
         """Return `log_likelihood`, given ln(1 + d), (..., N) or (..., 1), of N detections."""
-        log_p_d = log_own = -0.5 * sensor.threshold**2 * np.exp(-own)
-        given = sensor.given_detection_probability(measured)
-        if given is not None:
-            log_p_d = np.log(given)
-        if learned := sensor.detection_factor is not None:
-            log_p_d = np.log(sensor.learned_detection_probability(np.exp(log_p_d), measured))
-        if amplitude is None:
-            return log_p_d
-        a = np.maximum(amplitude, SMALLEST_AMPLITUDE)
-        density = np.log(a) - own - 0.5 * a**2 * np.exp(-own)
-        if given is not None or learned:
-            density += log_p_d - log_own
-        return np.where(np.isnan(density), log_p_d, density)
+        density = None
+        if amplitude is not None:
+            a = np.maximum(amplitude, SMALLEST_AMPLITUDE)
+            density = np.log(a) - own - 0.5 * a**2 * np.exp(-own)
+        return sensor.log_detected(-0.5 * sensor.threshold**2 * np.exp(-own), density, measured)
 
     def cells(self, modes: ModeSpace) -> SnrCells:
         """Return `CELLS` cells a class, of equal width in ln(1 + d), with the diffusion of d."""

@@ -64,7 +64,7 @@ class ClutterMemory:
         if surplus <= 0.0:
             return report
         sensor, rate = report.sensor, report.sensor.clutter_rate + float(surplus) / part
-        return replace(report, sensor=sensor.with_threshold_and_rate(sensor.threshold, rate))
+        return replace(report, sensor=replace(sensor, clutter_rate=rate))
 
     def count(self, report: Report) -> None:
         """Count a report's detections towards the usual number."""

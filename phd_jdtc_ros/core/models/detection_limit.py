@@ -9,6 +9,8 @@ would leave it, and no later scan could delete them.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..arrays import GOLDEN_RATIO, FloatArray
@@ -62,4 +64,5 @@ def limit_detections(report: Report, predicted: FloatArray, targets: float) -> R
         fewer = float(np.exp(sensor.clutter_amplitude.log_share(threshold, sensor.threshold)))
         share = 1.0
     rate = max(sensor.clutter_rate * fewer, (kept - targets) / part)
-    return Report(sensor.with_threshold_and_rate(threshold, rate), left, share, complete=False)
+    limited = replace(sensor, threshold=threshold, clutter_rate=rate)
+    return Report(limited, left, share, complete=False)

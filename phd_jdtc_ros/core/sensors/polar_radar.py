@@ -106,19 +106,12 @@ class RadarModel(Sensor):
         """Standard deviations of (range, azimuth), shape (2,)."""
         return np.array([self.range_std, self.azimuth_std])
 
-    def noise_std_of(self, detections: Detections) -> FloatArray:
-        """Return the standard deviations of each detection, its own or the radar's at its range."""
-        own = self._own_noise_std(detections)
-        return np.tile(self.noise_std, (len(detections), 1)) if own is None else own
-
-    def _own_noise_std(self, detections: Detections) -> FloatArray | None:
-        """Return the standard deviations of each detection; None if all have `noise_std`."""
-        own = detections.noise_std
-        if own is None and self.range_growth == 0.0:
-            return None
-        grown = np.hypot(self.range_std, self.range_growth * detections.measurement[:, 0])
-        usual = np.stack([grown, np.full(len(detections), self.azimuth_std)], axis=1)
-        return usual if own is None else np.where(np.isfinite(own), own, usual)
+    def usual_noise_std(self, measurement: FloatArray) -> FloatArray:
+        """Return the radar's standard deviations at the range of each measurement, (M, 2)."""
+        usual = super().usual_noise_std(measurement)
+        if self.range_growth:
+            usual[:, 0] = np.hypot(self.range_std, self.range_growth * measurement[:, 0])
+        return usual
 
     def given_detection_probability(
         self, measured: FloatArray, std: FloatArray | None = None
@@ -204,7 +197,8 @@ class RadarModel(Sensor):
         self, predicted: FloatArray, detections: Detections, rate: FloatArray | None = None
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs of points and detections in the gate; see `polar_gate.gated_pairs`."""
-        own = self._own_noise_std(detections)
+        alike = detections.noise_std is None and self.range_growth == 0.0
+        own = None if alike else self.noise_std_of(detections)
         return polar_gate.gated_pairs(predicted, detections, self.noise_std, own, rate)
 
     def candidate_count(self, predicted: FloatArray, detections: Detections) -> int:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, matches
 from ..learned.last_looks import Remembered
 from ..types import Coverage, Detections
 from .gaussians import PlanePlots
@@ -42,14 +42,11 @@ class EarlierSectors:
         the earlier sectors and in this one, it is detected in this one with p_B / (1 - p_A), given
         that the earlier ones have not detected it.
         """
-        near = measured.max(initial=0.0) > LEAST_UNSEEN
-        if not near and not np.isin(label, self.label).any():
+        row, place = matches(self.label, label)
+        if not len(row) and measured.max(initial=0.0) <= LEAST_UNSEEN:
             return None
         unseen = np.ones(len(label))
-        if len(self.label):
-            place = np.minimum(np.searchsorted(self.label, label), len(self.label) - 1)
-            known = self.label[place] == label
-            unseen[known] = np.maximum(self.unseen[place[known]], LEAST_UNSEEN)
+        unseen[row] = np.maximum(self.unseen[place], LEAST_UNSEEN)
         by_row = unseen.reshape(-1, *(1,) * (in_turn.ndim - 1))
         factor: FloatArray = by_row / np.maximum(1.0 - in_turn * measured, LEAST_UNSEEN)
         return factor

@@ -89,10 +89,6 @@ class Sensor(ABC):
             return self
         return replace(self, position=pose.position, yaw=pose.yaw, velocity=pose.velocity)
 
-    def with_rotation_period(self: SensorT, rotation_s: float) -> SensorT:
-        """Return the sensor with another period of its antenna, seconds."""
-        return replace(self, rotation_s=rotation_s)
-
     def with_clutter(
         self: SensorT,
         amplitude: ClutterAmplitude | None = None,
@@ -137,10 +133,6 @@ class Sensor(ABC):
             return self
         return replace(self, multipath=Multipath(measured, existence))
 
-    def with_threshold_and_rate(self: SensorT, threshold: float, clutter_rate: float) -> SensorT:
-        """Return the sensor with another threshold and clutter rate."""
-        return replace(self, threshold=threshold, clutter_rate=clutter_rate)
-
     @property
     @abstractmethod
     def noise_std(self) -> FloatArray:
@@ -168,8 +160,12 @@ class Sensor(ABC):
 
     def noise_std_of(self, detections: Detections) -> FloatArray:
         """Return the standard deviations of each detection, its own or the sensor's, (M, Z)."""
-        usual, own = np.tile(self.noise_std, (len(detections), 1)), detections.noise_std
+        usual, own = self.usual_noise_std(detections.measurement), detections.noise_std
         return usual if own is None else np.where(np.isfinite(own), own, usual)
+
+    def usual_noise_std(self, measurement: FloatArray) -> FloatArray:
+        """Return the sensor's standard deviations of each measurement, (M, Z)."""
+        return np.tile(self.noise_std, (len(measurement), 1))
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return the noise-free measurement of each state, (N, D) to (N, Z)."""
@@ -278,28 +274,36 @@ class Sensor(ABC):
         Notes
         -----
         If p_D follows from the classes' signal-to-noise ratios, the product p_D g^tau is g_c
-        itself. A configured or learned p_D is evaluated at the detection. For an unknown amplitude
-        the result is log p_D,c.
+        itself; see `log_detected`.
         """
         log_band = np.log(self.class_detection_probability(classes))[:, None]
         log_p_d = np.repeat(log_band, len(detections), axis=1)
-        given = self.given_detection_probability(detections.measurement)
+        amplitude, density = detections.amplitude, None
+        if amplitude is not None:
+            bands = (each.snr_band for each in classes)
+            log_density = amplitude_density.log_target_density
+            density = np.stack([log_density(amplitude, band) for band in bands])
+        return self.log_detected(log_p_d, density, detections.measurement)
+
+    def log_detected(
+        self, log_p_d: FloatArray, log_density: FloatArray | None, measurement: FloatArray
+    ) -> FloatArray:
+        """Return log p_D g^tau(a), (..., M), given p_D and the product as they follow from the SNR.
+
+        A configured or learned p_D at the measurements takes the place of the given one. The result
+        is log p_D for an unknown amplitude, NaN in the density, and without amplitudes.
+        """
+        from_snr, given = log_p_d, self.given_detection_probability(measurement)
         if given is not None:
-            log_p_d[:] = np.log(given)
+            shape = np.broadcast_shapes(log_p_d.shape, given.shape)
+            log_p_d = np.broadcast_to(np.log(given), shape)
         if self.detection_factor is not None:
-            measured = detections.measurement
-            log_p_d = np.log(self.learned_detection_probability(np.exp(log_p_d), measured))
-        if detections.amplitude is None:
+            log_p_d = np.log(self.learned_detection_probability(np.exp(log_p_d), measurement))
+        if log_density is None:
             return log_p_d
-        density = np.stack(
-            [
-                amplitude_density.log_target_density(detections.amplitude, c.snr_band)
-                for c in classes
-            ]
-        )
-        if given is not None or self.detection_factor is not None:
-            density += log_p_d - log_band
-        return np.where(np.isnan(density), log_p_d, density)
+        if log_p_d is not from_snr:
+            log_density = log_density + (log_p_d - from_snr)
+        return np.where(np.isnan(log_density), log_p_d, log_density)
 
     def line_of_sight(self, position: FloatArray) -> FloatArray:
         """Return unit vectors from the sensor to positions, world frame, (N, 2)."""

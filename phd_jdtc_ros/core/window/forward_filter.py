@@ -11,7 +11,6 @@ import numpy as np
 
 from ..arrays import IntArray
 from ..attributes.memory import AttributeMemory
-from ..attributes.stored import attributes_from_snapshot, attributes_to_snapshot
 from ..models.clutter_learning import ClutterMemory
 from ..models.sensor_learning import SensorMemory
 from ..models.tracker_model import TrackerModel
@@ -134,7 +133,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         self.passes.to_snapshot(snapshot)
         sensors_to_snapshot(self.sensors, snapshot)
         if self.attributes is not None:
-            attributes_to_snapshot(self.attributes, snapshot)
+            self.attributes.to_snapshot(snapshot)
 
     def from_snapshot(self, snapshot: Snapshot, entries: Mapping[int, Entry[RowsT, LinkT]]) -> None:
         """Restore the filter's state from a snapshot.
@@ -161,7 +160,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         self.passes = AntennaPasses.from_snapshot(snapshot, self.model.radars)
         self.sensors = sensors_from_snapshot(snapshot, self.model.radars)
         if self.model.attributes is not None:
-            self.attributes = attributes_from_snapshot(snapshot, self.model.attributes)
+            self.attributes = AttributeMemory.from_snapshot(snapshot, self.model.attributes)
         born = zip(progress.birth.tolist(), progress.born_ns.tolist(), strict=True)
         self.stamp_ns, self._scan_index, self._born_ns = latest, progress.scan_index, dict(born)
 

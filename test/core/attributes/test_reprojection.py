@@ -9,6 +9,7 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.attributes import reprojection
 from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
 from phd_jdtc_ros.core.sensors.polar_gate import DETECTION_GATE_SIGMA
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections
 
 RADAR = lone({"radar.fields.height": "height", "radar.range_std": 40.0}).model.radars[0]
@@ -69,8 +70,7 @@ def test_a_plot_of_a_false_height_is_read_at_the_height_of_each_target():
     expected, target, detections = crowd(np.random.default_rng(1))
     pairs = reprojection.pair(
         lambda seen: RADAR.gated_pairs(expected, seen),
-        *(target, HEIGHTS, detections, RADAR.noise_std_of(detections), RADAR.height_projection),
-        HeightModel(),
+        *(target, HEIGHTS, Report(RADAR, detections), RADAR.height_projection, HeightModel()),
     )
     found = np.full((len(expected), len(detections)), -np.inf)
     found[pairs.row, pairs.column] = pairs.log_likelihood

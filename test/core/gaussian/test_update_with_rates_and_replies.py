@@ -84,7 +84,7 @@ class Clutter(ClutterMemory):
         radar = report.sensor
         return replace(
             report,
-            sensor=radar.with_threshold_and_rate(radar.threshold, 100.0 * radar.clutter_rate),
+            sensor=replace(radar, clutter_rate=100.0 * radar.clutter_rate),
         )
 
     def learns(self, report):
