@@ -17,7 +17,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import gaussian_engine, particle_filter
 from phd_jdtc_ros.core.gaussian import extraction as gaussian_extraction
 from phd_jdtc_ros.core.gaussian import smoother as gaussian_smoother
-from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
+from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS, estimates
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.tracks.confirmation import TrackStates
 from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule
@@ -65,8 +65,8 @@ def _of_particles(config: TrackerConfig) -> _Parts:
         threshold: float,
         rng: np.random.Generator,
     ) -> Estimates:
-        extraction = EXTRACTIONS[reading.extraction]
-        return extraction(stored, modes, stamp_ns, lag, threshold, rng)
+        groups = EXTRACTIONS[reading.extraction](stored, modes, threshold, rng)
+        return estimates(stored, modes, stamp_ns, lag, groups)
 
     return _Parts(particle_filter(config), backward, extract, config.rule)
 

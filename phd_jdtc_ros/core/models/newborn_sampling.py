@@ -13,6 +13,7 @@ from ..targets.birth import shift_points
 from ..targets.modes import ModeSpace
 from ..targets.sobol import sobol_points
 from .detection_birth import DetectionBirthModel, Newborn
+from .tracker_model import TrackerModel
 
 # Standard deviations of velocity and turn rate beyond which the newborn intensity counts as zero.
 VELOCITY_GATE_SIGMA = 8.0
@@ -21,11 +22,7 @@ CHUNK_PRODUCT = 1 << 25
 
 
 def sample(
-    newborn: Newborn,
-    model: DetectionBirthModel,
-    modes: ModeSpace,
-    count: int,
-    rng: np.random.Generator,
+    newborn: Newborn, model: TrackerModel, count: int, rng: np.random.Generator
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
     """Draw the newborn targets of one radar, `count` particles, a power of two, for each detection.
 
@@ -38,6 +35,7 @@ def sample(
     detection : int array of shape (N,)
         The row of `newborn` that each particle comes from.
     """
+    modes, births = model.modes, model.detection_births
     space = modes.space
     size, report = len(space), newborn.report
     measured_rates = report.range_rates
@@ -51,7 +49,7 @@ def sample(
 
     position = report.sensor.drawn_in_plane(report.detections, normal[..., :2])
     state = np.zeros((len(newborn) * count, size))
-    state[:, list(space.velocity)] = model.velocity_std * normal[..., 2:4].reshape(-1, 2)
+    state[:, list(space.velocity)] = births.velocity_std * normal[..., 2:4].reshape(-1, 2)
     state[:, list(space.position)] = position.reshape(-1, 2)
     if measured_rates is not None:
         repeated = measured_rates.take(np.arange(len(newborn)).repeat(count))
@@ -61,25 +59,23 @@ def sample(
             measured=repeated,
             uniform=uniform[..., -1].ravel(),
             sensor=report.sensor,
-            model=model,
+            births=births,
         )
         state[:, list(space.velocity)] = known
     if report.detections.time_s is not None:  # predict back to the scan's stamp
         since = report.detections.time_s.repeat(count)[:, None]
         state[:, list(space.position)] -= since * state[:, list(space.velocity)]
     turning = np.array([space.turn_rate in motion.support for motion in modes.motions])[mode]
-    state[:, space.turn_rate] = np.where(turning, model.turn_rate_std * normal[..., 4].ravel(), 0.0)
+    state[:, space.turn_rate] = np.where(
+        turning, births.turn_rate_std * normal[..., 4].ravel(), 0.0
+    )
     detection = np.repeat(np.arange(len(newborn)), count)
     weight = (per_mode.sum(axis=1) / count)[detection]
     return state, mode, weight, detection
 
 
 def intensity(
-    newborn: Newborn,
-    model: DetectionBirthModel,
-    modes: ModeSpace,
-    state: FloatArray,
-    mode: IntArray,
+    newborn: Newborn, model: TrackerModel, state: FloatArray, mode: IntArray
 ) -> FloatArray:
     """Return the intensity that `sample` draws from, over each mode's own support; shape (N,).
 
@@ -92,36 +88,33 @@ def intensity(
     """
     size = max(CHUNK_PRODUCT // max(len(newborn), 1), 1)
     parts = [
-        _intensity(newborn, model, modes, state[first : first + size], mode[first : first + size])
+        _intensity(newborn, model, state[first : first + size], mode[first : first + size])
         for first in range(0, len(state), size)
     ]
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
 def _intensity(
-    newborn: Newborn,
-    model: DetectionBirthModel,
-    modes: ModeSpace,
-    state: FloatArray,
-    mode: IntArray,
+    newborn: Newborn, model: TrackerModel, state: FloatArray, mode: IntArray
 ) -> FloatArray:
+    modes, births = model.modes, model.detection_births
     velocity, turn_rate = list(modes.space.velocity), modes.space.turn_rate
-    slow = np.abs(state[:, velocity]).max(axis=1) <= VELOCITY_GATE_SIGMA * model.velocity_std
-    slow &= np.abs(state[:, turn_rate]) <= VELOCITY_GATE_SIGMA * model.turn_rate_std
+    slow = np.abs(state[:, velocity]).max(axis=1) <= VELOCITY_GATE_SIGMA * births.velocity_std
+    slow &= np.abs(state[:, turn_rate]) <= VELOCITY_GATE_SIGMA * births.turn_rate_std
     rows = np.flatnonzero(slow)
     slow_state = state[rows]
     sensor, detections = newborn.report.sensor, newborn.report.detections
     predicted = sensor.measure(slow_state)
     rate = None if detections.time_s is None else sensor.measurement_rate(slow_state)
     row, column, log_density = sensor.gated_pairs(predicted, detections, rate)
-    scaled = slow_state[row][:, velocity] / model.velocity_std
+    scaled = slow_state[row][:, velocity] / births.velocity_std
     log_density -= 0.5 * (scaled**2).sum(axis=1)
-    log_density -= np.log(2.0 * np.pi * model.velocity_std**2)
-    log_density += _log_rate_factor(newborn.report, model, slow_state, (row, column))
+    log_density -= np.log(2.0 * np.pi * births.velocity_std**2)
+    log_density += _log_rate_factor(newborn.report, births, slow_state, (row, column))
     log_density += sensor.log_jacobian(predicted[row])
     turning = np.array([turn_rate in motion.support for motion in modes.motions])[mode[rows[row]]]
-    turn = slow_state[row, turn_rate] / model.turn_rate_std
-    log_turn = -0.5 * turn**2 - np.log(model.turn_rate_std * np.sqrt(2.0 * np.pi))
+    turn = slow_state[row, turn_rate] / births.turn_rate_std
+    log_turn = -0.5 * turn**2 - np.log(births.turn_rate_std * np.sqrt(2.0 * np.pi))
     log_density += np.where(turning, log_turn, 0.0)
     mass = _mode_mass(newborn, modes)[column, mode[rows[row]]]
     return sum_by(rows[row], mass * np.exp(log_density), len(state))
@@ -133,7 +126,7 @@ def _known_velocity(
     measured: Rates,
     uniform: FloatArray,
     sensor: Sensor,
-    model: DetectionBirthModel,
+    births: DetectionBirthModel,
 ) -> FloatArray:
     """Return velocities drawn given the range rates of their detections, shape (N, 2).
 
@@ -142,7 +135,7 @@ def _known_velocity(
     """
     toward = sensor.line_of_sight(position)
     radial = (drawn * toward).sum(axis=1)
-    prior, noise = model.velocity_std**2, measured.std**2
+    prior, noise = births.velocity_std**2, measured.std**2
     rates = measured.model
     value = rates.wrap(measured.rate + toward @ np.asarray(sensor.velocity))
     value = np.where(np.isfinite(value), value, 0.0)
@@ -160,7 +153,7 @@ def _known_velocity(
 
 def _log_rate_factor(
     report: Report,
-    model: DetectionBirthModel,
+    births: DetectionBirthModel,
     state: FloatArray,
     pairs: tuple[IntArray, IntArray],
 ) -> FloatArray | float:
@@ -177,7 +170,7 @@ def _log_rate_factor(
         velocity = state[row][:, list(sensor.space.velocity)]
         position = position + detections.time_s[column][:, None] * velocity
     toward = sensor.line_of_sight(position)
-    evidence = model.log_range_rate(toward, measured.take(column), sensor)
+    evidence = births.log_range_rate(toward, measured.take(column), sensor)
     return sensor.log_range_rate(state, detections, pairs) - evidence
 
 

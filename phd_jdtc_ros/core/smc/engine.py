@@ -13,7 +13,7 @@ from ..types import Estimates
 from ..window.forward_filter import Filtered
 from ..window.smoothed_sets import SetSmoother
 from . import snapshot
-from .extraction import Extraction
+from .extraction import Extraction, estimates
 from .filter import ParticleFilter
 from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
@@ -59,7 +59,8 @@ class ParticleEngine(SetSmoother[ParticleSet, Transition]):
 
     def _extract(self, stored: ParticleSet, stamp_ns: int, lag: int, threshold: float) -> Estimates:
         modes = self.forward.model.modes
-        return self.extraction(stored, modes, stamp_ns, lag, threshold, self._rng)
+        groups = self.extraction(stored, modes, threshold, self._rng)
+        return estimates(stored, modes, stamp_ns, lag, groups)
 
     def _backward(self, window: Sequence[ParticleEntry]) -> Sequence[ParticleSet]:
         return list(backward_pass(window, self.death_term))

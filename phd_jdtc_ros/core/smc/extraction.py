@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -19,22 +19,24 @@ CLUSTER_SAMPLES = 2000
 PRIOR_PARTICLES = 2.0
 
 
-# Returns the filtered (lag 0) or smoothed targets of a particle set, given its stamp, the lag, and
-# the existence probability above which targets are reported. The `track_id` of a labelled target is
-# its label plus one.
-Extraction: TypeAlias = Callable[
-    [ParticleSet, ModeSpace, int, int, float, np.random.Generator], Estimates
-]
+class Groups(NamedTuple):
+    """Groups of particles, each of which is a target."""
+
+    # `row`, `group`, `weight`: the entries: a particle, its group, and its weight in it, (E,).
+    row: IntArray
+    group: IntArray
+    weight: FloatArray
+    label: IntArray  # Label of each group's target; -1 without one, (G,)
+
+
+# Returns the targets of a particle set, given the existence probability above which they are
+# reported.
+Extraction: TypeAlias = Callable[[ParticleSet, ModeSpace, float, np.random.Generator], Groups]
 
 
 def components(
-    particles: ParticleSet,
-    modes: ModeSpace,
-    stamp_ns: int,
-    lag: int,
-    threshold: float,
-    rng: np.random.Generator,
-) -> Estimates:
+    particles: ParticleSet, modes: ModeSpace, threshold: float, rng: np.random.Generator
+) -> Groups:
     """Report every component, and every group of the Poisson part, with a mass above the threshold.
 
     A group is the mass of one (label, class) outside all components. Without groups, a target that
@@ -66,20 +68,13 @@ def components(
     kept = rank[group] >= 0
     row, group, weight = row[kept], rank[group[kept]], weight[kept]
     label = np.concatenate([particles.label, np.full(size - first_group, -1)])[reported]
-    return _moments(particles, modes, stamp_ns, lag, row, group, weight, label)
+    return Groups(row, group, weight, label)
 
 
-def _moments(
-    particles: ParticleSet,
-    modes: ModeSpace,
-    stamp_ns: int,
-    lag: int,
-    row: IntArray,
-    group: IntArray,
-    weight: FloatArray,
-    label: IntArray,
+def estimates(
+    particles: ParticleSet, modes: ModeSpace, stamp_ns: int, lag: int, groups: Groups
 ) -> Estimates:
-    """Return the moments of each group's majority class; entries are (row, group, weight).
+    """Return the moments of each group's majority class; `track_id` is the label plus one.
 
     Notes
     -----
@@ -90,6 +85,7 @@ def _moments(
     process noise of one interval. With hundreds of effective particles the result is the sample
     covariance; it is regular even if all particles descend from one.
     """
+    row, group, weight, label = groups
     classes, count = len(modes.classes), len(label)
     target_class = modes.class_of[particles.mode[row]]
     class_mass = sum_by(group * classes + target_class, weight, count * classes).reshape(
@@ -158,13 +154,8 @@ def _covariance_weights(
 
 
 def clusters(
-    particles: ParticleSet,
-    modes: ModeSpace,
-    stamp_ns: int,
-    lag: int,
-    threshold: float,
-    rng: np.random.Generator,
-) -> Estimates:
+    particles: ParticleSet, modes: ModeSpace, threshold: float, rng: np.random.Generator
+) -> Groups:
     """Round each class's mass to a number of targets and cluster its particles by k-means.
 
     Notes
@@ -198,9 +189,7 @@ def clusters(
     # k-means may leave a cluster empty, which is no target.
     rank = np.cumsum(size > 0) - 1
     unlabelled = np.full(int((size > 0).sum()), -1)
-    return _moments(
-        particles, modes, stamp_ns, lag, row, rank[group], 1.0 / size[group], unlabelled
-    )
+    return Groups(row, rank[group], 1.0 / size[group], unlabelled)
 
 
 EXTRACTIONS: dict[str, Extraction] = {"components": components, "clusters": clusters}

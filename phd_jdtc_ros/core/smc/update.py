@@ -52,9 +52,7 @@ class ParticleSteps:
         """Return the intensity with the newborn targets that fit, and these targets."""
         model, rng = self.model, self.rng
         newborn, each = detection_birth.limit_newborns(newborn, model.detection_births)
-        state, mode, weight, detection = newborn_sampling.sample(
-            newborn, model.detection_births, model.modes, each, rng
-        )
+        state, mode, weight, detection = newborn_sampling.sample(newborn, model, each, rng)
         count, births = len(weight), len(newborn)
         amplitude = newborn.report.detections.amplitude
         amplitude = None if amplitude is None else amplitude.take(detection)

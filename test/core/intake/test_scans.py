@@ -161,16 +161,6 @@ def test_add_closes_resets_and_rejects_where_it_should(options, text):
     assert played(group, steps) == steps.strip()
 
 
-@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
-def test_add_makes_one_scan_of_a_stamp_in_any_order(order):
-    group = grouper(3)
-    first = feed(group, *((radar, 0) for radar in order[:-1]))
-    assert first == []
-    assert group.waiting
-    assert shape(feed(group, (order[-1], 0))) == [(0, (0, 1, 2))]
-    assert not group.waiting
-
-
 def test_add_keeps_the_reports_with_their_radar():
     group = grouper()
     group.add(1, START, report(11.0))
@@ -239,13 +229,6 @@ def test_add_resets_only_beyond_the_threshold(back_s, reset):
     feed(group, (0, 100), (1, 100))
     events = shape(feed(group, (0, 100 - back_s)))
     assert events == ([Reset] if reset else [Rejection.LATE])
-
-
-def test_add_makes_a_scan_of_every_stamp_of_unsynchronised_radars():
-    group = grouper()
-    stamps = [(0, 0.0), (1, 2.5), (0, 6.0), (1, 8.5), (0, 12.0), (1, 14.5)]
-    events = feed(group, *stamps) + group.close_all()
-    assert shape(events) == [(second, (radar,)) for radar, second in stamps]
 
 
 def test_close_all_closes_what_waits():
@@ -335,20 +318,6 @@ def test_add_makes_whole_scans_of_radars_that_all_report(radars, scans, seed):
     )
     assert shape(events) == [(6 * k, tuple(range(radars))) for k in range(scans)]
     assert not group.waiting
-
-
-def test_add_drops_swapped_scans():
-    swapped = [(0, 0), (0, 12), (0, 6), (0, 24), (0, 18), (0, 30)]
-    assert shape(feed(grouper(1), *swapped)).count(Rejection.LATE) == 2
-
-
-def test_add_loses_the_first_report_back_of_a_silent_radar():
-    group = grouper()
-    feed(group, (0, 0), (1, 0), *((0, 6 * k) for k in range(1, 9)))
-    # The scan was closed at once by the radar that is there.
-    found = shape(feed(group, (1, 48), (0, 54), (1, 54), (0, 60), (1, 60)))
-    assert Rejection.LATE in found
-    assert (54, (0, 1)) in found
 
 
 def waiting(radars=2, seconds=6.0):

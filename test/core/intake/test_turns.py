@@ -112,17 +112,6 @@ def test_what_the_antenna_passed_is_covered_once_and_little_else(radar, seed, dr
     assert not +turns.anomalies
 
 
-@settings(deadline=None, max_examples=40)
-@given(radar=turning_radars(), seed=st.integers(0, 10**6))
-def test_split_gives_the_same_of_the_same_reports(radar, seed):
-    reports = radar.reports(2, seed)
-    one, other = fed(turns_of(radar), reports), fed(turns_of(radar), reports)
-    for pieces, again in zip(one, other, strict=True):
-        for (stamp_ns, piece), (stamp_again, piece_again) in zip(pieces, again, strict=True):
-            assert (stamp_ns, piece.coverage) == (stamp_again, piece_again.coverage)
-            np.testing.assert_array_equal(piece.measurement, piece_again.measurement)
-
-
 @pytest.mark.parametrize("few", [0, 1, 2])
 def test_turns_with_few_detections_go_on_with_the_phase_of_those_before(few):
     radar = TurningRadar()

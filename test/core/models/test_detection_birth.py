@@ -22,6 +22,7 @@ from phd_jdtc_ros.simulation.simulate import simulate
 MODEL = small().model
 MODES, RADAR = MODEL.modes, MODEL.radars[1]
 BIRTHS = DetectionBirthModel(np.array([0.05, 0.05]), 40.0, 1e-3, 4096)
+BORN = replace(MODEL, detection_births=BIRTHS)
 EMPTY = ParticleSet.empty(5)
 
 
@@ -41,7 +42,7 @@ def one_detection(mass=(0.3, 0.6), place=(6000.0, 0.5)):
 
 def test_sample_carries_the_newborn_mass():
     _, mode, weight, _ = newborn_sampling.sample(
-        one_detection(), BIRTHS, MODES, BIRTHS.particles, np.random.default_rng(0)
+        one_detection(), BORN, BIRTHS.particles, np.random.default_rng(0)
     )
     by_class = np.bincount(MODES.class_of[mode], weights=weight)
 
@@ -67,17 +68,15 @@ def test_intensity_is_the_same_in_chunks(monkeypatch):
     report = Detections(np.array([[6e3, 0.5], [6.2e3, 0.52]]), None)
     found = Newborn(Report(RADAR, report), np.array([[0.3, 0.6], [0.1, 0.2]]))
     rng = np.random.default_rng(0)
-    state, mode, _, _ = newborn_sampling.sample(found, BIRTHS, MODES, 64, rng)
-    whole = newborn_sampling.intensity(found, BIRTHS, MODES, state, mode)
+    state, mode, _, _ = newborn_sampling.sample(found, BORN, 64, rng)
+    whole = newborn_sampling.intensity(found, BORN, state, mode)
     monkeypatch.setattr(newborn_sampling, "CHUNK_PRODUCT", 14)
-    np.testing.assert_array_equal(
-        newborn_sampling.intensity(found, BIRTHS, MODES, state, mode), whole
-    )
+    np.testing.assert_array_equal(newborn_sampling.intensity(found, BORN, state, mode), whole)
 
 
 def test_sample_is_about_the_detection():
     state, mode, _, detection = newborn_sampling.sample(
-        one_detection(), BIRTHS, MODES, BIRTHS.particles, np.random.default_rng(0)
+        one_detection(), BORN, BIRTHS.particles, np.random.default_rng(0)
     )
     measured = RADAR.measure(state)
 
@@ -94,7 +93,7 @@ def test_intensity_equals_the_density_written_out():
     report = Detections(np.array([[6000.0, 0.5], [9000.0, np.pi]]), None)
     found = Newborn(Report(RADAR, report), np.array([[0.3, 0.6], [0.2, 0.1]]))
     state, mode, _, _ = newborn_sampling.sample(
-        found, BIRTHS, MODES, BIRTHS.particles, np.random.default_rng(1)
+        found, BORN, BIRTHS.particles, np.random.default_rng(1)
     )
     chosen = np.arange(0, len(state), 97)
     state, mode = state[chosen], mode[chosen]
@@ -107,7 +106,7 @@ def test_intensity_equals_the_density_written_out():
         density *= norm.pdf(state[:, 1], 0.0, 40.0) * norm.pdf(state[:, 3], 0.0, 40.0)
         density *= np.where(np.isin(mode, [1, 3]), norm.pdf(state[:, 4], 0.0, 1e-3), 1.0)
         expected += density * mass[MODES.class_of[mode]] / 2.0
-    found_intensity = newborn_sampling.intensity(found, BIRTHS, MODES, state, mode)
+    found_intensity = newborn_sampling.intensity(found, BORN, state, mode)
 
     np.testing.assert_allclose(found_intensity, expected, rtol=1e-6)
 

@@ -21,6 +21,7 @@ RATED = {
 CONFIG = lone({**RATED, "detection_births.rates": [0.1], "detection_births.velocity_std": 12.0})
 (RADAR,) = CONFIG.model.radars
 BIRTHS = DetectionBirthModel(np.array([0.1]), 12.0, 1e-3, 1 << 13)
+BORN = replace(CONFIG.model, detection_births=BIRTHS)
 AMBIGUOUS = replace(RADAR, range_rate=RangeRateModel(0.2, 30.0), velocity=(4.0, -3.0))
 
 
@@ -105,9 +106,7 @@ def newborns(radar, *rates):
 
 
 def drawn(found):
-    rng = np.random.default_rng(0)
-    modes = CONFIG.model.modes
-    return newborn_sampling.sample(found, BIRTHS, modes, BIRTHS.particles, rng)
+    return newborn_sampling.sample(found, BORN, BIRTHS.particles, np.random.default_rng(0))
 
 
 def parts_of(radar, state):
@@ -145,11 +144,11 @@ def test_intensity_of_newborns_is_the_density_of_their_sample(time_s):
     detections = replace(found.report.detections, time_s=time_s)
     found = replace(found, report=replace(found.report, detections=detections))
     state, mode, _, _ = drawn(found)
-    intensity = newborn_sampling.intensity(found, BIRTHS, CONFIG.model.modes, state, mode)
+    intensity = newborn_sampling.intensity(found, BORN, state, mode)
     # By Bayes' rule, prior times likelihood over posterior is the density of the range rate.
     report = replace(found.report, detections=replace(detections, range_rate=None))
     plain = Newborn(report, found.mass)
-    prior = newborn_sampling.intensity(plain, BIRTHS, CONFIG.model.modes, state, mode)
+    prior = newborn_sampling.intensity(plain, BORN, state, mode)
     row = np.arange(len(state)), np.zeros(len(state), dtype=int)
     likelihood = np.exp(AMBIGUOUS.log_range_rate(state, detections, row))
     near = np.flatnonzero(prior > 0.0)

@@ -22,20 +22,12 @@ def grouped_weights(draw):
 
 @settings(deadline=None, max_examples=150)
 @given(case=grouped_weights())
-def test_systematic_copies_sum_to_the_count_of_every_group(case):
+def test_systematic_copies_are_near_their_expectation_and_sum_to_the_count_of_a_group(case):
     weight, group, count, seed = case
     copies = resampling.systematic(weight, group, count, np.random.default_rng(seed))
     assert (copies >= 0).all()
     np.testing.assert_array_equal(np.bincount(group, copies, len(count)), count)
-
-
-@settings(deadline=None, max_examples=150)
-@given(case=grouped_weights())
-def test_systematic_copies_are_within_one_of_their_expectation(case):
-    weight, group, count, seed = case
-    copies = resampling.systematic(weight, group, count, np.random.default_rng(seed))
-    mass = np.bincount(group, weight, len(count))
-    expected = weight * (count / mass)[group]
+    expected = weight * (count / np.bincount(group, weight, len(count)))[group]
     # One offset per group, so the count is off by less than one; 1e-9 allows for rounding of sums.
     assert (np.abs(copies - expected) < 1.0 + 1e-9).all()
 
@@ -53,13 +45,6 @@ def test_systematic_is_unbiased():
     fraction = expected % 1.0
     error = 4.5 * np.sqrt(fraction * (1.0 - fraction) / trials) + 1e-12
     assert (np.abs(copies.mean(axis=0) - expected) <= error).all()
-
-
-def test_systematic_of_equal_weights_copies_each_once():
-    copies = resampling.systematic(
-        np.full(50, 0.1), np.zeros(50, dtype=int), np.array([50]), np.random.default_rng(0)
-    )
-    np.testing.assert_array_equal(copies, 1)
 
 
 def test_systematic_gives_nothing_to_a_weightless_particle():
@@ -134,14 +119,11 @@ def test_within_holds_for_more_mass_than_it_has_particles_for():
 
 
 def test_allocate_keeps_the_mass_of_smaller_groups_in_expectation():
-    mass = np.array([1e-4, 3e-3, 9e-3])
+    mass, trials = np.array([1e-4, 3e-3, 9e-3]), 40_000
     rng = np.random.default_rng(2)
-    trials = 40_000
-    kept = np.zeros((trials, 3))
-    for trial in range(trials):
-        count, weight = resampling.allocate(mass, 100, 20, rng)
-        assert count.max() <= 1
-        kept[trial] = count * weight
+    count, weight = resampling.allocate(np.tile(mass, trials), 100, 20, rng)
+    assert count.max() <= 1
+    kept = (count * weight).reshape(trials, 3)
     chance = mass * 100
     # One particle of weight 1/100 with that probability.
     error = 4.5 * np.sqrt(chance * (1.0 - chance) / trials) / 100
@@ -151,19 +133,6 @@ def test_allocate_keeps_the_mass_of_smaller_groups_in_expectation():
 def test_allocate_gives_nothing_to_an_empty_group():
     count, _ = resampling.allocate(np.array([0.0, 1.0]), 100, 20, np.random.default_rng(0))
     np.testing.assert_array_equal(count, [0, 100])
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_systematic_and_allocate_are_reproducible(seed):
-    weight = np.random.default_rng(9).random(30)
-    group = np.repeat([0, 1], 15)
-
-    def draw():
-        rng = np.random.default_rng(seed)
-        count, _ = resampling.allocate(np.array([0.004, 0.3]), 100, 5, rng)
-        return count.tolist(), resampling.systematic(weight, group, count, rng).tolist()
-
-    assert draw() == draw()
 
 
 def test_young_origins_have_more_particles():

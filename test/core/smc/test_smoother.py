@@ -159,12 +159,6 @@ def test_backward_step_leaves_the_filtered_set_alone(term):
     np.testing.assert_array_equal(phd.poisson, FREE)
 
 
-@pytest.mark.parametrize("term", list(DEATH_TERMS.values()), ids=list(DEATH_TERMS))
-def test_backward_step_without_deaths_carries_only_the_survivors(term):
-    phd, smoothed = one_step(term, survival=np.ones(4))
-    np.testing.assert_allclose(smoothed.weight, phd.weight * (RATIO @ LATER), rtol=1e-14)
-
-
 def test_bernoulli_term_gives_a_vanished_component_its_existence_back():
     # No target exists at t + 1, but the component was certain, so it did not survive.
     certain = PARTS / PARTS.sum(axis=0)

@@ -83,15 +83,7 @@ def test_update_equals_a_dense_evaluation(radar):
     # The gate at six sigma leaves out likelihoods below exp(-18) of their peak.
     assert np.abs(updated.components.toarray() - components).max() < 1e-8
     assert 0.05 < share[:3].min() < 0.95  # clutter and targets both matter
-
-
-def test_update_components_have_the_mass_of_their_quotient():
-    phd, detections = scattered(), reports()
-    mass = component_mass(update(phd, detections, RADAR, MODES))
-    _, _, share = dense_update(phd, detections, RADAR, MODES)
-    assert (mass <= 1.0 + 1e-12).all()
-    np.testing.assert_allclose(mass[:3], share[:3], rtol=1e-6)
-    assert mass[3] == 0.0  # nothing is near the clutter point
+    assert component_mass(updated)[3] == 0.0  # nothing is near the clutter point
 
 
 @pytest.mark.parametrize("previous", [False, True])
@@ -113,26 +105,6 @@ def test_update_does_not_penalise_particles_out_of_range():
     assert 0.2 < beyond.mean() < 0.8
     np.testing.assert_array_equal(updated.weight[beyond], phd.weight[beyond])
     assert (updated.poisson[~beyond] < phd.poisson[~beyond]).all()
-
-
-def test_update_does_not_depend_on_the_order_of_detections():
-    phd, detections = scattered(), reports()
-    order = np.array([2, 0, 3, 1])
-    shuffled = Detections(detections.measurement[order], detections.amplitude[order])
-    first, second = (update(phd, d, RADAR, MODES) for d in (detections, shuffled))
-    np.testing.assert_allclose(second.weight, first.weight, rtol=1e-12)
-    np.testing.assert_allclose(
-        second.components.toarray(), first.components.toarray()[:, order], rtol=1e-12
-    )
-
-
-def test_update_weight_is_the_sum_of_its_parts():
-    phd = scattered()
-    for radar in RADARS:
-        phd = update(phd, reports(radar=radar), radar, MODES)
-    assert phd.components.shape == (300, 8)
-    parts = phd.poisson + phd.components.toarray().sum(axis=1)
-    np.testing.assert_allclose(phd.weight, parts, rtol=1e-12)
 
 
 @pytest.mark.parametrize("strength", [38.0, 250.0, 1000.0])

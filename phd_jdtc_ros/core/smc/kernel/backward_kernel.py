@@ -22,13 +22,12 @@ from ...models.detection_birth import Newborn
 from ...models.tracker_model import TrackerModel
 from ...snapshot import floats, integers, sparse_columns
 from ...targets import birth
-from ...targets.modes import ModeSpace
 from ...window.entries import Entry, UnsweptRows
 from ..correction import Corrector
 from ..particle_set import Aged, ParticleSet
 from . import kernel_thinning, strata
 from .spawn_intensity import spawn_intensity
-from .transition_density import TransitionDensity, gated_density, transition_density
+from .transition_density import TransitionDensity
 
 KERNEL_GATE_SIGMA = 7.5
 
@@ -84,12 +83,13 @@ def build(
     survival = modes.survival(dt)[earlier.mode]
     successor = {motion: motion.mean(earlier.state, dt) for motion in dict.fromkeys(modes.motions)}
     noise = {motion: motion.noise_covariance(dt) for motion in successor}
-    kernel = transition_density(modes, modes.transition(dt), noise, successor, survival)
+    kernel = TransitionDensity.of_noise(
+        noise, modes, modes.transition(dt), successor, earlier.mode, survival
+    )
     if corrector.labelled:
-        ratio, column, start, mu = _within_origins(kernel, modes, earlier, later)
+        ratio, column, start, mu = _within_origins(kernel, earlier, later)
     else:
-        every = np.arange(len(later))
-        pairs = gated_density(kernel, modes, earlier, later, every, KERNEL_GATE_SIGMA)
+        pairs = kernel.gated(later, np.arange(len(later)), KERNEL_GATE_SIGMA)
         ratio, column, start, mu = _sum_pairs(pairs, earlier, later)
         mu += _birth_intensity(later, model, dt, found)
         if model.spawn.rate > 0.0 and len(earlier):
@@ -159,23 +159,21 @@ def _birth_intensity(
     modes, state, mode = model.modes, later.state, later.mode
     total = birth.intensity(model.births, modes, state, mode) * dt / modes.interval_s
     for newborn in newborns:
-        total += newborn_sampling.intensity(newborn, model.detection_births, modes, state, mode)
+        total += newborn_sampling.intensity(newborn, model, state, mode)
     return total
 
 
-def _within_origins(
-    kernel: TransitionDensity, modes: ModeSpace, earlier: ParticleSet, later: ParticleSet
-) -> _Sums:
+def _within_origins(kernel: TransitionDensity, earlier: ParticleSet, later: ParticleSet) -> _Sums:
     """Return the kernel between rows of one label, and its sums."""
     # A target's class never changes, so groups by (label, class) are smaller and faster to search.
+    modes = kernel.modes
     key = [
         modes.class_of[side.mode] + len(modes.classes) * side.row_label for side in (later, earlier)
     ]
     group = factorize(np.concatenate(key))[1]
     groups = group[: len(later)], group[len(later) :]
-    groups = strata.split_into_strata(kernel, modes, earlier, later, groups, KERNEL_GATE_SIGMA)
-    every = np.arange(len(later))
-    pairs = gated_density(kernel, modes, earlier, later, every, KERNEL_GATE_SIGMA, groups)
+    groups = strata.split_into_strata(kernel, earlier, later, groups, KERNEL_GATE_SIGMA)
+    pairs = kernel.gated(later, np.arange(len(later)), KERNEL_GATE_SIGMA, groups)
     return _sum_pairs(pairs, earlier, later)
 
 

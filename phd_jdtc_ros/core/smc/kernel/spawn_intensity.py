@@ -8,7 +8,7 @@ from ...arrays import FloatArray, add_by_row
 from ...models.tracker_model import TrackerModel
 from ...targets.motion import MotionModel
 from ..particle_set import ParticleSet
-from .transition_density import TransitionDensity, gated_density, transition_density
+from .transition_density import TransitionDensity
 
 # Bound on the share of mu that spawned mass beyond the search radius adds; it is a tenth of the
 # gate's own error. For most rows the radius is 5 or 6 sigma, which saves a quarter of the tests.
@@ -39,7 +39,10 @@ def spawn_intensity(
     spawn, modes = model.spawn, model.modes
     noise = {motion: np.diag(spawn.std[list(motion.support)] ** 2) for motion in successor}
     rate = spawn.rate * dt / modes.interval_s
-    kernel = transition_density(modes, spawn.transition, noise, successor, rate * earlier.weight)
+    scale = rate * earlier.weight
+    kernel = TransitionDensity.of_noise(
+        noise, modes, spawn.transition, successor, earlier.mode, scale
+    )
     bound = (kernel.peak * spawn.transition.max(axis=0))[later.mode]
     bound *= _mass_bound(later.state, kernel, gate * spawn.std, modes.space.position)
     tiny = np.finfo(float).tiny
@@ -48,7 +51,7 @@ def spawn_intensity(
     rows = np.flatnonzero(square > 0.0)
     radius = np.sqrt(square[rows])
     total = np.zeros(len(rows))
-    for row, _, value in gated_density(kernel, modes, earlier, later, rows, radius):
+    for row, _, value in kernel.gated(later, rows, radius):
         add_by_row(total, row, value)
     intensity = np.zeros(len(later))
     intensity[rows] = total

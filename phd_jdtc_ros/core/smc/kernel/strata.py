@@ -12,10 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from ...arrays import FloatArray, IntArray
-from ...targets.modes import ModeSpace
 from ..particle_set import ParticleSet
 from .kernel_thinning import MAX_PAIRS_PER_ROW
-from .transition_density import TransitionDensity, whiten
+from .transition_density import TransitionDensity
 
 # Number of earlier and of later rows of a group that are sampled to estimate its density.
 PROBES = 16
@@ -28,7 +27,6 @@ LEFT = 3 * MAX_PAIRS_PER_ROW // 2
 
 def split_into_strata(
     kernel: TransitionDensity,
-    modes: ModeSpace,
     earlier: ParticleSet,
     later: ParticleSet,
     groups: tuple[IntArray, IntArray],
@@ -49,7 +47,7 @@ def split_into_strata(
         of[begin[large, None] + (np.arange(PROBES) * number[large, None]) // PROBES]
         for of, begin, number in zip(order, first, size, strict=True)
     ]
-    pairs = _near_share(kernel, modes, later, probe[0], probe[1], radius) * size[1][large]
+    pairs = _near_share(kernel, later, probe[0], probe[1], radius) * size[1][large]
     strata = np.ones(count, dtype=np.int64)
     strata[large] = np.where(pairs > DENSE, pairs / LEFT, 1.0).astype(np.int64)
     base = np.cumsum(strata) - strata
@@ -80,7 +78,6 @@ def _dealt(group: IntArray, weight: FloatArray, strata: IntArray) -> IntArray:
 
 def _near_share(
     kernel: TransitionDensity,
-    modes: ModeSpace,
     later: ParticleSet,
     row: IntArray,
     source: IntArray,
@@ -88,10 +85,10 @@ def _near_share(
 ) -> FloatArray:
     """Return the share of the sampled pairs within the radius, by group, (G,)."""
     state, mode = later.state[row.ravel()], later.mode[row.ravel()]
-    query = whiten(state, mode, modes, kernel).reshape(*row.shape, -1)
+    query = kernel.whiten(state, mode).reshape(*row.shape, -1)
     near = np.zeros(row.shape[0])
     for motion, matrix in kernel.whitening.items():
-        with_motion = np.array([other == motion for other in modes.motions])[later.mode[row]]
+        with_motion = np.array([other == motion for other in kernel.modes.motions])[later.mode[row]]
         point = (kernel.successor[motion][source.ravel()] @ matrix).reshape(*source.shape, -1)
         square = ((query[:, :, None] - point[:, None]) ** 2).sum(axis=3)
         near += ((square <= radius**2) & with_motion[:, :, None]).sum(axis=(1, 2))

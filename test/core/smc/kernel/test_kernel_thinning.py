@@ -6,7 +6,7 @@ from scenes import gaussian_cloud, intensity, small
 
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
 from phd_jdtc_ros.core.smc.kernel import backward_kernel, kernel_thinning, strata
-from phd_jdtc_ros.core.smc.kernel.transition_density import transition_density
+from phd_jdtc_ros.core.smc.kernel.transition_density import TransitionDensity
 from phd_jdtc_ros.core.targets.motion import sample
 
 COUNT = 600
@@ -127,12 +127,13 @@ def groups_of(interval, origins, rows=COUNT):
     modes, motions = model.modes, dict.fromkeys(model.modes.motions)
     successor = {motion: motion.mean(earlier.state, interval) for motion in motions}
     noise = {motion: motion.noise_covariance(interval) for motion in motions}
-    kernel = transition_density(
-        modes, modes.transition(interval), noise, successor, np.ones(len(earlier))
+    kernel = TransitionDensity.of_noise(
+        *(noise, modes, modes.transition(interval), successor),
+        *(earlier.mode, np.ones(len(earlier))),
     )
     group = np.arange(rows) % origins
     return strata.split_into_strata(
-        kernel, modes, earlier, later, (group, group), backward_kernel.KERNEL_GATE_SIGMA
+        kernel, earlier, later, (group, group), backward_kernel.KERNEL_GATE_SIGMA
     )
 
 
