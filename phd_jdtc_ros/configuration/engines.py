@@ -14,8 +14,9 @@ from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.intake.input_checks import ResultWatch
 from phd_jdtc_ros.core.intake.out_of_sequence import OutOfSequence
 from phd_jdtc_ros.core.intake.turn_history import TurnHistory
-from phd_jdtc_ros.core.pipeline import EVERYWHERE, Pipeline, start_cold
+from phd_jdtc_ros.core.pipeline import Pipeline, start_cold
 from phd_jdtc_ros.core.tracks.common_stamp import Schedule
+from phd_jdtc_ros.core.tracks.region import Everywhere
 
 from .build import TrackerConfig
 
@@ -90,12 +91,12 @@ def new_pipeline(
         config.grouper(),
         engine,
         begin,
-        turns,
-        config.watches(),
-        ResultWatch(config.model.modes.interval_s),
-        platforms,
-        OutOfSequence(engine, len(turns), config.late_reports == "rework"),
-        histories,
-        config.region or EVERYWHERE,
-        (config.model, config.rule),
+        turns=turns,
+        watches=config.watches(),
+        results=ResultWatch(config.model.modes.interval_s),
+        platforms=platforms,
+        out_of_sequence=OutOfSequence(engine, len(turns), config.late_reports == "rework"),
+        histories=histories,
+        region=config.region or Everywhere(),
+        tuned=(config.model, config.rule),
     )

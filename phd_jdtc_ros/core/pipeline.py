@@ -7,11 +7,9 @@ node publishes the estimates, and the offline tracker writes them.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import TypeAlias
 
 from .engine import Engine, Step
@@ -32,7 +30,6 @@ from .types import Detections, Estimates, Pose, Scan
 POSE_MISSING = "pose_missing"
 # Counts reports, or slices of turns, of closed scans that are reprocessed.
 REPROCESSED = "late_reworked"
-EVERYWHERE = Everywhere()
 
 
 @dataclass(frozen=True)
@@ -73,49 +70,41 @@ class Pipeline:
     begin : callable
         Called with the engine and the stamp of a run's first scan before that scan is stepped; it
         may restore the engine.
-    turns : sequence of Turns
-        Slicer of each radar's turns, in the configured order; empty if no report is cut.
-    watches : sequence of ReportWatch
-        Input checks of each radar, in the configured order; empty for none.
-    platforms : sequence of (Platform or None)
-        Platform of each radar, in the configured order, None for a fixed radar; empty if all are
-        fixed.
-    out_of_sequence : OutOfSequence or None
-        Policy for reports of closed scans, with the same engine; None to drop them.
+    turns, watches, platforms : sequences
+        Slicer of the turns, input checks, and platform of each radar, in the configured order; the
+        platform of a fixed radar is None.
+    out_of_sequence : OutOfSequence
+        Steps the same engine.
     histories : mapping of int to TurnHistory
         Histories, by radar index, of the turning radars whose out-of-sequence reports are recut;
         they share their `turns`.
     region : Region or Everywhere
         Region in which detections are used and targets reported.
-    tuned : tuple of (TrackerModel, ReportingRule) or None
-        The engine's model and rule, which the pipeline adapts to the estimated antenna rotation;
-        required with a region. None to leave the engine unchanged.
+    tuned : tuple of (TrackerModel, ReportingRule)
+        The engine's model and rule, which the pipeline adapts to the estimated antenna rotation.
     """
 
     def __init__(
         self,
         grouper: ScanGrouper,
         engine: Engine,
-        begin: Callable[[Engine, int], None] = start_cold,
-        turns: Sequence[Turns] = (),
-        watches: Sequence[ReportWatch] = (),
-        results: ResultWatch | None = None,
-        platforms: Sequence[Platform | None] = (),
-        out_of_sequence: OutOfSequence | None = None,
-        histories: Mapping[int, TurnHistory] = MappingProxyType({}),
-        region: Region | Everywhere = EVERYWHERE,
-        tuned: tuple[TrackerModel, ReportingRule] | None = None,
+        begin: Callable[[Engine, int], None],
+        *,
+        turns: Sequence[Turns],
+        watches: Sequence[ReportWatch],
+        results: ResultWatch,
+        platforms: Sequence[Platform | None],
+        out_of_sequence: OutOfSequence,
+        histories: Mapping[int, TurnHistory],
+        region: Region | Everywhere,
+        tuned: tuple[TrackerModel, ReportingRule],
     ) -> None:
         self.engine = engine
-        self._turns = tuple(turns) or tuple(Turns() for _ in range(grouper.radars))
-        self._watches = tuple(watches) or tuple(ReportWatch() for _ in range(grouper.radars))
-        self._results = results or ResultWatch(math.inf)
-        self._grouper = grouper
-        self._out_of_sequence = out_of_sequence or OutOfSequence(engine, grouper.radars, False)
-        self._histories = histories
+        self._turns, self._watches, self._results = turns, watches, results
+        self._grouper, self._out_of_sequence, self._histories = grouper, out_of_sequence, histories
         self._region, self._tuned = region, tuned
         self._posed = PosedReports(platforms)
-        self._drops: list[Counter[str]] = [Counter() for _ in range(grouper.radars)]
+        self._drops: list[Counter[str]] = [Counter() for _ in turns]
         self._begin = begin
         self._begun = False
 
@@ -190,8 +179,6 @@ class Pipeline:
 
     def _retune_to_rotation(self) -> None:
         """Adapt the engine's model and rule to the antennas' estimated rotation periods."""
-        if self._tuned is None:
-            return
         model, rule = self._tuned
         radars = tuple(
             replace(radar, rotation_s=turns.nominal_period_s or radar.rotation_s)
@@ -260,8 +247,6 @@ class Pipeline:
 
     def _select_in_region(self, radar: int, detections: Detections) -> Detections:
         """Return the detections of a radar within the region."""
-        if self._tuned is None:
-            return detections
         return self._region.select_detections(detections, self._tuned[0].radars[radar])
 
     def add_pose(self, radar: int, stamp_ns: int, pose: Pose) -> Iterator[Event] | PoseFault:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, wrap_angle
+from ..arrays import BoolArray, FloatArray, median, wrap_angle
 from ..types import FULL_TURN
 
 # Largest residuals in the rounds of the regression, radians; a detection outside the last one does
@@ -224,8 +224,8 @@ class AntennaTrack(NamedTuple):
 
 def _plausible(time_s: FloatArray) -> BoolArray:
     """Return a mask of the times near the median of a report; others come from a wrong clock."""
-    off_s = np.abs(time_s - np.median(time_s))
-    near: BoolArray = off_s <= max(MAX_MEDIAN_DEVIATIONS * float(np.median(off_s)), MIN_OUTLIER_S)
+    off_s = np.abs(time_s - median(time_s))
+    near: BoolArray = off_s <= max(MAX_MEDIAN_DEVIATIONS * median(off_s), MIN_OUTLIER_S)
     return near | (len(time_s) < MIN_FOR_OUTLIERS)
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, median
 
 # Time for which reports are remembered, in turns.
 MEMORY_TURNS = 4.0
@@ -61,13 +61,13 @@ class Horizon(NamedTuple):
         kept[-MIN_REPORTS:] = True
         timings = np.vstack([self.timings[kept], timing])
         intervals = np.diff(timings[:, 0])
-        interval_s = float(np.median(intervals)) if len(intervals) else 0.0
+        interval_s = median(intervals) if len(intervals) else 0.0
         regular = len(intervals) < MIN_INTERVALS or (
-            np.median(np.abs(intervals / interval_s - 1.0)) < MAX_DEVIATION
+            median(np.abs(intervals / interval_s - 1.0)) < MAX_DEVIATION
         )
         lead_s = np.fmin.reduce([np.fmax.reduce(timings[:, 2]), *timings[:, 1]])
         lead_s = self.lead_s if np.isnan(lead_s) else float(lead_s)
-        return Horizon(timings, interval_s, bool(regular), lead_s)
+        return Horizon(timings, interval_s, regular, lead_s)
 
     def _plausible_times(self, stamp_s: float, time_s: FloatArray, period_s: float) -> FloatArray:
         """Return the times that are plausible for a report, without those off by a turn.

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray
+from ..arrays import BoolArray, FloatArray, IntArray, zeros
 from ..engine import Step
 from ..types import FULL_TURN, Detections, Scan
 from .sectors import smallest_arc
@@ -48,13 +48,9 @@ class ReportWatch:
     slant_ranges: bool = False  # Whether ground ranges are unknown although the difference matters
     _reports: int = field(init=False, default=0)
     _detections: int = field(init=False, default=0)
-    _all: BoolArray = field(init=False)
+    _all: BoolArray = zeros(CELLS, dtype=np.bool_)
     _sectors: int = field(init=False, default=0)
-    _together: BoolArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._all = np.zeros(CELLS, dtype=bool)
-        self._together = np.zeros(CELLS, dtype=bool)
+    _together: BoolArray = zeros(CELLS, dtype=np.bool_)
 
     def add(self, detections: Detections) -> Counter[str]:
         """Return the findings in a report, by name.
@@ -76,15 +72,12 @@ class ReportWatch:
     def _is_sector(self, azimuth: FloatArray) -> int:
         """Return 1 with the last of `SECTOR_REPORTS` consecutive reports of sectors."""
         start, width = smallest_arc(azimuth)
-        if width >= SECTOR_ARC * FULL_TURN:
-            self._sectors = 0
-            self._together[:] = False
-            return 0
-        self._sectors += 1
-        self._together[_cells(start + np.linspace(0.0, width, CELLS))] = True
-        if self._sectors < SECTOR_REPORTS:
-            return 0
-        covered = self._together.mean() > SECTORS_TOGETHER
+        if width < SECTOR_ARC * FULL_TURN:
+            self._sectors += 1
+            self._together[_cells(start + np.linspace(0.0, width, CELLS))] = True
+            if self._sectors < SECTOR_REPORTS:
+                return 0
+        covered = self._sectors == SECTOR_REPORTS and self._together.mean() > SECTORS_TOGETHER
         self._sectors = 0
         self._together[:] = False
         return int(covered)
