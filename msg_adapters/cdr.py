@@ -87,10 +87,7 @@ Put = Callable[[Writer, Any], object]
 def encode(message: Any, **rows: FloatArray) -> bytes:
     """Serialise a message reproducibly as CDR; see `put_message` for `rows`.
 
-    Raises
-    ------
-    TypeError
-        If it contains wide strings.
+    Raise `TypeError` if it contains wide strings.
     """
     writer = Writer()
     put_message(writer, message, **rows)

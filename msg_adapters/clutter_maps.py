@@ -40,11 +40,8 @@ def to_msg(shown: ClutterRaster, stamp_ns: int, world_frame: str) -> OccupancyGr
 def from_msg(message: OccupancyGrid) -> ClutterRaster:
     """Return the clutter map of a message, with the densities of its values.
 
-    Raises
-    ------
-    RejectedMessageError
-        ``schema`` if its size does not match its data or is absurd; ``not_finite`` if its origin or
-        resolution is not finite.
+    Raise `RejectedMessageError`: ``schema`` if its size does not match its data or is absurd;
+    ``not_finite`` if its origin or resolution is not finite.
     """
     info = message.info
     rows, columns, cell = int(info.height), int(info.width), float(info.resolution)

@@ -46,10 +46,7 @@ def to_msg(
     (UINT32), kind (UINT8), and times since the epoch (FLOAT64). The elevation is 0; so is the
     height above the antenna if the detections have no height.
 
-    Raises
-    ------
-    ValueError
-        If the radar has amplitudes or sectors and the detections do not.
+    Raise `ValueError` if the radar has amplitudes or sectors and the detections do not.
     """
     distance, azimuth = detections.measurement.T
     place = {
@@ -70,11 +67,8 @@ def from_msg(cloud: PointCloud2, radar: RadarParameters) -> Report:
     field, ranges are slant ranges. If the cloud lacks a configured field that is not a coordinate,
     its quantity is unknown: an anomaly.
 
-    Raises
-    ------
-    RejectedMessageError
-        ``frame`` if the cloud is in another frame than the radar's; otherwise see
-        `stamps.of_header` and `point_cloud.decode`.
+    Raise `RejectedMessageError`: ``frame`` if the cloud is in another frame than the radar's;
+    otherwise see `stamps.of_header` and `point_cloud.decode`.
     """
     require_frame(cloud.header.frame_id, radar)
     there = set(point_cloud.field_names(cloud))

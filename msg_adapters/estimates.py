@@ -89,10 +89,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
 
     All tracks are confirmed if the cloud has no field ``state``.
 
-    Raises
-    ------
-    RejectedMessageError
-        See `point_cloud.decode` and `stamps.of_header`.
+    Raise `RejectedMessageError`; see `point_cloud.decode` and `stamps.of_header`.
     """
     classes = [f"p_class_{index}" for index in range(class_count(cloud))]
     if not classes:

@@ -81,10 +81,7 @@ def definition(type_name: str) -> str:
 def decode(data: bytes, type_name: str) -> Any:
     """Deserialise a message of the given type from CDR bytes.
 
-    Raises
-    ------
-    RejectedMessageError
-        ``schema`` if the bytes are not such a message.
+    Raise `RejectedMessageError`: ``schema`` if the bytes are not such a message.
     """
     try:
         return deserialize_message(data, message_class(type_name))

@@ -26,11 +26,9 @@ def from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Po
 
     The yaw is NaN if the orientation is not a unit quaternion, as in an uninitialised message.
 
-    Raises
-    ------
-    RejectedMessageError
-        ``frame`` if it is in another frame; ``schema`` if its stamp is invalid; ``not_finite`` or
-        ``range`` if its position is not finite or farther away than `FARTHEST`.
+    Raise `RejectedMessageError`: ``frame`` if it is in another frame; ``schema`` if its stamp is
+    invalid; ``not_finite`` or ``range`` if its position is not finite or farther away than
+    `FARTHEST`.
     """
     frame = message.header.frame_id
     if frame != world_frame:

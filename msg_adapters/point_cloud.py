@@ -111,11 +111,8 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
 
     Each wanted field has its allowed type codes, such as `FLOATS`; further fields are ignored.
 
-    Raises
-    ------
-    RejectedMessageError
-        ``oversize`` above `MAX_POINTS`; ``schema`` if a field is missing or has another type or
-        count, or if the steps do not match each other or the data.
+    Raise `RejectedMessageError`: ``oversize`` above `MAX_POINTS`; ``schema`` if a field is missing
+    or has another type or count, or if the steps do not match each other or the data.
     """
     layout = _checked_layout(cloud, wanted)
     count = cloud.width * cloud.height

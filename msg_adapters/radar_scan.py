@@ -60,12 +60,9 @@ def from_msg(scan: Any, radar: RadarParameters) -> Report:
     are ignored without a `fields.amplitude`, and Doppler velocities (m/s, positive for a receding
     target) without a `fields.range_rate`.
 
-    Raises
-    ------
-    RejectedMessageError
-        ``frame`` if the scan is in another frame than the radar's; ``oversize`` above
-        `point_cloud.MAX_POINTS` returns; ``schema`` if the stamp is invalid, see
-        `stamps.of_header`.
+    Raise `RejectedMessageError`: ``frame`` if the scan is in another frame than the radar's;
+    ``oversize`` above `point_cloud.MAX_POINTS` returns; ``schema`` if the stamp is invalid, see
+    `stamps.of_header`.
     """
     _require_size(len(scan.returns))
     rows = [
@@ -78,10 +75,7 @@ def from_msg(scan: Any, radar: RadarParameters) -> Report:
 def from_cdr(data: bytes, radar: RadarParameters) -> Report:
     """Decode the detections of a serialised scan; parameters and errors as in `from_msg`.
 
-    Raises
-    ------
-    RejectedMessageError
-        ``schema`` also if the bytes are not a scan.
+    Raise `RejectedMessageError`: ``schema`` also if the bytes are not a scan.
     """
     try:
         order = "<" if data[1] & 1 else ">"

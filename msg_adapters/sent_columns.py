@@ -31,10 +31,7 @@ def of(
 
     There is always an elevation, which is 0; `stamp_ns` is the report's.
 
-    Raises
-    ------
-    ValueError
-        If the radar has amplitudes or sectors and the detections do not.
+    Raise `ValueError` if the radar has amplitudes or sectors and the detections do not.
     """
     slant, measured = ground_ranges.measure(detections, radar)
     columns = {radar.fields.range: slant, radar.fields.azimuth: azimuth(measured, radar)}
@@ -129,10 +126,7 @@ def azimuth(angle: FloatArray, radar: RadarParameters) -> FloatArray:
 def level(detections: Detections, radar: RadarParameters) -> FloatArray:
     """Convert amplitudes to the radar's convention: the inverse of `select`.
 
-    Raises
-    ------
-    ValueError
-        If the detections have no amplitudes.
+    Raise `ValueError` if the detections have no amplitudes.
     """
     if detections.amplitude is None:
         raise ValueError("detections.amplitude: None given, the cloud needs amplitudes")

@@ -31,10 +31,8 @@ def header(stamp_ns: int, frame: str) -> Header:
 def of_header(sent: Header) -> int:
     """Return a header's stamp in nanoseconds.
 
-    Raises
-    ------
-    RejectedMessageError
-        ``schema`` if it is before 1970 or its nanoseconds are a second or more.
+    Raise `RejectedMessageError`: ``schema`` if it is before 1970 or its nanoseconds are a second or
+    more.
     """
     sec, nanosec = sent.stamp.sec, sent.stamp.nanosec
     if sec < 0 or nanosec >= NS_PER_S:

@@ -36,10 +36,7 @@ def to_msg(truth: Truth, frame: str) -> PointCloud2:
 def from_msg(cloud: PointCloud2) -> Truth:
     """Decode the targets of a cloud.
 
-    Raises
-    ------
-    RejectedMessageError
-        See `point_cloud.decode` and `stamps.of_header`.
+    Raise `RejectedMessageError`; see `point_cloud.decode` and `stamps.of_header`.
     """
     wanted = dict.fromkeys(_FLOATS, point_cloud.FLOATS) | dict.fromkeys(_IDS, point_cloud.UNSIGNED)
     columns = point_cloud.decode(cloud, wanted)

@@ -77,10 +77,7 @@ class Parameters:
 
         Noise, range and interval may be missing in a `blank` one, which only reads tables.
 
-        Raises
-        ------
-        ConfigError
-            With all faults.
+        Raise `ConfigError` with all faults.
         """
         values = self.values(columns)
         faults = [] if self.whole or blank else self._needed(values, columns)

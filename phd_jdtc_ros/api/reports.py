@@ -38,10 +38,7 @@ class RadarReport(NamedTuple):
 def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
     """Return the reports of a table, by ascending stamp and then by radar.
 
-    Raises
-    ------
-    ValueError
-        If a required column is missing or has an invalid value.
+    Raise `ValueError` if a required column is missing or has an invalid value.
     """
     time_ns = stamps_ns(columns)
     found = []

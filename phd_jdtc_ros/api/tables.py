@@ -29,10 +29,7 @@ LATEST_S = 9.2e9
 def columns_of(table: Table) -> Columns:
     """Return a table's columns by name, all of equal length; a CSV file has a header line.
 
-    Raises
-    ------
-    ValueError
-        If it is no `Table`, or its columns differ in length.
+    Raise `ValueError` if it is no `Table`, or its columns differ in length.
     """
     if isinstance(table, (str, os.PathLike)):
         return _read_csv(Path(table))
@@ -74,10 +71,7 @@ def _read_csv(path: Path) -> Columns:
 def numbers(columns: Columns, name: str) -> FloatArray:
     """Return a column as numbers; empty texts become NaN.
 
-    Raises
-    ------
-    ValueError
-        If the column is missing or contains a value that is not a number.
+    Raise `ValueError` if the column is missing or contains a value that is not a number.
     """
     column = require_column(columns, name)
     if column.ndim > 1:
@@ -91,13 +85,7 @@ def numbers(columns: Columns, name: str) -> FloatArray:
 
 
 def require_column(columns: Columns, name: str) -> Column:
-    """Return a column that must be present.
-
-    Raises
-    ------
-    ValueError
-        If the column is missing.
-    """
+    """Return a column that must be present; raise `ValueError` if the column is missing."""
     if name not in columns:
         raise ValueError(
             f"{name}: the column is missing, the columns are {short(', '.join(columns)) or 'none'}"
@@ -110,10 +98,7 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
 
     Times are rounded to microseconds, so that seconds since 1970 as floats are reproduced.
 
-    Raises
-    ------
-    ValueError
-        If the column is missing or contains a value that is not a time.
+    Raise `ValueError` if the column is missing or contains a value that is not a time.
     """
     column = require_column(columns, name)
     if column.dtype.kind in "US" and not _all_numbers(column):

@@ -179,18 +179,10 @@ class TrackerConfig(Tracking):
 def resolve(
     given: Mapping[str, Any], plane_about: Callable[[Sequence[float]], Plane] | None = None
 ) -> TrackerConfig:
-    """Check a configuration and build the tracker's models and settings.
+    """Check a configuration and build the tracker's models; raise `ConfigError` with all faults.
 
-    Parameters
-    ----------
-    plane_about : callable of (latitude, longitude, height) or None
-        Returns the map projection about ``world_origin``: `earth.SystemPlane`. None where no place
-        on the earth is allowed.
-
-    Raises
-    ------
-    ConfigError
-        With all faults.
+    The map projection about ``world_origin`` is that of `plane_about`, given latitude, longitude
+    and height: `earth.SystemPlane`. It is None where no place on the earth is allowed.
     """
     table = schema(given)
     values, faults = check(table.values(), given, *_FORMER, similar=entries(given))

@@ -239,10 +239,7 @@ def with_members(
 
     A member's parameter that is in `top` too has the value given there as its default.
 
-    Raises
-    ------
-    ConfigError
-        If the list is faulty: the other parameters cannot be checked then.
+    Raise `ConfigError` if the list is faulty: the other parameters cannot be checked then.
     """
     by_name = {parameter.name: parameter for parameter in top}
     if group in given and by_name[group].coerce(given[group]) is None:

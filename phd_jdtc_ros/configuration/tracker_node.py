@@ -83,10 +83,7 @@ class Settings:
 def resolve(given: Mapping[str, Any]) -> Settings:
     """Check parameters and build the settings; missing parameters have their defaults.
 
-    Raises
-    ------
-    ConfigError
-        With every fault, the tracker's and the node's.
+    Raise `ConfigError` with every fault, the tracker's and the node's.
     """
     of_tracker = {name: value for name, value in given.items() if name not in NAMES}
     node, faults = check(TABLE, {name: value for name, value in given.items() if name in NAMES})
@@ -114,10 +111,7 @@ def edit(
     Every value is checked by itself and not in combination, because changes may come one by one.
     A new name in a list such as ``sensors`` adds its parameters, and a missing name removes them.
 
-    Raises
-    ------
-    ConfigError
-        With every fault: unknown parameters, and values that are not allowed.
+    Raise `ConfigError` with every fault: unknown parameters, and values that are not allowed.
     """
     wanted = {**values, **changes}
     every = _table(wanted)
@@ -132,10 +126,8 @@ def edit(
 def change(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     """Return the settings with some parameters changed while the tracker is configured.
 
-    Raises
-    ------
-    ConfigError
-        With every fault: parameters that cannot change, and values that are not allowed.
+    Raise `ConfigError` with every fault: parameters that cannot change, and values that are not
+    allowed.
     """
     faults = [
         f"{name}: cannot change while the tracker is configured, clean it up before"

@@ -26,10 +26,7 @@ def path_of(bag: Path) -> Path:
 def read(bag: Path) -> dict[str, Any] | None:
     """Return the parameters beside a bag by dotted name, not checked; None if there are none.
 
-    Raises
-    ------
-    ConfigError
-        If the file cannot be read, or has no section for a tracker.
+    Raise `ConfigError` if the file cannot be read, or has no section for a tracker.
     """
     path = path_of(bag)
     return sections.read(path).values("/tracker") if path.is_file() else None
@@ -41,10 +38,7 @@ def write(path: Path, values: Mapping[str, Any], section: str = proposed_file.AN
     The values are those of a checked configuration; others are left out. The section is the
     tracker's full name, in which wildcards are allowed.
 
-    Raises
-    ------
-    BagError
-        If it cannot be written.
+    Raise `BagError` if it cannot be written.
     """
     kept = {
         name: values[name]

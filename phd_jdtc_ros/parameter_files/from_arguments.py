@@ -19,10 +19,8 @@ def load(path: Path, node: str = _NODE) -> dict[str, Any]:
 
     `node` is a name without a namespace: the node may be in any.
 
-    Raises
-    ------
-    ConfigError
-        If it is not such a file, or has sections for such nodes in several namespaces.
+    Raise `ConfigError` if it is not such a file, or has sections for such nodes in several
+    namespaces.
     """
     file = sections.read(path)
     names = [name for name, _ in file.sections]
@@ -48,10 +46,7 @@ def scenario_parameters(document: Any) -> dict[str, Any]:
 
     They are its ``parameters``, nested or dotted, and the places of radars in its ``sites``.
 
-    Raises
-    ------
-    ConfigError
-        If they are not a mapping, or a site is wrong.
+    Raise `ConfigError` if they are not a mapping, or a site is wrong.
     """
     if not isinstance(document, Mapping):
         return {}

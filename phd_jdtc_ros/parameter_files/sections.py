@@ -34,10 +34,7 @@ class ParameterFile:
     def values(self, node: str) -> dict[str, Any]:
         """Return the parameters of a node, by its full name; later sections override earlier ones.
 
-        Raises
-        ------
-        ConfigError
-            If no section is for the node.
+        Raise `ConfigError` if no section is for the node.
         """
         matching = [given for section, given in self.sections if is_for(section, node)]
         if not matching:
@@ -57,10 +54,7 @@ def is_for(section: str, node: str) -> bool:
 def read(path: Path) -> ParameterFile:
     """Return a parameter file.
 
-    Raises
-    ------
-    ConfigError
-        If it cannot be read, or has a parameter twice in a section.
+    Raise `ConfigError` if it cannot be read, or has a parameter twice in a section.
     """
     found, faults = [], []
     document = yaml_files.load(path)
@@ -92,10 +86,7 @@ def _scenario_fault(path: Path) -> str:
 def given_in(argv: Sequence[str]) -> tuple[ParameterFile, ...]:
     """Return the parameter files among the ROS arguments of a command line.
 
-    Raises
-    ------
-    ConfigError
-        With the faults of all files.
+    Raise `ConfigError` with the faults of all files.
     """
 
     def of_nodes(path: Path) -> ParameterFile:

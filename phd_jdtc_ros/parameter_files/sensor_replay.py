@@ -98,10 +98,7 @@ TABLE = (*AT_THE_START, SEEK)
 def rate(given: Any) -> float:
     """Return the rate given to a program that starts the replay.
 
-    Raises
-    ------
-    ConfigError
-        If it is not allowed.
+    Raise `ConfigError` if it is not allowed.
     """
     value = _rate(given)
     if value is None:

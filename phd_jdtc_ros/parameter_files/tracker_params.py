@@ -20,10 +20,7 @@ def config(given: Mapping[str, Any]) -> TrackerConfig:
 
     The node's own parameters are ignored.
 
-    Raises
-    ------
-    ConfigError
-        With every fault.
+    Raise `ConfigError` with every fault.
     """
     ignored = {name for name in given if name in _OF_NODE or name.startswith("qos_overrides.")}
     return resolve({k: given[k] for k in given if k not in ignored}, SystemPlane)
@@ -32,9 +29,7 @@ def config(given: Mapping[str, Any]) -> TrackerConfig:
 def load(path: Path, tracker: str) -> TrackerConfig:
     """Return the configuration that a parameter file gives the tracker of that full name.
 
-    Raises
-    ------
-    ConfigError
-        If it is not a parameter file or has no section for the tracker, or with every fault.
+    Raise `ConfigError` if it is not a parameter file or has no section for the tracker, or with
+    every fault.
     """
     return config(sections.read(path).values(tracker))

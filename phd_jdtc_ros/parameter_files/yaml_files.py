@@ -148,10 +148,7 @@ _Loader.add_implicit_resolver(_PREFIX + "merge", re.compile(r"<<$"), None)
 def parse(text: str, where: str) -> Any:
     """Return the document in a text; `where` is its name in faults.
 
-    Raises
-    ------
-    ConfigError
-        If it is not YAML, has a key twice, or is above a limit.
+    Raise `ConfigError` if it is not YAML, has a key twice, or is above a limit.
     """
     loader = _Loader("")
     try:
@@ -168,10 +165,8 @@ def parse(text: str, where: str) -> Any:
 def load(path: Path) -> Any:
     """Return the document in a file.
 
-    Raises
-    ------
-    ConfigError
-        If the file cannot be read, is not YAML, has a key twice, or is above a limit.
+    Raise `ConfigError` if the file cannot be read, is not YAML, has a key twice, or is above a
+    limit.
     """
     try:
         with path.open("rb") as file:
