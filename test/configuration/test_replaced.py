@@ -96,7 +96,6 @@ def test_changes_of_a_running_tracker_are_refused_alike():
         ("checkpoint.max_age_s", live.CHECKPOINT_MAX_AGE_S),
         ("path_length", live_outputs.PATH_LENGTH),
         ("silent_after_scans", input_health.SILENT_AFTER_SCANS),
-        ("step_time_limit", live.STEP_TIME_LIMIT),
         ("max_prediction_s", bridge.MAX_PREDICTION_S),
         ("smoothed_wait_s", hand_over.SMOOTHED_WAIT_S),
     ],
