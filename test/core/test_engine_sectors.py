@@ -131,6 +131,14 @@ def test_estimates_of_every_sector_are_all_at_its_stamp(name):
         assert errors(found).max() < 400.0
 
 
+def test_targets_are_reported_once_without_a_lag(name):
+    _, filtered, smoothed = run(name, 5, estimates_period_s=0.0, lag=0)
+    assert len(smoothed) == len(filtered)
+    for found in smoothed[-SECTORS:]:
+        assert len(found) == len(TARGETS)
+        assert errors(found).max() < 400.0
+
+
 def test_window_is_as_long_as_the_lag_and_no_longer(default_run):
     engine, _, _ = default_run(20)
     assert len(engine._window) <= 6 * SECTORS
