@@ -96,25 +96,15 @@ class Engine(Protocol):
 
         The engine is then in the state that it would have if it had stepped these scans at once.
         Only published track numbers remain: a target keeps its number, and no number is used for
-        another target.
-
-        Parameters
-        ----------
-        scans : sequence of (EngineState, Scan)
-            Every scan from some stamp on, in ascending order. The engine returns to the first
-            `EngineState`; only the model and the rule of the others are used.
+        another target. Given is every scan from some stamp on, in ascending order. The engine
+        returns to the first `EngineState`; only the model and the rule of the others are used.
         """
 
     def snapshot(self) -> Snapshot:
         """Return the engine's state; its arrays are shared and must not be changed."""
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Continue from a snapshot as if the engine had never stopped.
-
-        Parameters
-        ----------
-        snapshot : Snapshot
-            Snapshot of an engine with the same configuration.
+        """Continue from a snapshot of an engine of this configuration as if it had never stopped.
 
         Raises
         ------

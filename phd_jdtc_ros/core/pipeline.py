@@ -124,20 +124,10 @@ class Pipeline:
     def add(
         self, radar: int, stamp_ns: int, detections: Detections, sector: int | None = None
     ) -> Iterator[Event] | Rejection:
-        """Add one report.
+        """Add one report; return the events of the scans that it closes.
 
-        Parameters
-        ----------
-        radar : int
-            Index in the configured order.
-        sector : int or None
-            Sector number, if the report contains it.
-
-        Returns
-        -------
-        iterator of Event
-        Rejection
-            If no part of the report is used in any scan.
+        If no part of the report is used in any scan, the reason is returned. `radar` is the index
+        in the configured order, and `sector` the sector's number, if the report contains it.
         """
         turns = self._turns[radar]
         noticed = self._watches[radar].add(detections)
@@ -250,19 +240,9 @@ class Pipeline:
         return self._region.select_detections(detections, self._tuned[0].radars[radar])
 
     def add_pose(self, radar: int, stamp_ns: int, pose: Pose) -> Iterator[Event] | PoseFault:
-        """Add a pose of a radar's platform.
+        """Add a pose of the platform of a moving radar, given its index in the configured order.
 
-        Parameters
-        ----------
-        radar : int
-            Index of a moving radar in the configured order.
-
-        Returns
-        -------
-        iterator of Event
-            Events of the scans that waited for the pose.
-        PoseFault
-            If the pose is rejected.
+        Return the events of the scans that waited for the pose, or why it is rejected.
         """
         fault = self._posed.add_pose(radar, stamp_ns, pose)
         return fault if fault is not None else self._events(self._group_released())

@@ -172,20 +172,11 @@ def integers(
     ascending: bool = False,
     key: str = "",
 ) -> _Stored:
-    """Declare an array of integers.
+    """Declare an array of integers with bounds, included.
 
-    Parameters
-    ----------
-    shape : str
-        A letter for each axis; axes of the same letter have the same size.
-    low, high : int
-        Bounds, included.
-    below : str
-        Letter of an axis, in the place of `high`: all numbers are below the size of that axis.
-    ascending : bool
-        Whether the numbers must increase.
-    key : str
-        Name of the array in snapshots, if it is not the field's.
+    The shape has a letter for each axis; axes of the same letter have the same size. With the
+    letter of an axis in `below`, all numbers are below the size of that axis. The key is the name
+    of the array in snapshots, if it is not the field's.
     """
     return _Array("i", shape, low, high, below, ascending, key=key)
 
@@ -221,13 +212,7 @@ def _fields(kind: type[Any]) -> dict[str, tuple[_Stored, bool]]:
 
 
 def to_snapshot(value: Any, snapshot: Snapshot, name: str) -> None:
-    """Store the declared fields of a value, except for those that are None.
-
-    Parameters
-    ----------
-    name : str
-        The fields are stored under ``name.field``.
-    """
+    """Store the declared fields of a value under ``name.field``, except for those that are None."""
     for part, (stored, _) in _fields(cast(Any, type(value))).items():
         content = getattr(value, part)
         if content is not None:
@@ -237,16 +222,10 @@ def to_snapshot(value: Any, snapshot: Snapshot, name: str) -> None:
 def from_snapshot(
     kind: type[T], snapshot: Snapshot, name: str, sizes: Mapping[str, int], **others: Any
 ) -> T:
-    """Return a stored value.
+    """Return a stored value of a dataclass or named tuple with declared fields.
 
-    Parameters
-    ----------
-    kind : type
-        A dataclass or named tuple with declared fields.
-    sizes : mapping of letter to int
-        Sizes of axes. Other letters may have any size that is the same in all fields.
-    **others
-        Values of the fields that are not stored.
+    `sizes` has sizes of axes by letter; other letters may have any size that is the same in all
+    fields. The fields that are not stored are given as further arguments.
 
     Raises
     ------

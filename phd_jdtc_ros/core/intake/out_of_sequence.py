@@ -106,14 +106,8 @@ class OutOfSequence:
     def insert(self, radar: int, replaced_ns: Sequence[int], reports: Sequence[Report]) -> None:
         """Insert reports of a radar into closed scans, at the next reprocessing.
 
-        Parameters
-        ----------
-        radar : int
-            Index in the configured order.
-        replaced_ns : sequence of int
-            Stamps of reports that these replace.
-        reports : sequence of (stamp in nanoseconds, Detections)
-            All after `since_ns`, and not after the last scan.
+        They replace those of some stamps. Their own stamps are after `since_ns`, and not after the
+        last scan.
         """
         stamps = {kept.scan.stamp_ns for kept in self._pending} | self._changed.keys()
         for stamp_ns in replaced_ns:

@@ -213,14 +213,8 @@ class Sensor(ABC):
         """Return the probability that a report covers each target, (N,).
 
         Only a covered target can be missed. A plot belongs to the sector of its measured azimuth.
-
-        Parameters
-        ----------
-        predicted : array of shape (N, Z)
-            Predicted measurements of the targets.
-        std : array of shape (N, Z) or None
-            Standard deviations of the predicted measurements, without the sensor's noise; None if
-            the positions are certain.
+        Given are the predicted measurements, (N, Z), and their standard deviations without the
+        sensor's noise; None if the positions are certain.
         """
         return np.ones(len(predicted))
 

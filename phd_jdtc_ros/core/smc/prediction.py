@@ -32,21 +32,11 @@ def predict(
 ) -> ParticleSet:
     """Predict the intensity to a scan: survivors, spawned targets, births.
 
-    Parameters
-    ----------
-    earlier : sequence of Aged
-        The stored sets that the scan continues; every copy of a row has its own process noise.
-    births : sequence of (int, float)
-        Index of each birth term to draw, and the time since its last draw, seconds.
-    seen : Places
-        The detections of the scan, used in the proposal of the survivors' process noise.
-    scan_index : int
-        Determines the labels of births and spawned targets.
-
-    Returns
-    -------
-    ParticleSet
-        All weight is in the Poisson part. Parents are rows of the concatenated stored sets.
+    Given are the stored sets that the scan continues, the index of each birth term to draw with the
+    time since its last draw, seconds, and the detections of the scan, which are used in the
+    proposal of the survivors' process noise. Every copy of a row has its own process noise. All
+    weight is in the Poisson part, and parents are rows of the concatenated stored sets. The scan's
+    index determines the labels of births and spawned targets.
 
     Notes
     -----
