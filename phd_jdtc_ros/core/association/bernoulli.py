@@ -54,7 +54,7 @@ class Shares(NamedTuple):
     missed: FloatArray  # Factor of each target on its rows' weights for a missed detection, (T,)
     pair: FloatArray  # Factor of each pair, (P,)
     claimed: FloatArray  # Probability that a target is the source of each detection, (M,)
-    # Number of clusters too large for exact probabilities; see `marginals.Marginals`.
+    # Number of clusters too large for exact probabilities; see `marginals`.
     approximate: int
 
 

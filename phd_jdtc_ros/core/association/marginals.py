@@ -8,11 +8,10 @@ approximates these, and may be overconfident if the graph of targets and detecti
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, contiguous
+from ..arrays import FloatArray, IntArray
 from ..compilation import Float1, Int1, compiled, inner
 from .belief_propagation import propagate, rounds
 from .clusters import graph_of
@@ -28,38 +27,6 @@ MOST_WORK = 1 << 17
 CERTAIN = 200.0
 
 
-class Marginals(NamedTuple):
-    """Marginal probabilities of single-source, single-detection associations."""
-
-    edge: FloatArray  # Probability that the target is the detection's source, (E,)
-    # Probability that the target has no detection, because it was missed or does not exist, (T,).
-    none: FloatArray
-    # Number of clusters that were too large for exact sums. Their probabilities come from belief
-    # propagation and may be overconfident.
-    approximate: int
-
-
-def marginals(
-    target: IntArray, detection: IntArray, odds: FloatArray, targets: int, clutter: FloatArray
-) -> Marginals:
-    """Return the marginal probabilities of associations.
-
-    Parameters
-    ----------
-    target, detection : int arrays of shape (E,)
-        The edges, each once.
-    odds : array of shape (E,)
-        Odds of the detection against none for this target alone: the mass of the edge, divided by
-        the probability that the target has no detection.
-    targets : int
-        T.
-    clutter : array of shape (M,)
-        Intensity of all other sources of each detection, in the units of `odds`.
-    """
-    edges = contiguous(target, detection, odds, clutter)
-    return Marginals(*edge_probabilities(MOST_WORK, targets, *edges))
-
-
 @inner
 def _contested(
     most_work: int,
@@ -69,7 +36,7 @@ def _contested(
     detection: IntArray,
     log_odds: FloatArray,
 ) -> tuple[FloatArray, FloatArray, int]:
-    """Return the columns of `Marginals`; `log_odds` are against both nodes having none of them."""
+    """Return `edge_probabilities`; `log_odds` are against both nodes having none of them."""
     order, graph = graph_of(targets, size, target, detection)
     steps, price = plan(graph, most_work), node_prices(graph, log_odds)
     weight = np.empty(len(log_odds))
@@ -98,7 +65,32 @@ def _contested(
 def edge_probabilities(
     most_work: int, targets: int, target: Int1, detection: Int1, odds: Float1, clutter: Float1
 ) -> tuple[FloatArray, FloatArray, int]:
-    """Return the columns of `Marginals`; `most_work` bounds the work for each target."""
+    """Return the marginal probabilities of single-source, single-detection associations.
+
+    Parameters
+    ----------
+    most_work : int
+        Bound on the work for each target; see `MOST_WORK`.
+    targets : int
+        T.
+    target, detection : int arrays of shape (E,)
+        The edges, each once.
+    odds : array of shape (E,)
+        Odds of the detection against none for this target alone: the mass of the edge, divided by
+        the probability that the target has no detection.
+    clutter : array of shape (M,)
+        Intensity of all other sources of each detection, in the units of `odds`.
+
+    Returns
+    -------
+    edge : array of shape (E,)
+        Probability that the target is the detection's source.
+    none : array of shape (T,)
+        Probability that the target has no detection, because it was missed or does not exist.
+    approximate : int
+        Number of clusters that were too large for exact sums. Their probabilities come from belief
+        propagation and may be overconfident.
+    """
     count, size, contested = len(odds), len(clutter), 0
     log_odds, share = np.empty(count), np.zeros(count)
     largest, wanted = np.zeros(targets), np.zeros(size, np.int64)

@@ -152,13 +152,9 @@ class Mixture(ReadOnly):
     def moments(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return each target's mean and covariance for given shares of its Gaussians, (H, R)."""
         modes, size = self.mean.shape[1:]
-        return merge_moments(
-            share.reshape(-1),
-            self.mean.reshape(-1, size),
-            self.covariance.reshape(-1, size, size),
-            self.target.repeat(modes),
-            len(self.label),
-        )
+        mean, covariance = self.mean.reshape(-1, size), self.covariance.reshape(-1, size, size)
+        of = self.target.repeat(modes)
+        return merge_moments(len(self.label), share.reshape(-1), mean, covariance, of)
 
     def extents(self, space: StateSpace) -> Extents:
         """Return the position and extent of each target; see `Rows`."""

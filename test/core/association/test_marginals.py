@@ -1,11 +1,23 @@
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from matchings import enumerated
 
+from phd_jdtc_ros.core.arrays import contiguous
 from phd_jdtc_ros.core.association import marginals as module
-from phd_jdtc_ros.core.association.marginals import marginals
+
+
+class Marginals(NamedTuple):
+    edge: object
+    none: object
+    approximate: int
+
+
+def marginals(target, detection, odds, targets, clutter):
+    edges = contiguous(target, detection, odds, clutter)
+    return Marginals(*module.edge_probabilities(module.MOST_WORK, targets, *edges))
 
 
 def dense_marginals(odds, clutter):

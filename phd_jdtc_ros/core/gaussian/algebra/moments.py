@@ -4,39 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray, contiguous
+from ...arrays import FloatArray
 from ...compilation import Float1, Float2, Float3, Int1, compiled
 from .blocks import SIZE, add_mean, add_spread
 
 
+@compiled
 def merge_moments(
-    share: FloatArray, mean: FloatArray, covariance: FloatArray, mixture: IntArray, count: int
+    count: int, share: Float1, mean: Float2, covariance: Float3, mixture: Int1
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the means and covariances of mixtures.
+    """Return the means and covariances of mixtures, (J, D) and (J, D, D).
 
     Parameters
     ----------
-    share : array of shape (N,)
-        Sums to one over the Gaussians of a mixture.
-    mean : array of shape (N, D)
-    covariance : array of shape (N, D, D)
-    mixture : int array of shape (N,)
-        That each Gaussian is of.
     count : int
         Number of mixtures, J.
-
-    Returns
-    -------
-    mean : array of shape (J, D)
-    covariance : array of shape (J, D, D)
+    share : array of shape (N,)
+        Sums to one over the Gaussians of a mixture.
+    mean, covariance : arrays of shape (N, D) and (N, D, D)
+    mixture : int array of shape (N,)
+        That each Gaussian is of.
     """
-    return _merge_moments(count, *contiguous(share, mean, covariance, mixture))
-
-
-@compiled
-def _merge_moments(
-    count: int, share: Float1, mean: Float2, covariance: Float3, mixture: Int1
-) -> tuple[FloatArray, FloatArray]:
     centre, spread = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
     for row in range(len(share)):
         add_mean(share[row], mean[row], centre[mixture[row]])

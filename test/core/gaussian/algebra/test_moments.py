@@ -18,7 +18,7 @@ def test_merge_moments_keeps_the_moments_of_mixtures_in_any_order():
         share[mixture == one] = rng.dirichlet(np.ones((mixture == one).sum()))
     mean, root = rng.normal(0.0, 10.0, (6, 5)), rng.normal(0.0, 1.0, (6, 5, 5))
     covariance = root @ root.swapaxes(-1, -2)
-    centre, spread = moments.merge_moments(share, mean, covariance, mixture, 4)
+    centre, spread = moments.merge_moments(4, share, mean, covariance, mixture)
     for one in (0, 2, 3):
         own = mixture == one
         expected = of_parts(share[own], mean[own], covariance[own])
