@@ -7,9 +7,9 @@ published; the same holds for impossible stamps.
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -68,22 +68,28 @@ REGIONS = (Region(-1e5, -1e5, 0.0, 1e5, 1e4), Region(0.0, -1e5, 1e5, 1e5, 1e4))
 _CODES = {PointField.FLOAT32: "f8", PointField.FLOAT64: "f8", PointField.UINT32: "u4"}
 
 
-@measures(
-    "numbers that are finite and absurd",
-    "in every numeric field of every input: 0 errors, 0 NaN",
-    of_engines=True,
-)
+GOAL = "in every numeric field: 0 errors, 0 NaN"
+# A description of a message, and the function that processes it.
+Case = tuple[str, Callable[[], None]]
+
+
+@measures("absurd finite numbers in a radar's clouds", GOAL, of_engines=True)
+def measure_radar() -> Found:
+    """Process every spoilt cloud of a radar as a tracker does."""
+    return _outcomes(_of_radars())
+
+
+@measures("absurd finite numbers in other messages", GOAL)
 def measure() -> Found:
-    """Process every spoilt message as a node does."""
-    outcomes: Counter[str] = Counter()
-    wrong: dict[str, str] = {}
-    for what, use in cases():
-        fault = outcome(use)
-        outcomes[fault and "wrong"] += 1
-        if fault:
-            wrong[what] = fault
-    text = f"{outcomes.total():,} messages: {len(wrong)} end with an error or NaN{such_as(wrong)}"
-    return result(text, not wrong, messages=outcomes.total(), wrong=wrong)
+    """Process every spoilt pose, and every spoilt cloud of estimates or truth, as a node does."""
+    return _outcomes(chain(_of_poses(), _of_clouds()))
+
+
+def _outcomes(cases: Iterator[Case]) -> Found:
+    faults = {what: outcome(use) for what, use in cases}
+    wrong = {what: fault for what, fault in faults.items() if fault}
+    text = f"{len(faults):,} messages: {len(wrong)} end with an error or NaN{such_as(wrong)}"
+    return result(text, not wrong, messages=len(faults), wrong=wrong)
 
 
 def outcome(use: Callable[[], None]) -> str:
@@ -98,20 +104,25 @@ def outcome(use: Callable[[], None]) -> str:
     return ""
 
 
-def cases() -> Iterator[tuple[str, Callable[[], None]]]:
-    """Yield the description of each message, and the function that processes it."""
-    yield from _of_poses()
-    yield from _of_radars()
+def _of_clouds() -> Iterator[Case]:
+    """Yield clouds of estimates at each node that takes them, and clouds of truth."""
     clouds = ((_hand_over, "hand_over"), (_to_asterix, "asterix"), (_evaluate, "evaluator"))
     for use, name in clouds:
-        for what, cloud in spoil(estimates.to_msg(_estimates(START_NS), "map")):
-            yield f"estimates to {name}: {what}", partial(use, cloud)
-    for what, cloud in spoil(truth.to_msg(_truth(START_NS), "map")):
-        yield f"truth: {what}", partial(_evaluate_truth, cloud)
+        for what, make in spoil(estimates.to_msg(_estimates(START_NS), "map")):
+            yield f"estimates to {name}: {what}", partial(_use, use, make)
+    for what, make in spoil(truth.to_msg(_truth(START_NS), "map")):
+        yield f"truth: {what}", partial(_use, _evaluate_truth, make)
 
 
-def spoil(cloud: PointCloud2) -> Iterator[tuple[str, PointCloud2]]:
-    """Yield a cloud with each value in each field of its first point, and with each stamp."""
+def _use(use: Callable[[PointCloud2], None], make: Callable[[], PointCloud2]) -> None:
+    use(make())
+
+
+def spoil(cloud: PointCloud2) -> Iterator[tuple[str, Callable[[], PointCloud2]]]:
+    """Yield a cloud with each value in each field of its first point, and with each stamp.
+
+    It is made by a function, which is described.
+    """
     codes = [_CODES.get(field.datatype, "u1") for field in cloud.fields]
     wanted = {field.name: [*point_cloud.FLOATS, "u4", "u1"] for field in cloud.fields}
     columns = point_cloud.decode(cloud, wanted)
@@ -121,12 +132,16 @@ def spoil(cloud: PointCloud2) -> Iterator[tuple[str, PointCloud2]]:
                 continue
             changed = column.astype(code)
             changed[0] = value
-            yield f"{name} {value:g}", _cloud(cloud, {**columns, name: changed}, name)
+            yield f"{name} {value:g}", partial(_cloud, cloud, {**columns, name: changed}, name)
     for sec in SECONDS:
         for nanosec in NANOSECONDS:
-            stamped = interfaces.decode(interfaces.encode(cloud), names.CLOUD)
-            stamped.header.stamp.sec, stamped.header.stamp.nanosec = sec, nanosec
-            yield f"stamp {sec} s {nanosec} ns", stamped
+            yield f"stamp {sec} s {nanosec} ns", partial(_stamped, cloud, sec, nanosec)
+
+
+def _stamped(cloud: PointCloud2, sec: int, nanosec: int) -> PointCloud2:
+    stamped = interfaces.decode(interfaces.encode(cloud), names.CLOUD)
+    stamped.header.stamp.sec, stamped.header.stamp.nanosec = sec, nanosec
+    return stamped
 
 
 def _cloud(cloud: PointCloud2, columns: Mapping[str, Any], wide: str) -> PointCloud2:
@@ -135,7 +150,7 @@ def _cloud(cloud: PointCloud2, columns: Mapping[str, Any], wide: str) -> PointCl
     return found
 
 
-def _of_poses() -> Iterator[tuple[str, Callable[[], None]]]:
+def _of_poses() -> Iterator[Case]:
     """Yield poses of every kind with each value in each numeric field of position and direction."""
     for kind, type_name in platform_poses.TYPES.items():
         data = platform_poses.to_cdr(Pose((1.0, 2.0), 0.3), START_NS, "map", kind)
@@ -170,7 +185,7 @@ def _require_finite(*arrays: Any) -> None:
         raise ValueError("a number that is not finite goes out")
 
 
-def _of_radars() -> Iterator[tuple[str, Callable[[], None]]]:
+def _of_radars() -> Iterator[Case]:
     """Yield clouds of a radar with all optional fields, in one run of the tracker."""
     values = from_arguments.load(PROFILE)
     values |= {f"approach.fields.{name}": name for name in FIELDS}
@@ -197,7 +212,7 @@ def _of_radars() -> Iterator[tuple[str, Callable[[], None]]]:
     every = [what for what, _ in spoil(plots())]
     # Absurd stamps come last, because they end the run.
     for what in sorted(every, key=lambda what: what.startswith("stamp")):
-        yield f"radar: {what}", partial(use, dict(spoil(plots()))[what])
+        yield f"radar: {what}", partial(_use, use, dict(spoil(plots()))[what])
     yield "radar: the end", lambda: _step(pipeline, pipeline.flush())
 
 

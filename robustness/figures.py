@@ -79,12 +79,8 @@ def measures(
 
     If the measurement fails, the goal is missed, and the other figures are still measured.
 
-    Parameters
-    ----------
-    goal : str or callable
-        In words, or a function of the same arguments that returns it.
-    of_engines : bool
-        Whether it depends on the engine of the trackers.
+    The goal is in words, or a function of the same arguments that returns it. `of_engines` is
+    whether the figure depends on the engine of the trackers.
     """
 
     def decorated(measure: Callable[P, Found]) -> Callable[P, Figure]:

@@ -18,7 +18,6 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.nodes.tracker import checkpoint
@@ -56,9 +55,9 @@ class _Log:
     "cold start with a reason each, 0 errors, 0 estimates that are not finite, at most 256 MB",
     of_engines=True,
 )
-def measure() -> Found:
-    """Start from every forgery and track on."""
-    found = in_own_process(outcomes, engines.current())
+def measure(**given: Any) -> Found:
+    """Start from every forgery and track on, with some parameters."""
+    found = in_own_process(outcomes, {"engine": engines.current(), **LEARNING, **given})
     wrong = {name: what for name, what in found["outcomes"].items() if what != "cold"}
     text = f"{len(found['outcomes'])} kinds: {len(wrong)} wrong, {found['memory_mb']:.0f} MB"
     return text, not wrong and found["memory_mb"] <= 256.0, {**found, "wrong": wrong}
@@ -254,13 +253,9 @@ def bodies(body: bytes) -> dict[str, bytes]:
     }
 
 
-def _new(engine: str) -> Engine:
-    return new_engine(resolve({"engine": engine, **LEARNING}))
-
-
-def _forgeries(kind: str) -> Iterator[tuple[str, bytes]]:
+def _forgeries(given: Mapping[str, Any]) -> Iterator[tuple[str, bytes]]:
     """Yield forged files of an engine, by name."""
-    engine = _new(kind)
+    engine = new_engine(resolve(given))
     for scan in scans.reference()[:SCANS]:
         engine.step(scan)
     with tempfile.TemporaryDirectory() as directory:
@@ -270,7 +265,7 @@ def _forgeries(kind: str) -> Iterator[tuple[str, bytes]]:
             checkpoint.write(path, snapshot, VALUES)
             return path.read_bytes()
 
-        for name, change in contents(kind, engine.snapshot()).items():
+        for name, change in contents(given["engine"], engine.snapshot()).items():
             snapshot = engine.snapshot()
             change(snapshot)
             yield name, written(snapshot)
@@ -280,9 +275,9 @@ def _forgeries(kind: str) -> Iterator[tuple[str, bytes]]:
             yield name, checkpoint.MAGIC + hashlib.sha256(body).digest() + body
 
 
-def outcome(path: Path, kind: str) -> str:
+def outcome(path: Path, given: Mapping[str, Any]) -> str:
     """Start from a file and track on; return ``cold``, or the fault."""
-    log, engine = _Log(), _new(kind)
+    log, engine = _Log(), new_engine(resolve(given))
     following = scans.reference()[SCANS : SCANS + 2]
     try:
         found = checkpoint.Checkpoints(path, 0, 60.0, VALUES, log)
@@ -305,19 +300,19 @@ def _covariances(found: Estimates) -> bool:
     return bool(finite and (np.linalg.eigvalsh(found.covariance) > -1e-6).all())
 
 
-def outcomes(kind: str) -> dict[str, Any]:
+def outcomes(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the outcomes and the memory of all starts."""
     with tempfile.TemporaryDirectory() as directory:
         paths = []
         child = os.fork()  # the forgeries are made elsewhere, because that takes memory
         if not child:
-            for index, (name, data) in enumerate(_forgeries(kind)):
+            for index, (name, data) in enumerate(_forgeries(given)):
                 (Path(directory) / f"{index:03} {name}").write_bytes(data)
             os._exit(0)
         os.waitpid(child, 0)
         paths = sorted(Path(directory).iterdir())
-        _new(kind).step(scans.reference()[0])
+        new_engine(resolve(given)).step(scans.reference()[0])
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        found = {path.name[4:]: outcome(path, kind) for path in paths}
+        found = {path.name[4:]: outcome(path, given) for path in paths}
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return {"outcomes": found, "memory_mb": (after - before) / 1024.0}

@@ -32,10 +32,7 @@ TOPICS = tuple(names.detections(radar) for radar in ("radar_1", "radar_2"))
 class Peer:
     """A ROS node with its own context, which is spun while its owner waits.
 
-    Parameters
-    ----------
-    domain : int or None
-        ROS domain; None takes it from the environment.
+    Without a `domain` it is in the environment's.
     """
 
     def __init__(self, name: str, domain: int | None = None) -> None:
@@ -67,29 +64,18 @@ class Peer:
 
 
 class Radars(Peer):
-    """Two radars and a listener in one node.
-
-    Attributes
-    ----------
-    filtered : list of (int, float)
-        Stamp and time of arrival (monotonic seconds) of all filtered estimates.
-    answered : set of int
-        Stamps of the filtered estimates.
-    found : dict of stamp to Estimates
-        None for a cloud that cannot be decoded.
-    not_finite : int
-        Number of estimates and figures with values that are not finite.
-    health : list of (float, dict)
-        Time of arrival and statuses by name of every health report of the tracker.
-    """
+    """Two radars and a listener in one node."""
 
     def __init__(self, domain: int) -> None:
         super().__init__("robustness_radars", domain)
         self.outputs = [self.node.create_publisher(PointCloud2, topic, 50) for topic in TOPICS]
+        # Stamps of the filtered estimates, with their times of arrival (monotonic seconds).
         self.filtered: list[tuple[int, float]] = []
         self.answered: set[int] = set()
+        # The filtered estimates by stamp; None for a cloud that cannot be decoded.
         self.found: dict[int, Estimates | None] = {}
-        self.not_finite = 0
+        self.not_finite = 0  # Number of estimates and figures with values that are not finite
+        # Time of arrival and statuses by name of every health report of the tracker.
         self.health: list[tuple[float, dict[str, DiagnosticStatus]]] = []
         for source, callback in (("filtered", self._on_filtered), ("smoothed", self._on_smoothed)):
             self.node.create_subscription(PointCloud2, names.estimates(source), callback, 1000)

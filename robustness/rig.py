@@ -48,10 +48,7 @@ def launch(
 class Node:
     """A running executable of the package, with its output.
 
-    Parameters
-    ----------
-    environment : mapping
-        Variables in addition to those of this process.
+    Its environment is in addition to that of this process.
     """
 
     def __init__(

@@ -38,6 +38,7 @@ every_engine = pytest.mark.parametrize("engine", engines.ALL)
     [
         (bags.measure_recovery, (100,)),
         (bags.measure_bomb, ()),
+        (absurd.measure, ()),
         (hostile.measure_names, ()),
         (hostile.measure_forged_times, ()),
         (asterix_bytes.measure, (300,)),
@@ -45,7 +46,13 @@ every_engine = pytest.mark.parametrize("engine", engines.ALL)
         (decoders.measure_bags, (60,)),
     ],
     ids=[
-        *("recovered bags", "a bomb", "long lists of names", "forged times of a capture"),
+        *(
+            "recovered bags",
+            "a bomb",
+            "absurd numbers",
+            "long lists of names",
+            "forged times of a capture",
+        ),
         *("hostile ASTERIX", "random clouds", "damaged bags"),
     ],
 )
@@ -58,10 +65,11 @@ def test_fault_outside_an_engine_reaches_its_goal(measure, bounds):
 @pytest.mark.parametrize(
     ("measure", "bounds"),
     [
-        (crowd.measure, {"detections": 10_000, "seeds": 1}),
-        (absurd.measure, {}),
+        # Two kinds of detections with particles: with either corrector one.
+        (crowd.measure, {"detections": 10_000, "seeds": 1, "every": 3}),
+        (absurd.measure_radar, {}),
         (hostile.measure_repeated, {}),
-        (forgeries.measure, {}),
+        (forgeries.measure, FEW),
     ],
     ids=["crowd", "absurd numbers", "a repeated buffer", "forged checkpoints"],
 )
