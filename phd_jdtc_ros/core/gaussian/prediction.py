@@ -71,16 +71,7 @@ def _predicted(
     change: Float2,
     noise: Float4,
     transition: Float4,
-) -> tuple[
-    FloatArray,
-    FloatArray,
-    FloatArray,
-    FloatArray,
-    FloatArray,
-    FloatArray,
-    FloatArray,
-    IntArray,
-]:
+) -> tuple[Any, ...]:
     """Return the later weights, means and covariances, and the columns of `Moves` from `mean` on.
 
     `source` is the interval of each hypothesis; the last five parameters are by mode or interval.
@@ -159,11 +150,10 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     intervals = [dynamics.over(dt) for _, dt in earlier]
     columns = zip(*(interval.by_mode for interval in intervals), strict=True)
     survival, change, noise, transition = map(_joined, columns)
-    found: tuple[Any, ...] = _predicted(
+    weight, mean, covariance, *of_pairs = _predicted(
         *(*before.gaussians, before.mode_weight, source, *dynamics.pairs, dynamics.turns, dt_of),
         *(change, noise, transition),
     )
-    weight, mean, covariance, *of_pairs = found
     diffused = [
         _diffused(part.mixture.snr, interval.snr)
         for part, interval in zip(earlier, intervals, strict=True)

@@ -208,7 +208,8 @@ class PriorMixture:
         pairs, factor = pairs.take(counted), factor.take(counted)
         evidence = None if evidence is None else evidence.take(counted)
 
-        found = iterated_update(self.mixture, pairs.row, pairs.projected_index, readings)
+        of_pairs = pairs.row, pairs.projected_index, readings
+        found = iterated_update(self.mixture, *of_pairs, self.measured)
         located = found.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
         exact = located, self.amplitudes.largest, factor, log_other
         association = associate(

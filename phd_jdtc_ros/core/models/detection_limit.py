@@ -38,6 +38,8 @@ def limit_detections(report: Report, predicted: FloatArray, targets: float) -> R
     expected number of targets.
     """
     detections, sensor, size = report.detections, report.sensor, len(report)
+    if size <= MAX_UNEXPLAINED and len(predicted) * size <= MAX_CANDIDATES:
+        return report
     # The rate is per whole turn, of which the report may cover a part; an unknown part counts as
     # the whole turn.
     part = 1.0 if detections.coverage is None else detections.coverage.turns or 1.0

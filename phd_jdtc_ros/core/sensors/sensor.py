@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -132,6 +133,16 @@ class Sensor(ABC):
         if self.multipath is None:
             return self
         return replace(self, multipath=Multipath(measured, existence))
+
+    @cached_property
+    def axes(self) -> IntArray:
+        """Axes of the position and of the velocity, (4,)."""
+        return np.array([*self.space.position, *self.space.velocity])
+
+    @cached_property
+    def frame(self) -> FloatArray:
+        """Its position, and the cosine and the sine of its yaw, (4,)."""
+        return np.array([*self.position, math.cos(self.yaw), math.sin(self.yaw)])
 
     @property
     @abstractmethod

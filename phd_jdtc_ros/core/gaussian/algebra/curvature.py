@@ -31,7 +31,8 @@ class Moved(NamedTuple):
     cross: Float2  # Covariance of the states before and after, (D, D)
     covariance: Float2  # (D, D)
     matrix: Float2  # (D, D). Mean of the motion's matrix.
-    given: Float2  # (D, D). Covariance given the turn rate, and part of a product.
+    # (D, D). Product of the covariance given the turn rate; 0 in the row of the turn rate.
+    given: Float2
     each: Float2  # (nodes, D). Mean given each turn rate.
     slope: Float1  # (D,). Change of the state by one standard deviation of the turn rate.
     at: Float1  # (D,)
@@ -68,10 +69,14 @@ def _write_turned(mean: FloatArray, covariance: FloatArray, dt: float, moved: Mo
         cos, sin = cos + WEIGHTS[node] * terms[2], sin + WEIGHTS[node] * terms[3]
         for i in range(SIZE):
             later[i] += WEIGHTS[node] * each[node, i]
+            if i == OMEGA:  # it is given
+                continue
             for k in range(SIZE):
                 at[k] = covariance[i, k] - slope[i] * slope[k]
             turn(terms, at, moved.given[i])
         for k in range(SIZE):
+            if k == OMEGA:
+                continue
             for i in range(SIZE):
                 at[i] = moved.given[i, k]
             turn(terms, at, moved.turned)
@@ -136,5 +141,5 @@ def move(
     for k in range(SIZE):
         for i in range(SIZE):
             moved.at[i] = moved.cross[i, k]
-        for i in range(SIZE):
-            moved.covariance[i, k] = dot(matrix[i], moved.at)
+        for i in range(k, SIZE):
+            moved.covariance[i, k] = moved.covariance[k, i] = dot(matrix[i], moved.at)

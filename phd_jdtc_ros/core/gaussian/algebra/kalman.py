@@ -58,6 +58,7 @@ def _innovations(
     pose: Float1,
     modes: int,
     weight: Float1,
+    expected: Float2,
     of: Int1,
     column: Int1,
     measurement: Float2,
@@ -67,7 +68,7 @@ def _innovations(
     """Return the columns of `Innovation`; for the parameters see `iterated_update`.
 
     `axes` are those of the position and the velocity; `pose` is the radar's position, and the
-    cosine and the sine of its yaw.
+    cosine and the sine of its yaw. `expected` is empty if it is unknown.
     """
     count = len(of) * modes
     jacobian, inverse = np.zeros((count, 2, 2)), np.zeros((count, 2, 2))
@@ -91,10 +92,14 @@ def _innovations(
         j, k, a, b, d, determinant = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         along, across, weight_along, weight_across = 0.0, 0.0, 0.0, 0.0
         n, m = 0.0, 0.0
-        for _ in range(iterations):
+        for step in range(iterations):
             line_x, line_y = east - at_x, north - at_y
-            ahead, left = cos * line_x + sin * line_y, cos * line_y - sin * line_x
-            distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
+            if step == 0 and time == 0.0 and len(expected):
+                distance, azimuth = expected[gaussian, 0], expected[gaussian, 1]
+            else:
+                ahead, left = cos * line_x + sin * line_y, cos * line_y - sin * line_x
+                distance = max(math.sqrt(ahead * ahead + left * left), MIN_RANGE)
+                azimuth = math.atan2(left, ahead)
             j, k = line_x / distance, line_y / distance
             n, m = -k / distance, j / distance
             seen_x, seen_y = p * j + q * k, q * j + r * k
@@ -104,7 +109,7 @@ def _innovations(
             d = n * turned_x + m * turned_y + noise_azimuth
             moved_x, moved_y = east - prior_x, north - prior_y
             along = z[0] - distance + (j * moved_x + k * moved_y)
-            across = wrapped(z[1] - math.atan2(left, ahead))
+            across = wrapped(z[1] - azimuth)
             across += n * moved_x + m * moved_y
             determinant = max(a * d - b * b, TINY)
             weight_along = (d * along - b * across) / determinant
@@ -136,6 +141,7 @@ def iterated_update(
     pairs: tuple[IntArray, IntArray] | None = None,
     weight: FloatArray | None = None,
     modes: int = 1,
+    expected: FloatArray | None = None,
 ) -> Innovation:
     """Return the innovations of measurements of Gaussians, by iterated linearisation.
 
@@ -161,6 +167,8 @@ def iterated_update(
     modes : int
         The Gaussians of so many rows belong together: `pairs` has the indices of such groups, and
         there is an innovation for each Gaussian of a pair, one after the other.
+    expected : array of shape (N, 2) or None
+        Expected measurements at the stamp, if they are known.
 
     Notes
     -----
@@ -188,8 +196,9 @@ def iterated_update(
         *_innovations(
             iterations,
             converged,
-            *(*contiguous(mean, covariance, place_and_speed(sensor), pose(sensor)), modes),
-            *contiguous(weight, gaussian, column, measurement, noise, _times(time_s, count)),
+            *(*contiguous(mean, covariance, sensor.axes, sensor.frame), modes),
+            *contiguous(weight, np.zeros((0, 2)) if expected is None else expected),
+            *contiguous(gaussian, column, measurement, noise, _times(time_s, count)),
         )
     )
 
@@ -269,10 +278,9 @@ def updated(
     modes : int
         See `iterated_update`.
     """
-    every = np.arange(len(mean))
-    group, pair = (every, every) if pairs is None else pairs
+    group, pair = (np.arange(len(mean)),) * 2 if pairs is None else pairs
     return _updated(
-        *(*contiguous(mean, covariance, place_and_speed(sensor)), modes, *contiguous(group, pair)),
+        *(*contiguous(mean, covariance, sensor.axes), modes, *contiguous(group, pair)),
         *contiguous(innovation.jacobian, innovation.weighted, innovation.inverse),
         *contiguous(_times(time_s, len(innovation.weighted))),
     )
@@ -349,16 +357,6 @@ def symmetric(matrix: FloatArray) -> FloatArray:
 def _turned(matrix: FloatArray) -> FloatArray:
     turned: FloatArray = matrix.swapaxes(-1, -2)
     return turned
-
-
-def place_and_speed(sensor: Sensor) -> IntArray:
-    """Return the axes of the position and of the velocity."""
-    return np.array([*sensor.space.position, *sensor.space.velocity])
-
-
-def pose(sensor: Sensor) -> FloatArray:
-    """Return the position of a radar, and the cosine and the sine of its yaw."""
-    return np.array([*sensor.position, np.cos(sensor.yaw), np.sin(sensor.yaw)])
 
 
 def _times(time_s: FloatArray | None, count: int) -> FloatArray:

@@ -171,7 +171,5 @@ def slower(mixture: Mixture, bound: float, space: StateSpace) -> FloatArray:
     axes = list(space.velocity)
     covariance = mixture.covariance[..., axes, :][..., axes]
     each = stationary.probability_slower(mixture.mean[..., axes], covariance, bound)
-    weight = np.einsum("hrs->hr", mixture.weight)
-    total = np.maximum(weight.sum(axis=1), np.finfo(float).tiny)
-    probability: FloatArray = (weight * each).sum(axis=1) / total
-    return probability
+    slow: FloatArray = (mixture.mode_weight * each).sum(axis=1)
+    return slow / np.maximum(mixture.mass, TINY)

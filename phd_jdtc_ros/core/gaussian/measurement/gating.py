@@ -13,7 +13,7 @@ from ...sensors.polar_geometry import MIN_RANGE
 from ...sensors.report import Report
 from ...sensors.sensor import Sensor
 from ...types import FULL_TURN
-from ..algebra import kalman, linearised
+from ..algebra import linearised
 from ..algebra.blocks import wrapped
 from ..algebra.kalman import TINY
 from ..mixture import Mixture
@@ -40,12 +40,7 @@ class Expected(NamedTuple):
             found = linearised.expected(mixture.mean, mixture.covariance, sensor)
             variance = np.diagonal(found[1], axis1=-2, axis2=-1)
             return Expected(*found, np.sqrt(np.maximum(variance, LEAST_STD**2)))
-        return Expected(
-            *_expected(
-                *(mixture.mean, mixture.covariance, kalman.place_and_speed(sensor)),
-                kalman.pose(sensor),
-            )
-        )
+        return Expected(*_expected(*(mixture.mean, mixture.covariance, sensor.axes, sensor.frame)))
 
 
 @compiled
@@ -136,8 +131,9 @@ def _gate_pairs(
     room, found = 4 * count + 64, 0
     pairs, log_likelihood = np.empty((room, 2), np.int64), np.empty((room, modes))
     around, reach, box = np.empty(modes, np.bool_), np.empty((modes, 2)), np.empty(4)
+    inverse, log_root = np.empty((modes, 3)), np.empty(modes)
     for row in range(count):
-        anywhere = False
+        anywhere, noise_range, noise_azimuth = False, -1.0, -1.0
         for mode in range(modes):
             spread = covariance[row, mode]
             for axis in range(2):
@@ -165,6 +161,16 @@ def _gate_pairs(
             if found == room:
                 room *= 2
                 pairs, log_likelihood = _longer(pairs, room), _longer(log_likelihood, room)
+            if noise_std[one, 0] != noise_range or noise_std[one, 1] != noise_azimuth:
+                noise_range, noise_azimuth = noise_std[one, 0], noise_std[one, 1]
+                for mode in range(modes):
+                    spread = covariance[row, mode]
+                    a, b = spread[0, 0] + noise_range**2, spread[0, 1]
+                    c = spread[1, 1] + noise_azimuth**2
+                    determinant = max(a * c - b * b, TINY)
+                    inverse[mode, 0], inverse[mode, 2] = c / determinant, a / determinant
+                    inverse[mode, 1] = -2.0 * b / determinant
+                    log_root[mode] = 0.5 * math.log(determinant) + math.log(FULL_TURN)
             near = False
             for mode in range(modes):
                 log_likelihood[found, mode] = -np.inf
@@ -174,14 +180,10 @@ def _gate_pairs(
                 along = detection[one, 0] - measured[row, mode, 0] - rate[row, mode, 0] * time
                 across = detection[one, 1] - measured[row, mode, 1] - rate[row, mode, 1] * time
                 across = wrapped(across)
-                spread = covariance[row, mode]
-                a, b = spread[0, 0] + noise_std[one, 0] ** 2, spread[0, 1]
-                c = spread[1, 1] + noise_std[one, 1] ** 2
-                determinant = max(a * c - b * b, TINY)
-                square = (c * along**2 - 2.0 * b * along * across + a * across**2) / determinant
+                square = inverse[mode, 0] * along**2 + inverse[mode, 2] * across**2
+                square += inverse[mode, 1] * along * across
                 if around[mode] or square <= GATE_SIGMA**2:
-                    log_density = -0.5 * (square + math.log(determinant))
-                    log_likelihood[found, mode] = log_density - math.log(FULL_TURN)
+                    log_likelihood[found, mode] = -0.5 * square - log_root[mode]
                     near = True
             pairs[found, 0], pairs[found, 1] = row, one
             found += near

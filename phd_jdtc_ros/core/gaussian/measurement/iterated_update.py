@@ -62,7 +62,11 @@ class PairUpdate(NamedTuple):
 
 
 def iterated_update(
-    mixture: Mixture, row: IntArray, column: IntArray, report: Report
+    mixture: Mixture,
+    row: IntArray,
+    column: IntArray,
+    report: Report,
+    expected: FloatArray | None = None,
 ) -> PairUpdate:
     """Return the innovations of pairs, linearised at the posterior positions.
 
@@ -70,6 +74,8 @@ def iterated_update(
     ----------
     row, column : int arrays of shape (P,)
         Hypothesis and detection of each pair.
+    expected : array of shape (H R, Z) or None
+        Expected measurements of the Gaussians, if they are known.
     """
     detections, sensor, rates = report.detections, report.sensor, report.range_rates
     modes, size = mixture.mean.shape[1:]
@@ -80,6 +86,7 @@ def iterated_update(
         pairs=(row, column),
         weight=mixture.mode_weight.reshape(-1),
         modes=modes,
+        expected=expected,
     )
     matched = innovation
     if sensor.outliers is not None and sensor.polar:

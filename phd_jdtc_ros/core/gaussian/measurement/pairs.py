@@ -205,20 +205,7 @@ def _associate(
     largest: Float1,
     evidence: Float1,
     other: Float2,
-) -> tuple[
-    FloatArray,
-    FloatArray,
-    FloatArray,
-    FloatArray,
-    FloatArray,
-    FloatArray,
-    FloatArray,
-    FloatArray,
-    IntArray,
-    IntArray,
-    FloatArray,
-    int,
-]:
+) -> tuple[Any, ...]:
     """Return the columns of `Association`; for the parameters see `associate`.
 
     These are mass, total and detection probability of the claims, log scale and intensity of the
@@ -287,7 +274,7 @@ def associate(
     amplitude : array of shape (P, C)
         See `likely`.
     """
-    associated: tuple[Any, ...] = _associate(
+    associated = _associate(
         *(marginals.MOST_WORK, bounds.hypotheses, bounds.least_share),
         *(len(mixture.label), mixture.target),
         *contiguous(mixture.weight, missed, detectable, amplitude, *pairs),
