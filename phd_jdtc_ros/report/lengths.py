@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 
-from .record import Record
+from .record import Record, joined
 
 # Maps with a smaller extent than this are in metres.
 SHORT_M = 2000.0
@@ -40,16 +39,9 @@ class MapScale:
 
 def places_of(record: Record) -> FloatArray:
     """Return the positions of targets and estimates, or else of detections, (N, 2), metres."""
-    targets = _concat(
-        entry.position
-        for part in (record.truth, record.filtered, record.smoothed)
-        for entry in part
-    )
-    return targets if len(targets) else _concat(plot.position for plot in record.plots)
-
-
-def _concat(places: Iterable[FloatArray]) -> FloatArray:
-    return np.concatenate([np.zeros((0, 2)), *places])
+    parts = (record.truth, record.filtered, record.smoothed)
+    targets = joined((entry.position for part in parts for entry in part), 2)
+    return targets if len(targets) else record.all_plots.position
 
 
 def metres_text(metres: float) -> str:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Truth
@@ -32,6 +35,19 @@ class RadarPlots:
     # (M,). Heights above the world's zero, metres; NaN where unknown. None if the radar reports
     # none.
     height: FloatArray | None = None
+
+
+class AllPlots(NamedTuple):
+    """The detections of all radars, report by report."""
+
+    position: FloatArray  # Metres, (M, 2)
+    amplitude: FloatArray  # (M,)
+
+    @property
+    def known(self) -> BoolArray:
+        """Whether each amplitude can be shown on a logarithmic scale."""
+        known: BoolArray = np.isfinite(self.amplitude) & (self.amplitude > 0.0)
+        return known
 
 
 @dataclass(frozen=True)
@@ -73,6 +89,14 @@ class Record:
         """The sets of classes, with their names."""
         return Sets.of(self.classes, self.class_names)
 
+    @cached_property
+    def all_plots(self) -> AllPlots:
+        """The detections of the run."""
+        return AllPlots(
+            joined((plot.position for plot in self.plots), 2),
+            joined(plot.amplitude for plot in self.plots),
+        )
+
     def of_source(self, source: str) -> tuple[Estimates, ...]:
         """Return the ``filtered`` or the ``smoothed`` estimates."""
         return {FILTERED: self.filtered, SMOOTHED: self.smoothed}[source]
@@ -100,3 +124,8 @@ class Record:
             for estimates in self.of_source(source):
                 evaluation.add_estimates(source, estimates.stamp_ns, PointSet.of(estimates))
         return evaluation
+
+
+def joined(parts: Iterable[Any], *shape: int) -> FloatArray:
+    """Return arrays of rows of a shape end to end, empty without any."""
+    return np.concatenate([np.zeros((0, *shape)), *parts])

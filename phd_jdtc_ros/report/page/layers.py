@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import to_hex
 
-from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.sensors.site import Plane
 
 from ..lengths import MapScale
-from ..record import RadarSite
+from ..record import AllPlots, RadarSite
 from ..style import CLUTTER, purples
 from .packing import Columns
 
@@ -33,18 +33,11 @@ def _shades(weak: float, strong: float) -> list[str]:
 AMPLITUDE_SCALES = {"light": _shades(0.45, 1.0), "dark": _shades(0.75, 0.0)}
 
 
-def is_known(amplitude: FloatArray) -> BoolArray:
-    """Return whether each amplitude can be shown on the logarithmic scale."""
-    known: BoolArray = np.isfinite(amplitude) & (amplitude > 0.0)
-    return known
-
-
-def shades_of(amplitude: FloatArray) -> IntArray:
+def shades_of(plots: AllPlots) -> IntArray:
     """Return the step of each amplitude on the scale from least to greatest; -1 for none."""
-    shades = np.full(len(amplitude), -1, dtype=np.int64)
-    known = is_known(amplitude)
+    shades, known = np.full(len(plots.amplitude), -1, dtype=np.int64), plots.known
     if known.any():
-        level = np.log10(amplitude[known])
+        level = np.log10(plots.amplitude[known])
         span = max(float(np.ptp(level)), 0.04)
         shades[known] = np.minimum((level - level.min()) / span * SHADES, SHADES - 1).astype(int)
     return shades

@@ -6,7 +6,6 @@ The page's script draws it. Data that vary with time are columns of integers, tr
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,10 +20,10 @@ from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
 from ..lengths import places_of
-from ..record import RadarPlots, Record
+from ..record import RadarPlots, Record, joined
 from .estimate_rows import AXIS_STEPS, LEAST_AXIS, NO_LEVEL, EstimateRows, Grid, known_heights
 from .frames import Frames
-from .layers import clutter_levels, earth_grid, graticule, is_known, rings, shades_of
+from .layers import clutter_levels, earth_grid, graticule, rings, shades_of
 from .packing import Columns
 
 # Number of position steps across the picture, and least extent of the picture, metres.
@@ -96,7 +95,7 @@ def _radars(record: Record) -> list[str]:
 
 def _aircraft(record: Record, height: FloatArray) -> bool:
     """Return whether the targets are aircraft, by the heights and speeds of all estimates."""
-    speeds = _concat(
+    speeds = joined(
         np.hypot(*entry.velocity.T)
         for part in ((record.truth,) if not record.filtered else (record.filtered,))
         for entry in part
@@ -152,13 +151,13 @@ def _add_truth(record: Record, frames: Frames, grid: Grid) -> None:
     found = [(k, points) for k, points in known if points is not None]
     frame = np.repeat([k for k, _ in found], [len(points) for _, points in found])
     number = [p.track_id if p.track_id is not None else np.zeros(len(p)) for _, p in found]
-    order = grid.begin("truth", _concat(number).astype(np.int64), frame)
-    grid.add("truth", _concat([p.position for _, p in found], 2)[order])
+    order = grid.begin("truth", joined(number).astype(np.int64), frame)
+    grid.add("truth", joined([p.position for _, p in found], 2)[order])
     speed = [
         np.hypot(*p.velocity.T) if p.velocity is not None else [np.nan] * len(p) for _, p in found
     ]
-    grid.columns.add("truth.speed", np.rint(10.0 * np.nan_to_num(_concat(speed), nan=1e3))[order])
-    grid.columns.add("truth.class", _concat([p.class_id for _, p in found])[order])
+    grid.columns.add("truth.speed", np.rint(10.0 * np.nan_to_num(joined(speed), nan=1e3))[order])
+    grid.columns.add("truth.class", joined([p.class_id for _, p in found])[order])
 
 
 def _add_plots(record: Record, frames: Frames, grid: Grid) -> list[float]:
@@ -167,14 +166,13 @@ def _add_plots(record: Record, frames: Frames, grid: Grid) -> list[float]:
     counts = [len(plot.position) for plot in record.plots]
     frame = np.repeat(at, counts).astype(np.int64)
     order = np.argsort(frame, kind="stable")
-    amplitude = _concat([plot.amplitude for plot in record.plots])[order]
     radars = {name: k for k, name in enumerate(_radars(record))}
     radar = np.repeat([radars[plot.radar] for plot in record.plots], counts)
     grid.columns.add("plots.frame", frame[order])
-    grid.add("plots", _concat([plot.position for plot in record.plots], 2)[order])
+    grid.add("plots", record.all_plots.position[order])
     grid.columns.add("plots.radar", radar[order])
-    grid.columns.add("plots.shade", shades_of(amplitude))
-    known = amplitude[is_known(amplitude)]
+    grid.columns.add("plots.shade", shades_of(record.all_plots)[order])
+    known = record.all_plots.amplitude[record.all_plots.known]
     return [float(f"{end:.3g}") for end in (known.min(), known.max())] if len(known) else []
 
 
@@ -184,8 +182,4 @@ def _add_carriers(record: Record, frames: Frames, grid: Grid) -> None:
     carried: list[RadarPlots] = [plot for plot in record.plots if plot.sensor is not None]
     number = np.array([names.index(plot.radar) for plot in carried], dtype=np.int64)
     order = grid.begin("carriers", number, frames.at([plot.stamp_ns for plot in carried]))
-    grid.add("carriers", _concat([np.array([p.sensor]) for p in carried], 2)[order])
-
-
-def _concat(parts: Iterable[Any], *shape: int) -> FloatArray:
-    return np.concatenate([np.zeros((0, *shape)), *parts])
+    grid.add("carriers", joined([np.array([p.sensor]) for p in carried], 2)[order])

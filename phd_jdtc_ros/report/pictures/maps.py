@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.types import Estimates
 
 from ..clock import Clock
 from ..lengths import MapScale
-from ..record import Record
+from ..record import Record, joined
 from ..style import (
     DETECTION,
     DPI,
@@ -33,13 +33,35 @@ from ..style import (
     plain_axes,
     purples,
 )
-from ..tracks import Track, true_tracks
 
 # Approximate number of ellipses and time dots per track.
 MARKS_PER_TRACK = 10
 # Clutter density of the palest colour, false detections per turn and km^2.
 CLUTTER_LEAST = 0.01
 TIME_STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
+
+
+class Track(NamedTuple):
+    """One target's true trajectory; `position` of shape (scans, 2) in metres."""
+
+    number: int
+    class_id: int
+    stamp_ns: list[int]
+    position: FloatArray
+
+
+def true_tracks(record: Record) -> list[Track]:
+    """Return the trajectories of all targets, by number."""
+    rows: dict[int, list[tuple[int, int, FloatArray]]] = {}
+    for truth in record.truth:
+        for number, class_id, place in zip(
+            truth.track_id.tolist(), truth.class_id.tolist(), truth.position, strict=True
+        ):
+            rows.setdefault(number, []).append((truth.stamp_ns, class_id, place))
+    return [
+        Track(number, track[0][1], [t for t, _, _ in track], np.array([p for _, _, p in track]))
+        for number, track in sorted(rows.items())
+    ]
 
 
 def scenario(record: Record) -> Figure:
@@ -79,9 +101,8 @@ def measurements(record: Record) -> Figure:
     Without amplitudes all have one colour, and there is no colour scale.
     """
     scale = MapScale.of(record)
-    position = scale.of_metres(np.concatenate([plot.position for plot in record.plots]))
-    amplitude = np.concatenate([plot.amplitude for plot in record.plots])
-    known = np.isfinite(amplitude) & (amplitude > 0.0)
+    position, amplitude = scale.of_metres(record.all_plots.position), record.all_plots.amplitude
+    known = record.all_plots.known
     figure, axes = _map(position, scale, margin=0.02)
     if not known.all():
         x, y = position[~known].T
@@ -139,7 +160,7 @@ def trajectories(record: Record) -> Figure:
     """Draw the smoothed estimates by class over the true trajectories."""
     scale = MapScale.of(record)
     lines = [scale.of_metres(track.position) for track in true_tracks(record)]
-    position = scale.of_metres(_positions(record.smoothed))
+    position = scale.of_metres(joined((found.position for found in record.smoothed), 2))
     figure, axes = _map(np.concatenate([position, *lines]), scale, margin=0.04)
     for line in lines:
         axes.plot(*line.T, color=INK, linewidth=0.6, zorder=1)
@@ -147,7 +168,7 @@ def trajectories(record: Record) -> Figure:
     for index, estimates in enumerate(record.smoothed):
         if index % every == every // 2:
             _ellipses(axes, estimates, scale)
-    class_id = _concat([estimates.class_id for estimates in record.smoothed], np.int64)
+    class_id = joined(found.class_id for found in record.smoothed)
     for k in range(record.classes):
         axes.plot(
             *position[class_id == k].T,
@@ -163,20 +184,6 @@ def trajectories(record: Record) -> Figure:
     handles.append(_handle("95 % ellipse", marker="o", mfc="none", mew=0.8, ms=9, ls=""))
     _legend(axes, handles)
     return figure
-
-
-# --- data -----------------------------------------------------------------------------------------
-
-
-def _positions(run: Sequence[Estimates]) -> FloatArray:
-    """Return the positions of all estimates in metres, shape (T, 2)."""
-    states = [estimates.position for estimates in run]
-    positions: FloatArray = _concat(states, np.float64).reshape(-1, 2)
-    return positions
-
-
-def _concat(arrays: Sequence[Any], dtype: type) -> Any:
-    return np.concatenate([*arrays, np.zeros((0, *arrays[0].shape[1:]) if arrays else 0, dtype)])
 
 
 # --- style ----------------------------------------------------------------------------------------
