@@ -15,10 +15,10 @@ The path of one scan, with the module of each step::
       |    give birth at detections            newborn
       |  merge similar hypotheses            reduction
     stored mixture t+1                       (filter: the steps in order)
-      |  link to mixture t, cached           smoother: moves and ancestry
-      |  backward over the lag window        smoother: windows; hindsight: rows
-    smoothed mixtures
-      |  extract targets                     extraction
+      |  link to mixture t                   lineages: the updates of each target
+      |  backward over the lag window        lineages; hindsight: rows
+    smoothed hypotheses
+      |  extract targets at a stamp          smoother, extraction
     Estimates                                engine
 
 `filter` and `engine` hold the parts that are specific to Gaussians; the rest of a fixed-lag filter

@@ -187,8 +187,4 @@ class Dynamics:
 
     def noise(self, dt: float) -> FloatArray:
         """Return the process noise over `dt` seconds by motion mode, shape (R, D, D)."""
-        size = len(self.model.modes.space)
-        noise = np.zeros((len(self.motions), size, size))
-        for matrix, motion in zip(noise, self.motions, strict=True):
-            matrix[np.ix_(motion.support, motion.support)] = motion.noise_covariance(dt)
-        return noise
+        return self.model.modes.noise(dt)[self.flat_of]

@@ -11,11 +11,9 @@ All matrices are [from, to]; rows sum to one.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from scipy import linalg
@@ -29,8 +27,6 @@ from .motion import MotionModel
 GENERATOR_TOLERANCE = 1e-9
 # Antennas turn evenly, so that the same intervals recur; so many are remembered.
 MOST_INTERVALS = 1024
-
-ValueT = TypeVar("ValueT")
 
 
 @dataclass(frozen=True)
@@ -184,53 +180,27 @@ class ModeSpace:
 
     def survival(self, dt: float) -> FloatArray:
         """Return the probability to survive `dt` seconds, per flat mode, shape (O,)."""
-        return self._nominal_survival[self.class_of] ** (dt / self.interval_s)
-
-    def class_survival(self, dt: FloatArray) -> FloatArray:
-        """Return the probability to survive intervals (N,) in seconds, per class, shape (N, C)."""
-        survival: FloatArray = self._nominal_survival ** (dt / self.interval_s)[:, None]
-        return survival
+        return self.nominal_survival[self.class_of] ** (dt / self.interval_s)
 
     @cached_property
-    def _nominal_survival(self) -> FloatArray:
+    def nominal_survival(self) -> FloatArray:
+        """The probability to survive a nominal interval, per class, shape (C,)."""
         return np.array([model.survival_probability for model in self.classes])
 
-    def class_noise(self, dt: float) -> FloatArray:
-        """Return each class's mean process noise after `dt` seconds, shape (C, D, D)."""
-        return _once(self._class_noise_after, dt, self._class_noise)
+    def noise(self, dt: float) -> FloatArray:
+        """Return the process noise of each flat mode after `dt` seconds, shape (O, D, D).
 
-    def position_noise_std(self, dt: float) -> float:
-        """Return the deviation of positions that any motion's noise adds in `dt`, both axes."""
-        return _once(self._position_std_after, dt, self._position_noise_std)
-
-    def _class_noise(self, dt: float) -> FloatArray:
-        noise = np.zeros((len(self.classes), len(self.space), len(self.space)))
-        for own, model in zip(noise, self.classes, strict=True):
-            for motion in model.motions:
-                axes = np.ix_(motion.support, motion.support)
-                own[axes] += motion.noise_covariance(dt) / len(model.motions)
-        return noise
-
-    def _position_noise_std(self, dt: float) -> float:
-        x, variance = self.space.position[0], 0.0
-        for motion in self.motions:
-            axis = motion.support.index(x)
-            variance = max(variance, float(motion.noise_covariance(dt)[axis, axis]))
-        return math.sqrt(2.0 * variance)
+        That of the latest intervals is computed once.
+        """
+        known, size = self._noise_after, len(self.space)
+        if dt not in known:
+            if len(known) == MOST_INTERVALS:
+                known.clear()
+            known[dt] = np.zeros((len(self.motions), size, size))
+            for own, motion in zip(known[dt], self.motions, strict=True):
+                own[np.ix_(motion.support, motion.support)] = motion.noise_covariance(dt)
+        return known[dt]
 
     @cached_property
-    def _class_noise_after(self) -> dict[float, FloatArray]:
+    def _noise_after(self) -> dict[float, FloatArray]:
         return {}
-
-    @cached_property
-    def _position_std_after(self) -> dict[float, float]:
-        return {}
-
-
-def _once(known: dict[float, ValueT], dt: float, compute: Callable[[float], ValueT]) -> ValueT:
-    """Return what is computed of an interval; the latest are computed once."""
-    if dt not in known:
-        if len(known) == MOST_INTERVALS:
-            known.clear()
-        known[dt] = compute(dt)
-    return known[dt]

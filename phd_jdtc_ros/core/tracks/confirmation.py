@@ -173,13 +173,10 @@ class TrackStates:
         # A scan of a whole turn leaves none of the earlier records.
         before = self._records.take(np.flatnonzero(~gone)) if not gone.all() else None
         self._records = records if before is None else before.merge(records)
-        state = np.full(len(estimates), CONFIRMED)
-        state[estimates.track_id == 0] = np.where(
-            estimates.weight[estimates.track_id == 0] > self.rule.delete.min(), CONFIRMED, TENTATIVE
-        )
+        state = np.where(estimates.weight > self.rule.delete.min(), CONFIRMED, TENTATIVE)
         state[labelled] = records.state
-        known = replace(estimates, track_state=state).take(np.flatnonzero(state != TENTATIVE))
-        return self._of_reported_classes(known)
+        known = (state != TENTATIVE) & self.rule.reported[estimates.class_id]
+        return replace(estimates, track_state=state).take(np.flatnonzero(known))
 
     def _of_reported_classes(self, estimates: Estimates) -> Estimates:
         reported = self.rule.reported[estimates.class_id]
@@ -296,9 +293,8 @@ def _odds(probability: FloatArray) -> FloatArray:
 
 def _survival(estimates: Estimates, since_ns: IntArray, model: TrackerModel) -> FloatArray:
     """Return the probability that each target has survived since an earlier stamp, shape (T,)."""
-    nominal = np.array([kind.survival_probability for kind in model.modes.classes])
     intervals = (estimates.stamp_ns - since_ns) * 1e-9 / model.modes.interval_s
-    survival: FloatArray = nominal[estimates.class_id] ** intervals
+    survival: FloatArray = model.modes.nominal_survival[estimates.class_id] ** intervals
     return survival
 
 

@@ -44,13 +44,16 @@ def partition_swept(
     extents = [rows.entry.extents(model.modes.space) for rows in unswept]
     age_s = [(scan.stamp_ns - rows.entry.stamp_ns) * 1e-9 for rows in unswept]
     sizes = [len(extent.label) for extent in extents]
-    noise_std = [model.modes.position_noise_std(age) for age in age_s]
-    dt, noise = np.array([age_s, noise_std]).repeat(sizes, axis=1)
+    x = model.modes.space.position[0]
+    noise = np.array([model.modes.noise(age)[:, x, x] for age in age_s])
+    # The deviation that any motion adds, both axes.
+    noise_std = np.sqrt(2.0 * noise.max(axis=1))
+    dt, spread = np.array([age_s, noise_std]).repeat(sizes, axis=1)
     moments = np.concatenate([extent.moments for extent in extents])
     position = moments[:, :2] + dt[:, None] * moments[:, 2:4]
     # Radius of each target's position density.
-    spread = SPREAD_SIGMA * (moments[:, 4] + dt * moments[:, 5] + noise)
-    near = _in_sweep(position, spread, reports) | (dt >= longest_s)
+    radius = SPREAD_SIGMA * (moments[:, 4] + dt * moments[:, 5] + spread)
+    near = _in_sweep(position, radius, reports) | (dt >= longest_s)
     entries_near = set(np.arange(len(sizes)).repeat(sizes)[near].tolist())
     swept, remaining, first = [], [], 0
     for index, (rows, extent, size) in enumerate(zip(unswept, extents, sizes, strict=True)):
