@@ -35,11 +35,6 @@ class Interval(NamedTuple):
     # (C, S, S). Matrix of each class's cells of SNR, [from, to]; None if no cell is left.
     snr: FloatArray | None
 
-    @property
-    def by_mode(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """The columns but for `snr`."""
-        return self.survival, self.change, self.noise, self.transition
-
 
 @dataclass(frozen=True)
 class Dynamics:

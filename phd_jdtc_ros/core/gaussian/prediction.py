@@ -148,8 +148,8 @@ def survivors(earlier: Sequence[Aged], dynamics: Dynamics) -> tuple[Mixture, Mov
     source = np.arange(len(earlier)).repeat([len(part.mixture) for part in earlier])
     dt_of = np.array([dt for _, dt in earlier])
     intervals = [dynamics.over(dt) for _, dt in earlier]
-    columns = zip(*(interval.by_mode for interval in intervals), strict=True)
-    survival, change, noise, transition = map(_joined, columns)
+    by_mode = zip(*(interval[:-1] for interval in intervals), strict=True)
+    survival, change, noise, transition = map(_joined, by_mode)
     weight, mean, covariance, *of_pairs = _predicted(
         *(*before.gaussians, before.mode_weight, source, *dynamics.pairs, dynamics.turns, dt_of),
         *(change, noise, transition),

@@ -176,7 +176,7 @@ class Sensor(ABC):
 
     def usual_noise_std(self, measurement: FloatArray) -> FloatArray:
         """Return the sensor's standard deviations of each measurement, (M, Z)."""
-        return np.tile(self.noise_std, (len(measurement), 1))
+        return self.noise_std[None].repeat(len(measurement), axis=0)
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return the noise-free measurement of each state, (N, D) to (N, Z)."""
