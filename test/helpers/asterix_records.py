@@ -44,24 +44,27 @@ def plots(*records):
     return block(48, records)
 
 
-def sector(azimuth_deg, time_s, sac=1, sic=2):
+def service(kind, time_s, sac=1, sic=2, **items):
+    """Return a data block with a service message; other items by their names, ``i020=...``."""
+    given = {name.removeprefix("i"): value for name, value in items.items()}
+    who = (("SAC", sac), ("SIC", sic))
+    return block(34, [{"010": who, "000": kind, "030": ticks(time_s), **given}])
+
+
+def sector(azimuth_deg, time_s, **who):
     """Return a data block with a sector crossing."""
-    items = {"010": (("SAC", sac), ("SIC", sic)), "000": 2, "030": ticks(time_s)}
-    return block(34, [{**items, "020": round(azimuth_deg / 360.0 * 256) % 256}])
+    return service(2, time_s, i020=round(azimuth_deg / 360.0 * 256) % 256, **who)
 
 
-def north(time_s, sac=1, sic=2, rotation_s=None):
+def north(time_s, rotation_s=None, **who):
     """Return a data block with a north mark."""
-    items = {"010": (("SAC", sac), ("SIC", sic)), "000": 1, "030": ticks(time_s)}
-    turn = {} if rotation_s is None else {"041": round(rotation_s * 128)}
-    return block(34, [{**items, **turn}])
+    turn = {} if rotation_s is None else {"i041": round(rotation_s * 128)}
+    return service(1, time_s, **turn, **who)
 
 
-def site(latitude, longitude, height, time_s=0.0, sac=1, sic=2):
+def site(latitude, longitude, height, **who):
     """Return a data block with a north mark and the radar's position."""
-    items = {"010": (("SAC", sac), ("SIC", sic)), "000": 1, "030": ticks(time_s)}
-    place = (("HGT", height), ("LAT", latitude), ("LON", longitude))
-    return block(34, [{**items, "120": place}])
+    return service(1, 0.0, i120=(("HGT", height), ("LAT", latitude), ("LON", longitude)), **who)
 
 
 def turns(count, sectors=32, rotation_s=4.0, start_s=1000.0, seen=(), **who):
