@@ -20,11 +20,11 @@ class Step:
 
     # Estimates that are due: at the scan's stamp, or at the schedule's stamps until then.
     filtered: tuple[Estimates, ...]
-    # Estimates whose lag is reached. A lag in scans gives none while the window fills, and then one
-    # per step.
+    # Estimates whose lag has passed. With a lag in scans there are none while the window fills, and
+    # then one per step.
     smoothed: tuple[Estimates, ...]
     class_mass: FloatArray  # Expected number of targets of each class after the update, (C,)
-    figures: Mapping[str, float]  # Mapping of name to number. Diagnostics of the engine.
+    figures: Mapping[str, float]  # Diagnostics of the engine by name
 
     @property
     def targets(self) -> int:
@@ -43,7 +43,7 @@ class EngineState:
     stamp_ns: int | None  # Stamp of the previous scan; None before the first
     model: TrackerModel  # Model of the next scan's step
     rule: ReportingRule  # Rule of the next scan's step
-    # Mapping of name to value. The engine's own state.
+    # The engine's own state by name.
     state: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
 
@@ -52,7 +52,7 @@ class Reprocessed:
     """The result of reprocessing scans."""
 
     states: tuple[EngineState, ...]  # The engine's state before each scan
-    # `filtered`, `smoothed`: estimates that have become due and were not published before.
+    # Estimates that have become due and were not published before.
     filtered: tuple[Estimates, ...]
     smoothed: tuple[Estimates, ...]
 

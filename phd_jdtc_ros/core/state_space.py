@@ -15,10 +15,9 @@ class StateSpace:
     """The names of a state's axes, and the indices of position, velocity and turn rate."""
 
     axes: tuple[str, ...]
-    # `position`, `velocity`: axes in the world frame, x first; metres and metres per second.
-    position: tuple[int, ...]
-    velocity: tuple[int, ...]
-    turn_rate: int  # Axis in radians per second
+    position: tuple[int, ...]  # World frame, x first, metres
+    velocity: tuple[int, ...]  # World frame, x first, metres per second
+    turn_rate: int  # Radians per second
 
     def __len__(self) -> int:
         return len(self.axes)

@@ -23,12 +23,11 @@ LEAST_MISSED = 1e-6
 class Claims:
     """Association likelihoods of N rows of targets, and of all other sources, for M detections."""
 
-    # `row`, `column`: the row and the detection of each pair within the gate, (P,).
-    row: IntArray
-    column: IntArray
+    row: IntArray  # Row of each pair within the gate, (P,)
+    column: IntArray  # Detection of each pair, (P,)
     mass: FloatArray  # p_D L_z w of each pair, divided by a scale of its detection, (P,)
     other: FloatArray  # Intensity of clutter and unknown targets, divided by the same scale, (M,)
-    detection_probability: FloatArray  # (N,). p_D of each row; 0 beyond the radar's range.
+    detection_probability: FloatArray  # p_D of each row, (N,); 0 beyond the radar's range
 
     def part(self, rows: BoolArray | FloatArray) -> FloatArray:
         """Return the share of some rows, (N,), in the likelihoods of each detection, (M,).
@@ -49,7 +48,7 @@ class Shares(NamedTuple):
     detection, and ``mass * pair`` for each of its pairs.
     """
 
-    # (N,). Prior weights of the rows; targets with a mass above one are scaled to one.
+    # Prior weights of the rows, (N,); targets with a mass above one are scaled to one.
     prior: FloatArray
     missed: FloatArray  # Factor of each target on its rows' weights for a missed detection, (T,)
     pair: FloatArray  # Factor of each pair, (P,)

@@ -18,10 +18,9 @@ class Graph(NamedTuple):
     """C clusters of N nodes with E edges."""
 
     first: Int1  # The first node of each cluster, and N, (C + 1,)
-    middle: Int1  # (C,). The first detection of each cluster; its targets are the nodes before.
-    # `target`, `detection`: the nodes of each edge, (E,).
-    target: Int1
-    detection: Int1
+    middle: Int1  # The first detection of each cluster, (C,); its targets are the nodes before
+    target: Int1  # Node of each edge's target, (E,)
+    detection: Int1  # Node of each edge's detection, (E,)
     start: Int1  # Where the edges of each node begin in `link`, and 2 E, (N + 1,)
     link: Int1  # The edges of each node, (2 E,)
 

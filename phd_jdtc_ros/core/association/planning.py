@@ -23,25 +23,17 @@ OPENS, APART, CLOSED = 1 << 20, 1 << 42, 1 << 60
 class Plan(NamedTuple):
     """The steps of all clusters, one after the other."""
 
-    # (C + 1,). The first step of each cluster, and S; clusters without steps would take too much.
+    # The first step of each cluster, and S, (C + 1,); clusters too expensive to plan have no steps.
     first: Int1
-    # `before`, `size`: two to the power of the nodes that are open before each step and in it: the
-    # entries of its table, (S,).
-    before: Int1
-    size: Int1
-    # `passed`, `closed`: where the edges and the nodes of each step begin below, and where those of
-    # the last end, (S + 1,).
-    passed: Int1
-    closed: Int1
-    # `edge`, `lower`, `upper`: the edges as they are passed, and the bits of their two nodes in the
-    # table.
-    edge: Int1
-    lower: Int1
-    upper: Int1
-    # `node`, `bit`: the nodes as they are closed, and their bits in the table, which ascend within
-    # a step.
-    node: Int1
-    bit: Int1
+    before: Int1  # Size of each step's table, 2 to the power of the nodes open before it, (S,)
+    size: Int1  # The size with the nodes that the step opens, (S,)
+    passed: Int1  # Where the edges of each step begin in `edge`, and the end of the last, (S + 1,)
+    closed: Int1  # Where the nodes of each step begin in `node`, and the end of the last, (S + 1,)
+    edge: Int1  # The edges in the order of the steps, (E,)
+    lower: Int1  # Bit in the table of each edge's one node, (E,)
+    upper: Int1  # Bit in the table of its other node, the higher one, (E,)
+    node: Int1  # The nodes in the order in which they are closed, (N,)
+    bit: Int1  # Bit in the table of each of these nodes, ascending within a step, (N,)
 
 
 @inner

@@ -85,14 +85,12 @@ class Evidence:
     # Log factor of each (row, detection) pair's likelihood, which the engine computes from the
     # state, (P,).
     log_factor: FloatArray
-    # `log_clutter`, `log_unknown`: log factors of the intensities of clutter and of unknown targets
-    # at each detection, (M,).
-    log_clutter: FloatArray
+    log_clutter: FloatArray  # Log factor of the clutter intensity at each detection, (M,)
+    # Log factor of the intensity of unknown targets at each detection, (M,).
     log_unknown: FloatArray
     edge_of_pair: IntArray  # Edge of each pair, (P,)
-    # `target`, `column`: row of each edge's target in `before`, and its detection, (E,).
-    target: IntArray
-    column: IntArray
+    target: IntArray  # Row in `before` of each edge's target, (E,)
+    column: IntArray  # Detection of each edge, (E,)
     engine_target: IntArray  # The engine's index of each target that has an edge, (T,)
     before: AttributeRecords  # Records of these targets, predicted to the scan's stamp
     belief_update: BeliefUpdate

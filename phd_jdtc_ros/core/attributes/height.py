@@ -50,7 +50,7 @@ class HeightModel:
 class Heights(NamedTuple):
     """Height densities of T targets."""
 
-    known: FloatArray  # (T,). Weight of the Gaussian; the rest of the density is uniform.
+    known: FloatArray  # Weight of the Gaussian, (T,); the rest of the density is uniform
     mean: FloatArray  # Height and climb rate, metres and metres per second, (T, 2)
     covariance: FloatArray  # (T, 2, 2)
 
@@ -78,16 +78,12 @@ class HeightUpdate(NamedTuple):
     """Likelihood of the detections' heights, and the height filter's update for each pair."""
 
     prior: Heights  # Predicted heights of the targets
-    # `known`, `garbled`, `new`: probabilities that an edge's detection measures the known height,
-    # that its height is garbled or missing, and that it measures a height while the target's is
-    # unknown, (E,).
-    known: FloatArray
-    garbled: FloatArray
+    known: FloatArray  # Probability that each edge's detection measures the known height, (E,)
+    garbled: FloatArray  # Probability that its height is garbled or missing, (E,)
+    # Probability that it measures a height while the target's is unknown, (E,).
     new: FloatArray
-    # `posterior`, `first`: heights of each edge: updated by the measurement, and from the
-    # measurement alone.
-    posterior: Heights
-    first: Heights
+    posterior: Heights  # Known height of each edge's target, updated by the measurement
+    first: Heights  # Height of each edge's target from the measurement alone
     # Log likelihood ratio of each edge's detection against an unknown target, (E,).
     log_factor: FloatArray
 

@@ -18,9 +18,8 @@ from .height import HeightModel, Heights
 class History(NamedTuple):
     """Filtered heights, sorted by label and then by stamp."""
 
-    # `label`, `stamp_ns`: label of the target, and nanoseconds, (R,).
-    label: Annotated[IntArray, integers("R", 0, key="origin")]
-    stamp_ns: Annotated[IntArray, integers("R", 0, MAX_STAMP_NS)]
+    label: Annotated[IntArray, integers("R", 0, key="origin")]  # (R,)
+    stamp_ns: Annotated[IntArray, integers("R", 0, MAX_STAMP_NS)]  # (R,)
     # Height and climb rate, metres and metres per second, (R, 2).
     mean: Annotated[FloatArray, floats("RA", -MAX_STATE, MAX_STATE)]
     covariance: Annotated[FloatArray, covariances("RAA", MAX_STATE)]  # (R, 2, 2)

@@ -75,9 +75,9 @@ class IdentityModel:
 class Belief(NamedTuple):
     """Distributions of T targets' identities."""
 
-    candidate: IntArray  # (T, K). Distinct; `UNKNOWN` where there are fewer.
-    # (T, K + 2). Probability of each candidate, of all other identities together, and of no
-    # transponder; rows sum to one.
+    candidate: IntArray  # Distinct identities, (T, K); `UNKNOWN` where there are fewer
+    # Probability of each candidate, of all other identities together, and of no transponder,
+    # (T, K + 2); rows sum to one.
     weight: FloatArray
 
     @staticmethod
@@ -111,7 +111,7 @@ class Belief(NamedTuple):
 class ReplyLikelihood(NamedTuple):
     """Likelihood of replies given the beliefs about targets."""
 
-    # Before the update; its L candidates include every identity shown in a target's edges.
+    # Belief before the update; its L candidates include every identity shown in a target's edges.
     prior: Belief
     # Likelihood of each edge's reply for each column of the belief, (E, L + 2).
     likelihood: FloatArray

@@ -56,18 +56,17 @@ class AttributeRecords(NamedTuple):
 
     label: Annotated[IntArray, integers("T", 0, ascending=True, key="origin")]  # Ascending, (T,)
     stamp_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]  # Time of the beliefs, (T,)
-    # `code`, `code_weight`: (T, K) and (T, K + 2). See `identity.Belief`.
+    # Belief about the code, (T, K) and (T, K + 2); see `identity.Belief`.
     code: Annotated[IntArray, integers("TK", UNKNOWN, CODES - 1)]
     code_weight: Annotated[FloatArray, floats("TW", 0.0, 1.0 + ROUNDING)]
-    # `address`, `address_weight`: (T, K) and (T, K + 2).
+    # Belief about the address, (T, K) and (T, K + 2).
     address: Annotated[IntArray, integers("TK", UNKNOWN, ADDRESSES - 1)]
     address_weight: Annotated[FloatArray, floats("TW", 0.0, 1.0 + ROUNDING)]
-    # `height_known`, `height`, `height_covariance`: (T,), (T, 2) and (T, 2, 2). See
-    # `height.Heights`.
+    # Density of the height, (T,), (T, 2) and (T, 2, 2); see `height.Heights`.
     height_known: Annotated[FloatArray, floats("T", 0.0, 1.0)]
     height: Annotated[FloatArray, floats("TA", -MAX_STATE, MAX_STATE)]
     height_covariance: Annotated[FloatArray, covariances("TAA", MAX_STATE)]
-    # (T, S). Time of the last detection by each sensor type; see `Attributes`.
+    # Time of the last detection by each sensor type, (T, S); see `Attributes`.
     seen_ns: Annotated[IntArray, integers("TS", UNKNOWN, MAX_STAMP_NS)]
 
     @staticmethod

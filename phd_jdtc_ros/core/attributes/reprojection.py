@@ -32,12 +32,11 @@ Gate: TypeAlias = Callable[[Detections], tuple[IntArray, IntArray, FloatArray]]
 class Paired(NamedTuple):
     """Pairs of rows and detections, each detection projected at the height of the row's target."""
 
-    # `row`, `column`: row and detection of each pair, (P,).
-    row: IntArray
-    column: IntArray
+    row: IntArray  # Row of each pair, (P,)
+    column: IntArray  # Detection of each pair, (P,)
     log_likelihood: FloatArray  # As the gate returns it, (P, ...)
     projected_index: IntArray  # Row of each pair's detection in `projected`, (P,)
-    projected: Detections  # The detections, followed by those projected again at a target's height
+    projected: Detections  # The detections, then those projected again at a target's height
 
     def take(self, pairs: IntArray) -> Paired:
         """Return these pairs alone."""

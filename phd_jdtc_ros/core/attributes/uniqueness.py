@@ -23,13 +23,13 @@ class OutOfGate(NamedTuple):
 
     target: IntArray  # Indices of the engine's targets, (L,)
     column: IntArray  # The detection with the target's identity, (L,)
-    since_s: FloatArray  # Seconds from each target's last detection to this one, (L,)
+    since_s: FloatArray  # Time from each target's last detection to this one, seconds, (L,)
 
 
 class Conflicts(NamedTuple):
     """Probabilities that known targets have the identities shown by M detections."""
 
-    # For each edge: probability that a target other than the edge's has the identity, (E,).
+    # Probability that a target other than the edge's has the identity, (E,).
     by_another: FloatArray
     # Log factor of the intensity of unknown targets at each detection, (M,).
     log_unknown: FloatArray

@@ -74,10 +74,8 @@ NOISE = Rayleigh()
 class LogNormal:
     """Envelopes of land or sea clutter in a narrow beam: their level in dB is Gaussian."""
 
-    # `median_db`, `std_db`: median and standard deviation of the level; the median of noise is -1.6
-    # dB.
-    median_db: float
-    std_db: float
+    median_db: float  # Median of the level, dB; that of noise is -1.6 dB
+    std_db: float  # Standard deviation of the level, dB
 
     def log_density(self, amplitude: FloatArray) -> FloatArray:
         """Return the log density of envelopes, elementwise."""
@@ -116,7 +114,7 @@ class Learned(ReadOnly):
     """
 
     threshold: float  # Detection threshold of the radar; the prior is noise above it
-    # (CELLS,). Remembered detections by cell of level; at most `MEMORY` in all.
+    # Remembered detections by cell of level, (CELLS,); at most `MEMORY` in all.
     count: Annotated[FloatArray, floats("K", 0.0, MAX_COUNT)] = zeros(CELLS)
 
     @cached_property
@@ -181,11 +179,11 @@ def level_db(amplitude: FloatArray) -> FloatArray:
 class _Cells(NamedTuple):
     """The cells of a learned law."""
 
-    # (CELLS + 1,). Edges of the cells; the lower edge of the threshold's cell is the threshold.
+    # Edges of the cells, dB, (CELLS + 1,); the lower edge of the threshold's cell is the threshold.
     edges_db: FloatArray
     prior: FloatArray  # Weight of the prior, in detections, (CELLS,)
     uniform: FloatArray  # Share of each cell in the range of levels, (CELLS,)
-    # (CELLS, CELLS). Share with which a detection in each cell counts in every cell; rows sum to
+    # Share with which a detection in each cell counts in every cell, (CELLS, CELLS); rows sum to
     # one. Detections above the threshold count only above it.
     kernel: FloatArray
 

@@ -60,8 +60,8 @@ class ClutterMap(ReadOnly):
     ALONE_FACTOR to REFLECTOR_FACTOR; see `neighbourhood`.
     """
 
-    grid: Grid  # The cells. A detection counts in the four nearest ones.
-    # (K,). Ascending; the row times the grid's columns plus the column.
+    grid: Grid  # A detection counts in the four nearest cells
+    # Row times the number of the grid's columns, plus column; ascending, (K,).
     cell: Annotated[IntArray, integers("K", 0, ascending=True)] = zeros(0, dtype=np.int64)
     # Remembered detections of each cell, (K,).
     count: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = zeros(0)

@@ -19,14 +19,14 @@ class Multipath:
     echoes).
     """
 
-    # Density of false detections behind a target, relative to the uniform ones, at its azimuth: the
-    # order of magnitude that is the most accurate for a radar in a harbour.
+    # Density of false detections behind a target, at its azimuth, relative to the uniform density.
+    # Of the orders of magnitude, this one is the most accurate for a radar in a harbour.
     FACTOR: ClassVar[float] = 100.0
-    # Variance of the difference of two azimuths, the echo's and the target's, relative to that of a
-    # measured azimuth.
+    # Variance of the difference of the echo's and the target's azimuth, relative to the variance of
+    # a measured azimuth.
     OF_AZIMUTHS: ClassVar[float] = 2.0
 
-    # Expected (range, azimuth) of each target, (T, 2).
+    # Expected range and azimuth of each target, metres and radians, (T, 2).
     measured: FloatArray = zeros(0, 2)
     # Existence probability of each target, (T,).
     existence: FloatArray = zeros(0)

@@ -31,9 +31,8 @@ class ClutterCount:
     data fade alike: after T turns both have the factor exp(-T / MEMORY_TURNS).
     """
 
-    # Remembered false detections.
+    # Remembered false detections; by default those of a radar whose rate was never learned.
     count: Annotated[float, floats("", 0.0, MAX_DETECTIONS)] = START_RATE
-    # The default is the prior of a radar whose rate was never learned.
     # Remembered turns; a scan of the whole field is one.
     turns: Annotated[float, floats("", MIN_TURNS, 2.0 * MEMORY_TURNS)] = 1.0
 

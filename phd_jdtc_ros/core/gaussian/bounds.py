@@ -9,12 +9,12 @@ from dataclasses import dataclass
 class Bounds:
     """Limits of the reduction."""
 
-    hypotheses: int  # Largest number per target, before they are split by motion mode
+    hypotheses: int  # Largest number per target before hypotheses are split by motion mode
     # Hypotheses with less than this share of their target's existence probability are dropped.
     least_share: float
     merge_distance: float  # Square Mahalanobis distance within which hypotheses are merged
     least_existence: float  # Targets with a smaller existence probability are dropped
     most: int  # Largest number of hypotheses of all targets together
-    # Motion modes with at least this share of their hypothesis become hypotheses of their own. With
+    # Motion modes with at least this share of their hypothesis become hypotheses of their own; with
     # 1 none does, and every prediction mixes the modes.
     least_mode: float

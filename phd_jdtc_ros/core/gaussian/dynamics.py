@@ -27,12 +27,12 @@ class Interval(NamedTuple):
     """What happens to targets in some time; the first axis of the arrays is of intervals."""
 
     survival: FloatArray  # Probability to survive, by motion mode before, (1, R)
-    # Probability to survive and to change from the one mode of a pair to the other, (1, K).
+    # Probability to survive and to change from the first mode of a pair to the second, (1, K).
     change: FloatArray
     noise: FloatArray  # Process noise, by motion mode after, (1, R, D, D)
-    # (1, R, D, D). Matrix of each motion mode; of a turn, that of the turn rate 0.
+    # Matrix of each motion mode, (1, R, D, D); for a coordinated turn, that of the turn rate 0.
     transition: FloatArray
-    # (C, S, S). Matrix of each class's cells of SNR, [from, to]; None if no cell is left.
+    # Transition matrix of each class's cells of SNR, [from, to], (C, S, S); None if none is left.
     snr: FloatArray | None
 
 

@@ -31,7 +31,7 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
     """
 
     forward: GaussianFilter
-    # What was smoothed of the window; smoothed again if the window is another one.
+    # Lineages of the window that was smoothed last; made again for another window.
     _lineages: Lineages = field(init=False, default_factory=Lineages, repr=False)
 
     def _extract(self, stored: Mixture, stamp_ns: int, lag: int, threshold: float) -> Estimates:

@@ -38,8 +38,8 @@ class Updates(NamedTuple):
     """U updates of single targets, oldest first, and the rows of each in the other tables."""
 
     before: Int1  # The update that each continues; -1 for none
-    # `row`, `predicted`, `edge`: (U, 2). First row and end of the updated hypotheses, of the
-    # predicted ones and of the edges between them.
+    # First row and end, (U, 2), of the updated hypotheses, of the predicted ones, and of the edges
+    # between them.
     row: Int2
     predicted: Int2
     edge: Int2
@@ -73,15 +73,13 @@ class Pairs(NamedTuple):
 class _Scratch(NamedTuple):
     """What the smoothing of one update needs, allocated once."""
 
-    # `fit`, `mass`: (K,).
-    fit: FloatArray
-    mass: FloatArray
+    fit: FloatArray  # (K,)
+    mass: FloatArray  # (K,)
     joint: FloatArray  # (K, C)
-    # `mean`, `covariance`: (K, D) and (K, D, D). The earlier Gaussians of the pairs.
-    mean: FloatArray
-    covariance: FloatArray
+    mean: FloatArray  # Mean of each pair's earlier Gaussian, (K, D)
+    covariance: FloatArray  # Covariance of each pair's earlier Gaussian, (K, D, D)
     vector: FloatArray  # (D,)
-    part: FloatArray  # (E, R). The weight of each edge of an update
+    part: FloatArray  # Weight of each edge of an update, (E, R)
 
 
 @inner

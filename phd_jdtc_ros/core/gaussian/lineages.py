@@ -29,7 +29,7 @@ MOST_DROPPED = 1024
 class Link:
     """The link from the hypotheses of a scan back to earlier hypotheses."""
 
-    # From the earlier hypotheses, concatenated over all sources of the scan, to the predicted ones.
+    # From the earlier hypotheses of all sources of the scan, concatenated, to the predicted ones.
     moves: Moves
     ancestry: Ancestry  # From the predicted hypotheses to the kept ones
 

@@ -66,16 +66,15 @@ class Mixture(ReadOnly):
     missed detections at places of different detection probability. That is neglected.
     """
 
-    # (H,). Label of each hypothesis's target; see `labels`.
+    # Label of each hypothesis's target, (H,); see `labels`.
     row_label: Annotated[IntArray, integers("H", 0, key="origin")]
     weight: Annotated[FloatArray, floats("HOC", 0.0, MAX_MASS)]  # (H, R, C)
-    # (H, R, D). In the world frame; metres, metres per second, radians per second.
+    # World frame; metres, metres per second, radians per second, (H, R, D).
     mean: Annotated[FloatArray, floats("HOD", -MAX_STATE, MAX_STATE)]
-    # Zero on the axes that a motion mode is not defined on, (H, R, D, D).
+    # Zero on axes on which a motion mode is not defined, (H, R, D, D).
     covariance: Annotated[FloatArray, covariances("HODD", MAX_STATE)]
-    # A sum of shares may exceed 1 by rounding.
-    # (H, C, S). Probability of each cell of the signal-to-noise ratio, given the class; see
-    # `SnrCells`.
+    # Probability of each cell of the signal-to-noise ratio, given the class, (H, C, S); see
+    # `SnrCells`. A sum of shares may exceed 1 by rounding.
     snr: Annotated[FloatArray, floats("HCS", 0.0, 1.0 + ROUNDING)]
 
     def __len__(self) -> int:

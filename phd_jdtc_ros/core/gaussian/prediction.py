@@ -37,7 +37,7 @@ class Moves:
     Each of the K pairs is a motion mode before the prediction and a possible one after it.
     """
 
-    # Tuple of two int arrays of shape (K,). Modes of each pair before and after the prediction.
+    # Modes of each pair before and after the prediction, (K,) each.
     pairs: tuple[IntArray, IntArray]
     # Probability of survival with a change from the first mode to the second, (H, K).
     change: Annotated[FloatArray, floats("PK", 0.0, 1.0)]
@@ -45,15 +45,15 @@ class Moves:
     survival: Annotated[FloatArray, floats("PO", 0.0, 1.0)]
     # Predicted mean of each pair, (A, D).
     mean: Annotated[FloatArray, floats("AD", -MAX_STATE, MAX_STATE)]
-    # (A, D, D). Factors of each pair's predicted covariance; see `blocks.factorise`.
+    # Factors of each pair's predicted covariance, (A, D, D); see `blocks.factorise`.
     factor: Annotated[FloatArray, floats("ADD", -MOST_FACTOR, MOST_FACTOR)]
-    # `gain`, `base`: the backward step: given a later Gaussian of mean m and covariance P, the
-    # earlier one has its own mean + gain (m - mean), and the covariance base + gain P gain', (A, D,
-    # D).
+    # Gain of the backward step, (A, D, D). Given a later Gaussian of mean m and covariance P, the
+    # earlier one has its own mean plus gain (m - mean), and the covariance base + gain P gain'.
     gain: Annotated[FloatArray, floats("ADD", -MOST_GAIN, MOST_GAIN)]
-    # A small difference of large covariances: rounding may leave it indefinite.
+    # Covariance of the backward step, (A, D, D): a small difference of large covariances, which
+    # rounding may leave indefinite.
     base: Annotated[FloatArray, floats("ADD", -(MAX_STATE**2), MAX_STATE**2)]
-    # (H, K). Row of each pair in the arrays of A rows; -1 if the pair has no weight.
+    # Row of each pair in the arrays of A rows, (H, K); -1 if the pair has no weight.
     place: Annotated[IntArray, integers("PK", -1, below="A")]
 
 

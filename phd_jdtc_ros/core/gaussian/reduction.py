@@ -32,7 +32,7 @@ class Branched:
     """Hypotheses, and the predicted row from which each descends."""
 
     mixture: Mixture
-    parent: IntArray  # (H,). Row of the predicted mixture; -1 for targets born at detections.
+    parent: IntArray  # Row of the predicted mixture, (H,); -1 for targets born at detections
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class Ancestry:
 
     # Row of the kept mixture, ascending, (E,).
     child: Annotated[IntArray, integers("E", 0, below="H")]
-    # (E,). Row of the predicted mixture; -1 for targets born at detections.
+    # Row of the predicted mixture, (E,); -1 for targets born at detections.
     parent: Annotated[IntArray, integers("E", -1, below="P")]
-    # (E, R, C). Share of the child's weight; sums to one over the rows of a child with positive
+    # Share of the child's weight, (E, R, C); sums to one over the rows of a child with positive
     # weight.
     share: Annotated[FloatArray, floats("EOC", 0.0, 1.0)]
 

@@ -62,17 +62,15 @@ class Pose:
 class Detections(ReadOnly):
     """Detections of one radar in one scan, in the frame of that radar."""
 
-    # For the polar radar Z = 2: range in metres, azimuth in radians counter-clockwise from the
-    # sensor's x axis, (M, Z).
+    # (M, Z). For the polar radar, range in metres and azimuth in radians counter-clockwise from the
+    # sensor's x axis.
     measurement: FloatArray
-    # (M,). Linear envelope in units of the noise's per-quadrature standard deviation. NaN where it
-    # is unknown. None when the radar reports no amplitude: the class likelihood is then neutral.
+    # Linear envelope in units of the noise's standard deviation per quadrature, (M,); NaN where
+    # unknown. None if the radar reports none: the class likelihood is then neutral.
     amplitude: FloatArray | None
-    # (M,). Time of each detection relative to the scan's stamp, seconds; None if all are at the
-    # stamp.
+    # Time relative to the scan's stamp, seconds, (M,); None if all detections are at the stamp.
     time_s: FloatArray | None = None
-    # (M, Z). Standard deviations of each detection, in the units of the measurement; None for the
-    # radar model's.
+    # Standard deviations in the units of the measurement, (M, Z); None for the radar model's.
     noise_std: FloatArray | None = None
     # The swept azimuths; None for the radar's whole field of view, `UNKNOWN_COVERAGE` if they are
     # unknown. Detections outside the coverage are valid.
@@ -80,21 +78,23 @@ class Detections(ReadOnly):
     # Pose of the radar at the scan's stamp, to which all measurements are relative; None for the
     # radar model's.
     pose: Pose | None = None
-    # (M,). Metres per second relative to the radar, positive for a receding target, modulo the
-    # radar's ambiguity; NaN if unknown. None when the radar reports none.
+    # Range rate relative to the radar, metres per second, (M,): positive for a receding target,
+    # modulo the radar's ambiguity; NaN where unknown. None if the radar reports none.
     range_rate: FloatArray | None = None
-    # (M,). Standard deviation of each range rate, metres per second; NaN, and None for all, for the
-    # radar model's.
+    # Standard deviation of the range rate, metres per second, (M,). NaN, or None for all, stands
+    # for the radar model's.
     range_rate_std: FloatArray | None = None
-    # (M,). Above the world's zero, metres; NaN where it is unknown. None when the radar reports
+    # Height above the world's zero, metres, (M,); NaN where unknown. None if the radar reports
     # none.
     height: FloatArray | None = None
-    # `code`, `address`: (M,). Mode A code, 12 bits, and Mode S address, 24 bits, of the
-    # transponder's reply; `UNKNOWN` without one. None when the radar reports none.
+    # Mode A code of the transponder's reply, 12 bits, (M,); `UNKNOWN` without one. None if the
+    # radar reports none.
     code: IntArray | None = None
+    # Mode S address of the reply, 24 bits, (M,); `UNKNOWN` without one. None if the radar reports
+    # none.
     address: IntArray | None = None
-    # (M,). Sensor type, the TYP of I048/020: 1 primary, 2 secondary, 3 both, 4 and 5 Mode S, 6 and
-    # 7 Mode S and primary; `UNKNOWN` otherwise. None when the radar reports none.
+    # Sensor type, the TYP of I048/020, (M,): 1 primary, 2 secondary, 3 both, 4 and 5 Mode S, 6 and
+    # 7 Mode S and primary; `UNKNOWN` otherwise. None if the radar reports none.
     kind: IntArray | None = None
 
     def __post_init__(self) -> None:
@@ -130,8 +130,7 @@ class Detections(ReadOnly):
 class Scan:
     """All detections with a common stamp."""
 
-    stamp_ns: int  # Time of the scan in nanoseconds
-    # Tuple of (Detections or None), one entry per radar, in the configured order. None if that
-    # radar did not report at this stamp. The filter is then not updated with it, which differs from
-    # an update with zero detections.
+    stamp_ns: int
+    # One entry per radar, in the configured order. None if the radar did not report at this stamp:
+    # the filter is then not updated with it, which differs from an update with zero detections.
     detections: tuple[Detections | None, ...]

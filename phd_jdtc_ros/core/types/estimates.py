@@ -29,15 +29,15 @@ _NOT_GIVEN: IntArray = np.zeros(0, dtype=np.int64)
 class Attributes(ReadOnly):
     """Heights and identities of targets, in addition to their states."""
 
-    # (T, 2). Above the world's zero and climb rate, metres and metres per second; NaN where
+    # Height above the world's zero and climb rate, metres and metres per second, (T, 2); NaN where
     # unknown.
     height: FloatArray
     height_covariance: FloatArray  # NaN where unknown, (T, 2, 2)
-    # `code`, `address`: (T,). Mode A code and Mode S address; `UNKNOWN` if there is none or none is
-    # probable enough.
+    # Mode A code, (T,); `UNKNOWN` if there is none or none is probable enough.
     code: IntArray
+    # Mode S address, (T,); `UNKNOWN` if there is none or none is probable enough.
     address: IntArray
-    # (T, S). Time of the last detection by each of `SENSORS`, nanoseconds; `UNKNOWN` for never.
+    # Time of the last detection by each of `SENSORS`, nanoseconds, (T, S); `UNKNOWN` for never.
     # None if no radar reports sensor types, and in smoothed estimates.
     seen_ns: IntArray | None = None
 
@@ -92,22 +92,22 @@ class _Targets(ReadOnly):
 class Estimates(_Targets):
     """Targets extracted from an intensity."""
 
-    stamp_ns: int  # Time of the states in nanoseconds
+    stamp_ns: int  # Time of the states
     lag: int  # Number of later scans used in the estimates; 0 for filtered ones
-    # (T, D). In the world frame; metres, metres per second, radians per second.
+    # World frame; metres, metres per second, radians per second, (T, D).
     state: Annotated[FloatArray, floats("TD", -MAX_STATE, MAX_STATE)]
     # Covariance of the state, in the same units, (T, D, D).
     covariance: Annotated[FloatArray, covariances("TDD", MAX_STATE)]
-    # (T,). Existence probability of the target: the mass of its component; biased with the PHD
+    # Existence probability of the target, the mass of its component, (T,); biased with the PHD
     # filter.
     weight: Annotated[FloatArray, floats("T", 0.0, MAX_MASS)]
     class_probability: Annotated[FloatArray, floats("TC", 0.0, MAX_MASS)]  # (T, C)
     class_id: Annotated[IntArray, integers("T", 0, below="C")]  # (T,)
-    # (T,). Track number, from 1. Within an engine, before `TrackNumbers.assign`, label + 1. 0 for
-    # an estimate without a label.
+    # Track number, from 1, (T,); 0 for an estimate without a label. Within an engine, before
+    # `TrackNumbers.assign`, it is the label + 1.
     track_id: Annotated[IntArray, integers("T", 0)]
     space: StateSpace = PLANAR  # Axes of the states
-    # (T,). `TENTATIVE`, `CONFIRMED` or `COASTING`; by default all are confirmed.
+    # `TENTATIVE`, `CONFIRMED` or `COASTING`, (T,); by default all are confirmed.
     track_state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)] = field(
         default_factory=lambda: _NOT_GIVEN
     )
@@ -186,6 +186,6 @@ class Truth(_Targets):
     state: FloatArray  # (T, D)
     track_id: IntArray  # Counted from 1 in the order of the scenario, (T,)
     class_id: IntArray  # (T,)
-    space: StateSpace = PLANAR  # What the axes of the states are
-    # (T, 2). Height and climb rate, metres and metres per second; None if they are not known.
+    space: StateSpace = PLANAR  # Axes of the states
+    # Height and climb rate, metres and metres per second, (T, 2); None if unknown.
     height: FloatArray | None = None

@@ -30,11 +30,11 @@ class Moved(NamedTuple):
     mean: Float1  # (D,)
     cross: Float2  # Covariance of the states before and after, (D, D)
     covariance: Float2  # (D, D)
-    matrix: Float2  # (D, D). Mean of the motion's matrix.
-    # (D, D). Product of the covariance given the turn rate; 0 in the row of the turn rate.
+    matrix: Float2  # Mean of the motion's matrix, (D, D)
+    # Product of the covariance given the turn rate, (D, D); 0 in the row of the turn rate.
     given: Float2
-    each: Float2  # (nodes, D). Mean given each turn rate.
-    slope: Float1  # (D,). Change of the state by one standard deviation of the turn rate.
+    each: Float2  # Mean given each turn rate, (nodes, D)
+    slope: Float1  # Change of the state by one standard deviation of the turn rate, (D,)
     at: Float1  # (D,)
     turned: Float1  # (D,)
 

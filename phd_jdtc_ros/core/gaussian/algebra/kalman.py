@@ -39,13 +39,13 @@ def predicted_covariance(
 class Innovation(NamedTuple):
     """The innovation of a measurement, linearised at the posterior position."""
 
-    # (N, 2, 2). Jacobian of the measurement with respect to the position at the detection's time.
+    # Jacobian of the measurement with respect to the position at the detection's time, (N, 2, 2).
     # For a sensor that is not polar, `linearised.innovations` replaces the measurement by the
     # position.
     jacobian: FloatArray
     weighted: FloatArray  # Inverse of the innovation's covariance times the innovation, (N, 2)
     inverse: FloatArray  # Inverse of the innovation's covariance, (N, 2, 2)
-    log_likelihood: FloatArray  # (N,). log N(z; h, S) of the measurement alone.
+    log_likelihood: FloatArray  # log N(z; h, S) of the measurement alone, (N,)
 
 
 @compiled

@@ -24,7 +24,7 @@ class Rated(NamedTuple):
 
     mean: FloatArray  # (N, D)
     covariance: FloatArray  # (N, D, D)
-    # (N,). Log likelihood of the range rate alone, summed over all folds; 0 where there is none.
+    # Log likelihood of the range rate alone, summed over all folds, (N,); 0 where there is none.
     log_likelihood: FloatArray
 
     def take(self, rows: IntArray) -> Rated:

@@ -23,9 +23,9 @@ class DetectionProbability(NamedTuple):
     """Probabilities of detection of H hypotheses."""
 
     by_class: FloatArray  # Probability of each Gaussian and class, (H, R, C)
-    # `cell`, `mean`: probability of each cell of SNR, and its mean over the cells of each
-    # hypothesis, (C, S) and (H, C). Their ratio is a factor on the probability of the class.
-    cell: FloatArray
+    cell: FloatArray  # Probability in each cell of SNR, (C, S)
+    # Mean of `cell` over each hypothesis's SNR, (H, C); `by_class` times cell / mean is the
+    # probability given the cell.
     mean: FloatArray
 
 
@@ -101,7 +101,7 @@ class Amplitudes(NamedTuple):
     """Likelihoods of the amplitudes of M detections."""
 
     largest: FloatArray  # The largest log p_D g(a) of all cells, (M,)
-    # (M, C, S). p_D g(a) of each cell relative to the largest one; 0 where all are.
+    # p_D g(a) of each cell relative to the largest one, (M, C, S); 0 where all are.
     relative: FloatArray
 
     @staticmethod

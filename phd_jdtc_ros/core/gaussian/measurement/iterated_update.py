@@ -17,13 +17,12 @@ class PairUpdate(NamedTuple):
 
     # Innovation of the measurement without range rate, with the sensor's usual noise.
     innovation: kalman.Innovation
-    # The same, or that of the mixture with outliers; see `heavy_tails.mixed`.
+    # `innovation`, or that of the mixture of usual noise and outliers; see `heavy_tails.mixed`.
     matched: kalman.Innovation
     # The Gaussians updated with range rates; None if the report has none.
     rated: range_rate.Rated | None
-    # `row`, `column`: the hypothesis and the detection of each pair, (P,).
-    row: IntArray
-    column: IntArray
+    row: IntArray  # Hypothesis of each pair, (P,)
+    column: IntArray  # Detection of each pair, (P,)
     report: Report
 
     @property

@@ -31,12 +31,11 @@ class PairLikelihoods(NamedTuple):
     relative to that scale, broadcast over modes and classes.
     """
 
-    # `row`, `column`: hypothesis and detection of each pair, (P,).
-    row: IntArray
-    column: IntArray
-    # (P, R). Log likelihood of the measurement for each motion mode; -inf outside its gate.
+    row: IntArray  # Hypothesis of each pair, (P,)
+    column: IntArray  # Detection of each pair, (P,)
+    # Log likelihood of the measurement for each motion mode, (P, R); -inf outside its gate.
     measurement: FloatArray
-    # (M,). Scale of each detection's amplitude likelihoods; see `amplitude.Amplitudes`.
+    # Log scale of each detection's amplitude likelihoods, (M,); see `amplitude.Amplitudes`.
     largest: FloatArray
     evidence: FloatArray  # Log likelihood of the identity and the height, (P,)
     other: FloatArray  # See `competing_sources.log_intensities`, (1 + C, M)
@@ -50,11 +49,10 @@ class Association(NamedTuple):
     claimed: FloatArray  # Probability that a known target is the source of each detection, (M,)
     pair: FloatArray  # Association probability of each pair, (P,)
     existence: FloatArray  # Existence probability of each target, (T,)
-    # `source`, `kept_pair`: the kept hypotheses, by target and descending probability: the prior
-    # hypothesis, and the index of its pair with a detection; -1 for a missed one, (K,).
+    # Prior hypothesis of each kept one, by target and then descending probability, (K,).
     source: IntArray
-    kept_pair: IntArray
-    weight: FloatArray  # Their weights, (K, R, C)
+    kept_pair: IntArray  # Index of each kept one's pair with a detection, (K,); -1 for a miss
+    weight: FloatArray  # Weights of the kept hypotheses, (K, R, C)
     approximate: int  # Number of clusters of targets too large for exact association probabilities
 
 
