@@ -38,8 +38,7 @@ class Stepped:
 
     scan: Scan
     step: Step
-    # Number of consecutive scans with detections but without targets, if a warning is due;
-    # otherwise 0.
+    # Number of consecutive scans with detections but no targets if a warning is due; otherwise 0.
     scans_without_targets: int = 0
 
 

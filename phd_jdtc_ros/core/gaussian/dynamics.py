@@ -32,7 +32,8 @@ class Interval(NamedTuple):
     noise: FloatArray  # Process noise, by motion mode after, (1, R, D, D)
     # Matrix of each motion mode, (1, R, D, D); for a coordinated turn, that of the turn rate 0.
     transition: FloatArray
-    # Transition matrix of each class's cells of SNR, [from, to], (C, S, S); None if none is left.
+    # Transition matrix between each class's cells of SNR, [from, to], (C, S, S); None if targets
+    # stay in their cells.
     snr: FloatArray | None
 
 

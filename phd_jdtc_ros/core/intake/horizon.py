@@ -31,8 +31,8 @@ MAX_BEYOND_TURNS = 0.06
 class Horizon(NamedTuple):
     """Timing of the latest reports of a radar, from which the next one's is predicted."""
 
-    # (K, 3). One row for each report, oldest first, in seconds: its stamp; the time of its first
-    # detection, from the previous report's stamp; the time of its last detection, from its own
+    # One row for each report, oldest first, seconds, (K, 3): its stamp; the time of its first
+    # detection after the previous report's stamp; and the time of its last detection after its own
     # stamp. NaN if the detections have no times.
     timings: FloatArray = np.zeros((0, 3))
     interval_s: float = 0.0  # Median interval between reports, seconds; 0 if unknown

@@ -30,7 +30,7 @@ class PosedReport(NamedTuple):
 
     radar: int  # Index in the configured order
     stamp_ns: int
-    # They have the radar's pose if it moves; None if the pose is unknown.
+    # With the radar's pose if it moves; None if the pose is unknown.
     detections: Detections | None
     extrapolated: bool = False  # Whether the pose was extrapolated
 

@@ -45,7 +45,7 @@ class PoseFault(Enum):
 class Mount:
     """Mounting of a radar on its platform."""
 
-    position: tuple[float, float]  # Position in the platform's frame, metres
+    position: tuple[float, float]  # In the platform's frame, metres
     yaw: float  # Direction of the radar's x axis in that frame, radians counter-clockwise
 
     def on(self, platform: Pose) -> Pose:
@@ -69,7 +69,7 @@ class PoseTrack:
     """The poses of one platform by stamp."""
 
     # Whether azimuths turn with the platform. If not, they are stabilised, and the platform's yaw
-    # is taken as 0.
+    # counts as 0.
     yaw_applies: bool = True
     max_age_s: float = 1.0  # Longest interval between a time and the nearest pose, seconds
     # Speed above which a change between two poses is a jump, metres per second.

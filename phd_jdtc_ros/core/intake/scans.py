@@ -52,9 +52,9 @@ class ScanGrouper:
     """Groups reports into scans."""
 
     radars: int  # Number of configured radars
-    # A stamp further behind the newest than this begins a new run; its report is not late.
+    # A stamp that is further behind the newest one begins a new run; its report is not late.
     reset_threshold_s: float
-    # A scan that comes later than this after the previous one begins a new run.
+    # Longest interval between two scans of one run, seconds.
     max_gap_s: float = math.inf
     # Longest time that scans are held back for radars behind the newest stamp, seconds.
     reorder_s: float = 0.0

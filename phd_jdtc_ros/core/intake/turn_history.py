@@ -30,8 +30,7 @@ class Recut(NamedTuple):
     """The changes by an out-of-sequence report."""
 
     stamps_ns: list[int]  # Stamps of the slices that are replaced
-    # List of (stamp in nanoseconds, Detections). The slices of the out-of-sequence report and of
-    # all later ones, by ascending stamp.
+    # Slices of the out-of-sequence report and of all later ones, by ascending stamp.
     slices: list[Slice]
 
 

@@ -52,17 +52,15 @@ class State(NamedTuple):
     """State of a run, from which the next report is cut."""
 
     track: AntennaTrack
-    # Rotation period as first estimated, seconds; 0 if it was not estimated. It stays constant
+    # The first estimate of the rotation period, seconds; 0 if there was none. It stays constant
     # while wind changes the antenna's speed.
     first_period_s: float = 0.0
     last_ns: int | None = None  # Stamp of the latest report
     slice_ns: int = 0  # Stamp of the latest slice
     # Timing of the reports, without those that repeated an earlier one.
     horizon: Horizon = Horizon()
-    # `end_s`, `end`: end of the time that the reports cover, seconds, and the antenna's direction
-    # then, radians; NaN if unknown.
-    end_s: float = math.nan
-    end: float = math.nan
+    end_s: float = math.nan  # End of the time that the reports cover, seconds; NaN if unknown
+    end: float = math.nan  # Direction of the antenna at this time, radians; NaN if unknown
     number: int | None = None  # Number of the latest sector
     step: int = 0  # Difference of the numbers of successive sectors; 0 if unknown
 
@@ -84,8 +82,8 @@ class Turns:
     compass: bool = False  # Whether sectors are numbered clockwise from north; see `sectors`
     # A stamp that is further behind the latest than this begins a new run.
     reset_threshold_s: float = math.inf
-    # Bias of the antenna's azimuths, which sectors' numbers refer to, radians counter-clockwise.
-    # The azimuths of the detections are corrected already.
+    # Bias of the antenna's azimuths, radians counter-clockwise. Sector numbers refer to the biased
+    # azimuths; those of the detections are corrected already.
     azimuth_bias: float = 0.0
     # Lower bound of an estimated rotation period, seconds; infinite to estimate none.
     min_period_s: float = MIN_PERIOD_S

@@ -36,10 +36,10 @@ class ChangeAlarm(ReadOnly):
     slowly than the sum, which ends an alarm when it has.
     """
 
-    # Of fewer detections in the sensor as a whole, and of next to none in each sector of azimuth,
-    # (1 + A,).
+    # Evidence of fewer detections by the sensor as a whole, and of almost none in each sector of
+    # azimuth, (1 + A,).
     detection: Annotated[FloatArray, floats("A", 0.0, MOST)] = zeros(1 + AZIMUTHS)
-    # Of a larger noise in each component of a measurement, (2,).
+    # Evidence of a larger noise in each component of a measurement, (2,).
     noise: Annotated[FloatArray, floats("Z", 0.0, MOST)] = zeros(2)
 
     @property

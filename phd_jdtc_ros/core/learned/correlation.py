@@ -68,7 +68,7 @@ class Correlation(ReadOnly):
 
     start: float  # The correlation, or the one that learning starts from
     learned: bool  # Whether it is learned
-    # (B,). Sums over the remembered pairs of looks; see `sums_of`.
+    # Sums over the remembered pairs of looks, (B,); see `sums_of`.
     sums: Annotated[FloatArray, floats("B", 0.0, MAX_REMEMBERED)] = zeros(SUMS)
 
     @cached_property

@@ -35,11 +35,9 @@ MAX_REMEMBERED = 1e7
 class Counted(NamedTuple):
     """Looks that count, sums by cell, arrays of shape (K,)."""
 
-    # `looks`, `expected`, `detected`: number of looks, of detections expected with the configured
-    # probability, and of detections.
-    looks: FloatArray
-    expected: FloatArray
-    detected: FloatArray
+    looks: FloatArray  # Number of looks
+    expected: FloatArray  # Number of detections expected with the configured probability
+    detected: FloatArray  # Number of detections
 
     def part(self, cells: slice) -> Counted:
         """Return the sums of these cells."""
@@ -60,12 +58,12 @@ class DetectionFactor(ReadOnly):
     """
 
     max_range: float  # Largest range, metres
-    # `expected`, `detected`: detections in each cell: the number expected with the configured
-    # probability, and the actual one, (K,).
+    # Number of detections in each cell that the configured probability predicts, (K,).
     expected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = zeros(CELLS)
+    # Actual number of detections in each cell, (K,).
     detected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = zeros(CELLS)
-    # `all_looks`, `all_expected`, `all_detected`: looks at targets, and their expected and actual
-    # detections, in all cells, with a memory of their own.
+    # Looks at targets, and expected and actual detections, in all cells. These sums have a memory
+    # of their own.
     all_looks: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
     all_expected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
     all_detected: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0

@@ -32,10 +32,10 @@ class Look(NamedTuple):
     label: IntArray  # Ascending
     covered: FloatArray  # Probability that the look covers each target, if it exists
     detected: FloatArray  # Probability that the look detected each target, if it exists
-    # Detection probability, whatever earlier looks saw; 0 if nothing is to be learned from it.
+    # Detection probability, whatever earlier looks saw; 0 if nothing can be learned from the look.
     expected: FloatArray
     existence: FloatArray  # Existence probability after the look
-    known: BoolArray  # Whether each target was sure to exist before the look
+    known: BoolArray  # Whether each target certainly existed before the look
 
     def with_born(self, label: IntArray) -> Look:
         """Return the look with targets of larger labels, born at its detections."""
@@ -62,9 +62,8 @@ class Remembered:
     """
 
     label: IntArray  # Ascending
-    # Correlation of the next detection with the previous look, if that covered the target.
-    looked: FloatArray
-    detected: FloatArray  # The same, if that detected the target
+    looked: FloatArray  # c L: correlation times the probability that the look covered the target
+    detected: FloatArray  # c D: correlation times the probability that it detected the target
 
     @property
     def some(self) -> bool:
@@ -100,17 +99,18 @@ class LastLooks(ReadOnly):
     label: Annotated[IntArray, integers("K", 0, MAX_INDEX, ascending=True)] = zeros(
         0, dtype=np.int64
     )
-    # Stamp of the look, of its first sector, (K,).
+    # Stamp of the look's first sector, (K,).
     stamp_ns: Annotated[IntArray, integers("K", 0, MAX_STAMP_NS)] = zeros(0, dtype=np.int64)
-    # `covered`, `detected`: probability that it covered each target, and that it detected it, (K,).
+    # Probability that the look covered the target, (K,).
     covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
+    # Probability that the look detected the target, (K,).
     detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
-    # `before_covered`, `before_detected`: the columns of `Remembered` at the look, (K,).
+    # The columns `looked` and `detected` of `Remembered` that the look was given, (K,).
     before_covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
     before_detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
-    # See `Look`, (K,).
+    # Detection probability of the look, (K,); see `Look`.
     expected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
-    # (K, B). Sums over the pairs of looks that do not count yet; see `correlation.sums_of`. As with
+    # Sums over the pairs of looks that do not count yet, (K, B); see `correlation.sums_of`. As in
     # `open_looks`, they count when the target is detected again.
     pairs: Annotated[FloatArray, floats("KB", 0.0, MAX_REMEMBERED)] = zeros(0, SUMS)
 

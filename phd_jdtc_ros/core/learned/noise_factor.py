@@ -29,11 +29,11 @@ MAX_WEIGHT, MAX_RATIO = 1e7, 1e10
 class NoiseEvidence(NamedTuple):
     """Evidence on the variance of each component of a measurement, arrays of shape (Z,)."""
 
-    # Number of innovations that would show the variance as well, if nothing but the sensor's noise
-    # were in them.
+    # Effective number of innovations: that number would show the variance equally well if they had
+    # no error but the sensor's noise.
     weight: FloatArray
-    # Sum of weight times the relative difference of the variance from the one that the sensor has
-    # now; see `evidence.evidence_of`.
+    # Sum of weight times the relative difference of the variance from the sensor's present one; see
+    # `evidence.evidence_of`.
     excess: FloatArray
 
 
@@ -46,11 +46,11 @@ class NoiseFactor(ReadOnly):
     The log of a variance that n innovations show has the precision n / 2; see `RatioPrior`.
     """
 
-    # (Z,). Components whose noise is learned; the factors of the others are 1.
+    # Components whose noise is learned, (Z,); the factors of the others are 1.
     learned: BoolArray = field(default_factory=lambda: np.ones(2, dtype=np.bool_))
     # Number of remembered innovations, (Z,).
     weight: Annotated[FloatArray, floats("Z", 0.0, MAX_WEIGHT)] = zeros(2)
-    # Sum of weight times the ratio that each of them shows, (Z,).
+    # Sum over them of weight times the ratio of variances that each shows, (Z,).
     ratio: Annotated[FloatArray, floats("Z", -MAX_RATIO, MAX_RATIO)] = zeros(2)
 
     @cached_property

@@ -31,7 +31,7 @@ class Looks(NamedTuple):
 
     label: IntArray  # Ascending
     cell: IntArray  # Number of the sensor's cell in which the target is, unique among sensors
-    # Detections expected with the configured probability; 0 leaves the look out.
+    # Detections expected with the configured probability; the look does not count if 0.
     expected: FloatArray
     detected: FloatArray  # Probability that the target was detected, if it exists
     existence: FloatArray  # Existence probability after the report
@@ -41,9 +41,9 @@ class Looks(NamedTuple):
 class OpenLooks(ReadOnly):
     """Open looks, arrays of shape (E,)."""
 
-    # Label of each look's target.
+    # Label of the target.
     label: Annotated[IntArray, integers("E", 0, MAX_INDEX)] = zeros(0, dtype=np.int64)
-    # `cell`, `expected`, `detected`: see `Looks`.
+    # As in `Looks`.
     cell: Annotated[IntArray, integers("E", 0, below="K")] = zeros(0, dtype=np.int64)
     expected: Annotated[FloatArray, floats("E", 0.0, MOST_EXPECTED)] = zeros(0)
     detected: Annotated[FloatArray, floats("E", 0.0, 1.0)] = zeros(0)

@@ -218,9 +218,9 @@ class Memory(AmplitudeModel):
 class SnrCells:
     """Cells of the signal-to-noise ratio of each class, in which a hypothesis has probabilities."""
 
-    # (C, S). ln(1 + d) at the centre of each cell; 0 in models without a memory.
+    # ln(1 + d) at the centre of each cell, (C, S); 0 in models without a memory.
     log_snr: FloatArray
-    # (C, S, S). Rates of change from cell to cell per second, symmetric; rows sum to 0.
+    # Rates of change from cell to cell per second, symmetric, (C, S, S); rows sum to 0.
     generator: FloatArray
 
     @property

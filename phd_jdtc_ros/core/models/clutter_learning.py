@@ -27,14 +27,11 @@ USUAL_SIGMA = 5.0
 class ClutterMemory:
     """Learned rate, amplitude law and map of each radar's clutter."""
 
-    # Amplitude laws by radar, after the first report.
+    # Each by radar, after the radar's first report.
     laws: dict[str, Learned] = field(default_factory=dict)
-    # Clutter maps by radar, after the first report.
     maps: dict[str, ClutterMap] = field(default_factory=dict)
-    # Clutter rate estimates by radar, after the first report.
     counts: dict[str, ClutterCount] = field(default_factory=dict)
-    # Number of all detections in a turn by radar, after the first report.
-    usual: dict[str, ClutterCount] = field(default_factory=dict)
+    usual: dict[str, ClutterCount] = field(default_factory=dict)  # Of all detections
 
     def with_learned_clutter(self, report: Report) -> Report:
         """Return a report whose sensor has the learned clutter."""

@@ -19,11 +19,11 @@ from .tracker_model import TrackerModel
 class CompetingSources:
     """The intensity of clutter and of unknown targets at each detection."""
 
-    # (M,). Log of the common divisor of the intensities and of the known targets' likelihoods,
-    # which is their maximum. The clutter density underflows above an amplitude of 38.
+    # Log of the common divisor of the intensities and of the known targets' likelihoods, which is
+    # their maximum, (M,). Without it the clutter density underflows above an amplitude of 38.
     log_scale: FloatArray
-    # (1 + C, M), or (1, M) without births at detections. Intensities of clutter, and of unknown
-    # targets by class.
+    # Intensities of clutter and of unknown targets by class, (1 + C, M); (1, M) without births at
+    # detections.
     intensity: FloatArray
 
     @property

@@ -33,7 +33,7 @@ MIN_PARTICLES = 16
 class DetectionBirthModel(ReadOnly):
     """The rate of unknown targets, and the distribution of their velocity."""
 
-    # (C,). Expected births in a radar's field per nominal interval and class; all zero for none.
+    # Expected births in a radar's field per nominal interval and class, (C,); all zero for none.
     rate: FloatArray
     velocity_std: float  # Standard deviation of the velocity along each axis, metres per second
     turn_rate_std: float  # Standard deviation of the turn rate, radians per second
@@ -98,7 +98,7 @@ class DetectionBirthModel(ReadOnly):
 class Newborn:
     """Possible new targets at the detections of one report."""
 
-    report: Report  # Of M detections
+    report: Report  # The report with the M detections
     mass: FloatArray  # Probability that each detection is a new target of each class, (M, C)
 
     def __len__(self) -> int:

@@ -27,11 +27,10 @@ class Manoeuvre(NamedTuple):
     The deviations along both axes are independent and have the same covariance.
     """
 
-    # `position`, `velocity`: variances, m^2 and m^2/s^2, (L,).
-    position: FloatArray
-    velocity: FloatArray
+    position: FloatArray  # Variance of the position, m^2, (L,)
+    velocity: FloatArray  # Variance of the velocity, m^2/s^2, (L,)
     both: FloatArray  # Covariance of position and velocity, m^2/s, (L,)
-    turn_rate: float  # Variance, rad^2/s^2
+    turn_rate: float  # Variance of the turn rate, rad^2/s^2
 
 
 def manoeuvre(since_s: FloatArray, model: TrackerModel) -> Manoeuvre:

@@ -34,15 +34,15 @@ class SensorMemory:
     """What is learned of each sensor's detections and noise."""
 
     sensors: tuple[str, ...]  # Names of all sensors, in the configured order
-    # By sensor, after the first report that was learned from.
+    # By sensor, after the first report from which something was learned.
     detection: dict[str, DetectionFactor] = field(default_factory=dict)
-    noise: dict[str, NoiseFactor] = field(default_factory=dict)  # By sensor, likewise
+    noise: dict[str, NoiseFactor] = field(default_factory=dict)
     looks: OpenLooks = field(default_factory=OpenLooks)  # Looks that do not count yet
     settled: int = 0  # Number of open looks when those of ended targets were last dropped
     # By sensor with correlated misses, after its first report.
     correlation: dict[str, Correlation] = field(default_factory=dict)
-    last: dict[str, LastLooks] = field(default_factory=dict)  # By sensor, likewise
-    # By sensor, after the first looks or innovations that were learned from.
+    last: dict[str, LastLooks] = field(default_factory=dict)
+    # By sensor, after the first looks or innovations from which something was learned.
     alarms: dict[str, ChangeAlarm] = field(default_factory=dict)
     _latest: dict[str, _Learned] = field(default_factory=dict, init=False, repr=False)
 

@@ -30,7 +30,7 @@ class TrackerModel:
     detection_births: DetectionBirthModel  # Births at detections
     spawn: SpawnModel
     amplitudes: AmplitudeModel
-    radars: tuple[Sensor, ...]  # In the order in which their reports update the targets
+    radars: tuple[Sensor, ...]  # In the configured order, in which their reports update the targets
     # Model of identities and heights; None if no radar reports any.
     attributes: AttributeModel | None = None
 

@@ -23,24 +23,21 @@ ROUNDING = 1e-6
 class Candidates:
     """Candidate pairs of a search: intervals of the sorted points."""
 
-    # `query`, `point`: (K, Q) and (K, P). Coordinates by axis, each block's most selective ones
-    # first; points in sorted order.
+    # Coordinates of the queries by axis, each block's most selective axes first, (K, Q).
     query: FloatArray
-    point: FloatArray
+    point: FloatArray  # Coordinates of the points by axis likewise, in sorted order, (K, P)
     limit: FloatArray  # Square radius of each query, (Q,)
     rank: IntArray  # Index of the point at each position of the sorted order, (P,)
     owner: IntArray  # The query of each interval, ascending, (I,)
-    # `start`, `count`: interval i has ``count[i]`` positions from ``start[i]`` on, (I,).
-    start: IntArray
-    count: IntArray
+    start: IntArray  # First position of each interval in the sorted order, (I,)
+    count: IntArray  # Number of positions of each interval, (I,)
 
 
 class Pairs(NamedTuple):
     """Queries and points that are near each other."""
 
-    # `query`, `point`: queries ascend, (pairs,).
-    query: IntArray
-    point: IntArray
+    query: IntArray  # Ascending, (pairs,)
+    point: IntArray  # (pairs,)
     square: FloatArray  # Square distance, (pairs,)
 
 

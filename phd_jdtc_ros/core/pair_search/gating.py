@@ -25,8 +25,8 @@ MARGIN = 1.0 + 1e-9
 class Cells(NamedTuple):
     """Cells of range and azimuth."""
 
-    # Number of cells in azimuth and in range. One further, empty cell in range stands for all
-    # longer ranges.
+    # Number of cells in azimuth and in range. One more, empty cell in range stands for all longer
+    # ranges.
     shape: tuple[int, int]
     range_width: float  # Extent of a cell in range, metres
 
@@ -60,10 +60,9 @@ class CellLists(NamedTuple):
     cells: Cells
     start: IntArray  # Index in the lists at which each cell begins, (cells + 1,)
     detection: IntArray  # Ascending in every cell, (L,)
-    # `range`, `azimuth`: (L,). Range and azimuth of that detection, metres and radians. The azimuth
-    # is shifted by a full turn if this puts it next to its cell, so that differences need no
-    # wrapping.
-    range: FloatArray
+    range: FloatArray  # Range of each of these detections, metres, (L,)
+    # Azimuth of each, radians, (L,). It is shifted by a full turn if this puts it next to its cell,
+    # so that differences need no wrapping.
     azimuth: FloatArray
 
     def in_sigmas(

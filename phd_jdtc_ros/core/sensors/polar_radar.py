@@ -34,12 +34,11 @@ class RadarModel(Sensor):
     polar: ClassVar[bool] = True
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth")
 
-    # `range_std`, `azimuth_std`: standard deviations of the measurement noise, metres and radians.
-    range_std: float
-    azimuth_std: float
-    visibility: Visibility  # Field of view, and the detection probability if it is given
+    range_std: float  # Standard deviation of ranges, metres
+    azimuth_std: float  # Standard deviation of azimuths, radians
+    visibility: Visibility  # Field of view, and detection probability if it is given
     clutter_max_range: float  # Largest range of the uniform clutter, metres
-    # Additional standard deviation of the range, metres per metre of range.
+    # Additional standard deviation of ranges, metres per metre of range.
     range_growth: float = 0.0
 
     def _noise_times(self, factor: NoiseFactor) -> dict[str, Any]:

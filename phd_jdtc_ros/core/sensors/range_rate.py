@@ -94,7 +94,7 @@ class Rates(NamedTuple):
     """The range rates of a report."""
 
     model: RangeRateModel
-    rate: FloatArray  # (M,). Metres per second relative to the radar; NaN if unknown.
+    rate: FloatArray  # Metres per second relative to the radar, (M,); NaN where unknown
     std: FloatArray  # Standard deviations, metres per second, (M,)
 
     def take(self, rows: IntArray) -> Rates:

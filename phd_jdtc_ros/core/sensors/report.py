@@ -61,7 +61,7 @@ class Report:
     # Share of the detections that `detection_limit` has kept, if they have no amplitudes.
     share: float = 1.0
     complete: bool = True  # Whether the report has all detections of the sensor
-    # The sectors before it; None if they have nothing in common with it.
+    # The sectors before the report; None if it continues no pass of the antenna.
     earlier: EarlierSectors | None = None
     # What the sensor's last look at each target has seen; None if its misses are independent.
     remembered: Remembered | None = None

@@ -27,10 +27,8 @@ SETTLING = 25
 class Ground(NamedTuple):
     """Positions in the plane, arrays of shape (M,)."""
 
-    # `distance`, `azimuth`: around the radar, metres and radians counter-clockwise from the
-    # sensor's x axis.
-    distance: FloatArray
-    azimuth: FloatArray
+    distance: FloatArray  # Distance from the radar, metres
+    azimuth: FloatArray  # Radians counter-clockwise from the sensor's x axis
     possible: BoolArray  # Whether the height is plausible and within the slant range
 
 
@@ -114,7 +112,8 @@ class HeightProjection:
 
     antenna: float  # Height of the antenna above the world's zero, metres
     datum: float = 0.0  # Height of the world's zero above the site's reference surface, metres
-    # None for a flat earth: without a height the slant range is the ground range.
+    # Site on the round earth; None for a flat one, where a slant range without a height is the
+    # ground range.
     site: Site | None = None
     assumed: float | None = None  # See `supposed_height`
 

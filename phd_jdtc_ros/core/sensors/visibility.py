@@ -48,16 +48,14 @@ def sector_probability(
 class Visibility:
     """A radar's field of view, and its detection probability if it is given."""
 
-    max_range: float
-    # `min_range`, `max_range`: limits of the range in which targets are detected, metres.
-    min_range: float = 0.0
+    max_range: float  # Largest range at which targets are detected, metres
+    min_range: float = 0.0  # Smallest range at which targets are detected, metres
     fov: Coverage = WHOLE_TURN  # Azimuths of the field of view
     blind: tuple[Coverage, ...] = ()  # Obstructed azimuths within the field of view
-    # `ranges`, `probabilities`: tuples of K floats. Detection probability by range, metres; linear
-    # between the entries and constant outside. Empty if it follows from the classes' signal-to-
-    # noise ratios.
+    # Ranges at which the detection probability is given, metres. It is linear between them, and
+    # constant outside; empty if it follows from the classes' signal-to-noise ratios.
     ranges: tuple[float, ...] = ()
-    probabilities: tuple[float, ...] = ()
+    probabilities: tuple[float, ...] = ()  # Detection probability at each of `ranges`
 
     @property
     def given(self) -> bool:

@@ -22,11 +22,10 @@ PRIOR_PARTICLES = 2.0
 class Groups(NamedTuple):
     """Groups of particles, each of which is a target."""
 
-    # `row`, `group`, `weight`: the entries: a particle, its group, and its weight in it, (E,).
-    row: IntArray
-    group: IntArray
-    weight: FloatArray
-    label: IntArray  # Label of each group's target; -1 without one, (G,)
+    row: IntArray  # Particle of each entry, (E,)
+    group: IntArray  # Its group, (E,)
+    weight: FloatArray  # Its weight in the group, (E,)
+    label: IntArray  # Label of each group's target, (G,); -1 for none
 
 
 # Returns the targets of a particle set, given the existence probability above which they are

@@ -35,13 +35,13 @@ class ParticleSet(ReadOnly):
     mass that explains one detection. See `correction`.
     """
 
-    # (N, D). In the world frame; metres, metres per second, radians per second.
+    # World frame; metres, metres per second, radians per second, (N, D).
     state: Annotated[FloatArray, floats("ND", -MAX_STATE, MAX_STATE)]
     mode: Annotated[IntArray, integers("N", 0, below="O")]  # Flat index into the mode space, (N,)
-    # (N,). Label of the birth from which the particle descends: a birth term and scan, a detection,
+    # Label of the birth from which the particle descends, (N,): a birth term and scan, a detection,
     # or a parent and scan; see `labels`.
     row_label: Annotated[IntArray, integers("N", 0, key="origin")]
-    # (N,). Row in the previous scan's stored set from which it was predicted; -1 for a birth.
+    # Row of the previous scan's stored set from which it was predicted, (N,); -1 for a birth.
     parent: Annotated[IntArray, integers("N", -1)]
     # Number of equal particles that the row represents, (N,).
     multiplicity: Annotated[IntArray, integers("N", 1)]
@@ -49,10 +49,9 @@ class ParticleSet(ReadOnly):
     poisson: Annotated[FloatArray, floats("N", 0.0, MAX_INDEX)]
     # Weight in component j, (N, J).
     components: Annotated[SparseArray, sparse_rows("NJ", MAX_INDEX)]
-    # (J,). Label of the component's target; -1 for the component of a detection.
+    # Label of the component's target, (J,); -1 for the component of a detection.
     label: Annotated[IntArray, integers("J", -1)]
-    # (N,). ln(1 + SNR) of each particle's target with the amplitude model `memory`; otherwise
-    # zeros.
+    # ln(1 + SNR) of each particle's target, (N,); zeros without the amplitude model `memory`.
     log_snr: Annotated[FloatArray, floats("N", -MAX_LOG_SNR, MAX_LOG_SNR)]
 
     def __len__(self) -> int:

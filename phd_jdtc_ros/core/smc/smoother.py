@@ -61,7 +61,7 @@ class _Message(NamedTuple):
     """The content of a backward message to N earlier rows."""
 
     survival: FloatArray  # P_s, (N,)
-    backward: FloatArray  # (N,). B; see `backward_step`.
+    backward: FloatArray  # B of `backward_step`, (N,)
 
 
 DEATH_TERMS: dict[str, DeathTerm] = {

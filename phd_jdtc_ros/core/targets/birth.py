@@ -26,9 +26,8 @@ class BirthTerm(ReadOnly):
     """
 
     name: str
-    # `mean`, `std`: in the world frame, uncorrelated, (D,).
-    mean: FloatArray
-    std: FloatArray
+    mean: FloatArray  # World frame, (D,)
+    std: FloatArray  # Standard deviations of the axes, uncorrelated, (D,)
     rate: FloatArray  # Expected births per nominal interval in every flat mode, (O,)
 
 

@@ -34,7 +34,7 @@ class ClassModel:
     """The model of one class of targets."""
 
     name: str
-    # Lowest and highest mean signal-to-noise ratio of the class's targets (linear, not dB).
+    # Lowest and highest mean signal-to-noise ratio of the class's targets, linear.
     snr_band: tuple[float, float]
     motions: tuple[MotionModel, ...]  # The class's R motion modes
     mode_transition: FloatArray  # Motion-mode matrix for the nominal interval, (R, R)

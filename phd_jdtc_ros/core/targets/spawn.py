@@ -19,10 +19,10 @@ class SpawnModel(ReadOnly):
     """
 
     rate: float  # lambda_beta, expected spawned targets per target and nominal interval
-    # (O, O). Flat mode of the parent to flat mode of the spawned target; rows sum to one. It is the
+    # From the parent's flat mode to that of the spawned target, (O, O); rows sum to one. It is the
     # class matrix b times the mode matrix; unlike survival, it can change the class.
     transition: FloatArray
     # Standard deviations of the spawned state about its predicted parent, in the world frame, (D,).
     std: FloatArray
-    # Number of particles for the expected number of targets that one target spawns.
+    # Number of particles for all targets that one target spawns.
     particles_per_target: int

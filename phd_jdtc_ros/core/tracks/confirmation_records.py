@@ -20,17 +20,17 @@ class ConfirmationRecords(NamedTuple):
     """Confirmation state of each live track, confirmed or not."""
 
     label: Annotated[IntArray, integers("T", 1, ascending=True)]  # Ascending, (T,)
-    # `stamp_ns`, `detected_ns`: stamps of the last scan that swept the track, and of its last
-    # detection, (T,).
+    # Stamp of the last scan that swept the track, (T,).
     stamp_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]
+    # Stamp of the track's last detection, (T,).
     detected_ns: Annotated[IntArray, integers("T", 0, MAX_STAMP_NS)]
     # Existence probability at `stamp_ns`, (T,).
     existence: Annotated[FloatArray, floats("T", 0.0, MAX_MASS)]
     # `TENTATIVE`, `CONFIRMED` or `COASTING`, (T,).
     state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)]
-    # `expected`, `missed`: expected and actual number of missed detections since confirmation,
-    # (T,).
+    # Expected number of missed detections since confirmation, (T,).
     expected: Annotated[FloatArray, floats("T", 0.0, MAX_COUNT)]
+    # Actual number of missed detections since confirmation, (T,).
     missed: Annotated[FloatArray, floats("T", 0.0, MAX_COUNT)]
     # Correction of the odds of existence for the misses since the last detection, (T,).
     factor: Annotated[FloatArray, floats("T", 0.0, MAX_COUNT)]
@@ -79,9 +79,9 @@ class NotedStates(NamedTuple):
 class PastStates:
     """States of filtered tracks whose stamps may still be smoothed."""
 
-    # States by label, by stamp, ascending.
+    # State by stamp and then label; the stamps ascend.
     at: Mapping[int, Mapping[int, int]] = field(default_factory=dict)
-    # Latest of these stamps at which each label had a state.
+    # Latest stamp at which each label had a state.
     latest_ns: Mapping[int, int] = field(default_factory=dict)
 
     def labels_since(self, stamp_ns: int) -> IntArray:

@@ -81,7 +81,7 @@ class Seen(NamedTuple):
 class KnownAircraft:
     """Numbers and last estimates of the tracks with known addresses."""
 
-    # Dict of number to LastSeen. In the order of their last confirmed estimates.
+    # By number, in the order of the last confirmed estimates.
     seen: dict[int, LastSeen] = field(default_factory=dict)
     _of_address: dict[int, set[int]] = field(init=False, repr=False)
 

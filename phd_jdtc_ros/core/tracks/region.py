@@ -21,7 +21,7 @@ from ..types import Detections, Estimates
 class Region:
     """A rectangle in the world frame."""
 
-    # `x_min`, `y_min`, `x_max`, `y_max`: bounds of the core region, metres.
+    # Bounds of the core region, metres.
     x_min: float
     y_min: float
     x_max: float

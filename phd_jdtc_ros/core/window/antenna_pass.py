@@ -33,10 +33,10 @@ class AntennaPass(NamedTuple):
     """The sectors that an antenna has passed within half a turn."""
 
     stamp_ns: Annotated[int, integers("", 0, MAX_STAMP_NS)]  # Stamp of the last sector
-    # `start`, `width`: azimuths that the sectors cover together, as in `Coverage`, radians.
+    # The azimuths that the sectors cover together, as in `Coverage`, radians.
     start: Annotated[float, floats("", -np.pi, np.pi)]
     width: Annotated[float, floats("", 1e-12, WIDEST)]
-    # Targets that these sectors may have detected, ascending, (K,).
+    # Labels of targets that these sectors may have detected, ascending, (K,).
     label: Annotated[IntArray, integers("K", 0, ascending=True)]
     # Probability that they have not detected each target, given that it exists, (K,).
     unseen: Annotated[FloatArray, floats("K", 0.0, 1.0)]

@@ -25,11 +25,10 @@ class Extents:
 
     label: IntArray  # Ascending, (T,)
     target: IntArray  # Index of each row's label in `label`, (N,)
-    # `position`, `velocity`: means, metres and metres per second, (T, 2).
-    position: FloatArray
-    velocity: FloatArray
-    # `position_std`, `velocity_std`: root mean square distances from the means, (T,).
-    position_std: FloatArray
+    position: FloatArray  # Mean position, metres, (T, 2)
+    velocity: FloatArray  # Mean velocity, metres per second, (T, 2)
+    position_std: FloatArray  # Root mean square distance from the mean position, metres, (T,)
+    # Root mean square difference from the mean velocity, metres per second, (T,).
     velocity_std: FloatArray
 
     @cached_property
@@ -89,7 +88,7 @@ class Entry(Generic[RowsT, LinkT]):
     """The set that an engine keeps of one scan."""
 
     stamp_ns: int
-    stored: RowsT  # Rows. Rows of the labels that the scan swept or created.
+    stored: RowsT  # Rows of the labels that the scan swept or created
     # The earlier rows that these continue; empty if there are none.
     sources: tuple[Source, ...] = ()
     # Link from `stored` back to the concatenated rows of all sources; None without sources or

@@ -58,7 +58,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     _window: list[Entry[RowsT, LinkT]] = field(init=False, repr=False)
     # Filtered targets of each scan with rows that no later scan has swept, by stamp.
     _filtered: dict[int, Estimates] = field(init=False, repr=False)
-    _stamps: list[int] = field(init=False, repr=False)  # with pending smoothed estimates
+    _stamps: list[int] = field(init=False, repr=False)  # Those with pending smoothed estimates
     # Stamps of the latest filtered and smoothed estimates; -1 before the first.
     _given_ns: tuple[int, int] = field(init=False, repr=False)
 

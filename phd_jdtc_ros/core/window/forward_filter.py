@@ -33,9 +33,8 @@ class Progress(NamedTuple):
     """The filter's part of a snapshot, without its sets."""
 
     scan_index: Annotated[int, integers("", 0, MAX_SCANS)]  # Index of the next scan
-    # `birth`, `born_ns`: birth terms, and the time of the antenna's last pass over each,
-    # nanoseconds, (B,).
-    birth: Annotated[IntArray, integers("B", 0, MAX_SCANS)]
+    birth: Annotated[IntArray, integers("B", 0, MAX_SCANS)]  # Birth terms, (B,)
+    # Time of an antenna's last pass over each of these, (B,).
     born_ns: Annotated[IntArray, integers("B", 0, MAX_STAMP_NS)]
     # Stamps of the sets that later scans continue, (Q,).
     unswept_ns: Annotated[IntArray, integers("Q", 0, MAX_STAMP_NS, key="current_ns")]
@@ -45,7 +44,7 @@ class Progress(NamedTuple):
 class Filtered(Generic[RowsT, LinkT]):
     """The result of one step of a filter."""
 
-    # Rows. The set after the update with all radars; the filtered targets are extracted from it.
+    # The set after the update with all radars, from which the filtered targets are extracted.
     updated: RowsT
     entry: Entry[RowsT, LinkT]  # The entry to keep: the reduced set, and its link to earlier sets
     # Earlier entries that the step has changed; they replace those of the same stamps.

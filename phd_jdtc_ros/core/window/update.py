@@ -48,8 +48,8 @@ class Updated(UpdatedScan[RowsT]):
     """Rows after one report."""
 
     label: IntArray  # Label of each target before the report, ascending, (T,)
-    # (T,). Probability that the report detected each target, given that it exists; None if it is
-    # neither a sector nor of a sensor whose misses are correlated.
+    # Probability that the report detected each target, given that it exists, (T,). None if the
+    # report is neither a sector nor of a sensor whose misses are correlated.
     detected: FloatArray | None
     # The report as a look at these targets; None if no sensor's misses are correlated.
     look: Look | None = None

@@ -39,8 +39,8 @@ class Transition:
     # K[q, s] / mu_q, transposed, so that ``B = ratio @ w_{t+1|k}``, (N_t, N_{t+1}).
     ratio: Annotated[SparseArray, sparse_columns("EN")]
     survival: Annotated[FloatArray, floats("E", 0.0, 1.0)]  # P_s over the true interval, (N_t,)
-    # Number of rows of the later set for which mu is zero: no survivor, spawned target or birth is
-    # within the gate. Each is linked to its parent instead.
+    # Number of rows of the later set for which mu is zero, since no survivor, spawned target or
+    # birth is within the gate. Each is linked to its parent instead.
     orphans: Annotated[int, integers("", 0)]
 
 

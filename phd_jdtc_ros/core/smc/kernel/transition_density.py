@@ -21,11 +21,11 @@ class TransitionDensity(NamedTuple):
 
     modes: ModeSpace
     transition: FloatArray  # (O, O)
-    # Dict of motion model to array of shape (D, D). Whitens states by multiplication from the
-    # right; zero outside the motion's support.
+    # By motion model, a matrix (D, D) that whitens states by multiplication from the right; zero
+    # outside the motion's support.
     whitening: dict[MotionModel, FloatArray]
     peak: FloatArray  # Density at the centre of the Gaussian, by mode of the later row, (O,)
-    # Dict of motion model to array of shape (N_t, D). Noise-free successors of the earlier rows.
+    # By motion model, the noise-free successors of the earlier rows, (N_t, D).
     successor: dict[MotionModel, FloatArray]
     mode: IntArray  # Flat mode of each earlier row, (N_t,)
     scale: FloatArray  # Factor of each earlier row, (N_t,)

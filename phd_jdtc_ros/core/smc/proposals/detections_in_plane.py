@@ -18,7 +18,7 @@ from ...types import Scan
 class Places(NamedTuple):
     """The detections of a scan in the world frame."""
 
-    position: FloatArray  # Position at the time of the detection, metres, (M, 2)
+    position: FloatArray  # At the time of the detection, metres, (M, 2)
     covariance: FloatArray  # Square metres, (M, 2, 2)
     time_s: FloatArray  # Time relative to the scan's stamp, seconds, (M,)
 
