@@ -19,9 +19,8 @@ LEAST_SPEED = 1e-3
 class Places(NamedTuple):
     """Geodetic positions, arrays of shape (T,)."""
 
-    # `latitude`, `longitude`: degrees (WGS84), longitudes from -180 to 180.
-    latitude: FloatArray
-    longitude: FloatArray
+    latitude: FloatArray  # Degrees (WGS84)
+    longitude: FloatArray  # Degrees (WGS84), from -180 to 180
     height: FloatArray  # Metres, above the same zero as the plane's origin; NaN if unknown
     # Speed over ground, m/s. It is the speed in the plane, which exceeds the true one by the
     # plane's scale, at most 0.15 % near the radars.

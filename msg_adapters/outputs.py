@@ -85,14 +85,14 @@ class Output:
     topic: str  # Topic below ``~/``, which stands for the tracker's name
     type_name: str
     when: str  # `FILTERED` or `SMOOTHED`, for each set of estimates, or `SCAN` or `STEP`
-    # Callable of (the trigger's value, View). Returns the messages, or their bytes.
+    # Returns the messages, or their bytes, given the trigger's value.
     encode: Callable[[Any, View], Iterable[Any]]
     switch: str = ""  # Name by which a user enables the output; empty if it is always on
     usual: bool = True  # Whether the output is on by default
     latched: bool = False  # Whether late subscribers receive the last message
     needs: Callable[[View], bool] = _always  # Returns whether the output applies to this tracker
     period_s: float = 0.0  # Shortest time between two messages, by the stamps of scans
-    # Whether its encoder keeps what it is given, and needs it even while nobody listens.
+    # Whether its encoder keeps what it is given, and needs it even without subscribers.
     remembers: bool = False
     # Returns the message that clears the display, for an output that may be switched off at run
     # time.

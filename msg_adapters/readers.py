@@ -17,15 +17,14 @@ from .selection import Report
 class Reader:
     """Decoder and encoder of one message type."""
 
-    type_name: str  # A type name such as ``sensor_msgs/msg/PointCloud2``
+    type_name: str  # Such as ``sensor_msgs/msg/PointCloud2``
     # Decodes a message to a `Report`, given the radar's input; raises `RejectedMessageError`.
     from_msg: Callable[[Any, RadarParameters], Report]
     # Decodes a recorded message's bytes likewise; the message's package need not be installed.
     from_cdr: Callable[[bytes, RadarParameters], Report]
     # Encodes detections, given a stamp and the radar's input.
     to_cdr: Callable[[Detections, int, RadarParameters], bytes]
-    # `definition`, `type_hash`: definition and hash of the type, for bags; empty if they come from
-    # the installed package.
+    # Of the type, for bags; empty if they come from the installed package.
     definition: str = ""
     type_hash: str = ""
 

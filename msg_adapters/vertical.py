@@ -18,8 +18,8 @@ class Vertical(NamedTuple):
     """Heights and climb rates of T targets."""
 
     known: npt.NDArray[np.bool_]
-    state: FloatArray  # (T, 2). Metres and m/s; 0 if unknown.
-    covariance: FloatArray  # 0 if unknown, (T, 2, 2)
+    state: FloatArray  # Metres and metres per second, (T, 2); 0 if unknown
+    covariance: FloatArray  # (T, 2, 2); 0 if unknown
 
 
 def of(estimates: Estimates) -> Vertical:

@@ -51,7 +51,7 @@ class Parameters:
 
     given: Mapping[str, Any]
     whole: bool = False  # Whether the node's defaults complete them, as with a parameter file
-    # Estimated from a recording; given parameters take precedence.
+    # Values estimated from a recording; given parameters take precedence.
     found: Mapping[str, Any] = field(default_factory=dict)
 
     @staticmethod

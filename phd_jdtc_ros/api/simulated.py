@@ -33,11 +33,11 @@ SHIPPED = Path("config", "scenarios")
 class Simulated(NamedTuple):
     """A simulated run, with structured arrays."""
 
-    # Of all radars in the order of time, as `Tracker` accepts them; a scan without detections is a
-    # row with NaN.
+    # Those of all radars in the order of time, as `Tracker` accepts them; a scan without detections
+    # is a row with NaN.
     detections: Column
     truth: Column  # ``time label class x y vx vy height``, as `evaluate` accepts it
-    parameters: dict[str, Any]  # All of a `Tracker` for these radars, by dotted name
+    parameters: dict[str, Any]  # All parameters of a `Tracker` for these radars, by dotted name
 
 
 def simulate(

@@ -97,8 +97,8 @@ class Slicer:
     """Cuts plots into slices by their times alone."""
 
     rotation_s: float  # Rotation period, seconds, until it is estimated from plots; 0 if unknown
-    # Gains ``late_plots``, plots that arrived after their slice was sent and go with the next one,
-    # and ``overflow``, plots dropped because too many waited.
+    # It counts ``late_plots``, plots that arrived after their slice was sent and go with the next
+    # one, and ``overflow``, plots dropped because too many waited.
     counts: Counter[str]
     finder: TurnFinder = field(default_factory=NoTurnFinder)
     _delay: RecentMaximum = field(init=False)

@@ -55,18 +55,16 @@ _DAY_NS = 86_400 * 10**9
 class Index:
     """The content of a file."""
 
-    # `channels`, `schemas`: dict by id.
-    channels: dict[int, Channel] = field(default_factory=dict)
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    # `chunks`, `runs`: list of (earliest log time, offset, length). As for `chunks.unpack`. A run
-    # consists of consecutive messages outside of chunks.
+    channels: dict[int, Channel] = field(default_factory=dict)  # By id
+    schemas: dict[int, Schema] = field(default_factory=dict)  # By id
+    # Earliest log time, offset and length of each chunk, as `chunks.unpack` takes them.
     chunks: list[tuple[int, int, int]] = field(default_factory=list)
+    # The same of each run of consecutive messages outside of chunks.
     runs: list[tuple[int, int, int]] = field(default_factory=list)
     counts: Counter[int] = field(default_factory=Counter)  # Messages by channel id
     expected: int | None = None  # Number of messages that the file declares
-    # `start_ns`, `end_ns`: log times of the first and the last message.
-    start_ns: int = 0
-    end_ns: int = 0
+    start_ns: int = 0  # Log time of the first message
+    end_ns: int = 0  # Log time of the last message
     damage: str = ""  # Fault that makes a part of the file unreadable; empty if there is none
     # Whether the file is intact but ends too soon, as after a recorder was killed.
     unfinished: bool = False

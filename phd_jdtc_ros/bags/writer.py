@@ -28,11 +28,10 @@ class Topic:
     """A recorded topic."""
 
     name: str
-    type_name: str  # A type name such as ``sensor_msgs/msg/PointCloud2``
+    type_name: str  # Such as ``sensor_msgs/msg/PointCloud2``
     depth: int = 10  # Offered history depth
     transient_local: bool = False
-    # `definition`, `type_hash`: definition and hash of the type as MCAP and rosbag2 store them;
-    # empty for those of the installed package.
+    # Of the type, as MCAP and rosbag2 store them; empty for those of the installed package.
     definition: str = ""
     type_hash: str = ""
 

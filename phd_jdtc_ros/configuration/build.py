@@ -44,9 +44,10 @@ class Accuracy(NamedTuple):
     """The numbers that one value of ``accuracy`` stands for."""
 
     hypotheses: int  # Largest number of association hypotheses of a target
-    # Share of a hypothesis above which a motion becomes a hypothesis of its own; 1 mixes motions.
+    # Share of a hypothesis above which a motion mode becomes a hypothesis of its own; with 1 motion
+    # modes are mixed.
     least_mode: float
-    # `per_target`, `per_birth`, `per_detection`: numbers of particles.
+    # Numbers of particles.
     per_target: int
     per_birth: int
     per_detection: int

@@ -156,7 +156,7 @@ class ClutterRate(NamedTuple):
 class Detectability(NamedTuple):
     """A sensor's detection probability, and its correlation from look to look."""
 
-    # Range, m, and probability; empty if it follows from the SNR bands.
+    # Ranges, metres, with probabilities; empty if these follow from the SNR bands.
     start: tuple[tuple[float, float], ...]
     learned: bool  # Whether the probability is learned while the tracker runs
     correlation: Learnable | None  # None for independent looks

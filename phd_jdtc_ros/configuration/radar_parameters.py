@@ -255,7 +255,7 @@ class RadarParameters:
         form=place_forms.BIASES,
     )
     name: str = ""
-    # Place on the round earth; None for a radar that measures over a plane.
+    # Site on the round earth; None for a radar that measures over a plane.
     site: Site | None = None
     datum: float = 0.0  # Height of the world's zero as messages count heights, metres
 

@@ -58,7 +58,7 @@ class Form:
     allowed: str  # The allowed values in words
     # Returns the canonical notation of a given value, or None if it is not allowed.
     read: Callable[[Any], Any]
-    # Returns what the canonical notation stands for, as the field of the dataclass has it.
+    # Returns the value of the dataclass's field that the canonical notation stands for.
     value: Callable[[Any], Any] = lambda notation: notation
 
 
@@ -69,7 +69,7 @@ class Parameter:
     name: str  # Dotted; within a group, the part after the member's name
     default: Any
     description: str  # With the unit
-    # `low`, `high`: inclusive bounds of a number, or of every number of a list.
+    # Inclusive bounds of a number, or of every number of a list.
     low: float = -INFINITY
     high: float = INFINITY
     # Allowed strings, with or without what each stands for; empty for any.

@@ -67,7 +67,7 @@ class Settings:
 
     table: dict[str, Parameter]  # All parameters
     config: TrackerConfig
-    node: dict[str, Any]  # Dict of name to value. Values of the parameters in `TABLE`.
+    node: dict[str, Any]  # Values of the parameters in `TABLE` by name
 
     @property
     def values(self) -> dict[str, Any]:

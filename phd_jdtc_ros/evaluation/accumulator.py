@@ -28,7 +28,7 @@ class Group(NamedTuple):
     """The metrics of one table."""
 
     title: str
-    # Whether the metrics exist for every class too, and not for all targets only.
+    # Whether the metrics exist for every class too, not only for all targets.
     of_sets: bool = True
 
 
@@ -46,9 +46,8 @@ class Metric:
 
     key: str  # Key in `metrics.json` and in a study's summary
     heading: str  # Heading of the column
-    # `unit`, `form`: unit, empty if there is none, and Python format specification.
-    unit: str
-    form: str
+    unit: str  # Empty for a number without a unit
+    form: str  # Python format specification
     of_run: Figure
     definition: str  # One or two sentences
     group: Group

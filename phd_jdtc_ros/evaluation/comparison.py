@@ -30,7 +30,7 @@ def class_set(class_id: int) -> str:
 class LabelledPoints(NamedTuple):
     """The positions of one scan with their labels."""
 
-    label: IntArray  # (T,). Track label of each position; 0 for none.
+    label: IntArray  # Label of each position's track, (T,); 0 for none
     position: FloatArray  # Metres, (T, 2)
 
 
@@ -40,12 +40,12 @@ class PointSet:
 
     position: FloatArray  # World frame, metres, (T, 2)
     class_id: IntArray  # (T,)
-    track_id: IntArray | None = None  # (T,). 0 for an unlabelled point; None if all are unlabelled.
-    velocity: FloatArray | None = None  # (T, 2). Metres per second; None if unknown.
-    # (T, 2, 2). Covariance of the positions, square metres; None if unknown, as for the truth.
+    track_id: IntArray | None = None  # (T,); 0 for an unlabelled point, None if all are unlabelled
+    velocity: FloatArray | None = None  # Metres per second, (T, 2); None if unknown
+    # Covariance of the positions, square metres, (T, 2, 2); None if unknown, as for the truth.
     covariance: FloatArray | None = None
-    height: FloatArray | None = None  # (T,). Metres; NaN where unknown, None if all are unknown.
-    # (T,). Whether each track had no detection in its last scan or turn; None if unknown.
+    height: FloatArray | None = None  # Metres, (T,); NaN where unknown, None if all are unknown
+    # Whether each track had no detection in its last scan or turn, (T,); None if unknown.
     coasting: BoolArray | None = None
 
     @staticmethod
@@ -98,7 +98,7 @@ class PairedScan:
     stamp_ns: int
     truth: PointSet
     estimate: PointSet
-    pairs: Pairs  # Tuple of two int arrays of shape (P,). Result of `metrics.assign`.
+    pairs: Pairs  # Indices of paired targets and of their estimates; see `metrics.assign`
 
     @staticmethod
     def of(stamp_ns: int, truth: PointSet, estimate: PointSet, cutoff: float) -> PairedScan:
@@ -114,12 +114,10 @@ class Comparison:
 
     truth: PointSet
     estimate: PointSet
-    # Tuple of two int arrays of shape (P,). Indices in the scan of the set's paired targets, by
-    # position alone, and of their estimates.
+    # Indices in the scan of the set's targets, paired by position alone, and of their estimates.
     pairs: Pairs
-    # `paired_truth`, `paired_estimate`: the paired points; the estimates may be of any class.
-    paired_truth: PointSet
-    paired_estimate: PointSet
+    paired_truth: PointSet  # The targets of the P pairs
+    paired_estimate: PointSet  # Their estimates, which may be of any class
     classes: int  # Number of compared classes
     class_id: int | None = None  # Class of the set; None for all targets
     last: bool = False  # Whether the run ends with this scan

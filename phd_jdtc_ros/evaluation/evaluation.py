@@ -49,11 +49,11 @@ class Evaluation:
     scores: dict[str, dict[int, ScanScore]] = field(init=False)
     truth_scans: int = field(init=False, default=0)
     repeated: int = field(init=False, default=0)
-    _between: bool = field(init=False, default=False)  # whether estimates came between samples
+    _between: bool = field(init=False, default=False)  # Whether estimates came between samples
     _runs: dict[str, RunScores] = field(init=False)
     _truth: TrueTracks = field(init=False)
     _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)
-    # Stamps with a score of one source only so far, and this source.
+    # Stamps that only one source has a score for so far, and this source.
     _half: dict[int, str] = field(init=False, default_factory=dict)
     _passes: Passes = field(init=False)
     _scans: int = field(init=False, default=0)

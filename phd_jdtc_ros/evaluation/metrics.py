@@ -118,9 +118,8 @@ class Gospa:
 
     distance: float
     localization: float  # Part of the assigned pairs, not divided by their number
-    # `missed`, `false`: targets without an estimate and estimates without a target.
-    missed: int
-    false: int
+    missed: int  # Number of targets without an estimate
+    false: int  # Number of estimates without a target
 
 
 def gospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -> Gospa:

@@ -16,9 +16,8 @@ class Totals:
     names: tuple[str, ...]  # Names of the V values
     scans: int  # Number of scans per run
     known: IntArray  # Number of scans that have the value, (..., V)
-    # `sums`, `maxima`: sum and maximum over those scans, (..., V).
-    sums: FloatArray
-    maxima: FloatArray
+    sums: FloatArray  # Sum over those scans, (..., V)
+    maxima: FloatArray  # Maximum over those scans, (..., V)
 
     @staticmethod
     def of(names: tuple[str, ...], values: FloatArray) -> Totals:

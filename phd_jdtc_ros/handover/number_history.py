@@ -28,7 +28,7 @@ class _Spell:
 class Numbers:
     """The number that each track had at each filtered stamp."""
 
-    # Longest time after a stamp at which a track of this stamp may still receive its number,
+    # Longest time after a stamp for which a track of this stamp may still receive its number,
     # nanoseconds.
     wait_ns: int
     _spells: dict[Track, list[_Spell]] = field(init=False, default_factory=dict)

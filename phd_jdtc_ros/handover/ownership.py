@@ -38,7 +38,7 @@ class Handover:
 
     # One per tracker; their margins should overlap, and their core regions should not.
     regions: Sequence[Region]
-    # Depth inside another tracker's core region at which a target changes over, metres; less than
+    # Depth inside another tracker's core region at which a target is handed over, metres; less than
     # the margins.
     hysteresis: float
     # Joint number of each track.
@@ -49,7 +49,7 @@ class Handover:
     # Numbers of consecutive stamps: positive together, negative apart.
     _together: dict[tuple[Track, Track], int] = field(init=False, default_factory=dict)
     _count: int = field(init=False, default=0)
-    # Number of times that a target has changed over from one tracker to another.
+    # Number of times that a target was handed over from one tracker to another.
     handed_over: int = field(init=False, default=0)
 
     def forget(self) -> None:

@@ -43,7 +43,7 @@ class _Run:
     smoothed: list[Gathered] = field(default_factory=list)
     # Stamp of the filtered picture; infinite after the end of the run.
     reached_ns: float = -math.inf
-    # Mapping of tracker to float. Latest stamp of an ended run whose estimates may still arrive.
+    # Latest stamp of an ended run whose estimates may still arrive, by tracker.
     until_ns: Mapping[int, float] = field(default_factory=dict)
     closed: bool = False  # Whether further smoothed estimates are too late
 

@@ -74,7 +74,7 @@ TRACKER, TABLE = table(OfTracker), table(HandOver)
 class Settings:
     """The settings of the hand-over."""
 
-    values: dict[str, Any]  # Dict of name to value. All parameters.
+    values: dict[str, Any]  # All parameters by name
     table: dict[str, Parameter]
     names: tuple[str, ...]  # Names of the trackers
     nodes: tuple[str, ...]  # Full names of their nodes

@@ -20,11 +20,10 @@ class LearnedValue(NamedTuple):
 
     sensor: str
     quantity: str  # Name of the parameter
-    # `given`, `found`: the configured value and the learned one.
-    given: float
-    found: float
-    std: float  # Standard deviation of the learned one
-    unit: str  # Unit of all three; empty for a probability
+    given: float  # The configured value
+    found: float  # The learned value
+    std: float  # Standard deviation of the learned value
+    unit: str  # Unit of the three numbers; empty for a probability
 
 
 def changes(inputs: Iterable[RadarParameters], figures: Mapping[str, float]) -> dict[str, str]:

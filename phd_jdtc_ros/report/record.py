@@ -29,10 +29,10 @@ class RadarPlots:
     stamp_ns: int
     radar: str
     position: FloatArray  # Metres, (M, 2)
-    amplitude: FloatArray  # (M,). Linear envelope; NaN where the radar reports none.
+    amplitude: FloatArray  # Linear envelope, (M,); NaN where the radar reports none
     # Position of a moving radar, metres; None for a stationary one.
     sensor: tuple[float, float] | None = None
-    # (M,). Heights above the world's zero, metres; NaN where unknown. None if the radar reports
+    # Heights above the world's zero, metres, (M,); NaN where unknown. None if the radar reports
     # none.
     height: FloatArray | None = None
 
@@ -65,11 +65,10 @@ class Record:
 
     truth: tuple[Truth, ...]  # Empty if the truth is unknown
     plots: tuple[RadarPlots, ...]
-    # `filtered`, `smoothed`: empty if not recorded.
-    filtered: tuple[Estimates, ...]
-    smoothed: tuple[Estimates, ...]
+    filtered: tuple[Estimates, ...]  # Empty if not recorded
+    smoothed: tuple[Estimates, ...]  # Empty if not recorded
     classes: int
-    step_ms: FloatArray  # (scans,). CPU time of each step, milliseconds; empty if not measured.
+    step_ms: FloatArray  # CPU time of each step, milliseconds, (scans,); empty if not measured
     radars: tuple[RadarSite, ...] = ()  # The stationary radars
     # Damage of the bag, of which the run contains the intact part; None for an intact bag.
     damage: BagError | None = None
@@ -81,7 +80,7 @@ class Record:
     # Least speed of the targets that the tracker had to report, metres per second.
     least_speed: float = 0.0
     learned: tuple[LearnedValue, ...] = ()  # What was learned of the sensors by the end of the run
-    # How sensors differed at the end of the run from what they were before, by name.
+    # How each sensor had changed at the end of the run, by name.
     changes: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property

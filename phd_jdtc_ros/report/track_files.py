@@ -28,26 +28,20 @@ class Fix(NamedTuple):
 
     stamp_ns: int
     number: int
-    # `x`, `y`, `vx`, `vy`: in the world frame, metres and metres per second.
-    x: float
+    x: float  # World frame, metres
     y: float
-    vx: float
+    vx: float  # World frame, metres per second
     vy: float
-    # `latitude`, `longitude`: degrees; NaN if the position of the world frame on the earth is
-    # unknown.
-    latitude: float
+    latitude: float  # Degrees; NaN if the position of the world frame on the earth is unknown
     longitude: float
-    # `height`, `speed`, `course`: metres, metres per second and degrees from true north; NaN where
-    # unknown.
-    height: float
-    speed: float
-    course: float
+    height: float  # Metres; NaN if unknown
+    speed: float  # Metres per second; NaN if unknown
+    course: float  # Degrees from true north; NaN if unknown
     class_name: str
     state: str
-    # `code`, `address`: four octal and six hexadecimal digits; empty where unknown.
-    code: str
-    address: str
-    flight_level: str  # Hundreds of feet of the standard atmosphere; empty where unknown
+    code: str  # Four octal digits; empty if unknown
+    address: str  # Six hexadecimal digits; empty if unknown
+    flight_level: str  # Hundreds of feet of the standard atmosphere; empty if unknown
 
 
 def fixes(

@@ -28,7 +28,7 @@ SPARE_TURNS = 8
 class Looks(NamedTuple):
     """The passes of one radar's beam over targets."""
 
-    time_s: FloatArray  # (N,). Seconds after scan 0; ascending for each target.
+    time_s: FloatArray  # Seconds after scan 0, ascending for each target, (N,)
     state: FloatArray  # State of the target at the pass, (N, D)
     exact: FloatArray  # Noise-free measurement, in the form of `Plots.measurement`, (N, 2)
     source: IntArray  # The track_id of the target, (N,)
@@ -39,7 +39,7 @@ class TurningRadar:
     """A turning radar of a scenario."""
 
     scenario: Scenario
-    index: int  # Of the radar in the scenario
+    index: int  # Index of the radar in the scenario
     layout: RadarParameters  # Its messages, and its site if it is on the round earth
 
     @property

@@ -13,8 +13,8 @@ from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 class Observed(NamedTuple):
     """A radar's measurements of targets or reflectors."""
 
-    # Range and azimuth with noise, metres and radians; ranges are not negative, azimuths are in
-    # (-pi, pi]; (N, 2).
+    # Range and azimuth with noise, metres and radians, (N, 2); ranges are not negative, azimuths
+    # are in (-pi, pi].
     measurement: FloatArray
     amplitude: FloatArray  # Envelopes, (N,)
     seen: BoolArray  # Whether the radar detects each, (N,)

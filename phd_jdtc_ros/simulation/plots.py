@@ -21,11 +21,11 @@ class SimulatedPlots(NamedTuple):
 
     # Turns of the antenna from the start of scan 0's turn to the measured azimuth, ascending, (M,).
     turns: FloatArray
-    # (M, 2). Range and azimuth; slant range and azimuth from true east for a radar with a site.
+    # Range and azimuth, (M, 2); slant range and azimuth from true east for a radar with a site.
     measurement: FloatArray
     amplitude: FloatArray  # (M,)
-    source: IntArray  # (M,). The track_id of each plot's target; 0 for clutter.
-    # (M,). The track_id of the target whose transponder replies; set also for a mirrored reply,
+    source: IntArray  # The track_id of each plot's target, (M,); 0 for clutter
+    # The track_id of the target whose transponder replies, (M,); set also for a mirrored reply,
     # whose source is clutter.
     answering: IntArray
     range_rate: FloatArray | None = None  # (M,)

@@ -43,7 +43,7 @@ class SimulatedReport(NamedTuple):
     radar: int  # Index in the scenario
     stamp_ns: int  # End of the turn or of the sector
     detections: Detections
-    source: IntArray  # (M,). The track_id of each detection's target; 0 for clutter.
+    source: IntArray  # The track_id of each detection's target, (M,); 0 for clutter
 
 
 def simulate_reports(

@@ -46,9 +46,8 @@ class Gaussian:
 class Backward:
     """The backward step from a later distribution to the earlier one."""
 
-    # `before`, `predicted`: the filtered distribution, and its prediction.
-    before: Gaussian
-    predicted: Gaussian
+    before: Gaussian  # The filtered distribution
+    predicted: Gaussian  # Its prediction
     gain: FloatArray  # (D, D)
 
     def earlier(self, later: Gaussian) -> Gaussian:

@@ -44,9 +44,9 @@ class _Parts(NamedTuple):
     """The parts of an engine."""
 
     forward: ForwardFilter[Any, Any]
-    # Callable of (window, death term). Returns the smoothed sets, newest first.
+    # Returns the smoothed sets, newest first, given window and death term.
     backward: Callable[[Window, str], Iterable[Any]]
-    # Callable of (set, reading, stamp in ns, lag, threshold, generator).
+    # Extracts estimates, given set, reading, stamp in nanoseconds, lag, threshold and generator.
     extract: Callable[[Any, Reading, int, int, float, np.random.Generator], Estimates]
     rule: ReportingRule
 

@@ -16,7 +16,7 @@ class Line(NamedTuple):
 
     sender: tuple[int, int, int, int] = (10, 0, 0, 1)
     receiver: tuple[int, int, int, int] = (239, 1, 1, 1)
-    port: int = 8600  # UDP port of both
+    port: int = 8600  # UDP port of sender and receiver
 
 
 def header() -> bytes:

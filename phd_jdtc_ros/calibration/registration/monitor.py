@@ -37,7 +37,8 @@ class MeanResidual(NamedTuple):
 
     radar: str
     residuals: int  # Number of residuals so far
-    mean: FloatArray  # (2,). Means of range and azimuth, metres and radians; NaN without residuals.
+    # Means in range and azimuth, metres and radians, (2,); NaN without residuals.
+    mean: FloatArray
     sigma: FloatArray  # Standard deviations of the means, (2,)
     significant: tuple[bool, bool]  # Whether each mean exceeds what noise explains
 

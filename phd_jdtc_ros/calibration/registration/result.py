@@ -13,7 +13,7 @@ class Residuals:
     """Residuals of one radar's plots against the trajectories from all radars."""
 
     time_s: FloatArray  # Ascending only within a target, seconds, (N,)
-    before: FloatArray  # Of the plots as reported: range and azimuth, m and rad, (N, 2)
+    before: FloatArray  # In range and azimuth of the plots as reported, metres and radians, (N, 2)
     after: FloatArray  # After removal of the estimated biases, (N, 2)
 
 
@@ -23,10 +23,10 @@ class RadarEstimate:
 
     name: str
     bias: SensorBias  # Zero for unobservable biases
-    # (4,). Standard deviations in the order and units of a `SensorBias`; NaN for unobservable
+    # Standard deviations in the order and units of a `SensorBias`, (4,); NaN for unobservable
     # biases.
     std: FloatArray
-    # Number of common tracks with its plots; a target that is lost and found again is another one.
+    # Number of common tracks with its plots; a target that is lost and found again counts twice.
     tracks: int
     plots: int  # Number of these plots
     residuals: Residuals
@@ -39,7 +39,7 @@ class Registration:
     radars: tuple[RadarEstimate, ...]
     reference: str  # The radar that is assumed to have no bias of the kinds in `common`
     common: tuple[str, ...]  # Kinds of biases that are unobservable if all radars share them
-    # Dict of (radar, kind) to str. Reason why another radar's bias is unobservable.
+    # Why the bias of another radar is unobservable, by radar and kind.
     hidden: dict[tuple[str, str], str]
     tracks: int  # Number of common tracks
     density: float  # Spectral density of the targets' white acceleration, m^2/s^3

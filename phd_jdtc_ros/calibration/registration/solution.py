@@ -48,7 +48,7 @@ class _Iteration:
 
     targets: Sequence[Target]
     biases: tuple[SensorBias, ...]
-    std: FloatArray  # (P,). Standard deviations of the biases, in `UNITS`; NaN if unobservable.
+    std: FloatArray  # Standard deviations of the biases in `UNITS`, (P,); NaN if unobservable
     observability: Observability
     density: float  # Spectral density of the white acceleration, m^2/s^3
     rows: Sequences

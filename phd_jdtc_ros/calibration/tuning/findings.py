@@ -46,7 +46,7 @@ class Findings:
     clutter: Rate  # False detections per look
     field: Field
     levels: Levels | None  # None without amplitudes
-    # Root mean square of the tracks' velocities along each axis, metres per second.
+    # Root mean square velocity of the tracks along each axis, metres per second.
     speed_std: float
     tracks: int  # Number of tracks
     plots: int  # Number of plots, with clutter

@@ -26,9 +26,9 @@ class Plots:
     time_s: FloatArray  # Time of each detection, ascending, seconds after the first stamp, (N,)
     # Range and azimuth, metres and radians counter-clockwise from the radar's x axis, (N, 2).
     measurement: FloatArray
-    amplitude: FloatArray | None  # (N,). Linear envelopes; NaN where one is unknown.
-    # (N, 3). Position (metres) and yaw (radians) of the radar at each detection; zeros if
-    # stationary.
+    amplitude: FloatArray | None  # Linear envelopes, (N,); NaN where unknown
+    # Position, metres, and yaw, radians, of the radar at each detection, (N, 3); zeros if it does
+    # not move.
     pose: FloatArray
     timed: bool  # Whether each detection has its own time
 

@@ -37,7 +37,7 @@ class Row:
     name: str  # The parameter, or a description if no parameter follows from the figure
     value: Value
     source: str  # The data it was estimated from
-    now: Any = None  # Value or str or None. The current value; None if none is set.
+    now: Any = None  # The current value, or words for it; None if none is set
     std: float = math.nan  # Standard deviation; NaN if there is none
     proposed: bool = True  # Whether the value is proposed for the parameter
 

@@ -28,9 +28,8 @@ class Ages(NamedTuple):
     """A group of track ages, in scans since the number was first reported."""
 
     name: str  # Part of the keys of values and figures; empty for the group of all pairs
-    # `first`, `last`: lowest and highest age, inclusive.
-    first: int
-    last: int
+    first: int  # Lowest age
+    last: int  # Highest age, inclusive
 
     @property
     def text(self) -> str:

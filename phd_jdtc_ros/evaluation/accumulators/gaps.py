@@ -21,7 +21,7 @@ class Gap(NamedTuple):
 
     class_id: int  # Class of the target
     # Time from the previous estimate, or else the target's first stamp, to the next estimate, or
-    # else the target's last stamp.
+    # else its last stamp.
     duration_s: float
     missed: int  # Number of scans without an estimate
 

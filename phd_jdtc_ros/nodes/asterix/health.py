@@ -25,7 +25,7 @@ class Moment(NamedTuple):
     """What the statuses of one report share."""
 
     node: str  # Full name of the bridge
-    rises: Rises  # Of all counts since the bridge was made
+    rises: Rises  # Increases of all counts since the bridge was made
     active_s: float  # Time for which the bridge has been active; NaN while it is not
     now_s: float
 

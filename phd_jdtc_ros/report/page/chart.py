@@ -34,9 +34,8 @@ class Chart(NamedTuple):
     """An interactive chart of a page."""
 
     name: str  # Id of the chart's element
-    # `title`, `caption`: the caption describes the chart and its main message.
     title: str
-    caption: str
+    caption: str  # Describes the chart and its main message
     figure: Figure
 
 

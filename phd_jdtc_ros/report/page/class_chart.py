@@ -33,9 +33,8 @@ BY_ESTIMATE = "The colour is the estimated class."
 class Key(NamedTuple):
     """Identifies the estimates of one curve."""
 
-    # `name`, `label`: text in the legend, and text of a single curve.
-    name: str
-    label: str
+    name: str  # Text in the legend
+    label: str  # Text at a single curve
     class_id: int | None  # Determines the colour; None for no class
     number: int  # Number of the target or the track; 0 for none, whose points are not joined
 

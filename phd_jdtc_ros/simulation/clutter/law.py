@@ -42,7 +42,7 @@ class ClutterLaw(Protocol):
 class RayleighClutter:
     """Noise, or clutter of many reflectors."""
 
-    # Mean square of the envelope in units of the noise's; 1 is noise.
+    # Mean square of the envelope relative to that of noise; 1 is noise.
     level: float = converted(
         0.0, "Mean level, dB.", LEVELS_DB, snr_from_db, "level_db", required=True
     )

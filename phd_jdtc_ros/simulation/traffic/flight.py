@@ -47,9 +47,9 @@ class Flight:
     class_id: int
     snr: float  # Mean signal-to-noise ratio, linear
     start_s: float  # Seconds after scan 0
-    position: tuple[float, float]  # Position at the start, world frame, metres
-    velocity: tuple[float, float]  # Velocity at the start, metres per second
-    legs: tuple[Leg, ...]  # Successive legs
+    position: tuple[float, float]  # At the start, world frame, metres
+    velocity: tuple[float, float]  # At the start, metres per second
+    legs: tuple[Leg, ...]  # One after the other
     height: float = 0.0  # Height above the world's zero, metres
 
     def __post_init__(self) -> None:

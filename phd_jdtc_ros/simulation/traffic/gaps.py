@@ -46,8 +46,8 @@ class Gap(NamedTuple):
     """A time in which a target is out of sight."""
 
     number: int  # Number of the target, from 1
-    start_s: float  # Seconds after scan 0, as `end_s`
-    end_s: float
+    start_s: float  # Seconds after scan 0
+    end_s: float  # Seconds after scan 0
 
 
 def in_gap(gaps: Sequence[Gap], number: int, time_s: FloatArray) -> BoolArray:

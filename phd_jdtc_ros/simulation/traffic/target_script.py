@@ -21,8 +21,8 @@ NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
 class Turn:
     """A part of a target's life in which its velocity rotates at a constant rate."""
 
-    # From the stamp of the first scan to the stamp of the last, at which the target flies straight
-    # again.
+    # The turn lasts from the stamp of the first scan to that of the last, at which the target flies
+    # straight again.
     first_scan: int = parameter(0, "Scan at which the turn begins.", SCANS, required=True)
     last_scan: int = parameter(0, "Scan at which the turn ends.", SCANS, required=True)
     turn_rate: float = turn_rate_field(required=True)
@@ -42,7 +42,7 @@ class TargetScript:
     )
     first_scan: int = parameter(0, "First scan in which the target exists.", SCANS, required=True)
     last_scan: int = parameter(0, "Last scan in which the target exists.", SCANS, required=True)
-    turns: tuple[Turn, ...] = ()  # Successive turns, none before the first scan
+    turns: tuple[Turn, ...] = ()  # One after the other, none before the first scan
     height: float = parameter(0.0, "Height above the world's zero, m.", HEIGHTS)
 
     def __post_init__(self) -> None:

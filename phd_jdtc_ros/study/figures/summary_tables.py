@@ -39,9 +39,8 @@ FALSE = "false at 0"
 class Sheet(NamedTuple):
     """A table of a case."""
 
-    # `title`, `text`: title in the terminal, and sentence above the table in Markdown.
-    title: str
-    text: str
+    title: str  # Title in the terminal
+    text: str  # Sentence above the table in Markdown
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
 

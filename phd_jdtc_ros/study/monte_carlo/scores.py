@@ -24,7 +24,7 @@ class Scores(NamedTuple):
     sets: tuple[str, ...]  # ``all`` and, for trackers with classes, one ``class_k`` per class
     time_s: FloatArray  # Time since the first scan, seconds, (scans,)
     values: FloatArray  # NaN for missing values, (..., lags, scans, sets, VALUES)
-    # (..., lags, scans, C, C). [true class, estimated class]: number of pairs. None for trackers
+    # Number of pairs by [true class, estimated class], (..., lags, scans, C, C); None for trackers
     # without classes.
     taken_for: IntArray | None = None
 

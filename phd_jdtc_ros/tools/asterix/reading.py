@@ -50,10 +50,8 @@ class Converted:
     clouds: int = 0
     plots: int = 0
     hints: list[str] = field(default_factory=list)  # Remarks on the proposed parameters
-    # `newest_ns`, `disorder_ns`: newest stamp, and the largest difference to the stamp of a later
-    # cloud.
-    newest_ns: int = 0
-    disorder_ns: int = 0
+    newest_ns: int = 0  # Newest stamp
+    disorder_ns: int = 0  # Largest time by which a cloud was behind the newest stamp before it
 
     def lines(self) -> Iterator[str]:
         """Yield the counts of each radar, and the reasons for messages that are not used."""

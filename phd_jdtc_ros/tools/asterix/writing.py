@@ -41,8 +41,8 @@ class ConversionCounts:
     what: str  # Name of the records, in the plural
     records: int = 0
     blocks: int = 0  # Data blocks
-    clouds: int = 0  # Those that were used
-    dropped: Counter[str] = field(default_factory=Counter)  # The others, by reason
+    clouds: int = 0  # Number of clouds that were used
+    dropped: Counter[str] = field(default_factory=Counter)  # Unused clouds by reason
     out_of_range: int = 0  # Plots beyond the largest range of CAT048, which are left out
 
     @property
