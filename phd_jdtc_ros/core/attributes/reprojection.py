@@ -71,7 +71,7 @@ def pair(
     first = plain(gate, report.detections)
     edge = np.unique(target[first.row] * size + first.column)
     known = heights.known > MIN_KNOWN
-    # Detections without the height of a target in whose gate they are.
+    # A detection is doubtful unless its height is that of a target whose gate contains it.
     right = edge[known[edge // size] & plots.compare(edge).probably_known]
     doubtful = np.setdiff1d(np.arange(size), right % size)
     if not known.any() or not len(doubtful):

@@ -1,4 +1,4 @@
-"""Finds a sensor that is no longer what it was: fewer detections, more noise, a blind sector."""
+"""Detects changes of a sensor: fewer detections, more noise, or a blind sector."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from ..snapshot import floats
 from .detection_factor import AZIMUTHS, RANGES, Counted, DetectionFactor
 from .noise_factor import NoiseEvidence, NoiseFactor
 
-# Ratios of the detection probability and of a variance to the learned ones that are looked for.
+# Changes to detect: ratios of the detection probability and of a variance to the learned values.
 FEWER, NOISIER = 0.7, 2.0
-# Ratios in a blind sector, and in one that shares a loss of the whole sensor.
+# Ratios of the detection probability in a blind sector, and in any sector of a sensor that detects
+# less as a whole.
 BLIND, SHARED = 0.15, 0.6
-# Log likelihood ratio of the change from which it is reported, and the largest one: a sensor that
-# is as before, or that has been learned anew, loses the difference in some ten turns.
+# Log likelihood ratio from which a change is reported, and its upper bound. For a sensor that is as
+# before, or whose change has been learned, it falls from one to the other in about ten turns.
 RAISED, MOST = 12.0, 24.0
-# Expected detections, in the sensor and in a sector, and innovations from which a learned value is
-# compared with later ones.
+# Number of expected detections, of the sensor and of a sector, from which later detections are
+# compared with the learned value; the first is also the number of innovations.
 SETTLED, SETTLED_SECTOR = 50.0, 20.0
 
 
@@ -31,9 +32,9 @@ class ChangeAlarm(ReadOnly):
 
     Notes
     -----
-    E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954: the sum of the log likelihood
-    ratios of changed and learned value, not below zero. The learned value follows the change more
-    slowly than the sum, which ends an alarm when it has.
+    E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954: each sum is of the log
+    likelihood ratios of the changed and the learned value, and is kept at zero or above. The
+    learned value follows a change more slowly than the sum; the alarm ends when it has followed.
     """
 
     # Evidence of fewer detections by the sensor as a whole, and of almost none in each sector of
@@ -56,7 +57,7 @@ class ChangeAlarm(ReadOnly):
     def blind_azimuth(self) -> float:
         """Middle of the sector that has become blind, radians; NaN without any.
 
-        If several have, that with most evidence.
+        Of several such sectors it is the one with the most evidence.
         """
         sector = int(self.detection[1:].argmax())
         if self.detection[1 + sector] < RAISED:
@@ -86,9 +87,10 @@ class ChangeAlarm(ReadOnly):
 def _evidence(
     looks: FloatArray, detected: FloatArray, usual: FloatArray, ratio: float, against: float
 ) -> FloatArray:
-    """Return the log likelihood ratio of two ratios to the learned probability, elementwise.
+    """Return the log likelihood of `ratio` against that of another one, elementwise.
 
-    Given are numbers of looks, of detections, and of detections with the learned probability.
+    Both are ratios to the learned probability. Given are the numbers of looks, of detections, and
+    of detections that the learned probability predicts.
     """
     learned = np.clip(usual / np.where(looks > 0.0, looks, 1.0), 0.01, 0.99)
     of_miss = np.log((1.0 - ratio * learned) / (1.0 - against * learned))

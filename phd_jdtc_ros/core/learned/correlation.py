@@ -17,23 +17,22 @@ from .prior import RatioPrior
 LEAST, MOST = 0.0, 0.98
 # Prior of its difference from the value that learning starts from.
 PRIOR = RatioPrior(right=0.5, scale=0.02, wide=0.4)
-# Weight of that value, as a number of pairs of looks, that keeps the first ones from counting
-# alone.
+# Weight of that value, as a number of pairs of looks, so that the first pairs do not count alone.
 PRIOR_WEIGHT = 4.0
 # Memory, as a number of pairs of looks.
 MEMORY = 1000.0
 # Largest number of remembered pairs accepted in a snapshot.
 MAX_REMEMBERED = 1e7
-# Sums over pairs of looks: their number; detections in both; the mean of both looks' detections,
-# and of both expectations; detections of one look times the expectation of the other, mean of both
-# orders; the product of both expectations.
+# Number of sums over pairs of looks. These are of 1; of the product and the mean of both looks'
+# detections; of the mean of both expectations; of the detection of one look times the expectation
+# of the other, as the mean of both orders; and of the product of both expectations.
 SUMS = 6
 
 
 def sums_of(
     detected: FloatArray, before: FloatArray, expected: FloatArray, expected_before: FloatArray
 ) -> FloatArray:
-    """Return the sums of single pairs of looks, (P,) each, as rows (P, B)."""
+    """Return the summands of each pair of looks, (P, B), given values of shape (P,)."""
     return np.stack(
         [
             np.ones(len(detected)),
@@ -80,7 +79,7 @@ class Correlation(ReadOnly):
 
     @property
     def std(self) -> float:
-        """Standard deviation of `value`, given by the pairs alone; infinite without any."""
+        """Standard deviation of `value`, given by the pairs alone; infinite without pairs."""
         precision = self._shown[1]
         return 1.0 / math.sqrt(precision) if precision else math.inf
 
@@ -96,7 +95,7 @@ class Correlation(ReadOnly):
         prior = PRIOR_WEIGHT * variance / pairs
         shown = (covariance + self.start * prior) / (variance + prior)
         shown = min(max(shown, -MOST), MOST)
-        # Half a detection and half a miss more, so that pairs without either show little.
+        # Half a detection and half a miss are added, so that pairs without one of them show little.
         mean, positive = (detected + 0.5) / (pairs + 1.0), max(shown, 0.0)
         hit, miss = mean + positive * (1.0 - mean), mean * (1.0 - positive)
         spread = hit * (1.0 - hit) / mean + miss * (1.0 - miss) / (1.0 - mean)

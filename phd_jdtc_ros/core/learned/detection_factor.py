@@ -16,8 +16,8 @@ from .prior import RatioPrior
 # Number of cells in range, in equal parts of the largest range, and in azimuth.
 RANGES, AZIMUTHS = 8, 8
 CELLS = RANGES * AZIMUTHS
-# Weight of the configured probability, in expected detections, that keeps the first looks from
-# counting alone.
+# Weight of the configured probability, in expected detections, so that the first looks do not count
+# alone.
 PRIOR_WEIGHT = 4.0
 # Priors of the sensor's probability relative to the configured one, and of a cell's relative to the
 # sensor's. Of many cells some differ by chance, and a probability that is a little too high doubles
@@ -33,7 +33,7 @@ MAX_REMEMBERED = 1e7
 
 
 class Counted(NamedTuple):
-    """Looks that count, sums by cell, arrays of shape (K,)."""
+    """Sums over the looks that count, by cell, arrays of shape (K,)."""
 
     looks: FloatArray  # Number of looks
     expected: FloatArray  # Number of detections expected with the configured probability
@@ -92,7 +92,7 @@ class DetectionFactor(ReadOnly):
 
     @property
     def _set(self) -> float:
-        """The configured probability, if there were looks."""
+        """The configured probability; `MOST_PROBABILITY` without looks."""
         return self.configured if self.all_looks else MOST_PROBABILITY
 
     @cached_property
@@ -110,9 +110,9 @@ class DetectionFactor(ReadOnly):
         return cells
 
     def probability(self, configured: FloatArray, measured: FloatArray) -> FloatArray:
-        """Return the learned probabilities, (..., N), given the configured ones.
+        """Return the learned probabilities, given the configured ones, both (..., N).
 
-        They are at (range, azimuth) rows, (N, 2).
+        `measured` has range and azimuth of each of the N places, (N, 2).
         """
         factor = self.by_cell.take(self.cell(measured))
         found = np.maximum(configured * factor, LEAST_PROBABILITY)
@@ -136,12 +136,12 @@ class DetectionFactor(ReadOnly):
 def _factor(
     expected: FloatArray, detected: FloatArray, probability: float, prior: RatioPrior
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the factors of a probability that expected and actual detections show.
+    """Return the factors of a probability, and their standard deviations.
 
-    With their standard deviations, arrays of the same shape.
+    Expected and actual numbers of detections show them; all arrays have the same shape.
     """
     shown = (PRIOR_WEIGHT + detected) / (PRIOR_WEIGHT + expected)
-    # With the smaller of both probabilities, a few looks are not taken for certain.
+    # The smaller of both probabilities has the lower precision, so that few looks prove little.
     found = np.minimum(probability * np.minimum(shown, 1.0), MOST_PROBABILITY)
     precision = expected / probability * found / (1.0 - found)
     mean, variance = prior.posterior(np.log(shown), precision)

@@ -6,7 +6,7 @@ from scipy.special import chdtr
 
 from ..compilation import inner
 
-# Innovations count as at most this many standard deviations, so that outliers do not raise it.
+# Innovations are limited to this many standard deviations, so that outliers do not raise the noise.
 MOST_SIGMA = 3.0
 # Innovations with a smaller share of the sensor's noise in their variance do not count: they would
 # show the motion's errors.
@@ -18,11 +18,11 @@ LIMITED_MEAN = float(chdtr(3.0, LIMIT) + LIMIT * (1.0 - chdtr(1.0, LIMIT)))
 
 @inner
 def evidence_of(square: float, part: float) -> tuple[float, float]:
-    """Return the weight of an innovation, and weight times the ratio of variances beyond 1.
+    """Return the weight of an innovation, and the weight times the ratio of variances minus 1.
 
-    Given are the square of a component of an innovation relative to its expected value, and the
-    part that the sensor's own variance R has in the expected value; NaN if the noise is not its
-    own.
+    `square` is the square of a component of an innovation, relative to its expected value. `part`
+    is the share of the sensor's variance R in the expected value; NaN if the detection has a noise
+    of its own.
 
     Notes
     -----

@@ -1,7 +1,7 @@
-"""What the last look of a sensor at each target has seen.
+"""The last look of a sensor at each target: whether it covered the target, and detected it.
 
 With correlated misses a target that was missed is probably missed again. The detections of a target
-are a Markov chain from look to look, whose state is known as far as the association is.
+are a Markov chain from look to look, whose state is as certain as the association.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from .correlation import MAX_REMEMBERED, SUMS, sums_of
 
 # Sectors of one turn belong to the same look for this share of the turn.
 SAME_LOOK = 0.5
-# Looks that cover less than this of a target show nothing of the correlation.
+# Looks that cover a target with a smaller probability show nothing about the correlation.
 WHOLE = 0.99
-# Columns of `LastLooks` that are no integers.
+# Columns of `LastLooks` of floating-point numbers.
 _NUMBERS = (
     *("covered", "detected", "before_covered", "before_detected"),
     *("expected", "pairs"),
@@ -78,7 +78,7 @@ class Remembered:
         return looked, detected
 
     def probability(self, usual: FloatArray, label: IntArray) -> FloatArray:
-        """Return the detection probabilities, given the usual ones, of rows; (..., N).
+        """Return the detection probabilities of rows, given the usual ones, both (..., N).
 
         `label` has the label of each row's target, (N,).
         """
@@ -86,7 +86,7 @@ class Remembered:
         return usual * (1.0 - looked) + detected
 
     def usual(self, probability: FloatArray, label: IntArray) -> FloatArray:
-        """Return the probabilities from which `probability` computes these, (N,)."""
+        """Return the usual probabilities, given those that `probability` returns, (N,)."""
         looked, detected = self.of(label)
         return np.clip((probability - detected) / (1.0 - looked), 0.0, 1.0)
 
@@ -149,13 +149,13 @@ class LastLooks(ReadOnly):
         return since >= SAME_LOOK * turn_ns, np.maximum(np.rint(since / turn_ns), 1.0)
 
     def after(self, look: Look, remembered: Remembered, stamp_ns: int, turn_ns: float) -> LastLooks:
-        """Return the last looks after a further one, for which `remembered` is."""
+        """Return the last looks after a further look, which was given `remembered`."""
         known = self._extended(look.label)
         own = known._take(np.searchsorted(known.label, look.label))
         new, looks = own._new(stamp_ns, turn_ns)
         covered = np.where(new, 0.0, own.covered) + look.covered
         detected = np.minimum(np.where(new, 0.0, own.detected) + look.detected, 1.0)
-        # Misses lower the existence probability, so that a known target stays a known one.
+        # Misses lower the existence probability; a target that was known stays known.
         known_now = look.known | (own.expected > 0.0)
         learned = new & known_now & (look.covered > WHOLE)
         expected = np.where(learned, look.expected, 0.0)

@@ -12,8 +12,8 @@ from ..arrays import BoolArray, FloatArray, ReadOnly, zeros
 from ..snapshot import floats
 from .prior import RatioPrior
 
-# Weight of the configured variance, as a number of innovations, that keeps the first ones from
-# counting alone.
+# Weight of the configured variance, as a number of innovations, so that the first innovations do
+# not count alone.
 PRIOR_WEIGHT = 4.0
 # Prior of the ratio of variances.
 PRIOR = RatioPrior(0.5, 0.1, 1.4)

@@ -1,10 +1,10 @@
 """Looks at targets that do not count yet: no later detection shows that the target was there.
 
 A miss has two explanations: the sensor did not detect the target, or the target was no longer
-there. Between two detections of a target only the first one is left. Therefore a look, detection
-or miss, counts when the target is detected again, by any sensor. A target's first detection never
-counts, because there would be no target without it, nor does its last one, nor what follows it:
-when a target disappears, or was false, its open looks disappear with it.
+there. Between two detections of a target only the first explanation is possible. Therefore a look,
+detection or miss, counts when the target is detected again, by any sensor. A target's first
+detection never counts, because there would be no target without it. Its last detection and later
+misses do not count either: when a target disappears, or was false, its open looks disappear too.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..compilation import Float1, Int1, compiled
 from ..snapshot import MAX_INDEX, floats, integers
 from .detection_factor import Counted
 
-# Looks of which less is open are dropped.
+# Looks with a smaller open share are dropped.
 LEAST_OPEN = 1e-3
 # Largest number of expected detections of one look: a small learned factor can bring the
 # configured probability above 1.
@@ -102,7 +102,10 @@ def _after(
 ) -> tuple[
     IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
 ]:
-    """Return the columns of `OpenLooks` and of `Counted`; the report's `Looks` are its own."""
+    """Return the columns of `OpenLooks` and of `Counted` after a report.
+
+    The last arguments, from `own_label` on, are the columns of the report's `Looks`.
+    """
     size, targets, room = len(label), len(own_label), 0
     counts, most = np.zeros((3, cells)), size + targets
     labels, places = np.empty(most, np.int64), np.empty(most, np.int64)

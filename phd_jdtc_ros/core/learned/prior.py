@@ -14,21 +14,21 @@ class RatioPrior(NamedTuple):
 
     Notes
     -----
-    A mixture of two normal distributions leaves differences that chance explains to the configured
-    value, and follows what it does not explain at once. The likelihood of the data is normal, so
-    that the posterior is such a mixture too.
+    The prior is a mixture of two normal distributions. The posterior stays at the configured value
+    if chance explains the difference, and otherwise follows the data at once. The likelihood of the
+    data is normal, so that the posterior is such a mixture too.
     """
 
     right: float  # Probability that the configured value is right
     scale: float  # Standard deviation of the log ratio about 0, if it is right
-    wide: float  # Standard deviation, if it is wrong
+    wide: float  # Standard deviation of the log ratio about 0, if it is wrong
 
     def posterior(
         self, log_ratio: FloatArray, precision: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the mean and the variance of log ratios, elementwise.
 
-        Given is the log ratio that the data show, and the inverse of its variance; 0 without data.
+        Given are the log ratio that the data show, and the inverse of its variance; 0 without data.
         """
         means, variances, log_weights = [], [], []
         for share, std in ((self.right, self.scale), (1.0 - self.right, self.wide)):

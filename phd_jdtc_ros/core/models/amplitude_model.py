@@ -68,7 +68,7 @@ class AmplitudeModel:
         return report.sensor.log_class_likelihood(report.detections, modes.classes)[:, None]
 
     def cells(self, modes: ModeSpace) -> SnrCells:
-        """Return the cells of the classes' SNR bands, for weighted hypotheses: one a class."""
+        """Return the cells of the classes' SNR bands, for weighted hypotheses: one per class."""
         classes = len(modes.classes)
         return SnrCells(np.zeros((classes, 1)), np.zeros((classes, 1, 1)))
 
@@ -203,7 +203,7 @@ class Memory(AmplitudeModel):
         return sensor.log_detected(-0.5 * sensor.threshold**2 * np.exp(-own), density, measured)
 
     def cells(self, modes: ModeSpace) -> SnrCells:
-        """Return `CELLS` cells a class, of equal width in ln(1 + d), with the diffusion of d."""
+        """Return `CELLS` cells per class, of equal width in ln(1 + d), with the diffusion of d."""
         edges = np.log1p([model.snr_band for model in modes.classes])
         width = (edges[:, 1] - edges[:, 0]) / CELLS
         centre = edges[:, :1] + width[:, None] * (np.arange(CELLS) + 0.5)

@@ -27,11 +27,12 @@ USUAL_SIGMA = 5.0
 class ClutterMemory:
     """Learned rate, amplitude law and map of each radar's clutter."""
 
-    # Each by radar, after the radar's first report.
+    # Laws, maps and rate estimates by radar, after the radar's first report.
     laws: dict[str, Learned] = field(default_factory=dict)
     maps: dict[str, ClutterMap] = field(default_factory=dict)
     counts: dict[str, ClutterCount] = field(default_factory=dict)
-    usual: dict[str, ClutterCount] = field(default_factory=dict)  # Of all detections
+    # The same for the number of all detections in a turn.
+    usual: dict[str, ClutterCount] = field(default_factory=dict)
 
     def with_learned_clutter(self, report: Report) -> Report:
         """Return a report whose sensor has the learned clutter."""

@@ -26,9 +26,9 @@ NOISE_SIGMA = 2.0
 def merge_clusters(detections: Detections, sensor: Sensor) -> Detections:
     """Return detections with each group merged to one at its centre.
 
-    The sensor's `cluster_distance` is the largest distance, beside the noise, of a group's
-    detections from the detection with the most neighbours; range rates agree with the rate of that
-    one. With 0 the detections are returned unchanged.
+    The detections of a group are within the sensor's `cluster_distance`, plus noise, of the one
+    with the most neighbours, and their range rates agree with its own. With a distance of 0 the
+    detections are returned unchanged.
 
     Notes
     -----

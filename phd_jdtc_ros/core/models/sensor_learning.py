@@ -19,9 +19,9 @@ from ..sensors.report import Report
 from ..sensors.sensor import Sensor
 from .tracker_model import TrackerModel
 
-# Existence probability from which the looks at a target are learned from.
+# Existence probability from which the looks at a target are used for learning.
 KNOWN_EXISTENCE = 0.7
-# Targets that are detected with a smaller probability are outside the coverage.
+# Targets with a smaller detection probability count as outside the coverage.
 LEAST_EXPECTED = 0.01
 # Number of open looks below which those of targets that have ended are kept.
 FEW_LOOKS = 256
@@ -58,7 +58,7 @@ class SensorMemory:
         found = detection, noise, correlation
         if all(each is None for each in found):
             return sensor
-        # A scan ends with the sensors that the next one begins with.
+        # A scan begins with what the one before it learned, so that its sensor can be used again.
         latest = self._latest.get(sensor.name)
         if latest is not None and all(map(is_, latest, (sensor, *found))):
             return latest[-1]
@@ -83,8 +83,8 @@ class SensorMemory:
         For each sensor that learns: the mean detection probability of the targets, with its
         standard deviation and the configured one, the ratios of the standard deviations of
         measurements to the configured ones, and the correlation of detections from look to look.
-        For one that is no longer what it was: 1 for fewer detections or a larger noise, and the
-        middle of a blind sector in degrees, counter-clockwise from its x axis.
+        For a sensor that has changed: 1 for fewer detections or a larger noise, and the middle of a
+        blind sector in degrees, counter-clockwise from its x axis.
         """
         found: dict[str, float] = {}
         for sensor in sensors:
@@ -120,7 +120,7 @@ class SensorMemory:
         return found
 
     def learns(self, report: Report) -> bool:
-        """Return whether the detections and misses in a report are learned from."""
+        """Return whether anything is learned from the detections and misses of a report."""
         return report.sensor.detection_factor is not None or len(self.looks) > 0
 
     def learn_detections(

@@ -63,7 +63,7 @@ class Report:
     complete: bool = True  # Whether the report has all detections of the sensor
     # The sectors before the report; None if it continues no pass of the antenna.
     earlier: EarlierSectors | None = None
-    # What the sensor's last look at each target has seen; None if its misses are independent.
+    # What the sensor's last look at each target implies; None if its misses are independent.
     remembered: Remembered | None = None
 
     def __len__(self) -> int:
@@ -79,7 +79,7 @@ class Report:
 
     @cached_property
     def last_looks(self) -> Remembered | None:
-        """What last looks imply; None if detections do not depend on them."""
+        """What the last looks imply; None if no detection depends on them."""
         remembered = self.remembered
         return remembered if remembered is not None and remembered.some else None
 
@@ -90,7 +90,7 @@ class Report:
 
     @property
     def sensors_own_std(self) -> FloatArray:
-        """Standard deviations that the sensor has and not the detection, (M, Z); NaN for others."""
+        """Standard deviations of the sensor, (M, Z); NaN where a detection has its own."""
         own, std = self.detections.noise_std, self.detection_std
         return std if own is None else np.where(np.isfinite(own), np.nan, std)
 

@@ -207,7 +207,7 @@ class Sensor(ABC):
         return math.inf
 
     def reachable(self, measured: FloatArray) -> FloatArray:
-        """Return the measurements, changed so that none beyond its range is in any gate."""
+        """Return the measurements; those beyond the sensor's range are moved out of all gates."""
         return measured
 
     @property

@@ -8,7 +8,7 @@ Outside all coverage nothing lowers a target's existence probability except the 
 probability. A track without coverage is no longer reported once its last detection is older than a
 limit. The filter keeps it, so that it has the same number when it leaves a blind sector.
 
-A target whose most probable class is at rest has a track as any other, but is not reported.
+A target whose most probable class is at rest has a track like any other, but is not reported.
 
 With clutter maps, a track that is probably stationary is not confirmed: the map will soon contain
 it. Near fixed clutter, a track is taken as stationary until its velocity shows that it moves. Away

@@ -87,10 +87,10 @@ def rule_of(
 
     Notes
     -----
-    In each scan a false report costs as much as a missed target. To withdraw a report, or to
-    resume one, costs as much again. With detection probability p, a track that was deleted although
-    its target exists returns in the next scan with probability p, and so does a false confirmed
-    track disappear. A track is therefore confirmed if r > (1 - r) (1 + p), and deleted if
+    In each scan a false report costs as much as a missed target. Withdrawing or resuming a report
+    costs as much again. With detection probability p, a track that was deleted although its target
+    exists returns in the next scan with probability p; with the same probability a false confirmed
+    track disappears. A track is therefore confirmed if r > (1 - r) (1 + p), and deleted if
     r (1 + p) < 1 - r. Outside all coverage p is 0.
     """
     classes = model.modes.classes

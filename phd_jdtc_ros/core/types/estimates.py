@@ -45,7 +45,8 @@ class Attributes(ReadOnly):
     def joined(parts: Sequence[Attributes]) -> Attributes:
         """Concatenate the attributes of several sets of targets, at least one.
 
-        Without detection times in any set there are none; in a set they are then `UNKNOWN`.
+        If no set has detection times, the result has none; otherwise they are `UNKNOWN` for the
+        targets of a set without them.
         """
         columns = {
             name: np.concatenate([getattr(part, name) for part in parts]) for name in _PER_ATTRIBUTE

@@ -1,4 +1,4 @@
-"""What the latest sectors of a turning antenna have covered, and which targets they detected.
+"""The latest sectors of a turning antenna, and the targets that they have detected.
 
 An antenna passes each target once per turn, so that a sector can only detect a target that the
 adjoining sectors before it have not detected. Without this condition a target at the edge of two
@@ -50,10 +50,10 @@ class AntennaPass(NamedTuple):
         return AntennaPass(stamp_ns, start, sector.width, none, np.zeros(0), none)
 
     def then(self, sector: Coverage, stamp_ns: int, turn_ns: float) -> AntennaPass | None:
-        """Return the pass with a later sector; None if that does not adjoin.
+        """Return the pass with a later sector; None if it does not adjoin.
 
-        What is more than half a turn before is forgotten. Two halves of a turn adjoin at both ends,
-        so that neither is known to be the earlier one of a pass.
+        Detections more than half a turn earlier are forgotten. Two halves of a turn adjoin at both
+        ends, so that it is unknown which of them is earlier in the pass.
         """
         after = sector.start - self.start - self.width
         before = self.start - sector.start - sector.width

@@ -265,7 +265,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     def _predict_targets(self, stamp_ns: int) -> Estimates:
         """Return the latest targets predicted to a stamp; `track_id` is still label + 1."""
-        # Only the targets that no later scan has swept; most entries are as they were a scan ago.
+        # Keep only the targets that no later scan has swept. Most entries have not changed since
+        # the last scan.
         for rows in self.forward.unswept:
             if rows.rows is None:
                 continue

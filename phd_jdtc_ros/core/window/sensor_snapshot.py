@@ -37,8 +37,8 @@ def sensors_to_snapshot(memory: SensorMemory, snapshot: Snapshot) -> None:
 def sensors_from_snapshot(snapshot: Snapshot, sensors: Sequence[Sensor]) -> SensorMemory:
     """Return what was learned of these sensors.
 
-    What was learned before the snapshot is dropped where the configuration sets it now, and the
-    open looks with the detection probability of any sensor.
+    A learned value is dropped if the configuration sets it now. The open looks are dropped if the
+    learned detection probability of any sensor is not in the snapshot.
 
     Raises
     ------

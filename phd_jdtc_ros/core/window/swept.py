@@ -59,7 +59,7 @@ def partition_swept(
     for index, (rows, extent, size) in enumerate(zip(unswept, extents, sizes, strict=True)):
         end = first + size
         if size and index not in entries_near:
-            # Most entries are like this, and need no look at their rows. Empty ones are done.
+            # Most entries are like this: their rows need no test. An empty entry counts as swept.
             remaining.append(rows)
         else:
             inside, outside = rows.split(near[first:end][extent.target])
@@ -86,7 +86,7 @@ def _everywhere(reports: Reports) -> bool:
 
 
 def _in_sweep(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:
-    """Return a mask of positions within `spread` of which an antenna comes, shape (T,)."""
+    """Return a mask of the positions that an antenna comes within `spread` of, shape (T,)."""
     near = np.zeros(len(spread), dtype=bool)
     for report in reports:
         near |= report.sensor.may_have_swept(position, spread, report.detections)
