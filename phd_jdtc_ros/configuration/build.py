@@ -119,9 +119,9 @@ class TrackerConfig(Tracking):
 
     @property
     def answer_delay_s(self) -> float:
-        """Largest age of the last scan that is stepped because of a report, seconds.
+        """Largest time by which the last scan that a report lets step precedes it, seconds.
 
-        It is 0 if the two have the same stamp. A report of a turning radar becomes scans of parts
+        It is 0 if both have the same stamp. A report of a turning radar becomes scans of parts
         of a turn, and a report of a radar with a late clock becomes an earlier scan.
         """
         slices_s = [

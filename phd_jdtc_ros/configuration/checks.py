@@ -151,7 +151,7 @@ def _turns(radar: RadarParameters, parts: Parts) -> Faults:
 
 
 def _engine(radar: RadarParameters, parts: Parts) -> Faults:
-    """Yield the faults of what only the Gaussian engine can do."""
+    """Yield a fault for each setting that needs the Gaussian engine, without that engine."""
     engine = parts.tracking.engine
     if engine == "gaussian":
         return

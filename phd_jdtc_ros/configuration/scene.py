@@ -32,7 +32,7 @@ def differences(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> list[s
     """Return a line per parameter that differs between the scenes of a recording and a tracker.
 
     All parameters of the recording's configuration are `recorded`. Parameters that `given` lacks
-    are not compared, and neither are values that the tracker learns, and birth places with births
+    are not compared; nor are values that the tracker learns, nor birth places if there are births
     at detections.
     """
     pairs = [(name, recorded[name], given.get(name, recorded[name])) for name in OF_ALL]
@@ -55,7 +55,7 @@ def differences(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> list[s
 
 
 def other_places(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the recorded places of the radars that both have, where they are given otherwise."""
+    """Return the recorded places of common radars whose given places differ from them."""
     radars = [radar for radar in recorded["sensors"] if radar in given["sensors"]]
     names = (*OF_ALL, *(f"{radar}.{member}" for radar in radars for member in PLACE))
     return {name: recorded[name] for name in names if recorded[name] != given[name]}

@@ -129,7 +129,7 @@ class Parameter:
         return int(value) if found.is_integer() else None
 
     def meaning(self, notation: Any) -> Any:
-        """Return what a coerced value stands for, as the field of the dataclass has it."""
+        """Return the value of the dataclass's field that a coerced value stands for."""
         if self.form is not None:
             return self.form.value(notation)
         return self.choices[notation] if isinstance(self.choices, Mapping) else notation
@@ -271,7 +271,7 @@ class ConfigError(ValueError):
 
 
 def read_each(read: Callable[[S], T], items: Iterable[S]) -> list[T]:
-    """Return what is read of every item; raise `ConfigError` with the faults of all of them."""
+    """Return the value read from every item; raise `ConfigError` with the faults of all items."""
     found, faults = list[T](), list[str]()
     for item in items:
         try:
@@ -290,7 +290,7 @@ def name_faults(
     old_members: Mapping[str, str] = _NO_NAMES,
     similar: Iterable[str] = (),
 ) -> list[str]:
-    """Return a fault for each parameter that is no longer there or never was.
+    """Return a fault for each former or unknown parameter.
 
     `old` and `old_members` have the replacements of former names in words, without a prefix and
     after the name of a list's member; `similar` names may be meant besides the known ones.

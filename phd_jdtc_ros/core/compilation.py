@@ -1,11 +1,13 @@
-"""How functions over arrays are compiled: by numba where it is installed, or not at all.
+"""Compiles functions over arrays with numba, where it is installed.
 
 A compiled function is plain Python with loops. Without numba it is interpreted, with the same
-results, some twenty times as slowly. Arrays that come from Python are contiguous, and the types in
-the signature say how many axes they have: compilation happens at import and not during a scan.
+results, about twenty times slower. Arrays that come from Python are contiguous, and the types in
+the signature give their number of axes, so that functions are compiled at import and not during a
+scan.
 
 numba stores compiled code beside the source, by the function's name and file. It does not notice
-that a function of another file has changed, so the name includes what that file is now.
+that a called function of another file has changed; the name therefore includes a digest of that
+file.
 """
 
 from __future__ import annotations
@@ -38,10 +40,10 @@ def _numba() -> Any:
 numba = _numba()
 # Names of functions that no directory could store: they are compiled again at every start.
 NOT_STORED: list[str] = []
-# What is called once when something is compiled that was not stored.
+# Functions to call once, when the first function is compiled that was not stored.
 ANNOUNCED: list[Callable[[], None]] = []
 
-# An array of so many axes, which a compiled function only reads.
+# Arrays with this number of axes, which a compiled function only reads.
 Float1 = Annotated[FloatArray, 1]
 Float2 = Annotated[FloatArray, 2]
 Float3 = Annotated[FloatArray, 3]
@@ -53,7 +55,7 @@ Bool1 = Annotated[BoolArray, 1]
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 _ELEMENTS = {FloatArray: "float64", IntArray: "int64", BoolArray: "boolean"}
 _NUMBERS = {float: "float64", int: "int64", bool: "boolean"}
-# A division by zero gives what NumPy gives, and does not raise.
+# A division by zero has the result that NumPy gives, and does not raise.
 _OPTIONS = {"error_model": "numpy", "nogil": True}
 
 
@@ -66,7 +68,7 @@ def compiled(function: FunctionT) -> FunctionT:
     hints = get_type_hints(function, include_extras=True)
     hints.pop("return", None)
     signature = tuple(_type_of(hint) for hint in hints.values())
-    # Nobody calls it from C.
+    # It is never called from C.
     options = {**_OPTIONS, "no_cfunc_wrapper": True}
     done: Any
     with _without_collection():
@@ -83,7 +85,7 @@ def compiled(function: FunctionT) -> FunctionT:
 
 @contextmanager
 def _without_collection() -> Iterator[None]:
-    """Leave out garbage collections, a tenth of a compilation: they visit all that it has made."""
+    """Suspend garbage collection, which visits all new objects: a tenth of a compilation."""
     collects = gc.isenabled()
     gc.disable()
     try:
@@ -95,7 +97,7 @@ def _without_collection() -> Iterator[None]:
 
 @cache
 def _announce() -> None:
-    """Log once that compilation has begun, and tell those who have asked."""
+    """Log once that compilation has begun, and call the functions in `ANNOUNCED`."""
     for tell in ANNOUNCED:
         tell()
     logging.getLogger(__name__).warning(
@@ -108,7 +110,7 @@ def inner(function: FunctionT) -> FunctionT:
     """Let compiled functions call a function; it is compiled as a part of each of them."""
     if numba is None:
         return function
-    # A function of its own would also be compiled for itself, with a wrapper for Python.
+    # Without inlining it would also be compiled separately, with a wrapper for Python.
     done: FunctionT = numba.njit(inline="always", **_OPTIONS)(function)
     return done
 

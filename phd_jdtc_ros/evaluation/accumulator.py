@@ -86,7 +86,7 @@ class Accumulator(ABC):
     Parameters
     ----------
     cutoff, order : float
-        c, metres, and p.
+        c, metres, and p of OSPA and GOSPA.
 
     Attributes
     ----------

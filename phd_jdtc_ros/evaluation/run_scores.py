@@ -72,7 +72,7 @@ class RunScores:
     Parameters
     ----------
     cutoff, order : float
-        c, metres, and p.
+        c, metres, and p of OSPA and GOSPA.
     """
 
     def __init__(self, classes: int, cutoff: float, order: float) -> None:

@@ -30,7 +30,7 @@ class Looks(NamedTuple):
 
     time_s: FloatArray  # Seconds after scan 0, ascending for each target, (N,)
     state: FloatArray  # State of the target at the pass, (N, D)
-    exact: FloatArray  # Noise-free measurement, in the form of `Plots.measurement`, (N, 2)
+    exact: FloatArray  # Noise-free measurement, as in `SimulatedPlots.measurement`, (N, 2)
     source: IntArray  # The track_id of the target, (N,)
 
 

@@ -1,4 +1,4 @@
-"""What a simulated radar measures, and the noise of its ranges and azimuths."""
+"""Measurements of a simulated radar, and the noise of its ranges and azimuths."""
 
 from __future__ import annotations
 

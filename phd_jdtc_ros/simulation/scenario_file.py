@@ -47,7 +47,7 @@ class Bias:
 
 @dataclass(frozen=True)
 class Timing:
-    """The keys of a document that are no blocks."""
+    """The keys of a document that are not blocks."""
 
     # The stamp 0 marks an unset time.
     start_s: float = parameter(1000.0, "Stamp of scan 0, s.", (1e-3, 4e9))

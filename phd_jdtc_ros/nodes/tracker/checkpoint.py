@@ -166,8 +166,8 @@ def _delete_leftovers(path: Path) -> None:
 class Checkpoints:
     """A tracker's checkpoints: one is read at the start, and new ones are written.
 
-    One is written after every so many scans, on request only if that is 0. A restart continues if
-    its first scan is at most `max_age_s` later and the parameters are the same, except for those
+    One is written after every `every` scans, or only on request if that is 0. A restart continues
+    if its first scan is at most `max_age_s` later and the parameters are the same, except for those
     that can change while the tracker runs, which are not in `configuration`.
     """
 

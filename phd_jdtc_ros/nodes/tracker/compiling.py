@@ -1,6 +1,6 @@
-"""Says on ``/diagnostics`` that the tracker compiles, as long as its own node does not exist.
+"""Reports on ``/diagnostics`` that the tracker compiles, while its own node does not exist yet.
 
-The first start after an installation compiles for some forty seconds. The node subscribes only
+The first start after an installation compiles for about forty seconds. The node subscribes only
 afterwards, so that no scan waits for it and is processed late.
 """
 

@@ -16,9 +16,9 @@ from phd_jdtc_ros.calibration.registration.monitor import LEAST, MeanResidual
 from ..common.health import WARNING_MEMORY_S, Rhythm, Rises, first
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
-# The tracker is at its limit if it has less idle time than BUSY_SHARE leaves, and steps no more
-# scans than in real time. A replay that waits for the tracker keeps it as busy, but with many scans
-# a second.
+# The tracker is at its limit if it works for more than BUSY_SHARE of the time while scans are
+# stepped at about the rate of their stamps. A replay that waits for the tracker keeps it as busy,
+# but at a much higher rate.
 BUSY_SHARE, REAL_TIME = 0.95, 0.9
 # Parameters that reduce the step time, by engine.
 ADVICE = {

@@ -16,14 +16,14 @@ from ..common.sequence_numbers import SequenceNumbers
 
 ERROR, STALE, WARN = DiagnosticStatus.ERROR, DiagnosticStatus.STALE, DiagnosticStatus.WARN
 
-# A radar is silent after this number of its usual intervals and the slack. Noticing it takes two
-# checks, up to 0.2 s, and the message its way: it is reported within half a second.
+# A radar is silent after this number of its usual intervals and the slack. Two checks, up to 0.2 s,
+# and the transport of the message add to this: the silence is reported within half a second.
 SILENT_AFTER_SCANS, SILENCE_SLACK_S = 2.0, 0.25
 # A killed publisher stays in the graph for the middleware's lease, by default at most 20 s. Two
 # that are listed together for longer than this must both be alive.
 LEASE_S = 30.0
 # If more than this share of the time since a radar's previous message was spent on work, a loss is
-# the tracker's own: its queue overflows meanwhile. A loss on the way is as likely at any time.
+# the tracker's own: its queue overflows meanwhile. A loss in transit is equally likely at any time.
 WORKING_SHARE = 0.5
 
 
@@ -68,8 +68,8 @@ class InputHealth:
     def arrived(self, now_s: float, sequence: int | None, worked_s: float) -> None:
         """Count a message and those lost before it.
 
-        `sequence` is its publisher's number for it, and `worked_s` the time that the tracker has
-        worked so far, of `now_s`.
+        `sequence` is the number that its publisher gave it, and `worked_s` the time that the
+        tracker has worked up to `now_s`.
         """
         self.received += 1
         if sequence is not None:

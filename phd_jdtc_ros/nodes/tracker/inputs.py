@@ -73,7 +73,7 @@ class Inputs:
         self._listeners: list[Listener] = []
 
     def learned(self, figures: Mapping[str, float]) -> None:
-        """Give each radar's health what a step says was learned of the radar."""
+        """Pass on what was learned of each radar, from a step's figures to the radar's health."""
         for health in self.radars:
             own = f"{health.name}."
             health.learned = {

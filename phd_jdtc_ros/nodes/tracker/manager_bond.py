@@ -42,7 +42,7 @@ class ManagerBond:
         self._subscriptions = set(node.subscriptions) - subscriptions
 
     def end(self) -> None:
-        """Break the bond, so that the manager takes the stop for intended, and remove it.
+        """Break the bond, which tells the manager that the stop is intended, and remove it.
 
         bondpy destroys its endpoints at once, so that its last message can be lost, and leaves them
         in the node's lists, where the executor would wait for their events and fail.

@@ -154,7 +154,7 @@ class Tracker(ManagedNode):
         return super().on_error(state)
 
     def _release(self) -> None:
-        """End the bond, so that a lifecycle manager takes the stop for intended."""
+        """End the bond, which tells a lifecycle manager that the stop is intended."""
         if self._bond is not None:
             self._bond.end()
             self._bond = None
