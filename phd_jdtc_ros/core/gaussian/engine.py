@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-from ..arrays import IntArray
 from ..snapshot import Snapshot
 from ..types import Estimates
 from ..window.fixed_lag import FixedLagEngine
 from ..window.forward_filter import Filtered
-from ..window.window_rows import rows_at
 from . import snapshot
 from .extraction import extract
 from .filter import GaussianFilter
@@ -38,12 +36,7 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
         return extract(stored, self.forward.dynamics, stamp_ns, lag, threshold)
 
     def _smoothed_at(self, stamp_ns: int, lag: int, threshold: float) -> Estimates:
-        window = self._window
-        if not self.lag.positive:  # no links show which rows the later ones continue
-            alive = rows_at(window, self.forward.unswept, stamp_ns)
-            window = [_part_of(entry, alive) for entry in window if entry.stamp_ns in alive]
-            self._lineages = Lineages()
-        self._lineages.extend(window)
+        self._lineages.extend(self._window)
         self._lineages.smooth(stamp_ns)
         self.forward.on_stage_end("backward")
         return extract_at(self._lineages, self.forward.dynamics, stamp_ns, lag, threshold)
@@ -65,9 +58,3 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
     ) -> GaussianEntry:
         most = self.forward.bounds.most
         return snapshot.entry_from_snapshot(stored, name, earlier, self.forward.dynamics, most)
-
-
-def _part_of(entry: GaussianEntry, rows: Mapping[int, IntArray | None]) -> GaussianEntry:
-    """Return an entry with these of its rows, by its stamp; None for all."""
-    own = rows[entry.stamp_ns]
-    return entry if own is None else replace(entry, stored=entry.stored.take(own))

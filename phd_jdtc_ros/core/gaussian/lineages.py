@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, run_starts
+from ..arrays import FloatArray, IntArray, contains, run_starts
 from ..window.entries import Entry, Source
 from .hindsight import Edges, Gaussians, Pairs, Predicted, Updates, go_back
 from .mixture import Mixture
@@ -80,6 +80,8 @@ class Lineages:
         self._places: dict[int, _Place] = {}  # By stamp, ascending
         self._pairs_of_modes: tuple[IntArray, IntArray] | None = None
         self._updates = _Table()  # The columns of `Updates`, and each one's stamp and label
+        none, pairs = np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64)
+        self._updates.append(none, pairs, pairs, pairs, none, none)
         self._done = 0  # Number of updates that have been smoothed
         self._edges, self._predicted, self._pairs = _Table(), _Table(), _Table()
         self._filtered, self._smoothed = _Table(), _Table()
@@ -202,16 +204,16 @@ class Lineages:
         begin = run_starts(stored.row_label)
         size = np.diff(np.append(begin, len(stored)))
         row = np.stack([begin, begin + size], axis=1)
-        before, label = np.full(len(row), -1), stored.row_label[begin]
-        edge = predicted = np.zeros_like(row)
-        link = entry.link
-        if link is not None and any(part.stamp_ns in self._places for part in entry.sources):
-            before, predicted, dropped = self._continued(entry, link, row)
-            none = np.zeros((len(dropped), 2), dtype=np.int64)
-            label = np.concatenate([label, dropped])
-            row = np.concatenate([row, none])
+        label, link = stored.row_label[begin], entry.link
+        before, predicted, dropped = self._continued(entry, label)
+        label = np.concatenate([label, dropped])
+        row = np.concatenate([row, np.zeros((len(dropped), 2), dtype=np.int64)])
+        edge = np.zeros_like(row)
+        if link is not None and (before >= 0).any():
             edge = self._edges.size + link.ancestry.child.searchsorted(row)
             self._append_link(link)
+        else:
+            predicted = edge
         stamp = np.full(len(label), entry.stamp_ns)
         self._updates.append(before, first + row, predicted, edge, stamp, label)
         for table in (self._filtered, self._smoothed):
@@ -220,14 +222,11 @@ class Lineages:
         self._places[entry.stamp_ns] = _Place(stored, slice(first, self._filtered.size), of)
 
     def _continued(
-        self, entry: Entry[Mixture, Link], link: Link, row: IntArray
+        self, entry: Entry[Mixture, Link], label: IntArray
     ) -> tuple[IntArray, IntArray, IntArray]:
         """Return the columns `before` and `predicted` of an entry, and the targets it dropped.
 
-        Parameters
-        ----------
-        row : int array of shape (K, 2)
-            First hypothesis and end of each of its targets.
+        `label` has the entry's targets; the rows of those that it dropped come after theirs.
         """
         nobody = np.zeros(0, dtype=np.int64)
         earlier = np.concatenate([nobody, *map(self._updates_of, entry.sources)])
@@ -238,15 +237,15 @@ class Lineages:
         predicted = self._predicted.size + np.stack(
             [np.append(begin, 0), np.append(end, 0)], axis=1
         )
-        # All hypotheses of a target were predicted from its one earlier update.
-        child, parent = link.ancestry.child, link.ancestry.parent
-        known = np.append(parent, -1)[child.searchsorted(row[:, 0])]
-        of = np.where(known >= 0, begin.searchsorted(known, side="right") - 1, len(begin))
-        kept = np.zeros(len(before), dtype=np.bool_)
-        kept[of] = True
-        dropped = np.flatnonzero((before >= 0) & ~kept)
-        of = np.concatenate([of, dropped])
-        return before[of], predicted[of], self.labels(before[dropped])
+        known = np.flatnonzero(before >= 0)
+        known = known[np.argsort(self.labels(before[known]))]
+        known_label = self.labels(before[known])
+        of = np.full(len(label), len(begin))
+        kept = contains(known_label, label)
+        of[kept] = known[known_label.searchsorted(label[kept])]
+        dropped = ~contains(np.sort(label), known_label)
+        of = np.concatenate([of, known[dropped]])
+        return before[of], predicted[of], known_label[dropped]
 
     def _updates_of(self, source: Source) -> IntArray:
         """Return the update of each row of a source; -1 if it has left the window."""
