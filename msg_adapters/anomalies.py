@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Mapping
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.radar_parameters import RadarParameters
 
-# A radar is worse than it was set if it detects targets with less than this share of the set
-# probability, or if its noise is larger by this factor, each by so many standard deviations.
+# A radar is worse than configured if it detects targets with less than this share of the configured
+# probability, or if its noise is larger by this factor, each with this many standard deviations.
 WORSE_DETECTION, WORSE_NOISE, SURE = 0.75, 1.5, 3.0
 # The warning ends beyond these bounds, so that it does not come and go with chance.
 MENDED_DETECTION, MENDED_NOISE = 0.85, 1.3

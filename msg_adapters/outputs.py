@@ -64,7 +64,7 @@ class View:
     run: uuid.UUID = field(default_factory=uuid.uuid4)  # Identifies the tracker's run
 
     def begin_run(self) -> None:
-        """Begin a new run, in which track numbers start anew."""
+        """Begin a new run, in which track numbers start again."""
         self.trails.clear()
         self.run = uuid.uuid4()
 

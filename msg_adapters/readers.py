@@ -24,7 +24,7 @@ class Reader:
     from_cdr: Callable[[bytes, RadarParameters], Report]
     # Encodes detections, given a stamp and the radar's input.
     to_cdr: Callable[[Detections, int, RadarParameters], bytes]
-    # Of the type, for bags; empty if they come from the installed package.
+    # Definition and hash of the type, for bags; empty if they come from the installed package.
     definition: str = ""
     type_hash: str = ""
 

@@ -30,7 +30,7 @@ def fits_stamp(time_ns: int) -> bool:
 
 @dataclass
 class StreamClock:
-    """What the clocks of all radars of a stream share."""
+    """Values that the clocks of all radars of a stream share."""
 
     # Beginning of the day of the first message; used if its time of receipt is unknown.
     midnight_ns: int = 0

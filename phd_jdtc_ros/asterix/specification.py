@@ -40,7 +40,7 @@ class Layout:
 
     names: tuple[str | None, ...]  # Item names in the order of the FSPEC bits; None for a spare bit
     rules: tuple[Rule | None, ...]  # The rule of each item; None for a spare bit
-    # How to walk a record, by the selection of its items.
+    # The segments of a record, by the selection of its items.
     _plans: dict[bytes, list[Segment]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:

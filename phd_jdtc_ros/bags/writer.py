@@ -31,7 +31,8 @@ class Topic:
     type_name: str  # Such as ``sensor_msgs/msg/PointCloud2``
     depth: int = 10  # Offered history depth
     transient_local: bool = False
-    # Of the type, as MCAP and rosbag2 store them; empty for those of the installed package.
+    # Definition and hash of the type, as MCAP and rosbag2 store them; empty for a type of the
+    # installed package.
     definition: str = ""
     type_hash: str = ""
 

@@ -10,8 +10,8 @@ from .ownership import Track
 # A track that has ended keeps its number for smoothed estimates for KEPT_S seconds. Numbers are
 # forgotten after FORGOTTEN_S seconds.
 KEPT_S, FORGOTTEN_S = 60.0, 600.0
-# Upper bound of the tracks whose numbers are kept, the latest ones. Without it a tracker that
-# numbers its tracks anew at every stamp would fill the memory.
+# Largest number of tracks, the latest ones, whose numbers are kept. Without this bound a tracker
+# that renumbers its tracks at every stamp would fill the memory.
 MOST_TRACKS = 50_000
 
 

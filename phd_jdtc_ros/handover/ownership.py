@@ -63,7 +63,7 @@ class Handover:
         assigned in the order in which targets are first reported.
         """
         found = self._complete(gathered)
-        # Of each tracker's estimates in each region, [tracker][region].
+        # Depth of each tracker's estimates in each region, [tracker][region].
         depth = [[region.depth(own.position) for region in self.regions] for own in found]
         self._pair(found, depth, gathered.keys())
         rows: dict[int, dict[int, int]] = {}

@@ -217,7 +217,7 @@ _REPLACED = (
 
 
 def upgrade(page: str) -> str:
-    """Return the upgrade page with its tables of renamed parameters written anew."""
+    """Return the upgrade page with its tables of renamed parameters rewritten."""
     head, _, rest = page.partition(_BEGIN)
     _, _, tail = rest.partition(_END)
     tables = [
@@ -255,7 +255,7 @@ def defaults() -> str:
 
 
 PAGES = {"parameters.md": parameters, "metrics.md": metrics}
-# Files with lists that are written anew, relative to the documentation.
+# Files with lists that are rewritten, relative to the documentation.
 LISTS = {
     "nodes/tracker.md": topics,
     "upgrade.md": upgrade,

@@ -68,7 +68,7 @@ class OfflineTracker:
         self._last_ns = 0
         self.step_ms: list[float] = []  # CPU time of each scan, milliseconds
         self._step_clock = StepClock()
-        self.damage: BagError | None = None  # Of the bag, whose intact messages were tracked
+        self.damage: BagError | None = None  # Damage of the bag; its intact messages were tracked
         self._estimates: dict[str, list[Estimates]] = {source: [] for source in SOURCES}
         self._truth: list[bytes] = []
 

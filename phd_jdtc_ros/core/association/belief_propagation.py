@@ -21,7 +21,7 @@ TOLERANCE = 1e-6
 
 @inner
 def rounds(edges: int) -> int:
-    """Return the largest number of iterations for so many edges."""
+    """Return the largest number of iterations for a number of edges."""
     return min(ITERATIONS, max(MOST_WORK // max(edges, 1), LEAST_ITERATIONS))
 
 
@@ -39,7 +39,7 @@ def propagate(
     odds : array of shape (E,)
         Odds of each edge against both its target and its detection having none.
     iterations : int
-        Largest number of them.
+        Largest number of iterations.
 
     References
     ----------

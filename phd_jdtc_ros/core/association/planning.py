@@ -1,4 +1,4 @@
-"""In which order the edges of clusters are passed, so that few nodes are open at a time.
+"""The order in which the edges of clusters are passed, with few nodes open at a time.
 
 A node, target or detection, is open from its first edge to its last one. Each step takes a node
 with all its edges that are left: the one that opens the fewest others.
@@ -42,7 +42,8 @@ def _opened(
 ) -> int:
     """Open a node, if it is not; return how many are open.
 
-    The least score is next: that of the fewest nodes to open, and of these of the most edges left.
+    The node with the least score is next: the one that opens the fewest nodes, and among those the
+    one with the most edges left.
     """
     if place[node] >= 0:
         return width

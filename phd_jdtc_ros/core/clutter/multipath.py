@@ -36,8 +36,8 @@ class Multipath:
     ) -> FloatArray:
         """Return the density of echoes relative to that of uniform false detections, (M,).
 
-        The measurements, (M, 2), are ranges in metres and azimuths in radians. Closer behind a
-        target than `least_detour`, in metres, are its own detections.
+        The measurements, (M, 2), are ranges in metres and azimuths in radians. Detections closer
+        behind a target than `least_detour`, in metres, are its own.
         """
         difference = measurement[:, None] - self.measured
         behind = difference[..., 0] > least_detour

@@ -19,12 +19,12 @@ from ..models.tracker_model import TrackerModel
 from ..targets.motion import MotionModel
 from .mixture import Mixture
 
-# Antennas turn evenly, so the same intervals come again and again.
+# Number of intervals that are kept: antennas turn evenly, so that the same ones recur.
 MOST_INTERVALS = 256
 
 
 class Interval(NamedTuple):
-    """What happens to targets in some time; the first axis of the arrays is of intervals."""
+    """Survival and motion of targets over an interval; the first axis is that of intervals."""
 
     survival: FloatArray  # Probability to survive, by motion mode before, (1, R)
     # Probability to survive and to change from the first mode of a pair to the second, (1, K).
@@ -154,7 +154,7 @@ class Dynamics:
         return {}
 
     def over(self, dt: float) -> Interval:
-        """Return what happens in `dt` seconds; the latest intervals are computed once."""
+        """Return the interval of `dt` seconds; the latest ones are kept."""
         known = self._intervals
         if dt not in known:
             if len(known) == MOST_INTERVALS:

@@ -20,13 +20,7 @@ from .snapshot import GaussianEntry
 
 @dataclass
 class GaussianEngine(FixedLagEngine[Mixture, Link]):
-    """Gaussian mixtures of labelled targets with a fixed-lag backward smoother.
-
-    Parameters
-    ----------
-    rule : ReportingRule
-        When tracks are reported.
-    """
+    """Gaussian mixtures of labelled targets with a fixed-lag backward smoother."""
 
     forward: GaussianFilter
     # Lineages of the window that was smoothed last; made again for another window.

@@ -22,13 +22,7 @@ from .update import GaussianSteps
 
 @dataclass
 class GaussianFilter(ForwardFilter[Mixture, Link]):
-    """The filter over scans; keeps the mixtures that later scans continue.
-
-    Parameters
-    ----------
-    done : callable
-        See `ForwardFilter`.
-    """
+    """The filter over scans; keeps the mixtures that later scans continue."""
 
     bounds: Bounds
     # Number of clusters associated approximately in the last step.

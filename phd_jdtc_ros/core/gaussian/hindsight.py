@@ -71,7 +71,7 @@ class Pairs(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """What the smoothing of one update needs, allocated once."""
+    """Working arrays for the smoothing of one update, allocated once."""
 
     fit: FloatArray  # (K,)
     mass: FloatArray  # (K,)
@@ -165,7 +165,7 @@ def _write_fit(
     apart: FloatArray,
     fit: FloatArray,
 ) -> None:
-    """Write how well the mean of each later mode fits what its pairs predicted, shape (K,).
+    """Write how well the mean of each later mode fits the predictions of its pairs, shape (K,).
 
     A normal density, divided by the largest of the pairs of the later mode; 1 for a single pair.
     """
@@ -312,7 +312,7 @@ def _add_deaths(
     smoothed: Gaussians,
     apart: FloatArray,
 ) -> None:
-    """Add to a row what died of it; `death` is the factor on the weight of those that die."""
+    """Add to a row the targets of it that die; `death` is the factor on their weight."""
     for mode in range(len(survival)):
         died, left = death * (1.0 - survival[mode]), total_of(smoothed.weight[at, mode])
         gone = died * total_of(own.weight[at, mode])

@@ -1,8 +1,8 @@
 """The updates of all targets within a window, each linked to the one that it continues.
 
 A turning radar makes many small scans, each with the few targets that the antenna passed. The
-hypotheses of all scans are therefore rows of the same tables, which grow at the end. What was
-smoothed stays there, so that a scan costs only the smoothing of the targets that it updated.
+hypotheses of all scans are therefore rows of the same tables, which grow at the end. Smoothed rows
+stay there, so that a scan costs only the smoothing of the targets that it updated.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from .mixture import Mixture
 from .prediction import Moves
 from .reduction import Ancestry
 
-# Number of hypotheses of dropped entries, beside as many as the window has, above which the tables
-# are filled anew.
+# The tables are filled again when hypotheses of dropped entries are more than those of the window
+# by this number.
 MOST_DROPPED = 1024
 
 
@@ -59,7 +59,7 @@ class _Table:
 
 
 class _Place(NamedTuple):
-    """Where the tables have an entry."""
+    """The place of an entry in the tables."""
 
     stored: Mixture
     rows: slice
@@ -102,7 +102,7 @@ class Lineages:
                 self._append(entry)
 
     def _continued_by(self, window: Sequence[Entry[Mixture, Link]]) -> bool:
-        """Return whether a window has these entries, but for dropped ones, and later ones."""
+        """Return whether a window has these entries, except dropped ones, and then later ones."""
         places, latest = self._places, next(reversed(self._places), -1)
         known = [entry for entry in window if entry.stamp_ns <= latest]
         kept = sum(len(entry.stored) for entry in known)

@@ -135,7 +135,7 @@ class PriorMixture:
 
     @cached_property
     def _usual(self) -> DetectionProbability:
-        """The same, whatever the last look has seen."""
+        """Probability that each Gaussian is detected, whatever the last look saw."""
         return self._detected(None)
 
     def _detected(self, remembered: tuple[FloatArray, FloatArray] | None) -> DetectionProbability:

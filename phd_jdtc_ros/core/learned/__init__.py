@@ -1,1 +1,1 @@
-"""What is learned of a sensor while the tracker runs: its detection probability and its noise."""
+"""A sensor's detection probability and noise, learned while the tracker runs."""

@@ -1,4 +1,4 @@
-"""What one innovation shows of a sensor's noise; only engines load it, because it is compiled."""
+"""Evidence on a sensor's noise from one innovation; compiled, so that only engines load it."""
 
 from __future__ import annotations
 

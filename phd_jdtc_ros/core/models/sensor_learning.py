@@ -31,7 +31,7 @@ _Learned = tuple[Sensor, DetectionFactor | None, NoiseFactor | None, Correlation
 
 @dataclass
 class SensorMemory:
-    """What is learned of each sensor's detections and noise."""
+    """The learned detection probability, noise and correlation of each sensor."""
 
     sensors: tuple[str, ...]  # Names of all sensors, in the configured order
     # By sensor, after the first report from which something was learned.

@@ -152,7 +152,7 @@ def _rows_of_cells(
         apart = np.maximum(np.maximum(row - height, height - row - 1.0) - ROUNDING, 0.0)
         half = ASPECT * np.sqrt(np.maximum(reach * reach - apart * apart, 0.0)) + ROUNDING
         line = first + across * np.minimum(np.maximum(row, 0.0), down - 1.0)
-        # Clipped to the grid: a query outside it tests the cells at the edge, without any hit.
+        # Intervals are clipped to the grid: a query outside tests the cells at the edge in vain.
         left = line + np.minimum(np.maximum(np.floor(along - half), 0.0), last)
         right = line + np.minimum(np.maximum(np.floor(along + half), 0.0), last)
         start[:, column] = begin.take(left.astype(np.int64))

@@ -25,7 +25,7 @@ from .proposals.detections_in_plane import places
 from .resampling import ParticleBudget, resample
 from .update import ParticleSteps
 
-# Second word of the seed. It makes the filter's random stream independent of all remaining; with a
+# Second word of the seed. It makes the filter's random stream independent of all others; with a
 # shared stream, a simulation of the same seed would be correlated with the filter.
 FILTER_STREAM = 2
 

@@ -1,4 +1,4 @@
-"""What the detections of particles show of a sensor's noise."""
+"""Evidence on a sensor's noise from the detections of particles."""
 
 from __future__ import annotations
 

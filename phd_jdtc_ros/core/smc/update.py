@@ -232,7 +232,7 @@ class PriorParticles:
         )
 
     def _noise_evidence(self, pairs: Paired, probability: FloatArray) -> NoiseEvidence | None:
-        """Return what the pairs show of the noise; None if it is known."""
+        """Return the evidence of the pairs on the noise; None if the noise is known."""
         report = self.report
         if report.sensor.noise_factor is None or not self.steps.corrector.labelled:
             return None

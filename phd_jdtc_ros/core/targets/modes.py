@@ -25,7 +25,7 @@ from .motion import MotionModel
 # Tolerance for rounding errors in a generator; its inverse is the largest condition number of the
 # eigenvectors.
 GENERATOR_TOLERANCE = 1e-9
-# Antennas turn evenly, so that the same intervals recur; so many are remembered.
+# Number of intervals that are kept: antennas turn evenly, so that the same ones recur.
 MOST_INTERVALS = 1024
 
 
@@ -190,7 +190,7 @@ class ModeSpace:
     def noise(self, dt: float) -> FloatArray:
         """Return the process noise of each flat mode after `dt` seconds, shape (O, D, D).
 
-        That of the latest intervals is computed once.
+        The noise of the latest intervals is kept.
         """
         known, size = self._noise_after, len(self.space)
         if dt not in known:

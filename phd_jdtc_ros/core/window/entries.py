@@ -167,7 +167,7 @@ class UnsweptRows(Generic[RowsT, LinkT]):
     def split(
         self, swept: BoolArray
     ) -> tuple[UnsweptRows[RowsT, LinkT] | None, UnsweptRows[RowsT, LinkT] | None]:
-        """Return the swept rows and the other rows; None in the place of an empty part.
+        """Return the swept rows and the other rows; None for an empty part.
 
         Parameters
         ----------

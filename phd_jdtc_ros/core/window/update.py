@@ -175,7 +175,7 @@ def _learn_sensor(
     exists = np.where(before > 0.0, before, 1.0)
     known = before
     if report.sensor.clutter_map is not None and bound > 0.0:
-        # What rests is clutter, which may be detected less often than targets.
+        # Stationary targets are clutter, which may be detected less often than other targets.
         slow = sum_by(prior.target, prior.mass * prior.probability_slower(bound), targets)
         known = before * (1.0 - model.detection_births.stationary(slow / exists, bound))
     sensors.learn_detections(

@@ -22,7 +22,7 @@ EXPECTED = frozenset({"other_category", "unknown_radar", "no_detection"})
 
 
 class Moment(NamedTuple):
-    """What the statuses of one report share."""
+    """Values that the statuses of one report share."""
 
     node: str  # Full name of the bridge
     rises: Rises  # Increases of all counts since the bridge was made

@@ -1,7 +1,7 @@
 """The publishers of the tracker, by the table in `msg_adapters.outputs`.
 
-Messages are encoded when somebody listens. The last one of a latched topic is encoded when the
-first listener joins.
+Messages are encoded only if there are subscribers. The last message of a latched topic is encoded
+when the first subscriber joins.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Outputs:
         self._frames: Any = None
         # Stamps of the last messages of periodic outputs.
         self._last_ns: dict[Output, int] = {}
-        # Stamp and data of what a latched topic shows, as long as nobody has received it.
+        # Stamp and data of the last message of a latched topic, until the message is published.
         self._unsent: dict[Output, tuple[int, Any]] = {}
         try:
             for row in table(len(classes), config.engine):
@@ -103,7 +103,7 @@ class Outputs:
             self._frames = None
 
     def begin_run(self) -> None:
-        """Begin a new run; latched topics keep the end of the last one, also if nobody listens."""
+        """Begin a new run; latched topics keep the end of the last, even without subscribers."""
         for row in list(self._unsent):
             self._send(row)
         self._view.begin_run()
@@ -143,7 +143,7 @@ class Outputs:
                 self._encode(row, stamp_ns, data)
 
     def _send(self, row: Output) -> None:
-        """Publish what a latched topic shows, unless it has been published."""
+        """Publish the last message of a latched topic, unless it has been published."""
         if row in self._unsent:
             self._encode(row, *self._unsent.pop(row))
 

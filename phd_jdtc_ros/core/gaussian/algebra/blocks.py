@@ -1,4 +1,4 @@
-"""What compiled functions do with one Gaussian: blocks of the size of a planar state.
+"""Compiled operations on one Gaussian, in blocks of the size of a planar state.
 
 Results go into arrays that are passed last, so that nothing is allocated in a loop.
 """
@@ -11,9 +11,9 @@ from ...arrays import FloatArray
 from ...compilation import inner
 from ...state_space import PLANAR
 
-# Known to the compiler, which halves the time.
+# A constant for the compiler, which halves the time.
 SIZE = len(PLANAR)
-# The part of a variance that the axes before do not explain is rounding below this share of it.
+# Smallest share of a variance that earlier axes leave unexplained; a smaller one is rounding.
 LEAST_PIVOT = 1e-14
 
 
@@ -81,7 +81,7 @@ def square_distance(
 
 @inner
 def log_determinant(factor: FloatArray) -> float:
-    """Return that of the inverse of a factorised covariance, over the axes that it spans."""
+    """Return the log determinant of the inverse of a factorised covariance, over its axes."""
     product = 1.0
     for i in range(SIZE):
         if factor[i, i] > 0.0:
@@ -93,7 +93,7 @@ def log_determinant(factor: FloatArray) -> float:
 def copy_gaussian(
     mean: FloatArray, covariance: FloatArray, to_mean: FloatArray, to_covariance: FloatArray
 ) -> None:
-    """Write a Gaussian as it is; an assignment of arrays would take seconds to compile."""
+    """Copy a Gaussian; an assignment of arrays would take seconds to compile."""
     for i in range(SIZE):
         to_mean[i] = mean[i]
         for k in range(SIZE):

@@ -25,7 +25,7 @@ WEIGHTS = WEIGHTS / WEIGHTS.sum()
 
 
 class Moved(NamedTuple):
-    """A Gaussian that has moved, without process noise, and the arrays that this needs."""
+    """A Gaussian that has moved, without process noise, with the working arrays."""
 
     mean: Float1  # (D,)
     cross: Float2  # Covariance of the states before and after, (D, D)

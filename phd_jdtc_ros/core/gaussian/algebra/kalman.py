@@ -150,7 +150,7 @@ def iterated_update(
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp.
     measurement, noise_std : arrays of shape (M, Z)
-        Of a radar, range in metres and azimuth in radians in its frame; innovations are wrapped.
+        For a radar, range in metres and azimuth in radians in its frame; innovations are wrapped.
     time_s : array of shape (M,) or None
         Time of each measurement relative to the stamp, seconds; the target moves on a straight
         line from the stamp to that time.
@@ -165,8 +165,8 @@ def iterated_update(
     weight : array of shape (N,) or None
         Gaussians without weight have a likelihood of zero.
     modes : int
-        The Gaussians of so many rows belong together: `pairs` has the indices of such groups, and
-        there is an innovation for each Gaussian of a pair, one after the other.
+        Number of consecutive Gaussians that form a group. `pairs` has the indices of groups, and
+        each pair has an innovation for each Gaussian of its group, one after the other.
     expected : array of shape (N, 2) or None
         Expected measurements at the stamp, if they are known.
 
@@ -204,7 +204,7 @@ def iterated_update(
 
 
 def of_groups(group: IntArray, modes: int) -> IntArray:
-    """Return the Gaussians of groups of so many rows, one after the other; -1 for those of -1."""
+    """Return the Gaussians of groups of `modes` rows, one after the other; -1 for group -1."""
     if modes == 1:
         return group
     every: IntArray = np.maximum(group[:, None] * modes + np.arange(modes), -1).ravel()

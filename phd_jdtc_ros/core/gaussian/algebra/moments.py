@@ -23,7 +23,7 @@ def merge_moments(
         Sums to one over the Gaussians of a mixture.
     mean, covariance : arrays of shape (N, D) and (N, D, D)
     mixture : int array of shape (N,)
-        That each Gaussian is of.
+        Mixture of each Gaussian.
     """
     centre, spread = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
     for row in range(len(share)):

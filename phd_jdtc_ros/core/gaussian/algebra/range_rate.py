@@ -100,7 +100,7 @@ def update_rates(
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp, updated with range and azimuth.
     measured : Rates
-        N of them.
+        N range rates.
     time_s : array of shape (N,) or None
         Time of each measurement relative to the stamp, seconds.
     """
@@ -117,7 +117,7 @@ def updated(mean: FloatArray, covariance: FloatArray, found: Expected, measured:
     found : Expected
         Expected range rates of these Gaussians.
     measured : Rates
-        N of them; Gaussians without one are unchanged.
+        N range rates; Gaussians without one are unchanged.
 
     Notes
     -----

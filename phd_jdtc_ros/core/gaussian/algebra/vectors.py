@@ -1,4 +1,4 @@
-"""What compiled functions do with vectors of any size, in loops that allocate nothing."""
+"""Compiled operations on vectors of any size, in loops that allocate nothing."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def detection_probability(
         See `Mixture`.
     remembered : tuple of two arrays of shape (H,), or None
         What the sensor's last look implies for each hypothesis, as in `Remembered`; None for p_D
-        whatever that saw.
+        whatever the last look saw.
     """
     log_snr, model, classes = dynamics.cells.log_snr, dynamics.model, snr.shape[1]
     count, modes, size = expected.measured.shape

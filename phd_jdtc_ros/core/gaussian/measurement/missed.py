@@ -1,4 +1,4 @@
-"""Gaussians of targets that were not detected near the largest range: they are rather beyond it."""
+"""Gaussians of targets that were missed near the largest range: they are probably beyond it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the innovations of Gaussians show of a sensor's noise."""
+"""Evidence on a sensor's noise from the innovations of Gaussians."""
 
 from __future__ import annotations
 

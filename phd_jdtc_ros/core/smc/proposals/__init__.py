@@ -1,1 +1,1 @@
-"""Proposal densities: process noise and velocities drawn with the detections in sight."""
+"""Proposal densities: process noise and velocities drawn given the detections."""
