@@ -12,5 +12,5 @@
     probability of every edge, and of no detection: marginals
       |  factors on the rows' weights        shares, bernoulli
 
-Engines call `bernoulli.bernoulli` and nothing else here.
+An engine gives `claims.Claims` to `bernoulli.bernoulli`, or, if it is compiled, to `shares`.
 """

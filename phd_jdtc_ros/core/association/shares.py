@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..compilation import Float1, Int1, compiled, inner
-from .bernoulli import LEAST_MISSED
+from .claims import LEAST_MISSED
 from .marginals import edge_probabilities
 
 

@@ -17,7 +17,8 @@ import numpy as np
 from scipy import sparse
 
 from ..arrays import FloatArray, factorize, sum_by
-from ..association.bernoulli import Claims, bernoulli
+from ..association.bernoulli import bernoulli
+from ..association.claims import Claims
 from .particle_set import ParticleSet, scale_rows
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, factorize, sum_by
-from ..association.bernoulli import Claims
+from ..association.claims import Claims
 from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
 from ..attributes.uniqueness import OutOfGate

@@ -12,7 +12,7 @@ from typing import Generic
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, sum_by
-from ..association.bernoulli import undetected
+from ..association.claims import undetected
 from ..attributes.evidence import Evidence
 from ..attributes.memory import AttributeMemory, AttributesAt
 from ..attributes.reprojection import Paired, plain

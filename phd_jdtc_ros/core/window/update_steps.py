@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from ..arrays import FloatArray, IntArray
-from ..association.bernoulli import Claims
+from ..association.claims import Claims
 from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
 from ..attributes.uniqueness import OutOfGate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.association import bernoulli
-from phd_jdtc_ros.core.association.bernoulli import Claims
+from phd_jdtc_ros.core.association.claims import Claims
 
 
 def scene(seed=0, rows=12, targets=4, detections=3):

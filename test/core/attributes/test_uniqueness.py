@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from lone import lone
 
-from phd_jdtc_ros.core.association.bernoulli import undetected
+from phd_jdtc_ros.core.association.claims import undetected
 from phd_jdtc_ros.core.attributes import identity, uniqueness
 from phd_jdtc_ros.core.attributes.identity import Belief, IdentityModel
 from phd_jdtc_ros.core.types import UNKNOWN

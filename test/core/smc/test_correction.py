@@ -3,7 +3,7 @@ import pytest
 from matchings import posterior
 from scenes import intensity
 
-from phd_jdtc_ros.core.association.bernoulli import Claims
+from phd_jdtc_ros.core.association.claims import Claims
 from phd_jdtc_ros.core.smc.correction import BERNOULLI, CORRECTORS, POISSON
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray, contiguous
 from ...association import marginals
-from ...association.bernoulli import Claims
+from ...association.claims import Claims
 from ...association.marginals import LEAST_CLUTTER
 from ...association.shares import posterior_shares
 from ...compilation import Float1, Float2, Float3, Int1, compiled, inner

@@ -1,0 +1,47 @@
+"""Association likelihoods of targets and of the other sources of detections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import BoolArray, FloatArray, IntArray, sum_by
+
+# Lower bound of the probability of a missed detection, by which odds are divided.
+LEAST_MISSED = 1e-6
+
+
+@dataclass(frozen=True)
+class Claims:
+    """Association likelihoods of N rows of targets, and of all other sources, for M detections."""
+
+    row: IntArray  # Row of each pair within the gate, (P,)
+    column: IntArray  # Detection of each pair, (P,)
+    mass: FloatArray  # p_D L_z w of each pair, divided by a scale of its detection, (P,)
+    other: FloatArray  # Intensity of clutter and unknown targets, divided by the same scale, (M,)
+    detection_probability: FloatArray  # p_D of each row, (N,); 0 beyond the radar's range
+
+    def part(self, rows: BoolArray | FloatArray) -> FloatArray:
+        """Return the share of some rows, (N,), in the likelihoods of each detection, (M,).
+
+        `rows` is a mask, or the probability that each row counts.
+        """
+        size = len(self.other)
+        whole = sum_by(self.column, self.mass, size)
+        part = sum_by(self.column, self.mass * rows.take(self.row), size)
+        share: FloatArray = part / np.where(whole > 0.0, whole, 1.0)
+        return share
+
+
+def undetected(existence: FloatArray, missed: FloatArray) -> FloatArray:
+    """Return the existence probabilities of targets after a missed detection.
+
+    Parameters
+    ----------
+    existence : array of shape (T,)
+        Prior existence probabilities.
+    missed : array of shape (T,)
+        Probability that each target exists and is not detected.
+    """
+    return missed / np.maximum(1.0 - existence + missed, LEAST_MISSED)
