@@ -63,7 +63,7 @@ def of_noise(fit: Fit) -> str | None:
 
 
 def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -> str | None:
-    """Return the warning about a radar that is learned to be worse than it was set, or None.
+    """Return the warning about a radar that has proved worse than configured, or None.
 
     It depends on the figures of a step, see `SensorMemory.figures`, and on whether it was worse
     until now.
@@ -89,7 +89,7 @@ def of_learned(radar: str, figures: Mapping[str, float], warned: bool = False) -
 
 
 def of_changes(radar: str, figures: Mapping[str, float]) -> str | None:
-    """Return the warning about a radar that is no longer what it was, or None; see `of_learned`."""
+    """Return the warning about a radar that has changed, or None; see `of_learned`."""
     changed = []
     if f"{radar}.fewer_detections" in figures:
         changed.append("it detects fewer targets")

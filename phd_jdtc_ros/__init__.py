@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["Tracker", "__version__", "evaluate", "simulate"]
 __version__ = "1.0.0"
 
-# These are imported when they are asked for, so that they cost the nodes no time at their start.
+# These are imported on first use, so that they do not delay the start of nodes.
 _MODULES = {"Tracker": "tracker", "simulate": "simulated", "evaluate": "scores"}
 
 

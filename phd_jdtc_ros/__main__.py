@@ -47,7 +47,7 @@ MOVED = {
     "autoferry": "autoferry",
 }
 
-# Nodes that are started in the place of an executable that is given ROS arguments only, or none.
+# Nodes that are started instead of an executable if it is given ROS arguments only, or none.
 NODES = {"asterix_bridge": "nodes.asterix.node", "hand_over": "nodes.hand_over.node"}
 
 # Modules that a ROS installation has, and that the extra `ros` installs.
@@ -81,7 +81,7 @@ def run(name: str, argv: Sequence[str] | None = None) -> int:
 
 
 def _module(path: str) -> ModuleType:
-    """Import an executable's module, which takes a second; a signal ends it without a word.
+    """Import an executable's module, which takes a second; a signal ends it without a message.
 
     A node handles signals by itself once it runs, and is asked to stop by SIGTERM too.
     """

@@ -1,4 +1,4 @@
-"""Files of results: checked before the work that they are for, and written whole or not at all."""
+"""Files of results: checked before the work begins, and written whole or not at all."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ MODE = 0o644
 def write(path: Path, data: str | bytes) -> None:
     """Write a file through a temporary one beside it, so that it is never incomplete.
 
-    A symbolic link is replaced, and what it points to stays as it is. What is no regular file, such
-    as ``/dev/stdout``, is written to directly. An `OSError` has the path as its ``filename``;
-    nothing is left then.
+    A symbolic link is replaced, and its target stays as it is. A path that is not a regular file,
+    such as ``/dev/stdout``, is written to directly. An `OSError` has the path as its ``filename``;
+    no file is left then.
     """
     content = data.encode() if isinstance(data, str) else data
     if path.exists() and not path.is_file():
@@ -41,8 +41,8 @@ def write(path: Path, data: str | bytes) -> None:
 def require_new(paths: Mapping[str, Path], made: Path | None = None) -> None:
     """Check that files, by the option that asks for each, can be written when they are ready.
 
-    `made` is a directory that will have been made by then. `ConfigError` lists every file whose
-    path another one has, that exists, or whose directory does not.
+    `made` is a directory that will have been made by then. `ConfigError` lists every file that
+    exists, that has the path of another one, or whose directory does not exist.
     """
     faults = []
     options: dict[Path, str] = {} if made is None else {made.resolve(): "--out"}

@@ -54,7 +54,7 @@ def find(relative: Path) -> Path:
 def bag(given: str | Path) -> Path:
     """Return the path of a bag that is given by its path, or by its name if it is a shipped one.
 
-    Raises `BagError` if there is nothing of a name.
+    Raises `BagError` if no bag has the name.
     """
     path = Path(given)
     # os.path answers for names that are too long too, for which pathlib raises.

@@ -26,7 +26,7 @@ class Tracks(NamedTuple):
     """Estimates of targets, as structured arrays; see `Tracker` for their columns."""
 
     filtered: Column  # From the detections up to their time
-    # Also from later detections within the lag: more accurate, but some scans later.
+    # From these and later detections within the lag: more accurate, but available scans later.
     smoothed: Column
 
 

@@ -57,7 +57,7 @@ class ServiceMessage(NamedTuple):
 
     @property
     def period(self) -> int:
-        """As of a `Plot`; times of service messages are never truncated."""
+        """See `Plot.period`; times of service messages are never truncated."""
         return DAY
 
 

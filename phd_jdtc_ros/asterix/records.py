@@ -42,10 +42,10 @@ Items: TypeAlias = "tuple[int, ...]"
 
 
 class Category(NamedTuple):
-    """How the records of a category are decoded."""
+    """The decoder of the records of a category."""
 
-    # Returns the message, or the reason for which the record is skipped, empty if it is not
-    # counted; from the record's bytes and the beginning of each item, -1 if the item is absent.
+    # Returns the message, or the reason why the record is skipped (empty if that is not counted),
+    # given the record's bytes and the beginning of each item, -1 if the item is absent.
     decode: Callable[[bytes, Items], Message | str]
     items: tuple[str, ...]
 
@@ -76,9 +76,9 @@ class RecordReader:
     def _kind(
         self, data: bytes, at: int, limit: int
     ) -> tuple[Layout, Callable[[list[int]], Items]]:
-        """Return the layout of a record of CAT001, and what selects its items.
+        """Return the layout of a record of CAT001, and the function that selects its items.
 
-        The first bit of item 020 says which one; both layouts have this item at the same place.
+        The first bit of item 020 determines the layout; both have this item at the same place.
         """
         layout, _ = self._kinds["plot"]
         descriptor = layout.first(data, at, limit, "020")

@@ -59,7 +59,7 @@ class Index:
     schemas: dict[int, Schema] = field(default_factory=dict)  # By id
     # Earliest log time, offset and length of each chunk, as `chunks.unpack` takes them.
     chunks: list[tuple[int, int, int]] = field(default_factory=list)
-    # The same of each run of consecutive messages outside of chunks.
+    # Earliest log time, offset and length of each run of consecutive messages outside of chunks.
     runs: list[tuple[int, int, int]] = field(default_factory=list)
     counts: Counter[int] = field(default_factory=Counter)  # Messages by channel id
     expected: int | None = None  # Number of messages that the file declares

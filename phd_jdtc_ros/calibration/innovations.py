@@ -49,7 +49,7 @@ class Fit(NamedTuple):
     innovations: int  # Number of innovations, at most `MEMORY`
     # Ratio of the median squared innovation to the expected one; NaN without any.
     ratio_to_expected: float
-    ratio_to_noise: float  # The same ratio to the noise alone
+    ratio_to_noise: float  # Ratio of the median squared innovation to that of the noise alone
     # Ratio of the innovations of range and azimuth to the noise, as standard deviations, (2,).
     axes: FloatArray
     # Whether the innovations show that the configured noise is too small or too large.

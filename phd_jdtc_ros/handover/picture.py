@@ -89,7 +89,7 @@ class JointPicture:
 
     @property
     def handed_over(self) -> int:
-        """Number of times that a target has changed over from one tracker to another."""
+        """Number of times that a target was handed over from one tracker to another."""
         return self._handover.handed_over
 
     @property

@@ -21,7 +21,8 @@ from phd_jdtc_ros.configuration.schema import (
 )
 from phd_jdtc_ros.core.tracks.region import Region
 
-# Default distance beyond a seam at which a target changes over, as a share of the smallest margin.
+# Default distance beyond a seam at which a target is handed over, as a share of the smallest
+# margin.
 HYSTERESIS = 0.2
 # A smoothed estimate waits until the filtered picture is SMOOTHED_WAIT_S seconds ahead of it,
 # because the smoother reports a target before the filter has confirmed and numbered it. If the
@@ -116,7 +117,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
 
 
 def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hysteresis") -> float:
-    """Return the distance beyond a seam at which a target changes over, metres.
+    """Return the distance beyond a seam at which a target is handed over, metres.
 
     It is `HYSTERESIS` of the smallest margin unless it is given. More than this margin is a
     `ConfigError` with the name of the parameter or the option.

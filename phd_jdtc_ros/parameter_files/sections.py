@@ -1,7 +1,7 @@
 """Sections of ROS parameter files, and their match with a node's name.
 
-rclpy merges files silently: with a file without a section for it a node has its defaults. Therefore
-the files of a node's command line are read here too.
+rclpy merges files silently: a node for which no file has a section runs with its defaults.
+Therefore the files of a node's command line are read here too.
 """
 
 from __future__ import annotations

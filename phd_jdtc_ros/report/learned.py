@@ -1,4 +1,4 @@
-"""What a tracker has learned of its sensors, beside what was set."""
+"""The values that a tracker has learned of its sensors, beside the configured ones."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class LearnedValue(NamedTuple):
 
 
 def changes(inputs: Iterable[RadarParameters], figures: Mapping[str, float]) -> dict[str, str]:
-    """Return the warnings about sensors that are no longer what they were, by sensor."""
+    """Return the warnings about sensors that have changed, by sensor."""
     texts = {radar.name: anomalies.of_changes(radar.name, figures) for radar in inputs}
     return {name: text for name, text in texts.items() if text is not None}
 

@@ -1,7 +1,7 @@
 """Reads the UDP payloads of pcap and pcapng captures.
 
-This parser is our own because of the maintained libraries, scapy needs 20 MB and 0.1 ms per packet,
-and none reads both formats without dissecting unneeded layers. It reads the blocks of two file
+The parser is our own: of the maintained libraries, scapy needs 20 MB and 0.1 ms per packet, and no
+other reads both formats without dissecting unneeded layers. It reads the blocks of two file
 formats, four link layers, IPv4 and UDP.
 """
 

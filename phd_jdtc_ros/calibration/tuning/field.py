@@ -12,7 +12,7 @@ from phd_jdtc_ros.core.types import FULL_TURN
 
 from .plots import Plots
 
-# A field of view is proposed only if a gap in azimuth without plots is wider than this, radians,
+# A field of view is proposed only if a gap in azimuth without plots is wider than this, radians.
 LEAST_GAP = np.radians(20.0)
 # The gap must also be wider than this many times the mean azimuth spacing of the plots.
 LEAST_SPACES = 12.0

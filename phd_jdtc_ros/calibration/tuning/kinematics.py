@@ -21,8 +21,8 @@ def predict(
 ) -> tuple[FloatArray, FloatArray]:
     """Return predicted means (..., 4) and covariances (..., 4, 4).
 
-    The spectral density of the white acceleration is `noise_density`, m^2/s^3, shape (...), as
-    the time step `dt`, seconds; the covariances have its leading axes.
+    `noise_density`, the spectral density of the white acceleration, m^2/s^3, and the time step
+    `dt`, seconds, have the leading axes of the covariances, shape (...).
     """
     step = dt[..., None]
     moved = np.concatenate([mean[..., :2] + step * mean[..., 2:], mean[..., 2:]], axis=-1)

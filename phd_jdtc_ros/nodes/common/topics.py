@@ -50,7 +50,7 @@ def qos_of(topic: str) -> Iterator[None]:
 def full_name(node: Node, topic: str, parameter: str, given: str | None = None) -> str:
     """Return the name of a topic after remapping.
 
-    An error names the parameter that the topic comes from. That has the value `given`, None if it
+    An error names the parameter that the topic comes from. `given` is its value; None if the value
     is the topic itself.
 
     Raises

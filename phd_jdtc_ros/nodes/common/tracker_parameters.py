@@ -48,7 +48,7 @@ class TrackerParameters:
             self._request(self._list, ListParameters.Request(), self._on_names)
 
     def _request(self, client: Client, request: Any, on_reply: Callable[[Any], None]) -> None:
-        """Send a request in the place of the one before, whose reply is not waited for any more."""
+        """Send a request instead of the previous one, whose reply is no longer awaited."""
         if self._pending is not None:
             before, future = self._pending
             before.remove_pending_request(future)

@@ -1,1 +1,1 @@
-"""The live hand-over: the estimates of trackers that part an area, as one picture."""
+"""The live hand-over: joins the estimates of trackers that share an area into one picture."""

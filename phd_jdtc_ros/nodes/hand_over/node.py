@@ -161,7 +161,7 @@ class HandOver(RunnableNode):
             self._outputs[source].publish(estimates.to_msg(joint, self._frame or ""))
 
     def _log_silent(self) -> None:
-        """Log each tracker that the picture begins to go on without, or has again."""
+        """Log each tracker that the picture no longer waits for, or waits for again."""
         before, self._silent = self._silent, self._picture.silent
         for tracker in sorted(self._silent - before):
             own, behind_s = self._trackers[tracker], self._picture.behind_s(tracker)

@@ -117,7 +117,7 @@ def earth_grid(
 ) -> dict[str, Any]:
     """Add latitudes and longitudes of a grid's nodes as columns; return the nodes' positions.
 
-    The parameters are the same as of `graticule`. Longitudes are continuous over the antimeridian.
+    For the parameters see `graticule`. Longitudes are continuous over the antimeridian.
     """
     beyond = BEYOND * (far - corner)
     nodes = np.linspace(corner - beyond, far + beyond, NODES)
@@ -137,7 +137,7 @@ def rings(
 ) -> list[tuple[float, float, float, str]]:
     """Return rings of equal range about radars: x, y and radius in metres, and a text.
 
-    The corners of the first view are the same as of `graticule`.
+    For the corners of the first view see `graticule`.
     """
     places = [radar.position for radar in radars]
     farthest = max(

@@ -1,4 +1,4 @@
-"""What was learned of the sensors, as a table on the report's page."""
+"""The learned values of the sensors, as a table on the report's page."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from . import score_words
 
 
 def section(learned: Sequence[LearnedValue], changes: Mapping[str, str]) -> str:
-    """Return the table of what was set and what was found; empty if nothing is learned.
+    """Return the table of configured and learned values; empty if nothing is learned.
 
     Parameters
     ----------
     changes : mapping of str to str
-        How sensors differ from what they were before, by name.
+        How each sensor has changed, by name.
     """
     if not learned:
         return ""

@@ -1,7 +1,7 @@
 """The kinds of tracker in a study: how each is run, on what, and its source files.
 
-A kind is a tracker with its settings. A peer, another tracker, is of the repository's `studies`,
-which give a study their own table of kinds; here its name is known and it is left out.
+A kind is a tracker with its settings. Other trackers are in the repository's `studies`, which give
+a study their own table of kinds; here their names are known, and they are left out.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Kind:
     turning: bool = False  # Whether it runs on the cases with turning antennas, or on the others
     ours: bool = False  # Whether it is this package's tracker
     tuned: bool = False  # Whether a variant may have parameters of the tracker
-    known_association: bool = False  # Whether it is told the source of every detection
+    known_association: bool = False  # Whether it is given the source of every detection
     classes: bool = True  # Whether it estimates classes
     package: str = ""  # Optional package that it needs
 

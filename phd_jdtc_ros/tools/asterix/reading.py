@@ -114,8 +114,8 @@ def convert(
 ) -> Converted:
     """Write the clouds of a recording into a new bag, with parameters for a tracker beside it.
 
-    `midnight_ns` is the begin of the recording's day; see `framing.datagrams`. If ports are given,
-    what captures have of others is left out.
+    `midnight_ns` is the beginning of the recording's day; see `framing.datagrams`. If ports are
+    given, captured datagrams to other ports are left out.
 
     Raises
     ------
