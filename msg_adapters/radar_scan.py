@@ -98,7 +98,7 @@ def to_cdr(detections: Detections, stamp_ns: int, radar: RadarParameters) -> byt
     """Serialise a planar radar's detections as a scan.
 
     Elevations are 0, or for a radar with a site those of targets at the antenna's height. Doppler
-    velocities are 0 without range rates, and amplitudes are 0 without an `fields.amplitude`.
+    velocities are 0 without range rates, and amplitudes are 0 without a `fields.amplitude`.
     """
     returns = np.zeros((len(detections), RETURN_FIELDS), dtype="<f4")
     returns[:, :3] = ground_ranges.measure_at_antenna_height(detections, radar)

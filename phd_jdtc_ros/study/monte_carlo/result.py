@@ -56,7 +56,7 @@ class Result:
         return 1.0 - ratio(after, before)
 
     def confusion(self, lag: int) -> FloatArray | None:
-        """Return the confusion matrices of the runs, see `surveillance.confusion_matrix`.
+        """Return the confusion matrices of the runs, see `pairs.confusion_matrix`.
 
         Returns
         -------
