@@ -25,7 +25,7 @@ KNOWN_EXISTENCE = 0.7
 LEAST_EXPECTED = 0.01
 # Number of open looks below which those of targets that have ended are kept.
 FEW_LOOKS = 256
-# A configured sensor, what was learned of it, and the sensor with that.
+# A configured sensor, its learned values, and the sensor with these.
 _Learned = tuple[Sensor, DetectionFactor | None, NoiseFactor | None, Correlation | None, Sensor]
 
 
@@ -47,7 +47,7 @@ class SensorMemory:
     _latest: dict[str, _Learned] = field(default_factory=dict, init=False, repr=False)
 
     def learned(self, sensor: Sensor) -> Sensor:
-        """Return a sensor with what was learned of it."""
+        """Return a sensor with its learned values."""
         detection = noise = correlation = None
         if sensor.detection_factor is not None:
             detection = self.detection.get(sensor.name)
@@ -58,7 +58,7 @@ class SensorMemory:
         found = detection, noise, correlation
         if all(each is None for each in found):
             return sensor
-        # A scan begins with what the one before it learned, so that its sensor can be used again.
+        # A scan begins with the values learned by the one before, whose sensor is used again.
         latest = self._latest.get(sensor.name)
         if latest is not None and all(map(is_, latest, (sensor, *found))):
             return latest[-1]
@@ -67,18 +67,18 @@ class SensorMemory:
         return learned
 
     def with_learned_sensor(self, report: Report) -> Report:
-        """Return a report whose sensor has what was learned of it."""
+        """Return a report whose sensor has its learned values."""
         sensor = self.learned(report.sensor)
         return report if sensor is report.sensor else replace(report, sensor=sensor)
 
     def with_learned_sensors(self, model: TrackerModel) -> TrackerModel:
-        """Return a tracker's model whose sensors have what was learned of them."""
+        """Return a tracker's model whose sensors have their learned values."""
         if not (self.detection or self.noise or self.correlation):
             return model
         return replace(model, radars=tuple(map(self.learned, model.radars)))
 
     def figures(self, sensors: Sequence[Sensor]) -> dict[str, float]:
-        """Return what was learned of configured sensors, by dotted name.
+        """Return the learned values of configured sensors, by dotted name.
 
         For each sensor that learns: the mean detection probability of the targets, with its
         standard deviation and the configured one, the ratios of the standard deviations of

@@ -111,7 +111,7 @@ class Sensor(ABC):
         noise: NoiseFactor | None,
         correlation: Correlation | None = None,
     ) -> SensorT:
-        """Return the configured sensor with what was learned of it; None keeps a model."""
+        """Return the configured sensor with its learned values; None keeps a model."""
         return replace(
             self,
             detection_factor=detection or self.detection_factor,

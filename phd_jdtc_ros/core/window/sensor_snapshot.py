@@ -1,4 +1,4 @@
-"""Storage of what was learned of sensors in a snapshot, and its restoration."""
+"""Storage of the learned values of sensors in a snapshot, and their restoration."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CORRELATION, LAST, ALARM = "correlation", "last_looks", "change_alarm"
 
 
 def sensors_to_snapshot(memory: SensorMemory, snapshot: Snapshot) -> None:
-    """Store what was learned of sensors; nothing if none of them learns."""
+    """Store the learned values of sensors, if there are any."""
     for name, detection in memory.detection.items():
         to_snapshot(detection, snapshot, f"{DETECTION}.{name}")
     for name, noise in memory.noise.items():
@@ -35,7 +35,7 @@ def sensors_to_snapshot(memory: SensorMemory, snapshot: Snapshot) -> None:
 
 
 def sensors_from_snapshot(snapshot: Snapshot, sensors: Sequence[Sensor]) -> SensorMemory:
-    """Return what was learned of these sensors.
+    """Return the learned values of these sensors.
 
     A learned value is dropped if the configuration sets it now. The open looks are dropped if the
     learned detection probability of any sensor is not in the snapshot.
@@ -43,7 +43,7 @@ def sensors_from_snapshot(snapshot: Snapshot, sensors: Sequence[Sensor]) -> Sens
     Raises
     ------
     ValueError
-        If it belongs to another sensor, or a tracker could not have stored it.
+        If a value belongs to another sensor, or a tracker could not have stored it.
     """
     known = {sensor.name: sensor for sensor in sensors}
     memory = SensorMemory(tuple(known))

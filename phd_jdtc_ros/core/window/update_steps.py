@@ -1,7 +1,7 @@
-"""An engine's part of an update: what `update` asks of it, report by report.
+"""An engine's part of an update, which `update` calls report by report.
 
-The expected measurements of its rows, the gated pairs of rows and detections, and the rows after an
-association.
+It gives the expected measurements of its rows, the gated pairs of rows and detections, and the rows
+after an association.
 """
 
 from __future__ import annotations

@@ -152,7 +152,7 @@ def _likely(
         for pair in pairs:
             own[column[pair]] += odds[pair]
         for pair in pairs:
-            # Each detection counts once, by what remains of it if all other targets claim it.
+            # Each detection counts once, by the share that other targets' claims leave of it.
             z = column[pair]
             alone[one] += own[z] / (1.0 + max(wanted[z] - own[z], 0.0))
             own[z] = 0.0
