@@ -15,7 +15,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, contains, run_starts
 from ..window.entries import Entry, Source
-from .hindsight import Edges, Gaussians, Pairs, Predicted, Updates, go_back
+from .algebra.hindsight import Edges, Gaussians, Pairs, Predicted, Updates, go_back
 from .mixture import Mixture
 from .prediction import Moves
 from .reduction import Ancestry

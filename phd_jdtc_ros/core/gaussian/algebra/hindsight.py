@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
-from ..compilation import Bool1, Float2, Float3, Float4, Int1, Int2, compiled, inner
-from .algebra.blocks import (
+from ...arrays import FloatArray, IntArray
+from ...compilation import Bool1, Float2, Float3, Float4, Int1, Int2, compiled, inner
+from .blocks import (
     SIZE,
     add_mean,
     add_spread,
@@ -18,7 +18,7 @@ from .algebra.blocks import (
     log_determinant,
     square_distance,
 )
-from .algebra.vectors import add, sum_of, total_of, write_scaled
+from .vectors import add, sum_of, total_of, write_scaled
 
 # Smallest log fit of a pair of modes relative to the best pair: no pair is excluded for good.
 LEAST_LOG_FIT = -50.0
