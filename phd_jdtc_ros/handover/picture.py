@@ -47,9 +47,9 @@ class _Run:
     until_ns: Mapping[int, float] = field(default_factory=dict)
     closed: bool = False  # Whether further smoothed estimates are too late
 
-    def apart(self, gathered: Gathered) -> Gathered:
+    def renumber(self, gathered: Gathered) -> Gathered:
         """Return estimates of a stamp with track numbers that are unique in the run."""
-        return {tracker: self.series[tracker].apart(own) for tracker, own in gathered.items()}
+        return {tracker: self.series[tracker].renumber(own) for tracker, own in gathered.items()}
 
 
 class JointPicture:
@@ -93,7 +93,7 @@ class JointPicture:
         return self._handover.handed_over
 
     @property
-    def parted(self) -> int:
+    def uncommon_stamps(self) -> int:
         """Number of the last `LATEST_STAMPS` stamps at which a live tracker sent no estimates."""
         return self._common.count(False)
 
@@ -211,7 +211,7 @@ class JointPicture:
             self._common.append(live.issubset(gathered))
             for tracker, series in enumerate(run.series):
                 series.take(stamp_ns, gathered.get(tracker))
-            joint = self._handover.add(run.apart(gathered))
+            joint = self._handover.add(run.renumber(gathered))
             run.numbers.add(stamp_ns, self._handover.numbers)
             run.reached_ns = stamp_ns
             done.append((FILTERED, joint))
@@ -226,7 +226,7 @@ class JointPicture:
             early = stamp_ns + self._wait_ns > run.reached_ns
             if early and not too_many(run.smoothed, self._most_waiting):
                 break
-            gathered = run.apart(run.smoothed.pop(0))
+            gathered = run.renumber(run.smoothed.pop(0))
             joint = self._handover.join_numbered(gathered, run.numbers.at(stamp_ns))
             done.append((SMOOTHED, joint))
         # The previous run's estimates come first.

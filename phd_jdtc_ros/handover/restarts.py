@@ -58,7 +58,7 @@ class TrackSeries:
         oldest_ns = stamp_ns - round(KEPT_S * 1e9)
         self._begun = [entry for entry in self._begun if entry[0] >= oldest_ns]
 
-    def apart(self, found: Estimates) -> Estimates:
+    def renumber(self, found: Estimates) -> Estimates:
         """Return estimates with track numbers that are unique over all series."""
         if not self._count:
             return found

@@ -226,16 +226,16 @@ def test_stamps_that_are_never_common_are_counted():
     picture = JointPicture(REGIONS, 2e3, 8.0, 5.0)
     for stamp in range(100, 160, 6):
         add(picture, FILTERED, stamp, {7: -30e3}, {5: 30e3})
-    assert picture.parted == 0
+    assert picture.uncommon_stamps == 0
     for stamp in range(160, 220, 6):
         picture.add(WEST, FILTERED, estimates(stamp, {7: -30e3}))
         picture.add(EAST, FILTERED, estimates(stamp + 2, {5: 30e3}))
-    assert picture.parted == LATEST_STAMPS
+    assert picture.uncommon_stamps == LATEST_STAMPS
     # A tracker that is silent is no reason.
     for stamp in range(400, 460, 6):
         picture.add(WEST, FILTERED, estimates(stamp, {7: -30e3}))
     assert picture.silent == {EAST}
-    assert picture.parted == 0
+    assert picture.uncommon_stamps == 0
 
 
 def test_smoothed_estimates_that_wait_for_the_filtered_picture_are_bounded():

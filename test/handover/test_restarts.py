@@ -19,7 +19,7 @@ def followed(*said):
     for stamp, tracks in said:
         own = None if tracks is None else estimates(stamp, tracks)
         series.take(stamp * NS, own)
-        found.append([] if own is None else series.apart(own).track_id.tolist())
+        found.append([] if own is None else series.renumber(own).track_id.tolist())
     return found, series
 
 
@@ -41,8 +41,8 @@ def test_numbers_that_begin_again_are_of_another_series():
     )
     assert found == [[1, 2], [], [SERIES + 1], [SERIES + 1, SERIES + 2]]
     # Smoothed estimates are distinguished by their stamp.
-    assert series.apart(estimates(0, {2: 9e3})).track_id.tolist() == [2]
-    assert series.apart(estimates(4, {1: -41e3})).track_id.tolist() == [SERIES + 1]
+    assert series.renumber(estimates(0, {2: 9e3})).track_id.tolist() == [2]
+    assert series.renumber(estimates(4, {1: -41e3})).track_id.tolist() == [SERIES + 1]
 
 
 def test_a_number_that_is_elsewhere_at_the_next_stamp_is_of_another_series():
@@ -76,4 +76,4 @@ def test_earlier_series_are_forgotten_and_the_latest_one_is_not():
     late = round(KEPT_S) + 100
     found, series = followed((0, {1: 0.0}), (4, {}), (8, {1: -40e3}), (late, {1: -40e3}))
     assert found[-1] == [SERIES + 1]
-    assert series.apart(estimates(late, {1: 0.0})).track_id.tolist() == [SERIES + 1]
+    assert series.renumber(estimates(late, {1: 0.0})).track_id.tolist() == [SERIES + 1]

@@ -52,15 +52,15 @@ def test_a_tracker_whose_clouds_are_refused_is_not_called_silent():
     assert found.message == "left out: frame 1; the picture is without it"
 
 
-def picture(alive=("west", "east"), parted=0, published=3):
+def picture(alive=("west", "east"), uncommon_stamps=0, published=3):
     counts = Counter({FILTERED: published} if published else {})
-    joint = SimpleNamespace(handed_over=1, parted=parted, overflow=0)
+    joint = SimpleNamespace(handed_over=1, uncommon_stamps=uncommon_stamps, overflow=0)
     return health.of_picture("/hand_over", joint, counts, 4, alive)
 
 
 def test_picture_of_trackers_that_are_all_there_is_well():
     assert picture().level == DiagnosticStatus.OK
-    assert picture(parted=LATEST_STAMPS // 2).level == DiagnosticStatus.OK
+    assert picture(uncommon_stamps=LATEST_STAMPS // 2).level == DiagnosticStatus.OK
 
 
 def test_picture_warns_where_trackers_are_missing():
@@ -68,7 +68,10 @@ def test_picture_warns_where_trackers_are_missing():
         ({"alive": ()}, "all trackers are silent"),
         ({"alive": ("east",)}, "of one tracker alone: east"),
         ({"published": 0}, "nothing published"),
-        ({"parted": 9}, "stamps are not common: 9 of the last 10 are of some trackers only; set "),
+        (
+            {"uncommon_stamps": 9},
+            "stamps are not common: 9 of the last 10 are of some trackers only; set ",
+        ),
     ):
         found = picture(**given)
         assert found.level == DiagnosticStatus.WARN

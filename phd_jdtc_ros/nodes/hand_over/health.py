@@ -100,23 +100,23 @@ def of_picture(
     `published` counts clouds by source; `alive` are the names of the trackers that are in the
     picture and not quiet.
     """
-    parted = picture.parted
+    uncommon_stamps = picture.uncommon_stamps
     values = {
         **published,
         "tracks": tracks,
         "handed_over": picture.handed_over,
-        "parted_stamps": parted,
+        "parted_stamps": uncommon_stamps,
         "stamps_overflow": picture.overflow,
     }
     uncommon = (
-        f"stamps are not common: {parted} of the last {LATEST_STAMPS} are of some trackers only; "
-        "set estimates_period_s of all trackers to the same"
+        f"stamps are not common: {uncommon_stamps} of the last {LATEST_STAMPS} are of some "
+        "trackers only; set estimates_period_s of all trackers to the same"
     )
     condition = first(
         (WARN, not published, "nothing published"),
         (WARN, not alive, "all trackers are silent"),
         (WARN, len(alive) == 1, f"of one tracker alone: {', '.join(alive)}"),
-        (WARN, parted > LATEST_STAMPS // 2, uncommon),
+        (WARN, uncommon_stamps > LATEST_STAMPS // 2, uncommon),
         (OK, True, f"{tracks} tracks, {picture.handed_over} changes from one tracker to another"),
     )
     return diagnostics.status(names.health("picture", node), values, *condition, node)
