@@ -13,7 +13,7 @@ They are not part of the installed package, whose `monte_carlo` is the reference
     hours           simulated recordings of an hour, tracked without a configuration
     autoferry       recordings of a public dataset, with this package and other trackers
     misspecified    trackers that are told wrongly what their radars are like
-    changed_radars  how soon it is noticed that a radar is no longer what it was
+    changed_radars  how soon it is noticed that a radar has changed
     calibration     probabilities and covariances beside what is true, on drawn truth
     tuning_truth    proposals of `tune` beside the simulated values
 

@@ -1,4 +1,4 @@
-"""How soon a tracker says that a radar is no longer what it was, and how often it says so wrongly.
+"""How soon a tracker says that a radar has changed, and how often it says so wrongly.
 
 A radar of the reference scenario changes half-way through: it detects fewer targets, its noise
 rises, or it has a blind sector. The tracker learns detection probability and noise.
