@@ -21,7 +21,7 @@ from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.study.monte_carlo.definition import CUTOFF, ORDER
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
-from phd_jdtc_ros.study.tracker import Reading, track
+from phd_jdtc_ros.study.tracker import ExtractionVariant, track
 
 from .runner import Figures, Goal, Study, add_engine_argument, goal, table
 
@@ -57,7 +57,7 @@ CASES: Mapping[str, Mapping[str, float]] = {
 LAGS = {"filtered": 0, "smoothed": 5}
 # Scans that do not count.
 BEFORE = 20
-READING = Reading("misspecified", "bernoulli", "components")
+EXTRACTION = ExtractionVariant("misspecified", "bernoulli", "components")
 # Largest ratio to the errors of a tracker that is told the truth.
 MOST_WRONG, MOST_RIGHT = 1.1, 1.01
 
@@ -93,7 +93,7 @@ def of_radars(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _distances(run: SimulatedRun, parameters: Mapping[str, Any]) -> dict[str, float]:
     """Return the mean OSPA distances of a tracker with these parameters, by source, metres."""
-    tracks = track(run, resolve(parameters), [READING], tuple(LAGS.values()))[READING.label]
+    tracks = track(run, resolve(parameters), [EXTRACTION], tuple(LAGS.values()))[EXTRACTION.label]
     return {source: _mean(run, tracks[lag]) for source, lag in LAGS.items()}
 
 

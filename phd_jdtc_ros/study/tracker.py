@@ -32,7 +32,7 @@ from .runs import SimulatedRun, Tracks
 Window: TypeAlias = "Sequence[Entry[Any, Any]]"
 
 
-class Reading(NamedTuple):
+class ExtractionVariant(NamedTuple):
     """A variant of extraction: death term and extraction method."""
 
     label: str
@@ -46,8 +46,8 @@ class _Parts(NamedTuple):
     forward: ForwardFilter[Any, Any]
     # Returns the smoothed sets, newest first, given window and death term.
     backward: Callable[[Window, str], Iterable[Any]]
-    # Extracts estimates, given set, reading, stamp in nanoseconds, lag, threshold and generator.
-    extract: Callable[[Any, Reading, int, int, float, np.random.Generator], Estimates]
+    # Extracts estimates, given set, variant, stamp in nanoseconds, lag, threshold and generator.
+    extract: Callable[[Any, ExtractionVariant, int, int, float, np.random.Generator], Estimates]
     rule: ReportingRule
 
 
@@ -59,13 +59,13 @@ def _of_particles(config: TrackerConfig) -> _Parts:
 
     def extract(
         stored: Any,
-        reading: Reading,
+        variant: ExtractionVariant,
         stamp_ns: int,
         lag: int,
         threshold: float,
         rng: np.random.Generator,
     ) -> Estimates:
-        groups = EXTRACTIONS[reading.extraction](stored, modes, threshold, rng)
+        groups = EXTRACTIONS[variant.extraction](stored, modes, threshold, rng)
         return estimates(stored, modes, stamp_ns, lag, groups)
 
     return _Parts(particle_filter(config), backward, extract, config.rule)
@@ -79,7 +79,7 @@ def _of_gaussians(config: TrackerConfig) -> _Parts:
 
     def extract(
         stored: Any,
-        _: Reading,
+        _: ExtractionVariant,
         stamp_ns: int,
         lag: int,
         threshold: float,
@@ -95,9 +95,12 @@ PARTS = {"particles": _of_particles, "gaussian": _of_gaussians}
 
 
 def track(
-    run: SimulatedRun, config: TrackerConfig, readings: Sequence[Reading], lags: Sequence[int]
+    run: SimulatedRun,
+    config: TrackerConfig,
+    variants: Sequence[ExtractionVariant],
+    lags: Sequence[int],
 ) -> dict[str, Tracks]:
-    """Return the tracker's estimates of a run, by label of the reading and by lag.
+    """Return the tracker's estimates of a run, by label of the variant and by lag.
 
     Parameters
     ----------
@@ -110,44 +113,46 @@ def track(
 
     Notes
     -----
-    An estimate does not depend on the other readings and lags.
+    An estimate does not depend on the other variants and lags.
     """
     longest = max(lags)
     parts = PARTS[config.engine](replace(config, seed=run.seed))
-    readers = [_Reader(reading, run, lags, parts) for reading in readings]
+    extractors = [_Extractor(variant, run, lags, parts) for variant in variants]
     window: list[Entry[Any, Any]] = []
     for index, scan in enumerate(run.scans):
         step = parts.forward.step(scan, linked=longest > 0)
         window = [*window, step.entry][-(longest + 1) :]
-        for reader in readers:
-            reader.read_filtered(index, step.updated)
+        for extractor in extractors:
+            extractor.extract_filtered(index, step.updated)
         if longest:
-            _read_window(window, index, readers, parts)
-    return {reader.reading.label: reader.tracks() for reader in readers}
+            _smooth_window(window, index, extractors, parts)
+    return {extractor.variant.label: extractor.tracks() for extractor in extractors}
 
 
-def _read_window(window: Window, newest: int, readers: Sequence[_Reader], parts: _Parts) -> None:
+def _smooth_window(
+    window: Window, newest: int, extractors: Sequence[_Extractor], parts: _Parts
+) -> None:
     """Smooth a window whose newest scan has the index `newest`, and extract the estimates."""
-    for name in dict.fromkeys(reader.reading.death_term for reader in readers):
+    for name in dict.fromkeys(extractor.variant.death_term for extractor in extractors):
         for lag, smoothed in enumerate(parts.backward(window, name)):
-            for reader in readers:
-                if reader.reading.death_term == name:
-                    reader.read_smoothed(newest - lag, lag, smoothed)
+            for extractor in extractors:
+                if extractor.variant.death_term == name:
+                    extractor.extract_smoothed(newest - lag, lag, smoothed)
 
 
-class _Reader:
+class _Extractor:
     """Collects the estimates of one variant of extraction, by lag and scan."""
 
     def __init__(
-        self, reading: Reading, run: SimulatedRun, lags: Sequence[int], parts: _Parts
+        self, variant: ExtractionVariant, run: SimulatedRun, lags: Sequence[int], parts: _Parts
     ) -> None:
-        self.reading = reading
+        self.variant = variant
         self._run, self._parts, self._states = run, parts, TrackStates(parts.rule)
         self._estimates: dict[int, dict[int, PointSet]] = {lag: {} for lag in lags}
         # One generator per lag, so that the draws of a lag do not depend on the other lags.
         self._rng = {lag: np.random.default_rng([run.seed, 1, lag]) for lag in {0, *lags}}
 
-    def read_filtered(self, index: int, updated: Any) -> None:
+    def extract_filtered(self, index: int, updated: Any) -> None:
         """Extract the filtered estimates, on which the smoothed ones depend too."""
         scan, longest = self._run.scans[index], max(self._estimates)
         found = self._extract(updated, index, 0, self._parts.rule.least, self._rng[0])
@@ -159,7 +164,7 @@ class _Reader:
         if 0 in self._estimates:
             self._estimates[0][index] = PointSet.of(found)
 
-    def read_smoothed(self, index: int, lag: int, smoothed: Any) -> None:
+    def extract_smoothed(self, index: int, lag: int, smoothed: Any) -> None:
         run_over = index + lag == len(self._run.scans) - 1
         for wanted in self._estimates:
             if wanted > 0 and (wanted == lag or (run_over and wanted > lag)):
@@ -171,7 +176,7 @@ class _Reader:
         self, stored: Any, index: int, lag: int, threshold: float, rng: np.random.Generator
     ) -> Estimates:
         stamp_ns = self._run.scans[index].stamp_ns
-        return self._parts.extract(stored, self.reading, stamp_ns, lag, threshold, rng)
+        return self._parts.extract(stored, self.variant, stamp_ns, lag, threshold, rng)
 
     def tracks(self) -> Tracks:
         """Return the estimates by lag, ordered by scan."""

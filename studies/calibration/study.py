@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Scan, Truth
 from phd_jdtc_ros.core.window.entries import Entry
 from phd_jdtc_ros.exit_status import ArgumentParser
-from phd_jdtc_ros.study.tracker import PARTS, Reading
+from phd_jdtc_ros.study.tracker import PARTS, ExtractionVariant
 
 from ..runner import Figures, Goal, Study, goal, table
 from .diagram import ENOUGH, TOLERANCE, draw
@@ -78,7 +78,7 @@ def posteriors(
 
     The list of lag l has the estimates at the scans 0, 1 and so on, except at the last l ones.
     """
-    parts, reading = PARTS[config.engine](config), Reading("", "bernoulli", "components")
+    parts, variant = PARTS[config.engine](config), ExtractionVariant("", "bernoulli", "components")
     rng = {lag: np.random.default_rng([config.seed, 1, lag]) for lag in lags}
     found: dict[int, list[Estimates]] = {lag: [] for lag in lags}
     window: list[Entry[Any, Any]] = []
@@ -86,11 +86,11 @@ def posteriors(
         step = parts.forward.step(scan, linked=max(lags) > 0)
         window = [*window, step.entry][-(max(lags) + 1) :]
         # The filtered set is the one before its reduction, as in `track`.
-        stored = [step.updated, *list(parts.backward(window, reading.death_term))[1:]]
+        stored = [step.updated, *list(parts.backward(window, variant.death_term))[1:]]
         for lag in lags:
             if lag < len(stored):
                 stamp_ns = scans[index - lag].stamp_ns
-                of_lag = parts.extract(stored[lag], reading, stamp_ns, lag, least, rng[lag])
+                of_lag = parts.extract(stored[lag], variant, stamp_ns, lag, least, rng[lag])
                 found[lag].append(of_lag)
     return found
 

@@ -15,7 +15,7 @@ from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
 from phd_jdtc_ros.study.monte_carlo.scores import Scores
-from phd_jdtc_ros.study.tracker import Reading
+from phd_jdtc_ros.study.tracker import ExtractionVariant
 
 SCANS = 6
 OVER_TIME = {
@@ -27,8 +27,8 @@ OVER_TIME = {
 
 
 def variant_of(name, kind="particles", lags=(0, 2, 5)):
-    reading = Reading(name, "bernoulli", "components") if kind == "particles" else None
-    return Variant(name, KINDS[kind], reading, {}, ("quiet",), lags)
+    extraction = ExtractionVariant(name, "bernoulli", "components") if kind == "particles" else None
+    return Variant(name, KINDS[kind], extraction, {}, ("quiet",), lags)
 
 
 def result_of(variant, runs=3, scans=SCANS, sets=("all", "class_0", "class_1"), case="quiet"):

@@ -7,7 +7,7 @@ from inner import resolve
 from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study.runs import simulated_run
-from phd_jdtc_ros.study.tracker import PARTS, Reading, track
+from phd_jdtc_ros.study.tracker import PARTS, ExtractionVariant, track
 
 SCANS = 9
 SEED = 3
@@ -19,8 +19,8 @@ GIVEN = {
     "spawning.particles_per_target": 20,
     "seed": SEED,
 }
-DEFAULT = Reading("default", "bernoulli", "components")
-PRINTED = Reading("printed", "paper", "clusters")
+DEFAULT = ExtractionVariant("default", "bernoulli", "components")
+PRINTED = ExtractionVariant("printed", "paper", "clusters")
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.simulation.scenario import Scenario
 
 from ..runs import TAXIING, Ignored
-from ..tracker import Reading
+from ..tracker import ExtractionVariant
 from .kinds import Kind
 from .metrics import ACCUMULATORS
 
@@ -55,7 +55,7 @@ class Variant:
 
     name: str
     kind: Kind
-    reading: Reading | None  # Set only for this package's tracker on scans
+    extraction: ExtractionVariant | None  # Set only for this package's tracker on scans
     # Parameters of the tracker that replace the case's; they do not change the simulated data. A
     # name with `EVERY_CLASS` in the place of a class applies to all classes of the case.
     parameters: dict[str, Any]

@@ -23,7 +23,7 @@ from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.simulation.transponder import transponders
 
 from ..runs import TAXIING, Ignored
-from ..tracker import Reading
+from ..tracker import ExtractionVariant
 from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merged
 from .kinds import KINDS, Kind
 
@@ -37,19 +37,19 @@ SHARE = Parameter(
     "run_share", 1.0, "", form=Form("above 0 and at most 1", lambda given: number(given, SMALL, 1))
 )
 # Parameters of an extraction variant.
-READING = (
+EXTRACTION = (
     Parameter("death_term", "bernoulli", "", choices=tuple(DEATH_TERMS)),
     Parameter("extraction", "components", "", choices=tuple(EXTRACTIONS)),
 )
-OF_READING = tuple(parameter.name for parameter in READING)
+EXTRACTION_KEYS = tuple(parameter.name for parameter in EXTRACTION)
 # The choices of the labelled filter, and the ones that Gaussians do not support.
-LABELLED_READING = {"engine": "gaussian", **{each.name: each.default for each in READING}}
-OTHER_READING = {"engine": "phd", "death_term": "paper", "extraction": "clusters"}
+LABELLED_CHOICES = {"engine": "gaussian", **{each.name: each.default for each in EXTRACTION}}
+OTHER_CHOICES = {"engine": "phd", "death_term": "paper", "extraction": "clusters"}
 CASE = (
     *("scenario", "parameters", "cutoff", "only_named"),
     *("ignored", "run_share", "transponders", "lags"),
 )
-VARIANT = ("kind", "engine", "cases", "lags", "parameters", "run_share", *OF_READING)
+VARIANT = ("kind", "engine", "cases", "lags", "parameters", "run_share", *EXTRACTION_KEYS)
 BOUNDS = ("at_most", "at_least")
 GOAL = ("name", "case", "variant", "lag", "figure", *BOUNDS, "relative_to", "relative_case")
 
@@ -273,16 +273,16 @@ def _variant(
     for key, allowed in (
         ("engine", [each.name for each in kinds.values() if each.ours]),
         ("parameters", [each.name for each in kinds.values() if each.tuned]),
-        *((key, engines) for key in OF_READING),
+        *((key, engines) for key in EXTRACTION_KEYS),
     ):
         if key in given and (kind is None or kind.name not in allowed):
             faults.append(f"{block.prefix}{key}: only for kind {' or '.join(allowed)}")
-    reading = None
+    extraction = None
     if kind is not None and kind.is_engine:
         parameters = {"engine": engine or kind.name, **parameters}
         # A wrong engine is found later as a fault of the parameters.
         kind = kinds.get(str({**parameters, **assigned}["engine"]), kind)
-        reading = Reading(name, *map(block.take, READING))
+        extraction = ExtractionVariant(name, *map(block.take, EXTRACTION))
     elif engine:
         parameters = {"engine": engine, **parameters}
     cases = suited(kind)
@@ -295,7 +295,7 @@ def _variant(
     return Variant(
         name=name,
         kind=kind or next(iter(kinds.values())),
-        reading=reading,
+        extraction=extraction,
         parameters=parameters,
         cases=tuple(chosen),
         lags=block.lags(lags) or (),
@@ -349,12 +349,12 @@ def _tracker_faults(study: Study) -> Iterator[tuple[str, list[str]]]:
 def _of_particles(variant: Variant) -> list[str]:
     """Return a fault for each choice of a variant that Gaussians do not have."""
     own = {"engine": variant.parameters.get("engine")}
-    if variant.reading is not None:
-        own |= dict(zip(OF_READING, variant.reading[1:], strict=True))
+    if variant.extraction is not None:
+        own |= dict(zip(EXTRACTION_KEYS, variant.extraction[1:], strict=True))
     return [
-        f"{key}: {value} given, must be {LABELLED_READING[key]} with engine gaussian"
+        f"{key}: {value} given, must be {LABELLED_CHOICES[key]} with engine gaussian"
         for key, value in own.items()
-        if str(value).startswith(OTHER_READING[key])
+        if str(value).startswith(OTHER_CHOICES[key])
     ]
 
 

@@ -119,7 +119,7 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
         "ignored": case.ignored,
     }
     digests = {
-        v.name: _digest({**shared, "name": v.name, "reading": v.reading, "lags": v.lags})
+        v.name: _digest({**shared, "name": v.name, "reading": v.extraction, "lags": v.lags})
         for v in variants
     }
     settings = case.name, case.scenario, case.classes, variants, parameters
@@ -161,8 +161,8 @@ def _track_variants(task: Task, run: SimulatedRun) -> dict[str, Tracked]:
     """Return the estimates of all variants, by name."""
     lags = sorted({lag for variant in task.variants for lag in variant.lags})
     if task.kind.is_engine:
-        readings = [variant.reading for variant in task.variants if variant.reading is not None]
-        by_name = track(run, tracker_config.resolve(task.parameters), readings, lags)
+        extractions = [v.extraction for v in task.variants if v.extraction is not None]
+        by_name = track(run, tracker_config.resolve(task.parameters), extractions, lags)
         return {name: Tracked(tracks) for name, tracks in by_name.items()}
     if task.kind.track is None:
         raise ValueError(f"kind: {task.kind.name} given, {task.kind.missing()}")
