@@ -84,18 +84,18 @@ def _forward_tables(
     plan: Plan, steps: tuple[int, int], weight: FloatArray, free: FloatArray
 ) -> FloatArray:
     """Return the forward tables of a cluster, one after the other, each after a step's edges."""
-    sizes = plan.size[steps[0] : steps[1]]
+    sizes = plan.table_size[steps[0] : steps[1]]
     tables, buffer = np.zeros(sizes.sum()), np.ones(np.max(sizes))
     table, end = buffer[:1], 0
     for step in range(*steps):
-        begin, end = end, end + plan.size[step]
+        begin, end = end, end + plan.table_size[step]
         known = tables[begin : begin + len(table)]
         known += table
         table = tables[begin:end]
-        for at in range(plan.passed[step], plan.passed[step + 1]):
-            _add_edge(table, plan.lower[at], plan.upper[at], weight[plan.edge[at]])
-        for at in range(plan.closed[step + 1] - 1, plan.closed[step] - 1, -1):
-            table = _close_node(table, plan.bit[at], free[plan.node[at]], buffer)
+        for at in range(plan.edge_start[step], plan.edge_start[step + 1]):
+            _add_edge(table, plan.lower_bit[at], plan.upper_bit[at], weight[plan.edge[at]])
+        for at in range(plan.node_start[step + 1] - 1, plan.node_start[step] - 1, -1):
+            table = _close_node(table, plan.node_bit[at], free[plan.node[at]], buffer)
         table /= np.max(table)
     return tables
 
@@ -111,22 +111,22 @@ def _write_probabilities(
     unmatched: FloatArray,
 ) -> None:
     """Write a cluster's probabilities: products of its forward and backward tables."""
-    buffer, begin = np.ones(np.max(plan.size[steps[0] : steps[1]])), len(tables)
+    buffer, begin = np.ones(np.max(plan.table_size[steps[0] : steps[1]])), len(tables)
     later = buffer[:1]
     for step in range(steps[1] - 1, steps[0] - 1, -1):
-        begin, end = begin - plan.size[step], begin
+        begin, end = begin - plan.table_size[step], begin
         table = tables[begin:end]
-        for at in range(plan.closed[step], plan.closed[step + 1]):
-            later = _reopen_node(later, plan.bit[at], free[plan.node[at]], buffer)
+        for at in range(plan.node_start[step], plan.node_start[step + 1]):
+            later = _reopen_node(later, plan.node_bit[at], free[plan.node[at]], buffer)
         later /= np.dot(table, later)
-        for at in range(plan.closed[step], plan.closed[step + 1]):
-            unmatched[plan.node[at]] = _unmatched(table, later, plan.bit[at])
-        for at in range(plan.passed[step], plan.passed[step + 1]):
+        for at in range(plan.node_start[step], plan.node_start[step + 1]):
+            unmatched[plan.node[at]] = _unmatched(table, later, plan.node_bit[at])
+        for at in range(plan.edge_start[step], plan.edge_start[step + 1]):
             one = plan.edge[at]
             edge[one] = _add_edge_backward(
-                table, later, plan.lower[at], plan.upper[at], weight[one]
+                table, later, plan.lower_bit[at], plan.upper_bit[at], weight[one]
             )
-        later = later[: plan.before[step]]
+        later = later[: plan.table_before[step]]
 
 
 @compiled

@@ -25,15 +25,18 @@ class Plan(NamedTuple):
 
     # The first step of each cluster, and S, (C + 1,); clusters too expensive to plan have no steps.
     first: Int1
-    before: Int1  # Size of each step's table, 2 to the power of the nodes open before it, (S,)
-    size: Int1  # The size with the nodes that the step opens, (S,)
-    passed: Int1  # Where the edges of each step begin in `edge`, and the end of the last, (S + 1,)
-    closed: Int1  # Where the nodes of each step begin in `node`, and the end of the last, (S + 1,)
+    # Size of each step's table, 2 to the power of the nodes open before it, (S,).
+    table_before: Int1
+    table_size: Int1  # Its size with the nodes that the step opens, (S,)
+    # Where the edges of each step begin in `edge`, and the end of the last, (S + 1,).
+    edge_start: Int1
+    # Where the nodes that each step closes begin in `node`, and the end of the last, (S + 1,).
+    node_start: Int1
     edge: Int1  # The edges in the order of the steps, (E,)
-    lower: Int1  # Bit in the table of each edge's one node, (E,)
-    upper: Int1  # Bit in the table of its other node, the higher one, (E,)
+    lower_bit: Int1  # Bit in the table of each edge's one node, (E,)
+    upper_bit: Int1  # Bit in the table of its other node, the higher one, (E,)
     node: Int1  # The nodes in the order in which they are closed, (N,)
-    bit: Int1  # Bit in the table of each of these nodes, ascending within a step, (N,)
+    node_bit: Int1  # Bit in the table of each of these nodes, ascending within a step, (N,)
 
 
 @inner
@@ -65,18 +68,18 @@ def plan(graph: Graph, most_work: int) -> Plan:
     score, place = APART + left * (OPENS - 1), np.full_like(left, -1)
     members = np.empty_like(left)  # the open nodes, by their places
     first, step = np.zeros_like(graph.first), 0
-    before, size = np.empty_like(left), np.empty_like(left)
-    passed, closed = np.zeros_like(graph.start), np.zeros_like(graph.start)
-    edge, node, bit = np.empty_like(graph.target), np.empty_like(left), np.empty_like(left)
-    lower, upper = np.empty_like(edge), np.empty_like(edge)
+    table_before, table_size = np.empty_like(left), np.empty_like(left)
+    edge_start, node_start = np.zeros_like(graph.start), np.zeros_like(graph.start)
+    edge, node, node_bit = np.empty_like(graph.target), np.empty_like(left), np.empty_like(left)
+    lower_bit, upper_bit = np.empty_like(edge), np.empty_like(edge)
     for cluster in range(len(graph.middle)):
         low, high = graph.first[cluster], graph.first[cluster + 1]
         budget = most_work * (graph.middle[cluster] - low)
         width = entries = 0
-        found, gone = passed[step], closed[step]
+        found, gone = edge_start[step], node_start[step]
         last = found + (graph.start[high] - graph.start[low]) // 2
         while found < last:
-            before[step] = 1 << width
+            table_before[step] = 1 << width
             chosen = low + np.argmin(score[low:high])
             width = _opened(graph, chosen, score, place, members, width)
             for link in graph.link[graph.start[chosen] : graph.start[chosen + 1]]:
@@ -84,14 +87,14 @@ def plan(graph: Graph, most_work: int) -> Plan:
                 if left[near]:
                     width = _opened(graph, near, score, place, members, width)
                     bits = 1 << place[chosen], 1 << place[near]
-                    edge[found], lower[found], upper[found] = link, min(bits), max(bits)
+                    edge[found], lower_bit[found], upper_bit[found] = link, min(bits), max(bits)
                     left[near] -= 1
                     score[near] += 1
                     found += 1
             left[chosen] = 0
-            size[step] = 1 << min(width, 40)  # more is beyond all bounds anyway
-            entries += size[step]
-            budget -= (found - passed[step]) * size[step]
+            table_size[step] = 1 << min(width, 40)  # more is beyond all bounds anyway
+            entries += table_size[step]
+            budget -= (found - edge_start[step]) * table_size[step]
             if budget < 0 or entries > MOST_ENTRIES:
                 step = first[cluster]
                 break
@@ -103,11 +106,22 @@ def plan(graph: Graph, most_work: int) -> Plan:
                     still += 1
                 else:
                     score[member] = CLOSED
-                    node[gone], bit[gone] = member, 1 << index
+                    node[gone], node_bit[gone] = member, 1 << index
                     gone += 1
             width = still
             step += 1
-            passed[step], closed[step] = found, gone
+            edge_start[step], node_start[step] = found, gone
         first[cluster + 1] = step
-    passed, closed = passed[: step + 1], closed[: step + 1]
-    return Plan(first, before[:step], size[:step], passed, closed, edge, lower, upper, node, bit)
+    edge_start, node_start = edge_start[: step + 1], node_start[: step + 1]
+    return Plan(
+        first,
+        table_before[:step],
+        table_size[:step],
+        edge_start,
+        node_start,
+        edge,
+        lower_bit,
+        upper_bit,
+        node,
+        node_bit,
+    )
