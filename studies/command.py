@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import IO
 
-from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
+from phd_jdtc_ros.exit_status import FAILED, INTERRUPTED, OK, ArgumentParser
 from phd_jdtc_ros.quoting import short
 from phd_jdtc_ros.study.monte_carlo.execution import THREAD_VARIABLES
 from phd_jdtc_ros.tools import monte_carlo
@@ -84,7 +84,12 @@ def _arguments(name: str, purpose: str | None, argv: Sequence[str]) -> argparse.
 def run_rest(argv: Sequence[str]) -> int:
     """Run the studies that join the Monte Carlo study, one after the other."""
     out = _arguments("rest", run_rest.__doc__, argv).out
-    return max(runner.run(study_of(name), ["--out", str(out)]) for name in REST)
+    status = OK
+    for name in REST:
+        status = max(status, runner.run(study_of(name), ["--out", str(out)]))
+        if status == INTERRUPTED:
+            break
+    return status
 
 
 def run_all(argv: Sequence[str]) -> int:
@@ -96,6 +101,8 @@ def run_all(argv: Sequence[str]) -> int:
     with tempfile.TemporaryFile("w+") as text, _beside(out, text) as rest:
         given = ["--runs", str(arguments.runs), "--out", str(out)]
         status = monte_carlo.main(given, lambda: int(rest.poll() is None), peers.KINDS)
+        if status == INTERRUPTED:
+            return status
         status = max(status, OK if rest.wait() == OK else FAILED)
         text.seek(0)
         sys.stdout.write(text.read())
@@ -109,7 +116,7 @@ def run_all(argv: Sequence[str]) -> int:
 
 @contextmanager
 def _beside(out: Path, text: IO[str]) -> Iterator[subprocess.Popen[str]]:
-    """Run the rest in a process that ends with the block if that fails; print into `text`."""
+    """Run the rest in a process that ends with the block at the latest; print into `text`."""
     settings = dict.fromkeys(THREAD_VARIABLES, "1")
     settings["COLUMNS"] = str(shutil.get_terminal_size().columns)
     process = subprocess.Popen(
@@ -120,10 +127,9 @@ def _beside(out: Path, text: IO[str]) -> Iterator[subprocess.Popen[str]]:
     )
     try:
         yield process
-    except BaseException:
+    finally:
         process.terminate()
         process.wait()
-        raise
 
 
 COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {

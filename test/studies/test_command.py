@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from phd_jdtc_ros.exit_status import FAILED, INTERRUPTED, OK
 from phd_jdtc_ros.tools import monte_carlo
 from studies import command
 
@@ -60,18 +61,52 @@ def test_goals_of_studies_join_those_of_the_summary(quick, tmp_path, monkeypatch
     assert [goal["name"] for goal in summary["goals"]] == ["own", "of now"]
 
 
-def test_other_studies_end_with_the_one_they_are_beside(quick, tmp_path, monkeypatch):
-    processes = []
+@pytest.fixture
+def endless(quick, monkeypatch):
+    """Return a function that sets how the Monte Carlo study ends, beside others that do not.
 
-    def interrupted(argv, busy, kinds):
-        processes.append(busy)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(monte_carlo, "main", interrupted)
+    It returns the list of functions that say how many others run.
+    """
     monkeypatch.setattr(sys.modules[__name__], "PRINTED", "import time; time.sleep(100)")
-    with pytest.raises(KeyboardInterrupt):
+    asked = []
+
+    def set_main(end):
+        def main(argv, busy, kinds):
+            asked.append(busy)
+            return end()
+
+        monkeypatch.setattr(monte_carlo, "main", main)
+        return asked
+
+    return set_main
+
+
+def test_other_studies_end_if_the_one_they_are_beside_fails(endless, tmp_path):
+    def fail():
+        raise RuntimeError
+
+    asked = endless(fail)
+    with pytest.raises(RuntimeError):
         command.main(["all", "--out", str(tmp_path)])
-    assert processes[0]() == 0
+    assert asked[0]() == 0
+
+
+def test_other_studies_end_if_the_one_they_are_beside_is_interrupted(endless, tmp_path):
+    asked = endless(lambda: INTERRUPTED)
+    assert command.main(["all", "--out", str(tmp_path)]) == INTERRUPTED
+    assert asked[0]() == 0
+
+
+def test_no_study_follows_one_that_was_interrupted(tmp_path, monkeypatch):
+    begun, statuses = [], iter([OK, FAILED, INTERRUPTED])
+
+    def run(study, argv):
+        begun.append(study.name)
+        return next(statuses)
+
+    monkeypatch.setattr(command.runner, "run", run)
+    assert command.main(["rest", "--out", str(tmp_path)]) == INTERRUPTED
+    assert begun == [command.study_of(name).name for name in command.REST[:3]]
 
 
 @pytest.mark.parametrize("name", command.STUDIES)
