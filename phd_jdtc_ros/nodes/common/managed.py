@@ -20,6 +20,7 @@ class ManagedNode(LifecycleNode, RunnableNode):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self._fault: Exception | None = None
+        self._starting = False
         service = self._service_change_state
         change = service.callback
 
@@ -48,13 +49,19 @@ class ManagedNode(LifecycleNode, RunnableNode):
         if not autostart:
             self.get_logger().info("unconfigured; waiting for a transition")
             return
+        self._starting = True
         for transition in (self.trigger_configure, self.trigger_activate):
             transition()
             if self._fault is not None:
                 raise self._fault
+        self._starting = False
 
     def refuse(self, what: str, fault: Exception) -> TransitionCallbackReturn:
-        """Fail a transition, and log the reason, for which its response has no room."""
+        """Fail a transition, and log the reason, for which its response has no room.
+
+        `start` raises it instead.
+        """
         self._fault = fault
-        self.get_logger().error(f"{what}: " + "\n".join(faults_of(fault)))
+        if not self._starting:
+            self.get_logger().error(f"{what}: " + "\n".join(faults_of(fault)))
         return TransitionCallbackReturn.FAILURE
