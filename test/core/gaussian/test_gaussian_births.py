@@ -102,7 +102,8 @@ def test_newborn_has_the_cells_of_its_class_that_its_amplitude_tells():
 
 
 def test_detections_that_were_left_out_are_noted_with_the_newborn(monkeypatch):
-    monkeypatch.setattr(detection_limit, "MAX_DETECTIONS", 2)
+    for limit in ("MAX_DETECTIONS", "MAX_UNEXPLAINED"):
+        monkeypatch.setattr(detection_limit, limit, 2)
     config = lone({**BIRTHS})
     mixture = mixture_of(Dynamics(config.model), [(0.5, MEAN, STD)])
     report = Detections(np.array([[5e3, 0.1 * k] for k in range(8)]), None)
