@@ -128,19 +128,19 @@ class PriorMixture:
     @cached_property
     def _probability(self) -> DetectionProbability:
         """Probability that each Gaussian is detected, as it follows from the last look."""
-        remembered = self.report.last_looks
-        if remembered is None:
+        prediction = self.report.informative_prediction
+        if prediction is None:
             return self._usual
-        return self._detected(remembered.of(self.mixture.row_label))
+        return self._detected(prediction.of(self.mixture.row_label))
 
     @cached_property
     def _usual(self) -> DetectionProbability:
         """Probability that each Gaussian is detected, whatever the last look saw."""
         return self._detected(None)
 
-    def _detected(self, remembered: tuple[FloatArray, FloatArray] | None) -> DetectionProbability:
+    def _detected(self, prediction: tuple[FloatArray, FloatArray] | None) -> DetectionProbability:
         sensor, dynamics = self.report.sensor, self.steps.dynamics
-        return detection_probability(self.expected, self.mixture.snr, sensor, dynamics, remembered)
+        return detection_probability(self.expected, self.mixture.snr, sensor, dynamics, prediction)
 
     @cached_property
     def _in_turn(self) -> FloatArray:
@@ -243,7 +243,7 @@ class PriorMixture:
         if self._unseen is not None:
             mean = self._mean(self._unseen)
             factor = factor + np.log(np.maximum(mean, TINY)).take(pairs.row)
-        if self.report.last_looks is not None:
+        if self.report.informative_prediction is not None:
             own, usual = self._mean(self._probability.by_class), self._mean(self._usual.by_class)
             ratio = np.maximum(own / np.maximum(usual, TINY), TINY)
             factor = factor + np.log(ratio).take(pairs.row)

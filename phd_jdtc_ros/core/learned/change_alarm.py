@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import BoolArray, FloatArray, ReadOnly, zeros
 from ..snapshot import floats
-from .detection_factor import AZIMUTHS, RANGES, Counted, DetectionFactor
+from .detection_factor import AZIMUTHS, RANGES, DetectionFactor, TrialSums
 from .noise_factor import NoiseEvidence, NoiseFactor
 
 # Changes to detect: ratios of the detection probability and of a variance to the learned values.
@@ -64,14 +64,14 @@ class ChangeAlarm(ReadOnly):
             return math.nan
         return (sector + 0.5) * 2.0 * np.pi / AZIMUTHS
 
-    def after_looks(self, factor: DetectionFactor, counted: Counted) -> ChangeAlarm:
-        """Return the alarm after looks that count, given the factor learned before them."""
-        usual = factor.by_cell * counted.expected
-        by_cell = np.stack([counted.looks, counted.detected, usual, factor.expected])
-        looks, detected, usual, known = by_cell.reshape(4, RANGES, AZIMUTHS).sum(axis=1)
-        whole = _evidence(looks.sum(), detected.sum(), usual.sum(), FEWER, 1.0)
+    def after_trials(self, factor: DetectionFactor, sums: TrialSums) -> ChangeAlarm:
+        """Return the alarm after trials that count, given the factor learned before them."""
+        usual = factor.by_cell * sums.expected
+        by_cell = np.stack([sums.trials, sums.detected, usual, factor.expected])
+        trials, detected, usual, known = by_cell.reshape(4, RANGES, AZIMUTHS).sum(axis=1)
+        whole = _evidence(trials.sum(), detected.sum(), usual.sum(), FEWER, 1.0)
         whole = np.where(factor.all_expected >= SETTLED, whole, 0.0)
-        sectors = _evidence(looks, detected, usual, BLIND, SHARED)
+        sectors = _evidence(trials, detected, usual, BLIND, SHARED)
         sectors = np.where(known >= SETTLED_SECTOR, sectors, 0.0)
         evidence = np.concatenate([[whole], sectors])
         return replace(self, detection=np.clip(self.detection + evidence, 0.0, MOST))
@@ -85,14 +85,14 @@ class ChangeAlarm(ReadOnly):
 
 
 def _evidence(
-    looks: FloatArray, detected: FloatArray, usual: FloatArray, ratio: float, against: float
+    trials: FloatArray, detected: FloatArray, usual: FloatArray, ratio: float, against: float
 ) -> FloatArray:
     """Return the log likelihood of `ratio` against that of another one, elementwise.
 
-    Both are ratios to the learned probability. Given are the numbers of looks, of detections, and
+    Both are ratios to the learned probability. Given are the numbers of trials, of detections, and
     of detections that the learned probability predicts.
     """
-    learned = np.clip(usual / np.where(looks > 0.0, looks, 1.0), 0.01, 0.99)
+    learned = np.clip(usual / np.where(trials > 0.0, trials, 1.0), 0.01, 0.99)
     of_miss = np.log((1.0 - ratio * learned) / (1.0 - against * learned))
-    evidence: FloatArray = detected * math.log(ratio / against) + (looks - detected) * of_miss
+    evidence: FloatArray = detected * math.log(ratio / against) + (trials - detected) * of_miss
     return evidence

@@ -101,7 +101,7 @@ class Correlation(ReadOnly):
         spread = hit * (1.0 - hit) / mean + miss * (1.0 - miss) / (1.0 - mean)
         return shown, pairs / spread
 
-    def after(self, counted: FloatArray) -> Correlation:
+    def after(self, sums: FloatArray) -> Correlation:
         """Return the correlation after further pairs, given their sums, (B,)."""
-        kept = math.exp(-float(counted[0]) / MEMORY)
-        return replace(self, sums=kept * self.sums + counted)
+        kept = math.exp(-float(sums[0]) / MEMORY)
+        return replace(self, sums=kept * self.sums + sums)

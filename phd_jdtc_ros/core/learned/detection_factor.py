@@ -32,16 +32,16 @@ LEAST_PROBABILITY, MOST_PROBABILITY = 0.02, 0.995
 MAX_REMEMBERED = 1e7
 
 
-class Counted(NamedTuple):
-    """Sums over the looks that count, by cell, arrays of shape (K,)."""
+class TrialSums(NamedTuple):
+    """Sums over the trials that count, by cell, arrays of shape (K,)."""
 
-    looks: FloatArray  # Number of looks
+    trials: FloatArray  # Number of trials
     expected: FloatArray  # Number of detections expected with the configured probability
     detected: FloatArray  # Number of detections
 
-    def part(self, cells: slice) -> Counted:
+    def part(self, cells: slice) -> TrialSums:
         """Return the sums of these cells."""
-        return Counted(*(column[cells] for column in self))
+        return TrialSums(*(column[cells] for column in self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,15 +119,15 @@ class DetectionFactor(ReadOnly):
         probability: FloatArray = np.minimum(found, MOST_PROBABILITY)
         return probability
 
-    def after(self, counted: Counted) -> DetectionFactor:
-        """Return the factor after further looks."""
-        looks, expected, detected = (float(column.sum()) for column in counted)
-        kept, fading = np.exp(-counted.expected / MEMORY), math.exp(-expected / MEMORY)
+    def after(self, sums: TrialSums) -> DetectionFactor:
+        """Return the factor after further trials."""
+        trials, expected, detected = (float(column.sum()) for column in sums)
+        kept, fading = np.exp(-sums.expected / MEMORY), math.exp(-expected / MEMORY)
         return replace(
             self,
-            expected=kept * self.expected + counted.expected,
-            detected=kept * self.detected + counted.detected,
-            all_looks=fading * self.all_looks + looks,
+            expected=kept * self.expected + sums.expected,
+            detected=kept * self.detected + sums.detected,
+            all_looks=fading * self.all_looks + trials,
             all_expected=fading * self.all_expected + expected,
             all_detected=fading * self.all_detected + detected,
         )

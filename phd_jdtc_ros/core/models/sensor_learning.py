@@ -11,10 +11,10 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..learned.change_alarm import ChangeAlarm
 from ..learned.correlation import Correlation
+from ..learned.detection_chains import DetectionChains, Look
 from ..learned.detection_factor import CELLS, DetectionFactor
-from ..learned.last_looks import LastLooks, Look
 from ..learned.noise_factor import NoiseEvidence, NoiseFactor
-from ..learned.open_looks import Looks, OpenLooks
+from ..learned.open_trials import OpenTrials, ReportTrials
 from ..sensors.report import Report
 from ..sensors.sensor import Sensor
 from .tracker_model import TrackerModel
@@ -23,10 +23,10 @@ from .tracker_model import TrackerModel
 KNOWN_EXISTENCE = 0.7
 # Targets with a smaller detection probability count as outside the coverage.
 LEAST_EXPECTED = 0.01
-# Number of open looks below which those of targets that have ended are kept.
-FEW_LOOKS = 256
+# Number of open trials and chains below which those of targets that have ended are kept.
+FEW_ENTRIES = 256
 # A configured sensor, its learned values, and the sensor with these.
-_Learned = tuple[Sensor, DetectionFactor | None, NoiseFactor | None, Correlation | None, Sensor]
+_CacheEntry = tuple[Sensor, DetectionFactor | None, NoiseFactor | None, Correlation | None, Sensor]
 
 
 @dataclass
@@ -37,14 +37,16 @@ class SensorMemory:
     # By sensor, after the first report from which something was learned.
     detection: dict[str, DetectionFactor] = field(default_factory=dict)
     noise: dict[str, NoiseFactor] = field(default_factory=dict)
-    looks: OpenLooks = field(default_factory=OpenLooks)  # Looks that do not count yet
-    settled: int = 0  # Number of open looks when those of ended targets were last dropped
+    trials: OpenTrials = field(default_factory=OpenTrials)  # Trials that do not count yet
+    settled: int = (
+        0  # Number of open trials and chains when those of ended targets were last dropped
+    )
     # By sensor with correlated misses, after its first report.
     correlation: dict[str, Correlation] = field(default_factory=dict)
-    last: dict[str, LastLooks] = field(default_factory=dict)
+    chains: dict[str, DetectionChains] = field(default_factory=dict)
     # By sensor, after the first looks or innovations from which something was learned.
     alarms: dict[str, ChangeAlarm] = field(default_factory=dict)
-    _latest: dict[str, _Learned] = field(default_factory=dict, init=False, repr=False)
+    _cache: dict[str, _CacheEntry] = field(default_factory=dict, init=False, repr=False)
 
     def learned(self, sensor: Sensor) -> Sensor:
         """Return a sensor with its learned values."""
@@ -59,11 +61,11 @@ class SensorMemory:
         if all(each is None for each in found):
             return sensor
         # A scan begins with the values learned by the one before, whose sensor is used again.
-        latest = self._latest.get(sensor.name)
-        if latest is not None and all(map(is_, latest, (sensor, *found))):
-            return latest[-1]
+        cached = self._cache.get(sensor.name)
+        if cached is not None and all(map(is_, cached, (sensor, *found))):
+            return cached[-1]
         learned = sensor.with_learned(*found)
-        self._latest[sensor.name] = sensor, *found, learned
+        self._cache[sensor.name] = sensor, *found, learned
         return learned
 
     def with_learned_sensor(self, report: Report) -> Report:
@@ -121,7 +123,7 @@ class SensorMemory:
 
     def learns(self, report: Report) -> bool:
         """Return whether anything is learned from the detections and misses of a report."""
-        return report.sensor.detection_factor is not None or len(self.looks) > 0
+        return report.sensor.detection_factor is not None or len(self.trials) > 0
 
     def learn_detections(
         self,
@@ -162,12 +164,12 @@ class SensorMemory:
             expected = np.where(known, probability / factor.by_cell[own], 0.0)
             cell = own + self.sensors.index(sensor.name) * CELLS
         share = np.minimum(detected / np.maximum(after, np.finfo(float).tiny), 1.0)
-        looks = Looks(label, cell, expected, share, np.minimum(after, 1.0))
-        self.looks, counted = self.looks.after(looks, CELLS * len(self.sensors))
-        for index in np.flatnonzero(counted.looks.reshape(-1, CELLS).any(axis=1)).tolist():
+        trials = ReportTrials(label, cell, expected, share, np.minimum(after, 1.0))
+        self.trials, sums = self.trials.after(trials, CELLS * len(self.sensors))
+        for index in np.flatnonzero(sums.trials.reshape(-1, CELLS).any(axis=1)).tolist():
             name, first = self.sensors[index], index * CELLS
-            part = counted.part(slice(first, first + CELLS))
-            alarm = self.alarms.get(name, ChangeAlarm()).after_looks(self.detection[name], part)
+            part = sums.part(slice(first, first + CELLS))
+            alarm = self.alarms.get(name, ChangeAlarm()).after_trials(self.detection[name], part)
             self.alarms = {**self.alarms, name: alarm}
             self.detection = {**self.detection, name: self.detection[name].after(part)}
 
@@ -180,14 +182,14 @@ class SensorMemory:
             self.alarms = {**self.alarms, name: alarm}
             self.noise = {**self.noise, name: factor.after(evidence)}
 
-    def with_last_looks(self, report: Report, stamp_ns: int) -> Report:
-        """Return a report with what its sensor's last look at each target implies."""
+    def with_look_prediction(self, report: Report, stamp_ns: int) -> Report:
+        """Return a report with what its sensor's last look at each target predicts."""
         correlation = self._correlation(report.sensor)
         if correlation is None:
             return report
-        last = self.last.get(report.sensor.name, LastLooks())
-        remembered = last.remembered(stamp_ns, _sector_turn_ns(report), correlation.value)
-        return replace(report, remembered=remembered)
+        chains = self.chains.get(report.sensor.name, DetectionChains())
+        prediction = chains.predict(stamp_ns, _sector_turn_ns(report), correlation.value)
+        return replace(report, look_prediction=prediction)
 
     def _correlation(self, sensor: Sensor) -> Correlation | None:
         own = sensor.correlation
@@ -195,41 +197,41 @@ class SensorMemory:
             return own
         return self.correlation.get(sensor.name, own)
 
-    def remembers(self, report: Report) -> bool:
-        """Return whether `learn_looks` needs the look of a report."""
-        return report.remembered is not None or len(self.correlation) > 0
+    def needs_look(self, report: Report) -> bool:
+        """Return whether `learn_correlation` needs the look of a report."""
+        return report.look_prediction is not None or len(self.correlation) > 0
 
-    def learn_looks(self, report: Report, stamp_ns: int, look: Look) -> None:
+    def learn_correlation(self, report: Report, stamp_ns: int, look: Look) -> None:
         """Remember a sensor's look at targets, and learn how misses are correlated.
 
-        The report is as `with_last_looks` returns it.
+        The report is as `with_look_prediction` returns it.
         """
         for name, correlation in self.correlation.items():
-            last, sums = self.last[name].counted(look)
-            self.last = {**self.last, name: last}
+            chains, sums = self.chains[name].count_pairs(look)
+            self.chains = {**self.chains, name: chains}
             if sums[0] > 0.0:
                 self.correlation = {**self.correlation, name: correlation.after(sums)}
         own = self._correlation(report.sensor)
-        if report.remembered is None or own is None:
+        if report.look_prediction is None or own is None:
             return
         name = report.sensor.name
-        last = self.last.get(name, LastLooks())
-        last = last.after(look, report.remembered, stamp_ns, _sector_turn_ns(report))
-        self.last = {**self.last, name: last}
+        chains = self.chains.get(name, DetectionChains())
+        chains = chains.after(look, report.look_prediction, stamp_ns, _sector_turn_ns(report))
+        self.chains = {**self.chains, name: chains}
         if own.learned:
             self.correlation = {**self.correlation, name: own}
 
     def forget_ended(self, labels: Iterable[IntArray]) -> None:
-        """Drop the open looks at targets that have ended, when there are twice as many as before.
+        """Drop trials and chains of ended targets, when there are twice as many as before.
 
         `labels` are those of the living targets, in parts.
         """
-        remembered = len(self.looks) + sum(map(len, self.last.values()))
-        if remembered > 2 * self.settled + FEW_LOOKS:
+        size = len(self.trials) + sum(map(len, self.chains.values()))
+        if size > 2 * self.settled + FEW_ENTRIES:
             living = np.unique(np.concatenate(list(labels)))
-            self.looks = self.looks.of(living)
-            self.last = {name: last.of(living) for name, last in self.last.items()}
-            self.settled = len(self.looks) + sum(map(len, self.last.values()))
+            self.trials = self.trials.of(living)
+            self.chains = {name: chains.of(living) for name, chains in self.chains.items()}
+            self.settled = len(self.trials) + sum(map(len, self.chains.values()))
 
 
 def look_at(
@@ -243,14 +245,14 @@ def look_at(
 ) -> Look:
     """Return a report as a look at T targets, whose misses may be correlated.
 
-    The report is as `SensorMemory.with_last_looks` returns it. `before` is each target's existence
-    probability, and `detected` the probability that it was detected, given that it exists, (T,);
-    for the others see `SensorMemory.learn_detections`.
+    The report is as `SensorMemory.with_look_prediction` returns it. `before` is each target's
+    existence probability, and `detected` the probability that it was detected, given that it
+    exists, (T,); for the others see `SensorMemory.learn_detections`.
     """
     covered = report.sensor.coverage_probability(measured, report.detections.coverage)
     expected = np.zeros(len(label))
-    if report.remembered is not None and report.complete:
-        expected = report.remembered.usual(probability, label)
+    if report.look_prediction is not None and report.complete:
+        expected = report.look_prediction.usual(probability, label)
     known = before >= KNOWN_EXISTENCE
     return Look(label, covered, detected, expected, np.minimum(after, 1.0), known)
 

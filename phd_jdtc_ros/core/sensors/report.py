@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, matches
-from ..learned.last_looks import Remembered
+from ..learned.detection_chains import LookPrediction
 from ..types import Coverage, Detections
 from .gaussians import PlanePlots
 from .range_rate import Rates
@@ -63,8 +63,8 @@ class Report:
     complete: bool = True  # Whether the report has all detections of the sensor
     # The sectors before the report; None if it continues no pass of the antenna.
     earlier: EarlierSectors | None = None
-    # What the sensor's last look at each target implies; None if its misses are independent.
-    remembered: Remembered | None = None
+    # What the sensor's last look at each target predicts; None if its misses are independent.
+    look_prediction: LookPrediction | None = None
 
     def __len__(self) -> int:
         return len(self.detections)
@@ -78,10 +78,10 @@ class Report:
         return self if detections is self.detections else replace(self, detections=detections)
 
     @cached_property
-    def last_looks(self) -> Remembered | None:
-        """What the last looks imply; None if no detection depends on them."""
-        remembered = self.remembered
-        return remembered if remembered is not None and remembered.some else None
+    def informative_prediction(self) -> LookPrediction | None:
+        """The prediction of the last looks; None if no detection depends on them."""
+        own = self.look_prediction
+        return own if own is not None and own.is_informative else None
 
     @cached_property
     def detection_std(self) -> FloatArray:

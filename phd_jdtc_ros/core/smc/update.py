@@ -133,10 +133,10 @@ class PriorParticles:
     def _in_turn(self) -> FloatArray:
         """Probability that each particle is detected in a whole turn, shape (N,)."""
         seen = self.report.sensor.coverage_probability(self._everywhere, None) * self.report.share
-        remembered = self.report.last_looks
-        if remembered is None:
+        prediction = self.report.informative_prediction
+        if prediction is None:
             return seen * self._usual
-        return seen * remembered.probability(self._usual, self.particles.row_label)
+        return seen * prediction.probability(self._usual, self.particles.row_label)
 
     @cached_property
     def _usual(self) -> FloatArray:
@@ -206,8 +206,8 @@ class PriorParticles:
             # in the earlier sectors has left there.
             mean = self._mean(self._unseen)
             log_likelihood += np.log(np.maximum(mean, LEAST_UNSEEN)).take(self.target.take(row))
-        if report.last_looks is not None:
-            later = report.last_looks.probability(self._usual, particles.row_label)
+        if report.informative_prediction is not None:
+            later = report.informative_prediction.probability(self._usual, particles.row_label)
             ratio = self._mean(later) / np.maximum(self._mean(self._usual), TINY)
             log_likelihood += np.log(np.maximum(ratio, TINY)).take(self.target.take(row))
         sources = competing_sources(log_other, column, log_likelihood)

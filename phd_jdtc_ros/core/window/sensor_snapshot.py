@@ -6,16 +6,16 @@ from collections.abc import Collection, Sequence
 
 from ..learned.change_alarm import ChangeAlarm
 from ..learned.correlation import SUMS, Correlation
+from ..learned.detection_chains import DetectionChains
 from ..learned.detection_factor import AZIMUTHS, CELLS, DetectionFactor
-from ..learned.last_looks import LastLooks
 from ..learned.noise_factor import NoiseFactor
-from ..learned.open_looks import OpenLooks
+from ..learned.open_trials import OpenTrials
 from ..models.sensor_learning import SensorMemory
 from ..sensors.sensor import Sensor
 from ..snapshot import Snapshot, from_snapshot, to_snapshot
 
-DETECTION, NOISE, LOOKS = "detection_factor", "noise_factor", "open_looks"
-CORRELATION, LAST, ALARM = "correlation", "last_looks", "change_alarm"
+DETECTION, NOISE, TRIALS = "detection_factor", "noise_factor", "open_looks"
+CORRELATION, CHAINS, ALARM = "correlation", "last_looks", "change_alarm"
 
 
 def sensors_to_snapshot(memory: SensorMemory, snapshot: Snapshot) -> None:
@@ -26,18 +26,18 @@ def sensors_to_snapshot(memory: SensorMemory, snapshot: Snapshot) -> None:
         to_snapshot(noise, snapshot, f"{NOISE}.{name}")
     for name, correlation in memory.correlation.items():
         to_snapshot(correlation, snapshot, f"{CORRELATION}.{name}")
-    for name, last in memory.last.items():
-        to_snapshot(last, snapshot, f"{LAST}.{name}")
+    for name, chains in memory.chains.items():
+        to_snapshot(chains, snapshot, f"{CHAINS}.{name}")
     for name, alarm in memory.alarms.items():
         to_snapshot(alarm, snapshot, f"{ALARM}.{name}")
     if memory.detection:
-        to_snapshot(memory.looks, snapshot, LOOKS)
+        to_snapshot(memory.trials, snapshot, TRIALS)
 
 
 def sensors_from_snapshot(snapshot: Snapshot, sensors: Sequence[Sensor]) -> SensorMemory:
     """Return the learned values of these sensors.
 
-    A learned value is dropped if the configuration sets it now. The open looks are dropped if the
+    A learned value is dropped if the configuration sets it now. The open trials are dropped if the
     learned detection probability of any sensor is not in the snapshot.
 
     Raises
@@ -60,10 +60,12 @@ def sensors_from_snapshot(snapshot: Snapshot, sensors: Sequence[Sensor]) -> Sens
         if known[name].detection_factor is not None or known[name].noise_factor is not None:
             part = snapshot, f"{ALARM}.{name}", {"A": 1 + AZIMUTHS, "Z": 2}
             memory.alarms[name] = from_snapshot(ChangeAlarm, *part)
-    for name in _sensors(snapshot, LAST, known):
+    for name in _sensors(snapshot, CHAINS, known):
         if (first := known[name].correlation) is None:
             continue
-        memory.last[name] = from_snapshot(LastLooks, snapshot, f"{LAST}.{name}", {"B": SUMS})
+        memory.chains[name] = from_snapshot(
+            DetectionChains, snapshot, f"{CHAINS}.{name}", {"B": SUMS}
+        )
         if first.learned and snapshot.names_below(f"{CORRELATION}.{name}"):
             sums = from_snapshot(
                 Correlation,
@@ -75,8 +77,8 @@ def sensors_from_snapshot(snapshot: Snapshot, sensors: Sequence[Sensor]) -> Sens
             )
             memory.correlation[name] = sums
     learning = [name for name in known if known[name].detection_factor is not None]
-    if snapshot.names_below(LOOKS) and set(learning) <= memory.detection.keys():
-        memory.looks = from_snapshot(OpenLooks, snapshot, LOOKS, {"K": CELLS * len(known)})
+    if snapshot.names_below(TRIALS) and set(learning) <= memory.detection.keys():
+        memory.trials = from_snapshot(OpenTrials, snapshot, TRIALS, {"K": CELLS * len(known)})
     return memory
 
 

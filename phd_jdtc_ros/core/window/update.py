@@ -17,7 +17,7 @@ from ..attributes.evidence import Evidence
 from ..attributes.memory import AttributeMemory, AttributesAt
 from ..attributes.reprojection import Paired, plain
 from ..attributes.uniqueness import OutOfGate
-from ..learned.last_looks import Look
+from ..learned.detection_chains import Look
 from ..models import detection_limit
 from ..models.clutter_learning import ClutterMemory
 from ..models.competing_sources import log_intensities
@@ -119,10 +119,10 @@ def update(
     newborn = posterior.sources.newborn(posterior.claimed_probability, report, model)
     newborns = () if newborn is None else (newborn,)
     detected = look = None
-    remembered = sensors is not None and sensors.remembers(report)
-    if remembered or report.detections.coverage is not None:
+    needs_look = sensors is not None and sensors.needs_look(report)
+    if needs_look or report.detections.coverage is not None:
         detected = _detected(prior, posterior)
-        look = _look(report, prior, posterior, detected) if remembered else None
+        look = _look(report, prior, posterior, detected) if needs_look else None
     return Updated(posterior.rows, newborns, posterior.approximate, prior.label, detected, look)
 
 
@@ -250,7 +250,7 @@ def update_scan(
     for own in steps.model.reports(scan):
         report = own if passes is None else passes.with_earlier_sectors(own, scan.stamp_ns)
         if sensors is not None:
-            report = sensors.with_last_looks(report, scan.stamp_ns)
+            report = sensors.with_look_prediction(report, scan.stamp_ns)
         updated = update(rows, report, steps, dt, clutter, known, newborns, sensors)
         rows, approximate = updated.rows, approximate + updated.approximate
         first = label
@@ -262,7 +262,7 @@ def update_scan(
             newborns.append(born)
         if sensors is not None and updated.look is not None:
             look = updated.look.with_born(np.arange(first, label))
-            sensors.learn_looks(report, scan.stamp_ns, look)
+            sensors.learn_correlation(report, scan.stamp_ns, look)
         if passes is not None and updated.detected is not None:
             every = np.concatenate([updated.label, np.arange(first, label)])
             detected = np.concatenate([updated.detected, np.ones(label - first)])

@@ -9,8 +9,8 @@ from phd_jdtc_ros.core.learned.detection_factor import (
     AZIMUTHS,
     CELLS,
     RANGES,
-    Counted,
     DetectionFactor,
+    TrialSums,
 )
 from phd_jdtc_ros.core.learned.noise_factor import NoiseEvidence, NoiseFactor
 from phd_jdtc_ros.core.models.sensor_learning import SensorMemory
@@ -21,27 +21,27 @@ LEARNED = 0.8
 def settled():
     """Return the factor of a sensor that is as configured, known from 640 looks."""
     looks = np.full(CELLS, 10.0)
-    return DetectionFactor(1e4).after(Counted(looks, LEARNED * looks, LEARNED * looks))
+    return DetectionFactor(1e4).after(TrialSums(looks, LEARNED * looks, LEARNED * looks))
 
 
 def looks_of(rng, probability):
     """Return a look at a target in every cell, given the probabilities by azimuth."""
     detected = rng.random((RANGES, AZIMUTHS)) < probability
-    return Counted(np.ones(CELLS), np.full(CELLS, LEARNED), detected.ravel().astype(float))
+    return TrialSums(np.ones(CELLS), np.full(CELLS, LEARNED), detected.ravel().astype(float))
 
 
 def after(probability, reports=6, seed=0):
     rng, alarm = np.random.default_rng(seed), ChangeAlarm()
     for _ in range(reports):
-        alarm = alarm.after_looks(settled(), looks_of(rng, probability))
+        alarm = alarm.after_trials(settled(), looks_of(rng, probability))
     return alarm
 
 
 def test_sums_are_those_of_single_looks():
-    factor, counted = settled(), looks_of(np.random.default_rng(1), 0.1)
-    found = ChangeAlarm().after_looks(factor, counted).detection
+    factor, sums = settled(), looks_of(np.random.default_rng(1), 0.1)
+    found = ChangeAlarm().after_trials(factor, sums).detection
     learned = (factor.by_cell * LEARNED).reshape(RANGES, AZIMUTHS)
-    detected = counted.detected.reshape(RANGES, AZIMUTHS) > 0.0
+    detected = sums.detected.reshape(RANGES, AZIMUTHS) > 0.0
     np.testing.assert_allclose(learned, learned[0, 0])
     p = learned[0, 0]
     of_sensor = np.where(detected, np.log(0.7), np.log((1 - 0.7 * p) / (1 - p)))
@@ -73,13 +73,13 @@ def test_alarm_ends_when_the_sensor_is_as_before():
     alarm, rng = after(0.3), np.random.default_rng(5)
     assert alarm.fewer_detections
     for _ in range(4):
-        alarm = alarm.after_looks(settled(), looks_of(rng, LEARNED))
+        alarm = alarm.after_trials(settled(), looks_of(rng, LEARNED))
     assert not alarm.fewer_detections
 
 
 def test_unknown_sensor_raises_nothing():
-    counted = looks_of(np.random.default_rng(0), 0.0)
-    assert ChangeAlarm().after_looks(DetectionFactor(1e4), counted).detection.max() == 0.0
+    sums = looks_of(np.random.default_rng(0), 0.0)
+    assert ChangeAlarm().after_trials(DetectionFactor(1e4), sums).detection.max() == 0.0
     evidence = NoiseEvidence(np.full(2, 100.0), np.full(2, 300.0))
     assert ChangeAlarm().after_noise(NoiseFactor(), evidence).noise.max() == 0.0
 

@@ -9,8 +9,8 @@ from phd_jdtc_ros.core.learned.detection_factor import (
     LEAST_PROBABILITY,
     MEMORY,
     MOST_PROBABILITY,
-    Counted,
     DetectionFactor,
+    TrialSums,
 )
 
 MAX_RANGE = 8000.0
@@ -24,7 +24,7 @@ def learned(rng, looks, truth, start=None):
         count = np.zeros(CELLS)
         count[cell] = 1.0
         hit = float(rng.random() < truth[cell])
-        factor = factor.after(Counted(count, CONFIGURED * count, hit * count))
+        factor = factor.after(TrialSums(count, CONFIGURED * count, hit * count))
     return factor
 
 
@@ -64,7 +64,7 @@ def test_half_of_the_field_that_detects_less_is_found():
     rng = np.random.default_rng(3)
     count = np.full(CELLS, 200.0)
     detected = rng.binomial(200, truth).astype(float)
-    factor = DetectionFactor(MAX_RANGE).after(Counted(count, CONFIGURED * count, detected))
+    factor = DetectionFactor(MAX_RANGE).after(TrialSums(count, CONFIGURED * count, detected))
     found = factor.probability(np.full(CELLS, CONFIGURED), centres())
     np.testing.assert_allclose(found, truth, atol=0.12)
 
@@ -72,7 +72,7 @@ def test_half_of_the_field_that_detects_less_is_found():
 def test_cell_without_looks_has_the_sensors_mean():
     count = np.zeros(CELLS)
     count[0] = 1000.0
-    factor = DetectionFactor(MAX_RANGE).after(Counted(count, CONFIGURED * count, 0.4 * count))
+    factor = DetectionFactor(MAX_RANGE).after(TrialSums(count, CONFIGURED * count, 0.4 * count))
     assert factor.by_cell[-1] == pytest.approx(factor.mean)
 
 
@@ -86,7 +86,7 @@ def test_fall_of_the_probability_is_followed_within_the_memory():
 def test_probabilities_stay_within_their_bounds():
     looks, place = np.full(CELLS, 1e4), centres()
     given = np.full(CELLS, CONFIGURED)
-    none = DetectionFactor(MAX_RANGE).after(Counted(looks, CONFIGURED * looks, 0.0 * looks))
+    none = DetectionFactor(MAX_RANGE).after(TrialSums(looks, CONFIGURED * looks, 0.0 * looks))
     assert (none.probability(given, place) == LEAST_PROBABILITY).all()
-    every = DetectionFactor(MAX_RANGE).after(Counted(looks, 0.1 * looks, looks))
+    every = DetectionFactor(MAX_RANGE).after(TrialSums(looks, 0.1 * looks, looks))
     assert (every.probability(given, place) == MOST_PROBABILITY).all()

@@ -206,7 +206,7 @@ def test_particles_learn_as_gaussians_do():
     for engine in ENGINES:
         tracker = two_radars(engine, 0.5)
         stepped(tracker, found)
-        last[engine] = tracker.forward.sensors.last["radar_1"]
+        last[engine] = tracker.forward.sensors.chains["radar_1"]
     sure = [np.sort(each.detected[each.detected > 0.9]) for each in last.values()]
     assert len(sure[0]) == len(sure[1]) > 0
 
@@ -222,4 +222,4 @@ def test_last_looks_at_ended_targets_do_not_pile_up():
     engine = two_radars("gaussian", "auto")
     stepped(engine, scans_of_two(7, 60))
     living = sum(len(rows.label) for rows in engine.forward.unswept)
-    assert max(len(last) for last in engine.forward.sensors.last.values()) < 2 * living + 300
+    assert max(len(chains) for chains in engine.forward.sensors.chains.values()) < 2 * living + 300

@@ -189,4 +189,4 @@ def test_snapshot_of_another_sensor_is_refused():
 def test_looks_at_ended_targets_do_not_pile_up():
     engine = engine_of(**AUTO, clutter_rate=100.0)
     stepped(engine, [scan for _, scan in run_of(3, scans=60, clutter_rate=100.0, **TRUTH)])
-    assert len(engine.forward.sensors.looks) < 1000
+    assert len(engine.forward.sensors.trials) < 1000

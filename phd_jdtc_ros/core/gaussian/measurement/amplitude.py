@@ -34,7 +34,7 @@ def detection_probability(
     snr: FloatArray,
     sensor: Sensor,
     dynamics: Dynamics,
-    remembered: tuple[FloatArray, FloatArray] | None = None,
+    prediction: tuple[FloatArray, FloatArray] | None = None,
 ) -> DetectionProbability:
     """Return the probability that a target is detected in a whole turn.
 
@@ -45,9 +45,9 @@ def detection_probability(
     ----------
     snr : array of shape (H, C, S)
         See `Mixture`.
-    remembered : tuple of two arrays of shape (H,), or None
-        What the sensor's last look implies for each hypothesis, as in `Remembered`; None for p_D
-        whatever the last look saw.
+    prediction : tuple of two arrays of shape (H,), or None
+        What the sensor's last look predicts for each hypothesis, as in `LookPrediction`; None for
+        p_D whatever the last look saw.
     """
     log_snr, model, classes = dynamics.cells.log_snr, dynamics.model, snr.shape[1]
     count, modes, size = expected.measured.shape
@@ -67,8 +67,8 @@ def detection_probability(
         each = probability.repeat(modes // probability.shape[1], axis=1).reshape(-1, classes)
         learned = sensor.learned_detection_probability(each.T, flat)
         probability = learned.T.reshape(count, modes, classes)
-    if remembered is not None:
-        looked, detected = (part[:, None, None] for part in remembered)
+    if prediction is not None:
+        looked, detected = (part[:, None, None] for part in prediction)
         probability = probability * (1.0 - looked) + detected
     return DetectionProbability(seen * probability, cell, mean)
 

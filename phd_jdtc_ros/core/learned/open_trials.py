@@ -1,10 +1,11 @@
-"""Looks at targets that do not count yet: no later detection shows that the target was there.
+"""Trials of detection that do not count yet: no later detection shows that the target was there.
 
 A miss has two explanations: the sensor did not detect the target, or the target was no longer
-there. Between two detections of a target only the first explanation is possible. Therefore a look,
-detection or miss, counts when the target is detected again, by any sensor. A target's first
-detection never counts, because there would be no target without it. Its last detection and later
-misses do not count either: when a target disappears, or was false, its open looks disappear too.
+there. Between two detections of a target only the first explanation is possible. Therefore a trial,
+a look with a detection or a miss, counts when the target is detected again, by any sensor. A
+target's first detection never counts, because there would be no target without it. Its last
+detection and later misses do not count either: when a target disappears, or was false, its open
+trials disappear too.
 """
 
 from __future__ import annotations
@@ -17,45 +18,45 @@ import numpy as np
 from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly, contains, contiguous, zeros
 from ..compilation import Float1, Int1, compiled
 from ..snapshot import MAX_INDEX, floats, integers
-from .detection_factor import Counted
+from .detection_factor import TrialSums
 
-# Looks with a smaller open share are dropped.
+# Trials with a smaller open share are dropped.
 LEAST_OPEN = 1e-3
-# Largest number of expected detections of one look: a small learned factor can bring the
+# Largest number of expected detections of one trial: a small learned factor can bring the
 # configured probability above 1.
 MOST_EXPECTED = 100.0
 
 
-class Looks(NamedTuple):
-    """Looks of one sensor at T targets in one report, arrays of shape (T,)."""
+class ReportTrials(NamedTuple):
+    """Trials of one sensor for T targets in one report, arrays of shape (T,)."""
 
     label: IntArray  # Ascending
     cell: IntArray  # Number of the sensor's cell in which the target is, unique among sensors
-    # Detections expected with the configured probability; the look does not count if 0.
+    # Detections expected with the configured probability; the trial does not count if 0.
     expected: FloatArray
     detected: FloatArray  # Probability that the target was detected, if it exists
     existence: FloatArray  # Existence probability after the report
 
 
 @dataclass(frozen=True, eq=False)
-class OpenLooks(ReadOnly):
-    """Open looks, arrays of shape (E,)."""
+class OpenTrials(ReadOnly):
+    """Open trials, arrays of shape (E,)."""
 
     # Label of the target.
     label: Annotated[IntArray, integers("E", 0, MAX_INDEX)] = zeros(0, dtype=np.int64)
-    # As in `Looks`.
+    # As in `ReportTrials`.
     cell: Annotated[IntArray, integers("E", 0, below="K")] = zeros(0, dtype=np.int64)
     expected: Annotated[FloatArray, floats("E", 0.0, MOST_EXPECTED)] = zeros(0)
     detected: Annotated[FloatArray, floats("E", 0.0, 1.0)] = zeros(0)
-    # Share of each look that is open.
+    # Share of each trial that is open.
     still: Annotated[FloatArray, floats("E", 0.0, 1.0)] = zeros(0)
 
     def __len__(self) -> int:
         return len(self.label)
 
-    def take(self, rows: IntArray | BoolArray) -> OpenLooks:
-        """Return these looks."""
-        return OpenLooks(
+    def take(self, rows: IntArray | BoolArray) -> OpenTrials:
+        """Return these trials."""
+        return OpenTrials(
             self.label[rows],
             self.cell[rows],
             self.expected[rows],
@@ -63,26 +64,26 @@ class OpenLooks(ReadOnly):
             self.still[rows],
         )
 
-    def of(self, labels: IntArray) -> OpenLooks:
-        """Return the looks at the targets of ascending labels."""
+    def of(self, labels: IntArray) -> OpenTrials:
+        """Return the trials for the targets of ascending labels."""
         return self.take(contains(labels, self.label))
 
-    def after(self, looks: Looks, cells: int) -> tuple[OpenLooks, Counted]:
-        """Return the open looks after a report, and those that count now.
+    def after(self, trials: ReportTrials, cells: int) -> tuple[OpenTrials, TrialSums]:
+        """Return the open trials after a report, and sums over those that count now.
 
         `cells` is the number of all sensors' cells, K.
 
         Notes
         -----
         If a target is detected with probability d, given that it exists, the share d of its open
-        looks counts, times its existence probability. The share 1 - d stays open, and so does the
-        report's own look at it.
+        trials counts, times its existence probability. The share 1 - d stays open, and so does the
+        report's own trial for it.
         """
         label, cell, expected, detected, still, *counted = _after(
             *(LEAST_OPEN, cells, self.label, self.cell, self.expected, self.detected, self.still),
-            *contiguous(*looks),
+            *contiguous(*trials),
         )
-        return OpenLooks(label, cell, expected, detected, still), Counted(*counted)
+        return OpenTrials(label, cell, expected, detected, still), TrialSums(*counted)
 
 
 @compiled
@@ -102,27 +103,31 @@ def _after(
 ) -> tuple[
     IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
 ]:
-    """Return the columns of `OpenLooks` and of `Counted` after a report.
+    """Return the columns of `OpenTrials` and of `TrialSums` after a report.
 
-    The last arguments, from `own_label` on, are the columns of the report's `Looks`.
+    The last arguments, from `own_label` on, are the columns of the report's `ReportTrials`.
     """
     size, targets, room = len(label), len(own_label), 0
     counts, most = np.zeros((3, cells)), size + targets
     labels, places = np.empty(most, np.int64), np.empty(most, np.int64)
     values = np.empty((3, most))
     place = np.searchsorted(own_label, label)
-    for look in range(size):
-        one, now = place[look], 0.0
-        if one < targets and own_label[one] == label[look]:
+    for trial in range(size):
+        one, now = place[trial], 0.0
+        if one < targets and own_label[one] == label[trial]:
             now = own_detected[one]
-            counting = now * existence[one] * still[look]
-            counts[0, cell[look]] += counting
-            counts[1, cell[look]] += counting * expected[look]
-            counts[2, cell[look]] += counting * detected[look]
-        left = (1.0 - now) * still[look]
+            counting = now * existence[one] * still[trial]
+            counts[0, cell[trial]] += counting
+            counts[1, cell[trial]] += counting * expected[trial]
+            counts[2, cell[trial]] += counting * detected[trial]
+        left = (1.0 - now) * still[trial]
         if left > least:
-            labels[room], places[room] = label[look], cell[look]
-            values[0, room], values[1, room], values[2, room] = expected[look], detected[look], left
+            labels[room], places[room] = label[trial], cell[trial]
+            values[0, room], values[1, room], values[2, room] = (
+                expected[trial],
+                detected[trial],
+                left,
+            )
             room += 1
     for one in range(targets):
         if own_expected[one] > 0.0:

@@ -1,21 +1,21 @@
-"""Looks that count only when the target is detected again."""
+"""Trials that count only when the target is detected again."""
 
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.learned.open_looks import Looks, OpenLooks
+from phd_jdtc_ros.core.learned.open_trials import OpenTrials, ReportTrials
 
 CELLS = 4
 
 
-def looks(label, detected, *, expected=1.0, cell=0, existence=1.0):
-    """Return looks at targets in one report, with the same values unless they are given."""
+def trials(label, detected, *, expected=1.0, cell=0, existence=1.0):
+    """Return trials for targets in one report, with the same values unless they are given."""
     label = np.asarray(label)
 
     def column(value):
         return np.broadcast_to(np.asarray(value, dtype=float), label.shape)
 
-    return Looks(
+    return ReportTrials(
         label,
         np.broadcast_to(cell, label.shape),
         column(expected),
@@ -25,11 +25,11 @@ def looks(label, detected, *, expected=1.0, cell=0, existence=1.0):
 
 
 def after(steps):
-    """Return the open looks after reports, and the sums of those that count."""
-    found, total = OpenLooks(), np.zeros((3, CELLS))
+    """Return the open trials after reports, and the sums of those that count."""
+    found, total = OpenTrials(), np.zeros((3, CELLS))
     for step in steps:
-        found, counted = found.after(step, CELLS)
-        total += counted
+        found, sums = found.after(step, CELLS)
+        total += sums
     return found, total
 
 
@@ -39,12 +39,12 @@ def lives(rng, probability, targets, after_end):
     for scan in range(90):
         here = np.flatnonzero((scan >= begin) & (scan < begin + length + after_end))
         alive = scan < (begin + length)[here]
-        yield looks(here, alive & (rng.random(len(here)) < probability))
+        yield trials(here, alive & (rng.random(len(here)) < probability))
 
 
 @pytest.mark.parametrize("probability", [0.3, 0.5, 0.9])
 @pytest.mark.parametrize("after_end", [0, 8])
-def test_counted_looks_are_detections_with_the_true_probability(probability, after_end):
+def test_counted_trials_are_detections_with_the_true_probability(probability, after_end):
     _, (count, _, detected) = after(lives(np.random.default_rng(4), probability, 3000, after_end))
     std = np.sqrt(probability * (1.0 - probability) / count[0])
     assert count[0] > 1e4
@@ -52,7 +52,7 @@ def test_counted_looks_are_detections_with_the_true_probability(probability, aft
 
 
 def test_counting_all_looks_until_the_end_would_be_wrong():
-    """The bias that open looks avoid is there: targets are looked for after their end."""
+    """The bias that open trials avoid is there: targets are looked for after their end."""
     every = list(lives(np.random.default_rng(4), 0.5, 3000, 8))
     share = sum(step.detected.sum() for step in every) / sum(len(step.label) for step in every)
     assert share < 0.4
@@ -60,45 +60,45 @@ def test_counting_all_looks_until_the_end_would_be_wrong():
 
 def test_misses_count_with_the_next_detection_and_the_detection_with_the_one_after_it():
     seen = [1.0, 0.0, 0.0, 1.0]
-    _, counted = after([looks([7], [d]) for d in seen])
-    np.testing.assert_allclose(counted[:, 0], [3.0, 3.0, 1.0])
-    _, counted = after([looks([7], [d]) for d in [*seen, 1.0]])
-    np.testing.assert_allclose(counted[:, 0], [4.0, 4.0, 2.0])
+    _, sums = after([trials([7], [d]) for d in seen])
+    np.testing.assert_allclose(sums[:, 0], [3.0, 3.0, 1.0])
+    _, sums = after([trials([7], [d]) for d in [*seen, 1.0]])
+    np.testing.assert_allclose(sums[:, 0], [4.0, 4.0, 2.0])
 
 
 def test_misses_of_a_target_that_is_never_detected_again_do_not_count():
-    left, counted = after([looks([7], [1.0]), *(looks([7], [0.0]) for _ in range(5))])
-    assert not counted.any()
+    left, sums = after([trials([7], [1.0]), *(trials([7], [0.0]) for _ in range(5))])
+    assert not sums.any()
     assert len(left) == 6
 
 
 def test_probable_detection_lets_its_share_of_the_looks_count():
-    left, counted = after([looks([7], [0.0]), looks([7], [0.4])])
-    np.testing.assert_allclose(counted[:, 0], [0.4, 0.4, 0.0])
+    left, sums = after([trials([7], [0.0]), trials([7], [0.4])])
+    np.testing.assert_allclose(sums[:, 0], [0.4, 0.4, 0.0])
     np.testing.assert_allclose(left.still, [0.6, 1.0])
 
 
 def test_doubtful_target_counts_with_its_existence_probability():
-    _, counted = after([looks([7], [0.0]), looks([7], [1.0], existence=0.25)])
-    np.testing.assert_allclose(counted[:, 0], [0.25, 0.25, 0.0])
+    _, sums = after([trials([7], [0.0]), trials([7], [1.0], existence=0.25)])
+    np.testing.assert_allclose(sums[:, 0], [0.25, 0.25, 0.0])
 
 
 def test_look_counts_in_its_own_cell_with_its_own_probability():
-    _, counted = after([looks([7], [0.0], cell=2, expected=0.8), looks([7], [1.0], cell=1)])
-    np.testing.assert_allclose(counted, [[0, 0, 1, 0], [0, 0, 0.8, 0], [0, 0, 0, 0]])
+    _, sums = after([trials([7], [0.0], cell=2, expected=0.8), trials([7], [1.0], cell=1)])
+    np.testing.assert_allclose(sums, [[0, 0, 1, 0], [0, 0, 0.8, 0], [0, 0, 0, 0]])
 
 
 def test_detection_by_a_sensor_that_does_not_learn_lets_looks_count():
-    _, counted = after([looks([7], [0.0]), looks([7], [1.0], expected=0.0)])
-    np.testing.assert_allclose(counted[:, 0], [1.0, 1.0, 0.0])
+    _, sums = after([trials([7], [0.0]), trials([7], [1.0], expected=0.0)])
+    np.testing.assert_allclose(sums[:, 0], [1.0, 1.0, 0.0])
 
 
 def test_other_targets_looks_stay_open():
-    left, counted = after([looks([3, 7], [0.0, 0.0]), looks([7], [1.0])])
-    np.testing.assert_allclose(counted[0, 0], 1.0)
+    left, sums = after([trials([3, 7], [0.0, 0.0]), trials([7], [1.0])])
+    np.testing.assert_allclose(sums[0, 0], 1.0)
     assert left.label.tolist() == [3, 7]
 
 
 def test_looks_at_ended_targets_are_dropped():
-    left, _ = after([looks([3, 5, 7], [0.0, 0.0, 0.0])])
+    left, _ = after([trials([3, 5, 7], [0.0, 0.0, 0.0])])
     assert left.of(np.array([3, 7])).label.tolist() == [3, 7]

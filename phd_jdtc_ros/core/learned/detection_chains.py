@@ -19,7 +19,7 @@ from .correlation import MAX_REMEMBERED, SUMS, sums_of
 SAME_LOOK = 0.5
 # Looks that cover a target with a smaller probability show nothing about the correlation.
 WHOLE = 0.99
-# Columns of `LastLooks` of floating-point numbers.
+# Columns of `DetectionChains` of floating-point numbers.
 _NUMBERS = (
     *("covered", "detected", "before_covered", "before_detected"),
     *("expected", "pairs"),
@@ -51,8 +51,8 @@ class Look(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Remembered:
-    """What the previous look implies for the next one, arrays of shape (K,).
+class LookPrediction:
+    """Detection probability of the next look, given the previous one; arrays of shape (K,).
 
     Notes
     -----
@@ -66,7 +66,7 @@ class Remembered:
     detected: FloatArray  # c D: correlation times the probability that it detected the target
 
     @property
-    def some(self) -> bool:
+    def is_informative(self) -> bool:
         """Whether the next look depends on the previous one."""
         return bool(self.looked.any())
 
@@ -92,7 +92,7 @@ class Remembered:
 
 
 @dataclass(frozen=True, eq=False)
-class LastLooks(ReadOnly):
+class DetectionChains(ReadOnly):
     """The last look of one sensor at each of K targets."""
 
     # Ascending, (K,).
@@ -105,28 +105,28 @@ class LastLooks(ReadOnly):
     covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
     # Probability that the look detected the target, (K,).
     detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
-    # The columns `looked` and `detected` of `Remembered` that the look was given, (K,).
+    # The columns `looked` and `detected` of `LookPrediction` that the look was given, (K,).
     before_covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
     before_detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
     # Detection probability of the look, (K,); see `Look`.
     expected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
     # Sums over the pairs of looks that do not count yet, (K, B); see `correlation.sums_of`. As in
-    # `open_looks`, they count when the target is detected again.
+    # `open_trials`, they count when the target is detected again.
     pairs: Annotated[FloatArray, floats("KB", 0.0, MAX_REMEMBERED)] = zeros(0, SUMS)
 
     def __len__(self) -> int:
         return len(self.label)
 
-    def of(self, labels: IntArray) -> LastLooks:
-        """Return the looks at the targets of ascending labels."""
+    def of(self, labels: IntArray) -> DetectionChains:
+        """Return the chains of the targets of ascending labels."""
         return self._take(matches(labels, self.label)[0])
 
-    def _take(self, rows: IntArray) -> LastLooks:
+    def _take(self, rows: IntArray) -> DetectionChains:
         columns = (getattr(self, name)[rows] for name in _NUMBERS)
-        return LastLooks(self.label[rows], self.stamp_ns[rows], *columns)
+        return DetectionChains(self.label[rows], self.stamp_ns[rows], *columns)
 
-    def remembered(self, stamp_ns: int, turn_ns: float, correlation: float) -> Remembered:
-        """Return what these looks imply for a look at a stamp.
+    def predict(self, stamp_ns: int, turn_ns: float, correlation: float) -> LookPrediction:
+        """Return what the chains predict for a look at a stamp.
 
         `turn_ns` is the duration of a turn, if the look is at a sector; otherwise 0.
         """
@@ -135,7 +135,7 @@ class LastLooks(ReadOnly):
         rest = 1.0 - self.covered
         covered = factor * (self.covered + rest * self.before_covered)
         detected = factor * (self.detected + rest * self.before_detected)
-        return Remembered(
+        return LookPrediction(
             self.label,
             np.where(new, covered, self.before_covered),
             np.where(new, detected, self.before_detected),
@@ -148,8 +148,10 @@ class LastLooks(ReadOnly):
         since = stamp_ns - self.stamp_ns
         return since >= SAME_LOOK * turn_ns, np.maximum(np.rint(since / turn_ns), 1.0)
 
-    def after(self, look: Look, remembered: Remembered, stamp_ns: int, turn_ns: float) -> LastLooks:
-        """Return the last looks after a further look, which was given `remembered`."""
+    def after(
+        self, look: Look, prediction: LookPrediction, stamp_ns: int, turn_ns: float
+    ) -> DetectionChains:
+        """Return the chains after a further look, which was given `prediction`."""
         known = self._extended(look.label)
         own = known._take(np.searchsorted(known.label, look.label))
         new, looks = own._new(stamp_ns, turn_ns)
@@ -161,9 +163,9 @@ class LastLooks(ReadOnly):
         expected = np.where(learned, look.expected, 0.0)
         paired = (looks == 1.0) & (own.expected > 0.0) & (expected > 0.0)
         sums = sums_of(look.detected, own.detected, expected, own.expected)
-        before_covered, before_detected = remembered.of(look.label)
+        before_covered, before_detected = prediction.of(look.label)
         return known._with(
-            LastLooks(
+            DetectionChains(
                 label=look.label,
                 stamp_ns=np.where(new, stamp_ns, own.stamp_ns),
                 covered=np.clip(covered, detected, 1.0),
@@ -175,8 +177,8 @@ class LastLooks(ReadOnly):
             )
         )
 
-    def counted(self, look: Look) -> tuple[LastLooks, FloatArray]:
-        """Return the last looks after any sensor's look, and the sums of pairs that count, (B,).
+    def count_pairs(self, look: Look) -> tuple[DetectionChains, FloatArray]:
+        """Return the chains after any sensor's look, and the sums of pairs that count, (B,).
 
         If a target is detected with probability d, given that it exists, the share d of its pairs
         counts, times its existence probability, and the share 1 - d stays open.
@@ -188,15 +190,15 @@ class LastLooks(ReadOnly):
         pairs[known] *= 1.0 - detected[:, None]
         return replace(self, pairs=pairs), sums
 
-    def _extended(self, label: IntArray) -> LastLooks:
-        """Return these looks with empty ones for further labels."""
+    def _extended(self, label: IntArray) -> DetectionChains:
+        """Return these chains with empty ones for further labels."""
         every = np.union1d(self.label, label)
         size = len(every)
         columns = (np.zeros((size, *getattr(self, name).shape[1:])) for name in _NUMBERS)
-        return LastLooks(every, np.zeros(size, dtype=np.int64), *columns)._with(self)
+        return DetectionChains(every, np.zeros(size, dtype=np.int64), *columns)._with(self)
 
-    def _with(self, other: LastLooks) -> LastLooks:
-        """Return these looks with those of another value, whose labels are all among these."""
+    def _with(self, other: DetectionChains) -> DetectionChains:
+        """Return these chains with those of another value, whose labels are all among these."""
         rows, columns = np.searchsorted(self.label, other.label), {}
         for name in ("stamp_ns", *_NUMBERS):
             columns[name] = getattr(self, name).copy()

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.learned.last_looks import LastLooks, Look
+from phd_jdtc_ros.core.learned.detection_chains import DetectionChains, Look
 
 CORRELATION = 0.7
 USUAL = 0.6
@@ -20,18 +20,18 @@ def look(detected=0.0, covered=1.0, expected=0.0, label=LABEL, existence=1.0):
 
 
 def after(looks, stamps=None, turn_ns=0.0):
-    """Return the last looks after these."""
-    last = LastLooks()
+    """Return the chains after these looks."""
+    chains = DetectionChains()
     for number, each in enumerate(looks):
         stamp_ns = number if stamps is None else round(stamps[number])
-        remembered = last.remembered(stamp_ns, turn_ns, CORRELATION)
-        last = last.after(each, remembered, stamp_ns, turn_ns)
-    return last
+        prediction = chains.predict(stamp_ns, turn_ns, CORRELATION)
+        chains = chains.after(each, prediction, stamp_ns, turn_ns)
+    return chains
 
 
-def next_probability(last, stamp_ns=10, turn_ns=0.0, label=LABEL):
-    remembered = last.remembered(stamp_ns, turn_ns, CORRELATION)
-    return remembered.probability(np.full(len(label), USUAL), label)
+def next_probability(chains, stamp_ns=10, turn_ns=0.0, label=LABEL):
+    prediction = chains.predict(stamp_ns, turn_ns, CORRELATION)
+    return prediction.probability(np.full(len(label), USUAL), label)
 
 
 HIT, MISS = USUAL + CORRELATION * (1.0 - USUAL), USUAL * (1.0 - CORRELATION)
@@ -64,42 +64,42 @@ def test_looks_that_do_not_cover_the_target_are_looks_of_the_chain():
 
 
 def test_usual_probability_is_recovered():
-    last = after([look(0.3)])
-    remembered = last.remembered(9, 0.0, CORRELATION)
+    chains = after([look(0.3)])
+    prediction = chains.predict(9, 0.0, CORRELATION)
     usual = np.array([0.45])
-    np.testing.assert_allclose(remembered.usual(remembered.probability(usual, LABEL), LABEL), usual)
+    np.testing.assert_allclose(prediction.usual(prediction.probability(usual, LABEL), LABEL), usual)
 
 
 def test_sectors_of_a_turn_are_one_look():
     """A target at the edge of two sectors is looked at once per turn."""
     stamps = np.array([0.0, 0.1, 1.0, 1.1]) * TURN_NS
     parts = [look(1.0), look(0.0, covered=0.0), look(0.0, covered=0.5), look(0.0, covered=0.5)]
-    last = after(parts, stamps, TURN_NS)
+    chains = after(parts, stamps, TURN_NS)
     within = next_probability(after(parts[:3], stamps, TURN_NS), round(stamps[3]), TURN_NS)
     np.testing.assert_allclose(within, [HIT])
-    np.testing.assert_allclose(next_probability(last, round(2.0 * TURN_NS), TURN_NS), [MISS])
+    np.testing.assert_allclose(next_probability(chains, round(2.0 * TURN_NS), TURN_NS), [MISS])
 
 
 def test_turns_without_a_look_weaken_the_memory():
-    last = after([look(1.0)], [0.0], TURN_NS)
-    found = next_probability(last, round(3.0 * TURN_NS), TURN_NS)
+    chains = after([look(1.0)], [0.0], TURN_NS)
+    found = next_probability(chains, round(3.0 * TURN_NS), TURN_NS)
     np.testing.assert_allclose(found, [USUAL + CORRELATION**3 * (1.0 - USUAL)])
 
 
 def test_pairs_count_when_the_target_is_detected_again():
     expected = {"expected": USUAL}
-    last = after([look(1.0, **expected), look(0.0, **expected), look(0.0, **expected)])
-    unchanged, none = last.counted(look(0.0))
+    chains = after([look(1.0, **expected), look(0.0, **expected), look(0.0, **expected)])
+    unchanged, none = chains.count_pairs(look(0.0))
     np.testing.assert_allclose(none, 0.0)
-    open_pairs, sums = unchanged.counted(look(0.5, existence=0.8))
+    open_pairs, sums = unchanged.count_pairs(look(0.5, existence=0.8))
     np.testing.assert_allclose(sums[:2], [0.5 * 0.8 * 2.0, 0.0])
     np.testing.assert_allclose(open_pairs.pairs[0, 0], 1.0)
 
 
 def test_looks_that_do_not_cover_a_target_are_no_pair():
     expected = {"expected": USUAL}
-    last = after([look(1.0, **expected), look(0.0, 0.5, **expected), look(1.0, **expected)])
-    np.testing.assert_allclose(last.pairs, 0.0)
+    chains = after([look(1.0, **expected), look(0.0, 0.5, **expected), look(1.0, **expected)])
+    np.testing.assert_allclose(chains.pairs, 0.0)
 
 
 def test_looks_at_a_target_count_although_misses_make_it_uncertain():
