@@ -13,14 +13,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, contiguous
+from ..arrays import BoolArray, FloatArray, IntArray, contiguous, read_only
 from ..models.amplitude_model import SnrCells
 from ..models.tracker_model import TrackerModel
+from ..sensors.sensor import Sensor
 from ..targets.motion import MotionModel
 from .mixture import Mixture
 
 # Number of intervals that are kept: antennas turn evenly, so that the same ones recur.
 MOST_INTERVALS = 256
+# Number of thresholds whose detection probabilities are kept: one for each sensor, and those that
+# `detection_limit` has raised.
+MOST_THRESHOLDS = 256
 
 
 class Interval(NamedTuple):
@@ -144,10 +148,26 @@ class Dynamics:
         return covariance
 
     @cached_property
-    def mode_of_cell(self) -> IntArray:
+    def _mode_of_cell(self) -> IntArray:
         """The index of some flat mode of each cell's class, shape (C S,)."""
         classes, cells = self.cells.log_snr.shape
         return np.searchsorted(self.model.modes.class_of, np.arange(classes)).repeat(cells)
+
+    @cached_property
+    def _cell_probabilities(self) -> dict[float, FloatArray]:
+        return {}
+
+    def cell_probability(self, sensor: Sensor) -> FloatArray:
+        """Return p_D in each cell of SNR, (C, S); of a sensor only its threshold matters."""
+        known, threshold = self._cell_probabilities, sensor.threshold
+        if threshold not in known:
+            if len(known) == MOST_THRESHOLDS:
+                known.clear()
+            model, log_snr = self.model, self.cells.log_snr
+            of_cell = self._mode_of_cell, log_snr.ravel(), sensor, model.modes
+            probability = model.amplitudes.detection_probability(*of_cell)
+            known[threshold] = read_only(probability.reshape(log_snr.shape))
+        return known[threshold]
 
     @cached_property
     def _intervals(self) -> dict[float, Interval]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray
+from ...arrays import FloatArray, contiguous
 from ...compilation import Float2, Float3, Int1, compiled
 from ...models import stationary
 from ...sensors.report import Report
@@ -49,19 +50,16 @@ def detection_probability(
         What the sensor's last look predicts for each hypothesis, as in `LookPrediction`; None for
         p_D whatever the last look saw.
     """
-    log_snr, model, classes = dynamics.cells.log_snr, dynamics.model, snr.shape[1]
-    count, modes, size = expected.measured.shape
+    classes, (count, modes, size) = snr.shape[1], expected.measured.shape
     flat, std = expected.measured.reshape(-1, size), expected.std.reshape(-1, size)
     seen = sensor.coverage_probability(flat, None, std).reshape(count, modes, 1)
     given = sensor.given_detection_probability(flat, std)
     if given is None:
-        cell = model.amplitudes.detection_probability(
-            dynamics.mode_of_cell, log_snr.ravel(), sensor, model.modes
-        ).reshape(log_snr.shape)
-        mean = np.einsum("hcs,cs->hc", snr, cell)
+        cell = dynamics.cell_probability(sensor)
+        mean = _mean_over_cells(snr, cell)
         probability = mean[:, None]
     else:
-        cell, mean = np.ones(log_snr.shape), np.ones(snr.shape[:2])
+        cell, mean = np.ones(snr.shape[1:]), np.ones(snr.shape[:2])
         probability = given.repeat(classes).reshape(count, modes, classes)
     if sensor.detection_factor is not None:
         each = probability.repeat(modes // probability.shape[1], axis=1).reshape(-1, classes)
@@ -73,6 +71,18 @@ def detection_probability(
     return DetectionProbability(seen * probability, cell, mean)
 
 
+@compiled
+def _mean_over_cells(snr: Float3, cell: Float2) -> FloatArray:
+    """Return the mean of the cells' values over each hypothesis's SNR, (H, C)."""
+    count, classes, cells = snr.shape
+    mean = np.zeros((count, classes))
+    for row in range(count):
+        for class_id in range(classes):
+            for place in range(cells):
+                mean[row, class_id] += snr[row, class_id, place] * cell[class_id, place]
+    return mean
+
+
 def sector_probability(expected: Expected, sensor: Sensor, sector: Coverage) -> FloatArray:
     """Return the probability that a target of each Gaussian is measured in a sector, (H, R, 1)."""
     measured, std = (part.reshape(-1, 2) for part in (expected.measured, expected.std))
@@ -81,20 +91,28 @@ def sector_probability(expected: Expected, sensor: Sensor, sector: Coverage) -> 
 
 
 def log_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
-    """Return log p_D g(a) of every detection and cell, shape (M, C, S)."""
+    """Return log p_D g(a) of every cell and detection, shape (C, S, M)."""
     model, log_snr = dynamics.model, dynamics.cells.log_snr
-    likelihood = np.empty((len(report), *log_snr.shape))
     by_cell = model.amplitudes.log_cell_likelihood(log_snr, report, model.modes)
-    likelihood.transpose(1, 2, 0)[...] = by_cell
-    return likelihood
+    return np.broadcast_to(by_cell, (*log_snr.shape, len(report)))
 
 
-def relative(
-    log_likelihood: FloatArray, axis: int | tuple[int, int]
-) -> tuple[FloatArray, FloatArray]:
-    """Return the largest log likelihoods over some axes, and the likelihoods relative to them."""
-    largest = log_likelihood.max(axis=axis, keepdims=True)
-    return largest, np.exp(log_likelihood - np.where(largest > -np.inf, largest, 0.0))
+@compiled
+def _relative(log_likelihood: Float3) -> tuple[FloatArray, FloatArray]:
+    """Return the columns of `Amplitudes`, given log p_D g(a) of cells and detections, (C, S, M)."""
+    classes, cells, count = log_likelihood.shape
+    largest, relative = np.full(count, -np.inf), np.zeros((count, classes, cells))
+    for class_id in range(classes):
+        for cell in range(cells):
+            for z in range(count):
+                largest[z] = max(largest[z], log_likelihood[class_id, cell, z])
+    for class_id in range(classes):
+        for cell in range(cells):
+            for z in range(count):
+                if largest[z] > -np.inf:
+                    excess = log_likelihood[class_id, cell, z] - largest[z]
+                    relative[z, class_id, cell] = math.exp(excess)
+    return largest, relative
 
 
 class Amplitudes(NamedTuple):
@@ -107,8 +125,7 @@ class Amplitudes(NamedTuple):
     @staticmethod
     def of(report: Report, dynamics: Dynamics) -> Amplitudes:
         """Return the likelihoods of a report's amplitudes."""
-        largest, likelihood = relative(log_amplitude(report, dynamics), axis=(1, 2))
-        return Amplitudes(largest.ravel(), likelihood)
+        return Amplitudes(*_relative(*contiguous(log_amplitude(report, dynamics))))
 
 
 @compiled

@@ -14,7 +14,7 @@ from ..algebra import range_rate
 from ..algebra.kalman import TINY
 from ..dynamics import Dynamics
 from ..mixture import Mixture
-from .amplitude import log_amplitude, relative
+from .amplitude import log_amplitude
 
 # Folds of a range rate beyond this many standard deviations of the birth velocity are left out.
 BIRTH_SIGMA = 5.0
@@ -117,7 +117,9 @@ def _by_fold(
 
 def _given_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
     """Return the probabilities of the cells of SNR, given each detection's amplitude, (M, C, S)."""
-    likelihood = relative(log_amplitude(report, dynamics), axis=2)[1]
+    log_likelihood = log_amplitude(report, dynamics).transpose(2, 0, 1)
+    largest = log_likelihood.max(axis=2, keepdims=True)
+    likelihood = np.exp(log_likelihood - np.where(largest > -np.inf, largest, 0.0))
     total = likelihood.sum(axis=2, keepdims=True)
     share = likelihood / np.maximum(total, TINY)
     return np.where(total > 0.0, share, dynamics.cells.prior)
