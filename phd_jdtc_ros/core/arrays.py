@@ -70,7 +70,7 @@ def zeros(*shape: int, dtype: type = np.float64) -> Any:
 
 def contiguous(*arrays: Any) -> tuple[Any, ...]:
     """Return arrays as compiled functions take them."""
-    return tuple([np.ascontiguousarray(array) for array in arrays])
+    return tuple(map(np.ascontiguousarray, arrays))
 
 
 def wrap_angle(angle: FloatArray) -> FloatArray:

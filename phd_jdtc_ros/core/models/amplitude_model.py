@@ -196,11 +196,11 @@ class Memory(AmplitudeModel):
         own: FloatArray, sensor: Sensor, measured: FloatArray, amplitude: FloatArray | None
     ) -> FloatArray:
         """Return `log_likelihood`, given ln(1 + d), (..., N) or (..., 1), of N detections."""
-        density = None
+        density, power = None, np.exp(-own)
         if amplitude is not None:
             a = np.maximum(amplitude, SMALLEST_AMPLITUDE)
-            density = np.log(a) - own - 0.5 * a**2 * np.exp(-own)
-        return sensor.log_detected(-0.5 * sensor.threshold**2 * np.exp(-own), density, measured)
+            density = np.log(a) - own - 0.5 * a**2 * power
+        return sensor.log_detected(-0.5 * sensor.threshold**2 * power, density, measured)
 
     def cells(self, modes: ModeSpace) -> SnrCells:
         """Return `CELLS` cells per class, of equal width in ln(1 + d), with the diffusion of d."""

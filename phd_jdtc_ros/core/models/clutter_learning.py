@@ -6,6 +6,7 @@ type resembles a newborn target, and would otherwise never be learned.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -58,10 +59,10 @@ class ClutterMemory:
         if usual is None or usual.turns < USUAL_TURNS or not part:
             return report
         size = len(report)
-        surplus = size - usual.rate * part - USUAL_SIGMA * np.sqrt(size)
+        surplus = size - usual.rate * part - USUAL_SIGMA * math.sqrt(size)
         if surplus <= 0.0:
             return report
-        sensor, rate = report.sensor, report.sensor.clutter_rate + float(surplus) / part
+        sensor, rate = report.sensor, report.sensor.clutter_rate + surplus / part
         return replace(report, sensor=replace(sensor, clutter_rate=rate))
 
     def count(self, report: Report) -> None:

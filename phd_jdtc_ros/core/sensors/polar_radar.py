@@ -146,7 +146,7 @@ class RadarModel(Sensor):
         measured_std = own if std is None else np.hypot(std[:, 1], own)
         return sector_probability(predicted[:, 1], sector, measured_std)
 
-    @property
+    @cached_property
     def log_uniform_clutter(self) -> float:
         """Log intensity of uniform false detections over (range, azimuth)."""
         return float(np.log(self._rate_of_turn / (FULL_TURN * self.clutter_max_range)))

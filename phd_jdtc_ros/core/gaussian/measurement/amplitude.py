@@ -94,7 +94,8 @@ def log_amplitude(report: Report, dynamics: Dynamics) -> FloatArray:
     """Return log p_D g(a) of every cell and detection, shape (C, S, M)."""
     model, log_snr = dynamics.model, dynamics.cells.log_snr
     by_cell = model.amplitudes.log_cell_likelihood(log_snr, report, model.modes)
-    return np.broadcast_to(by_cell, (*log_snr.shape, len(report)))
+    shape = *log_snr.shape, len(report)
+    return by_cell if by_cell.shape == shape else np.broadcast_to(by_cell, shape)
 
 
 @compiled
