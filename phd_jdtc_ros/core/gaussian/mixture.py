@@ -39,16 +39,17 @@ def _sums(targets: int, target: Int1, weight: Float3) -> tuple[FloatArray, Float
 
 
 @compiled
-def _runs(row_label: Int1) -> tuple[IntArray, IntArray]:
-    """Return the label of each run of equal labels, and the run of each row."""
+def _runs(row_label: Int1) -> tuple[IntArray, IntArray, bool]:
+    """Return the label of each run of equal labels, the run of each row, and if labels ascend."""
     label, run = np.empty(len(row_label), np.int64), np.empty(len(row_label), np.int64)
-    found = 0
+    found, ascending = 0, True
     for row in range(len(row_label)):
         if row == 0 or row_label[row] != row_label[row - 1]:
+            ascending = ascending and (row == 0 or row_label[row] > row_label[row - 1])
             label[found] = row_label[row]
             found += 1
         run[row] = found - 1
-    return label[:found], run
+    return label[:found], run, ascending
 
 
 @dataclass(frozen=True)
@@ -82,10 +83,8 @@ class Mixture(ReadOnly):
 
     @cached_property
     def _targets(self) -> tuple[IntArray, IntArray]:
-        label, target = _runs(self.row_label)
-        if (label[1:] > label[:-1]).all():
-            return label, target
-        return factorize(self.row_label)
+        label, target, ascending = _runs(self.row_label)
+        return (label, target) if ascending else factorize(self.row_label)
 
     @property
     def label(self) -> IntArray:

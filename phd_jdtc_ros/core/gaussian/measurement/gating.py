@@ -120,18 +120,20 @@ def _gate_pairs(
     azimuth: Float1,
     noise_std: Float2,
     time_s: Float1,
-    widest: Float1,
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the results of `gate_pairs`.
 
     `azimuth` has the azimuths of the detections in ascending `order`, within a full turn from 0;
-    `widest` is the largest noise, and `moved` the largest motion of a measurement until its time.
+    `moved` is the largest motion of a measurement until its time.
     """
     count, modes = weight.shape
     room, found = 4 * count + 64, 0
     pairs, log_likelihood = np.empty((room, 2), np.int64), np.empty((room, modes))
     around, reach, box = np.empty(modes, np.bool_), np.empty((modes, 2)), np.empty(4)
-    inverse, log_root = np.empty((modes, 3)), np.empty(modes)
+    inverse, log_root, widest = np.empty((modes, 3)), np.empty(modes), np.zeros(2)
+    for one in range(len(order)):
+        for axis in range(2):
+            widest[axis] = max(widest[axis], noise_std[one, axis])
     for row in range(count):
         anywhere, noise_range, noise_azimuth = False, -1.0, -1.0
         for mode in range(modes):
@@ -202,23 +204,24 @@ def gate_pairs(
         Log likelihood with the measurement linearised at the mean; -inf outside a Gaussian's gate.
     """
     sensor, detections, shape = report.sensor, report.detections, expected.measured.shape
-    rate, timed = np.zeros(shape), detections.time_s is not None and len(report) > 0
+    rate = moved = np.zeros(shape)
+    timed = detections.time_s is not None and len(report) > 0
     if timed:
         rate = sensor.measurement_rate(mixture.mean.reshape(-1, mixture.mean.shape[2]))
         rate = rate.reshape(shape)
     if not sensor.polar:
         spread = expected.measured, expected.covariance
         return linearised.gate_pairs(mixture.mode_weight, *spread, rate, report, GATE_SIGMA)
-    std, moved = report.detection_std, np.zeros(shape)
+    std = report.detection_std
     if timed:
+        moved = np.empty(shape)
         speed = np.abs(mixture.mean[..., list(sensor.space.velocity)]).sum(axis=-1)
         moved[..., 0] = speed * np.abs(report.time_s).max()
         moved[..., 1] = moved[..., 0] / np.maximum(expected.measured[..., 0], MIN_RANGE)
-    azimuth = np.mod(detections.measurement[:, 1], FULL_TURN)
-    order = np.argsort(azimuth, kind="stable")
+    azimuth = detections.measurement[:, 1] % FULL_TURN
+    order = azimuth.argsort(kind="stable")
     return _gate_pairs(
         sensor.max_range,
         *contiguous(expected.measured, expected.covariance, rate, moved, mixture.mode_weight),
         *contiguous(detections.measurement, order, azimuth[order], std, report.time_s),
-        *contiguous(std.max(axis=0, initial=0.0)),
     )

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
-from ...arrays import FloatArray
+from ...arrays import FloatArray, contiguous
+from ...compilation import Float3, compiled
 from ...sensors.sensor import Sensor
 from ..mixture import Mixture
 from .gating import Expected
@@ -14,6 +15,17 @@ from .gating import Expected
 LEAST_PART = 1e-3
 # The standard normal distribution of minus this is less than `LEAST_PART`.
 FAR_SIGMA = 3.1
+
+
+@compiled
+def _at_limit(max_range: float, measured: Float3, std: Float3) -> bool:
+    """Return whether any Gaussian is at the sensor's largest range."""
+    for row in range(len(measured)):
+        for mode in range(measured.shape[1]):
+            limit = (max_range - measured[row, mode, 0]) / std[row, mode, 0]
+            if abs(limit) < FAR_SIGMA:
+                return True
+    return False
 
 
 def after_miss(
@@ -37,10 +49,10 @@ def after_miss(
     after a miss is proportional to N(d; m, s^2) (1 - p 1[d within]). Its mean and variance are
     matched; the other axes follow by their regression on the range.
     """
+    if not _at_limit(sensor.max_range, *contiguous(expected.measured, expected.std)):
+        return None
     std = expected.std[..., 0]
     limit = (sensor.max_range - expected.measured[..., 0]) / std
-    if not (np.abs(limit) < FAR_SIGMA).any():
-        return None
     part = ndtr(limit)
     at = (part > LEAST_PART) & (part < 1.0 - LEAST_PART) & (mixture.mode_weight > 0.0)
     if not at.any():
