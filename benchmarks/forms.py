@@ -45,7 +45,7 @@ def copies(phd: ParticleSet) -> ParticleSet:
     """Return the set with every copy of a particle in a row of its own."""
     row = np.repeat(np.arange(len(phd)), phd.multiplicity)
     share = 1.0 / phd.multiplicity[row]
-    return replace(phd.scaled(row, share), multiplicity=np.ones(len(row), dtype=np.int64))
+    return replace(phd.scale(row, share), multiplicity=np.ones(len(row), dtype=np.int64))
 
 
 def smooth(

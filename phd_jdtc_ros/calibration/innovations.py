@@ -106,13 +106,15 @@ class InnovationMonitor:
         innovation[:, 1] = wrap_angle(innovation[:, 1])
         noise = radar.noise_std_of(found)[column]
         variance = np.broadcast_to(noise**2, innovation.shape)
-        predicted = slope @ self._predicted(tracks, row, after_s) @ slope.swapaxes(-1, -2)
+        predicted = slope @ self._predict_covariance(tracks, row, after_s) @ slope.swapaxes(-1, -2)
         innovation_covariance = predicted + variance[:, :, None] * np.eye(2)
         normal = np.linalg.solve(innovation_covariance, innovation[:, :, None])[:, :, 0]
         distance2 = (innovation * normal).sum(axis=1)
         yield from np.column_stack([distance2, innovation**2 / variance])
 
-    def _predicted(self, tracks: Estimates, row: IntArray, after_s: FloatArray) -> FloatArray:
+    def _predict_covariance(
+        self, tracks: Estimates, row: IntArray, after_s: FloatArray
+    ) -> FloatArray:
         """Return the covariances of tracks' positions, predicted by `after_s`, (P, 2, 2)."""
         place, speed = list(tracks.space.position), list(tracks.space.velocity)
         covariance = tracks.covariance[row]

@@ -8,7 +8,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 
-from .record import Record, joined
+from .record import Record, concatenate_rows
 
 # Maps with a smaller extent than this are in metres.
 SHORT_M = 2000.0
@@ -40,7 +40,7 @@ class MapScale:
 def places_of(record: Record) -> FloatArray:
     """Return the positions of targets and estimates, or else of detections, (N, 2), metres."""
     parts = (record.truth, record.filtered, record.smoothed)
-    targets = joined((entry.position for part in parts for entry in part), 2)
+    targets = concatenate_rows((entry.position for part in parts for entry in part), 2)
     return targets if len(targets) else record.all_plots.position
 
 

@@ -92,8 +92,8 @@ class Record:
     def all_plots(self) -> AllPlots:
         """The detections of the run."""
         return AllPlots(
-            joined((plot.position for plot in self.plots), 2),
-            joined(plot.amplitude for plot in self.plots),
+            concatenate_rows((plot.position for plot in self.plots), 2),
+            concatenate_rows(plot.amplitude for plot in self.plots),
         )
 
     def of_source(self, source: str) -> tuple[Estimates, ...]:
@@ -125,6 +125,6 @@ class Record:
         return evaluation
 
 
-def joined(parts: Iterable[Any], *shape: int) -> FloatArray:
+def concatenate_rows(parts: Iterable[Any], *shape: int) -> FloatArray:
     """Return arrays of rows of a shape end to end, empty without any."""
     return np.concatenate([np.zeros((0, *shape)), *parts])

@@ -73,7 +73,7 @@ def parameters() -> str:
     parts = [_PARAMETERS.format(count=declared())]
     for title, text, table in _SECTIONS:
         rows = [
-            (f"`{p.name}`{' *' * p.mutable}", f"`{_shown(p)}`", p.allowed, p.description)
+            (f"`{p.name}`{' *' * p.mutable}", f"`{_default_text(p)}`", p.allowed, p.description)
             for p in table
         ]
         head = ("name", "default", "allowed", "meaning")
@@ -91,7 +91,7 @@ def declared() -> int:
     return sum(map(len, tables)) + len(bridge_only)
 
 
-def _shown(parameter: Parameter) -> str:
+def _default_text(parameter: Parameter) -> str:
     default = parameter.default
     if parameter.keys:
         default = {key: getattr(default, key) for key in parameter.keys if getattr(default, key)}

@@ -5,7 +5,7 @@ from refusals import faults_of
 
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.study import monte_carlo
-from phd_jdtc_ros.study.monte_carlo.definition import merged
+from phd_jdtc_ros.study.monte_carlo.definition import merge_layers
 from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
@@ -223,7 +223,7 @@ def test_resolve_merges_scenario_case_variant_and_command_line(study_file):
 
 
 def test_merged_forgets_the_parts_that_a_later_layer_leaves_out():
-    found = merged(
+    found = merge_layers(
         {"births": ["east", "west"], "east.rates": [1.0], "west.rates": [2.0], "lag": 3},
         {"births": ["west"]},
     )
@@ -232,7 +232,7 @@ def test_merged_forgets_the_parts_that_a_later_layer_leaves_out():
 
 
 def test_merged_gives_every_class_what_is_given_for_all():
-    found = merged(
+    found = merge_layers(
         {"classes": ["ship", "boat"], "ship.survival_probability": 0.9},
         {"*.survival_probability": 0.8, "boat.survival_probability": 0.7},
     )
@@ -242,7 +242,7 @@ def test_merged_gives_every_class_what_is_given_for_all():
         "ship.survival_probability": 0.8,
         "boat.survival_probability": 0.7,
     }
-    of_default_classes = merged({"*.motions": ["cv"]})
+    of_default_classes = merge_layers({"*.motions": ["cv"]})
     assert of_default_classes == {"class_0.motions": ["cv"], "class_1.motions": ["cv"]}
 
 
@@ -314,7 +314,7 @@ def test_a_variant_of_an_unknown_engine_is_a_fault(study_file):
 
 
 def test_merged_forgets_default_parts_too():
-    assert merged({"start_1.rates": [1.0]}, {"births": []}) == {"births": []}
+    assert merge_layers({"start_1.rates": [1.0]}, {"births": []}) == {"births": []}
 
 
 def test_resolve_keeps_the_data_the_cases(study_file):

@@ -74,7 +74,7 @@ def _times(radars: Sequence[TrackedRadar]) -> FloatArray:
 
 
 def _sample_tracks(radar: TrackedRadar, bias: SensorBias, times: FloatArray) -> _SampledTracks:
-    corrected = radar.corrected(bias)
+    corrected = radar.remove_bias(bias)
     every = corrected.position
     position = np.full((len(radar.tracks), len(times), 2), np.nan)
     plot_std, reach = np.zeros(len(radar.tracks)), np.zeros(len(radar.tracks))

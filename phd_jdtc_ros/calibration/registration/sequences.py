@@ -10,7 +10,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.bias import SensorBias
 
-from ..tuning.plots import PlotSequences, padded
+from ..tuning.plots import PlotSequences, pad_rows
 from .common import Target
 from .tracked_radars import TrackedRadar
 
@@ -29,7 +29,7 @@ def sequences(
     radars: Sequence[TrackedRadar], biases: Sequence[SensorBias], targets: Sequence[Target]
 ) -> Sequences:
     """Return the plots of common targets with known biases removed."""
-    corrected = [each.corrected(bias) for each, bias in zip(radars, biases, strict=True)]
+    corrected = [each.remove_bias(bias) for each, bias in zip(radars, biases, strict=True)]
     radar_rows, plot_rows = [], []
     for target in targets:
         own = [radars[radar].tracks[row] for radar, row in target]
@@ -38,7 +38,7 @@ def sequences(
         order = np.argsort(np.concatenate(time_s), kind="stable")
         radar_rows.append(index[order])
         plot_rows.append(np.concatenate(own)[order])
-    (radar, valid), (plot, _) = padded(radar_rows), padded(plot_rows)
+    (radar, valid), (plot, _) = pad_rows(radar_rows), pad_rows(plot_rows)
 
     def gather(columns: Sequence[FloatArray]) -> FloatArray:
         """Return the value of each plot in its radar's column."""

@@ -40,7 +40,7 @@ class TrackedRadar:
         """Positions of the plots in the world frame, metres, (N, 2)."""
         return kinematics.positions(self.measurement, self.pose)
 
-    def corrected(self, bias: SensorBias) -> TrackedRadar:
+    def remove_bias(self, bias: SensorBias) -> TrackedRadar:
         """Return the radar with these biases removed from its plots."""
         distance = np.maximum(bias.true_range(self.measurement[:, 0]), 0.0)
         azimuth = wrap_angle(self.measurement[:, 1] - bias.azimuth)

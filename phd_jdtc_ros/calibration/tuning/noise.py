@@ -23,7 +23,7 @@ from scipy.optimize import minimize
 from phd_jdtc_ros.core.arrays import FloatArray
 
 from . import kinematics
-from .plots import Plots, PlotSequences, padded
+from .plots import Plots, PlotSequences, pad_rows
 from .tracks import GATE, NoiseModel, Tracks
 
 # Transition probabilities [mode, mode at the next plot], and the probabilities of the modes at a
@@ -131,7 +131,7 @@ def _sequences(plots: Plots, tracks: Tracks, log_ratio: FloatArray) -> _Sequence
     Manoeuvring targets have short tracks, which must be represented too.
     """
     ordered = sorted(tracks.plots, key=len, reverse=True)
-    rows, valid = padded(ordered[:: max(1, round(len(tracks.claimed) / MOST_PLOTS))])
+    rows, valid = pad_rows(ordered[:: max(1, round(len(tracks.claimed) / MOST_PLOTS))])
     return _Sequences(
         valid, plots.time_s[rows], plots.measurement[rows], plots.pose[rows], log_ratio[rows]
     )

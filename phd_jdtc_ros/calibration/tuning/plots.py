@@ -73,7 +73,7 @@ class PlotSequences:
     pose: FloatArray  # Pose of the radar at each plot, (K, T, 3)
 
 
-def padded(rows: Sequence[IntArray]) -> tuple[IntArray, BoolArray]:
+def pad_rows(rows: Sequence[IntArray]) -> tuple[IntArray, BoolArray]:
     """Return T rows as columns (K, T), padded with their last entry, and the mask of valid ones."""
     length = np.array([len(row) for row in rows])
     step = np.arange(length.max())[:, None]

@@ -46,7 +46,7 @@ class AttributeMemory:
         Heights are smoothed by later scans on request; identities are always the latest.
         """
         label = estimates.track_id - 1
-        records = self.predicted(label, estimates.stamp_ns)
+        records = self.predict(label, estimates.stamp_ns)
         beliefs = records.beliefs
         heights = beliefs.heights
         known = heights.known > KNOWN_HEIGHT
@@ -79,7 +79,7 @@ class AttributeMemory:
         self.records = self.records.take(np.flatnonzero(np.isin(self.records.label, alive)))
         self.history = self.history.since(stamp_ns, alive)
 
-    def predicted(self, label: IntArray, stamp_ns: int) -> AttributeRecords:
+    def predict(self, label: IntArray, stamp_ns: int) -> AttributeRecords:
         """Return the records of labels, predicted to a stamp; priors for labels without one."""
         found = AttributeRecords.of(label, stamp_ns, Beliefs.fresh(len(label), self.model))
         row, place = matches(self.records.label, label)
@@ -146,7 +146,7 @@ class AttributesAt(NamedTuple):
         projection, detections = report.sensor.height_projection, report.detections
         if projection is None or detections.height is None:
             return reprojection.plain(gate, detections)
-        heights = self.memory.predicted(label, self.stamp_ns).beliefs.heights
+        heights = self.memory.predict(label, self.stamp_ns).beliefs.heights
         return reprojection.pair(
             gate, target, heights, report, projection, self.memory.model.height
         )
@@ -183,7 +183,7 @@ class AttributesAt(NamedTuple):
         engine_target, column, edge_of_pair = edges_of(target, column, len(label), size)
         distinct, place = np.unique(engine_target, return_inverse=True)
         place = place.ravel()
-        before = self.memory.predicted(label[distinct], self.stamp_ns)
+        before = self.memory.predict(label[distinct], self.stamp_ns)
         address = addresses_of(detections)
         conflicts = uniqueness.identity_conflicts(
             belief=before.beliefs.address,

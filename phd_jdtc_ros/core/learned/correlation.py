@@ -73,18 +73,18 @@ class Correlation(ReadOnly):
     @cached_property
     def value(self) -> float:
         """The correlation."""
-        shown, precision = self._shown
-        found, _ = PRIOR.posterior(np.array(shown - self.start), np.array(precision))
+        estimate, precision = self._estimate
+        found, _ = PRIOR.posterior(np.array(estimate - self.start), np.array(precision))
         return min(max(self.start + float(found), LEAST), MOST)
 
     @property
     def std(self) -> float:
         """Standard deviation of `value`, given by the pairs alone; infinite without pairs."""
-        precision = self._shown[1]
+        precision = self._estimate[1]
         return 1.0 / math.sqrt(precision) if precision else math.inf
 
     @cached_property
-    def _shown(self) -> tuple[float, float]:
+    def _estimate(self) -> tuple[float, float]:
         """The correlation that the pairs show, and the inverse of its variance."""
         pairs, both, detected, expected, crossed, square = self.sums.tolist()
         if not self.learned or expected <= 0.0 or not 0.0 < detected < pairs:
@@ -93,13 +93,13 @@ class Correlation(ReadOnly):
         covariance = both - 2.0 * factor * crossed + factor**2 * square
         variance = max(detected - factor**2 * square, 1e-9)
         prior = PRIOR_WEIGHT * variance / pairs
-        shown = (covariance + self.start * prior) / (variance + prior)
-        shown = min(max(shown, -MOST), MOST)
+        estimate = (covariance + self.start * prior) / (variance + prior)
+        estimate = min(max(estimate, -MOST), MOST)
         # Half a detection and half a miss are added, so that pairs without one of them show little.
-        mean, positive = (detected + 0.5) / (pairs + 1.0), max(shown, 0.0)
+        mean, positive = (detected + 0.5) / (pairs + 1.0), max(estimate, 0.0)
         hit, miss = mean + positive * (1.0 - mean), mean * (1.0 - positive)
         spread = hit * (1.0 - hit) / mean + miss * (1.0 - miss) / (1.0 - mean)
-        return shown, pairs / spread
+        return estimate, pairs / spread
 
     def after(self, sums: FloatArray) -> Correlation:
         """Return the correlation after further pairs, given their sums, (B,)."""

@@ -93,7 +93,7 @@ class ParticleSet(ReadOnly):
             self.multiplicity[rows],
         )
 
-    def scaled(self, rows: IntArray, factor: FloatArray) -> ParticleSet:
+    def scale(self, rows: IntArray, factor: FloatArray) -> ParticleSet:
         """Return the particles of these rows, with weights times `factor`, in all components."""
         return replace(
             self.take(rows),

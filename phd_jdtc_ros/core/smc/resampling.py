@@ -137,7 +137,7 @@ def resample(
     kept = np.flatnonzero(copies)
     row = order[kept]
     factor = copies[kept] * copy_weight[group[kept]] / weight[kept]
-    return replace(particles.scaled(row, factor), multiplicity=copies[kept])
+    return replace(particles.scale(row, factor), multiplicity=copies[kept])
 
 
 @dataclass(frozen=True)

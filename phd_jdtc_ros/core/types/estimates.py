@@ -42,7 +42,7 @@ class Attributes(ReadOnly):
     seen_ns: IntArray | None = None
 
     @staticmethod
-    def joined(parts: Sequence[Attributes]) -> Attributes:
+    def concatenate(parts: Sequence[Attributes]) -> Attributes:
         """Concatenate the attributes of several sets of targets, at least one.
 
         If no set has detection times, the result has none; otherwise they are `UNKNOWN` for the
@@ -150,7 +150,7 @@ class Estimates(_Targets):
             for name in _PER_TARGET
         }
         known = [part.attributes for part in parts if part.attributes is not None]
-        attributes = Attributes.joined(known).take(order) if len(known) == len(parts) else None
+        attributes = Attributes.concatenate(known).take(order) if len(known) == len(parts) else None
         last = parts[-1]
         return replace(last, lag=lag, attributes=attributes, **columns), stamps[order]
 

@@ -33,11 +33,11 @@ def publisher(
     topic: str,
     qos: QoSProfile,
     health: OutputHealth,
-    joined: Callable[[], None] | None = None,
+    on_subscriber: Callable[[], None] | None = None,
 ) -> Any:
     """Return a publisher that is silent while the node is not active.
 
-    `joined` is called when a subscription is matched.
+    `on_subscriber` is called when a subscription is matched.
     """
     full = node.resolve_topic_name(topic)
 
@@ -49,8 +49,8 @@ def publisher(
         )
 
     def on_matched(event: Any) -> None:
-        if joined is not None and event.current_count_change > 0:
-            joined()
+        if on_subscriber is not None and event.current_count_change > 0:
+            on_subscriber()
 
     with topics.qos_of(full):
         return node.create_lifecycle_publisher(
@@ -59,7 +59,7 @@ def publisher(
             qos,
             event_callbacks=PublisherEventCallbacks(
                 incompatible_qos=on_incompatible,
-                matched=None if joined is None else on_matched,
+                matched=None if on_subscriber is None else on_matched,
             ),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )

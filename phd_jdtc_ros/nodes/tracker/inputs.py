@@ -72,7 +72,7 @@ class Inputs:
         # The radars' listeners, in their order, and then the platforms'.
         self._listeners: list[Listener] = []
 
-    def learned(self, figures: Mapping[str, float]) -> None:
+    def note_learned(self, figures: Mapping[str, float]) -> None:
         """Pass on what was learned of each radar, from a step's figures to the radar's health."""
         for health in self.radars:
             own = f"{health.name}."

@@ -241,7 +241,7 @@ class LiveTracker:
         self._outputs.publish(SCAN, stamp_ns, event.scan)
         step_ms, now_s = self._step_clock.take_ms(), time.monotonic()
         self._step_health.stepped(stamp_ns, now_s, step_ms, step.targets, step.figures)
-        self.inputs.learned(step.figures)
+        self.inputs.note_learned(step.figures)
         if event.scans_without_targets:
             self._step_health.scans_without_targets = event.scans_without_targets
             self._node.get_logger().warning(anomalies.no_targets(event.scans_without_targets))

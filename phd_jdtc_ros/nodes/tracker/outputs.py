@@ -66,8 +66,8 @@ class Outputs:
             text = f"outputs: {row.switch} given, but its message package is not installed"
             raise ConfigError([text])
         qos = topics.latched(LATCHED_DEPTH) if row.latched else topics.reliable(DEPTH)
-        joined = partial(self._send, row) if row.latched else None
-        return endpoints.publisher(self._node, kind, row.topic, qos, self._health, joined)
+        on_subscriber = partial(self._send, row) if row.latched else None
+        return endpoints.publisher(self._node, kind, row.topic, qos, self._health, on_subscriber)
 
     def _publish_frames(self, settings: Settings) -> Any:
         """Publish the poses of the fixed radars once; return the publisher, None without tf2_msgs.

@@ -20,7 +20,7 @@ from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
 from ..lengths import places_of
-from ..record import RadarPlots, Record, joined
+from ..record import RadarPlots, Record, concatenate_rows
 from .estimate_rows import AXIS_STEPS, LEAST_AXIS, NO_LEVEL, EstimateRows, Grid, known_heights
 from .frames import Frames
 from .layers import clutter_levels, earth_grid, graticule, rings, shades_of
@@ -95,7 +95,7 @@ def _radars(record: Record) -> list[str]:
 
 def _aircraft(record: Record, height: FloatArray) -> bool:
     """Return whether the targets are aircraft, by the heights and speeds of all estimates."""
-    speeds = joined(
+    speeds = concatenate_rows(
         np.hypot(*entry.velocity.T)
         for part in ((record.truth,) if not record.filtered else (record.filtered,))
         for entry in part
@@ -151,13 +151,15 @@ def _add_truth(record: Record, frames: Frames, grid: Grid) -> None:
     found = [(k, points) for k, points in known if points is not None]
     frame = np.repeat([k for k, _ in found], [len(points) for _, points in found])
     number = [p.track_id if p.track_id is not None else np.zeros(len(p)) for _, p in found]
-    order = grid.begin("truth", joined(number).astype(np.int64), frame)
-    grid.add("truth", joined([p.position for _, p in found], 2)[order])
+    order = grid.begin("truth", concatenate_rows(number).astype(np.int64), frame)
+    grid.add("truth", concatenate_rows([p.position for _, p in found], 2)[order])
     speed = [
         np.hypot(*p.velocity.T) if p.velocity is not None else [np.nan] * len(p) for _, p in found
     ]
-    grid.columns.add("truth.speed", np.rint(10.0 * np.nan_to_num(joined(speed), nan=1e3))[order])
-    grid.columns.add("truth.class", joined([p.class_id for _, p in found])[order])
+    grid.columns.add(
+        "truth.speed", np.rint(10.0 * np.nan_to_num(concatenate_rows(speed), nan=1e3))[order]
+    )
+    grid.columns.add("truth.class", concatenate_rows([p.class_id for _, p in found])[order])
 
 
 def _add_plots(record: Record, frames: Frames, grid: Grid) -> list[float]:
@@ -182,4 +184,4 @@ def _add_carriers(record: Record, frames: Frames, grid: Grid) -> None:
     carried: list[RadarPlots] = [plot for plot in record.plots if plot.sensor is not None]
     number = np.array([names.index(plot.radar) for plot in carried], dtype=np.int64)
     order = grid.begin("carriers", number, frames.at([plot.stamp_ns for plot in carried]))
-    grid.add("carriers", joined([np.array([p.sensor]) for p in carried], 2)[order])
+    grid.add("carriers", concatenate_rows([np.array([p.sensor]) for p in carried], 2)[order])

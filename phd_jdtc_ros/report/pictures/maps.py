@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.types import Estimates
 
 from ..clock import Clock
 from ..lengths import MapScale
-from ..record import Record, joined
+from ..record import Record, concatenate_rows
 from ..style import (
     DETECTION,
     DPI,
@@ -160,7 +160,7 @@ def trajectories(record: Record) -> Figure:
     """Draw the smoothed estimates by class over the true trajectories."""
     scale = MapScale.of(record)
     lines = [scale.of_metres(track.position) for track in true_tracks(record)]
-    position = scale.of_metres(joined((found.position for found in record.smoothed), 2))
+    position = scale.of_metres(concatenate_rows((found.position for found in record.smoothed), 2))
     figure, axes = _map(np.concatenate([position, *lines]), scale, margin=0.04)
     for line in lines:
         axes.plot(*line.T, color=INK, linewidth=0.6, zorder=1)
@@ -168,7 +168,7 @@ def trajectories(record: Record) -> Figure:
     for index, estimates in enumerate(record.smoothed):
         if index % every == every // 2:
             _ellipses(axes, estimates, scale)
-    class_id = joined(found.class_id for found in record.smoothed)
+    class_id = concatenate_rows(found.class_id for found in record.smoothed)
     for k in range(record.classes):
         axes.plot(
             *position[class_id == k].T,

@@ -97,7 +97,7 @@ class Study:
 
     def parameters(self, case: Case, variant: Variant) -> dict[str, Any]:
         """Return the tracker's parameters for a variant and a case."""
-        return merged(case.parameters, variant.parameters, self.assigned)
+        return merge_layers(case.parameters, variant.parameters, self.assigned)
 
     def runs(self, case: Case, variant: Variant, asked: int) -> int:
         """Return the number of runs of a variant at a case, of `asked` requested ones."""
@@ -139,7 +139,7 @@ def _unknown(option: str, names: Sequence[str], known: Sequence[str]) -> list[st
     ]
 
 
-def merged(*layers: Mapping[str, Any]) -> dict[str, Any]:
+def merge_layers(*layers: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters of several layers, in which later layers replace earlier ones.
 
     If a layer lists the radars, classes, motions or births again, the parameters of the omitted

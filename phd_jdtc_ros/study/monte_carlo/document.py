@@ -24,7 +24,7 @@ from phd_jdtc_ros.simulation.transponder import transponders
 
 from ..runs import TAXIING, Ignored
 from ..tracker import ExtractionVariant
-from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merged
+from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merge_layers
 from .kinds import KINDS, Kind
 
 BUILT_IN_SCENARIO = "paper_scenario"
@@ -229,7 +229,7 @@ def _case(
     try:
         built_in = source == BUILT_IN_SCENARIO
         in_file, build = ({}, paper_scenario) if built_in else load_scene(source)
-        parameters = merged(in_file, of_case, assigned)
+        parameters = merge_layers(in_file, of_case, assigned)
         model = tracker_config.resolve(parameters).model
         scenario, classes = build(polar_radars(model.radars)), len(model.modes.classes)
         if replies is not None:

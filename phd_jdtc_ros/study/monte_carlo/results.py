@@ -19,7 +19,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.totals import ratio
 
-from .definition import ORDER, Goal, Study, Variant, merged
+from .definition import ORDER, Goal, Study, Variant, merge_layers
 from .result import Result
 from .store import HEADER, Store
 from .tasks import Outcome, Task
@@ -161,7 +161,7 @@ def _engine(study: Study, result: Result) -> str | None:
     if not result.variant.kind.ours:
         return None
     of_case = {case.name: case.parameters for case in study.cases}.get(result.case, {})
-    given = merged(of_case, result.variant.parameters, study.assigned)
+    given = merge_layers(of_case, result.variant.parameters, study.assigned)
     return tracker_config.resolve(given).engine
 
 

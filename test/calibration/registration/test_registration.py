@@ -69,7 +69,7 @@ def test_residuals_have_the_error_before_and_none_after(found):
 def test_errors_that_are_removed_already_are_not_found_again(sensors, found):
     right = []
     for each, known in zip(sensors, found.radars, strict=True):
-        plots = each.corrected(known.bias)
+        plots = each.remove_bias(known.bias)
         right.append(replace(each, time_s=plots.time_s, measurement=plots.measurement))
     again = register(right, "west")
     for each in again.radars:

@@ -52,13 +52,13 @@ def split_into_strata(
     strata[large] = np.where(pairs > DENSE, pairs / LEFT, 1.0).astype(np.int64)
     base = np.cumsum(strata) - strata
     later_stratum, earlier_stratum = (
-        _dealt(side, particles.weight, strata)
+        _assign_strata(side, particles.weight, strata)
         for side, particles in zip(groups, (later, earlier), strict=True)
     )
     return base[groups[0]] + later_stratum, base[groups[1]] + earlier_stratum
 
 
-def _dealt(group: IntArray, weight: FloatArray, strata: IntArray) -> IntArray:
+def _assign_strata(group: IntArray, weight: FloatArray, strata: IntArray) -> IntArray:
     """Return the stratum of each row within its group.
 
     The rows of a group are dealt out in turns, one row to each of its B strata. The heaviest row of
@@ -70,10 +70,10 @@ def _dealt(group: IntArray, weight: FloatArray, strata: IntArray) -> IntArray:
     own = group[order]
     turn = (np.arange(len(group)) - begin[own]) // strata[own]
     by_weight = np.lexsort((weight[order], turn, own))
-    dealt = np.empty(len(group), dtype=np.int64)
+    stratum = np.empty(len(group), dtype=np.int64)
     place = (np.arange(len(group)) - begin[own]) % strata[own]
-    dealt[order[by_weight]] = (place + turn) % strata[own]
-    return dealt
+    stratum[order[by_weight]] = (place + turn) % strata[own]
+    return stratum
 
 
 def _near_share(

@@ -41,7 +41,7 @@ def redraw_velocities(
     state = stored.state[row]
     _draw_velocities(state, again, stored.mode[row], term, model, rng)
     multiplicity = np.where(newborn, 1, stored.multiplicity)[row]
-    return replace(stored.scaled(row, share), state=state, multiplicity=multiplicity)
+    return replace(stored.scale(row, share), state=state, multiplicity=multiplicity)
 
 
 def _tells_velocities(scan: Scan) -> bool:
