@@ -144,10 +144,10 @@ def log_clutter_factor(detections: Detections, model: AttributeModel) -> FloatAr
 
     Clutter with a reply shows identities as unknown targets do.
     """
-    shown = [part for part in (detections.code, detections.address) if part is not None]
-    if not shown:
+    replies = [part for part in (detections.code, detections.address) if part is not None]
+    if not replies:
         return np.zeros(len(detections))
-    has_reply = np.stack([part != UNKNOWN for part in shown]).any(axis=0)
+    has_reply = np.stack([part != UNKNOWN for part in replies]).any(axis=0)
     false, true = model.clutter_reply, model.code.reply_probability
     odds = np.array([(1.0 - false) / (1.0 - true), false / true])
     factor: FloatArray = np.log(odds)[has_reply.astype(np.int64)]

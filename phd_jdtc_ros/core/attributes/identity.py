@@ -58,8 +58,8 @@ class IdentityModel:
 
     def genuine_probability(self, identity: IntArray) -> FloatArray:
         """Return the probability that an unknown target's reply is not garbled, elementwise."""
-        shown = self.equipped * self.reply * (1.0 - self.garbled) * self.prior(identity)
-        return np.where(identity < 0, 0.0, shown / self.unknown_target_likelihood(identity))
+        genuine = self.equipped * self.reply * (1.0 - self.garbled) * self.prior(identity)
+        return np.where(identity < 0, 0.0, genuine / self.unknown_target_likelihood(identity))
 
     def unknown_target_likelihood(self, identity: IntArray) -> FloatArray:
         """Return the likelihood of each reply, or of its absence, from an unknown target.
@@ -68,8 +68,8 @@ class IdentityModel:
         """
         prior = self.prior(identity)
         answer = self.reply * ((1.0 - self.garbled) * prior + self.garbled / self.size)
-        shown = self.equipped * answer + (1.0 - self.equipped) * self.garbled * prior
-        return np.where(identity == UNKNOWN, 1.0 - self.reply_probability, shown)
+        likelihood = self.equipped * answer + (1.0 - self.equipped) * self.garbled * prior
+        return np.where(identity == UNKNOWN, 1.0 - self.reply_probability, likelihood)
 
 
 class Belief(NamedTuple):
@@ -101,9 +101,9 @@ class Belief(NamedTuple):
         row = np.arange(len(best))
         return np.where(self.weight[row, best] > 0.5, self.candidate[row, best], UNKNOWN)
 
-    def probability_of(self, target: IntArray, shown: IntArray) -> FloatArray:
+    def probability_of(self, target: IntArray, reply: IntArray) -> FloatArray:
         """Return the probability that each target has the identity shown; all shapes (E,)."""
-        match = (self.candidate[target] == shown[:, None]) & (shown >= 0)[:, None]
+        match = (self.candidate[target] == reply[:, None]) & (reply >= 0)[:, None]
         probability: FloatArray = (self.weight[target, :REST] * match).sum(axis=1)
         return probability
 
@@ -122,7 +122,7 @@ class ReplyLikelihood(NamedTuple):
 def compare(
     belief: Belief,
     target: IntArray,
-    shown: IntArray,
+    reply: IntArray,
     model: IdentityModel,
     conflict: FloatArray | float = 0.0,
 ) -> ReplyLikelihood:
@@ -132,39 +132,39 @@ def compare(
     ----------
     target : int array of shape (E,)
         Row of each edge's target in `belief`.
-    shown : int array of shape (E,)
+    reply : int array of shape (E,)
         The identity that each edge's detection shows; `UNKNOWN` for no reply, `NOT_REPORTED` if the
         sensor does not report this identity.
     conflict : array of shape (E,) or float
         Probability that another target has the identity shown, which excludes the edge's target.
     """
-    prior = _add_candidates(belief, target, shown, model)
-    has_reply = (shown >= 0)[:, None]
+    prior = _add_candidates(belief, target, reply, model)
+    has_reply = (reply >= 0)[:, None]
     garbled = model.garbled / model.size
-    match = (prior.candidate[target] == shown[:, None]) & has_reply
+    match = (prior.candidate[target] == reply[:, None]) & has_reply
     likelihood = np.empty((len(target), prior.weight.shape[1]))
-    free = np.broadcast_to(1.0 - np.asarray(conflict), shown.shape)[:, None]
+    free = np.broadcast_to(1.0 - np.asarray(conflict), reply.shape)[:, None]
     likelihood[:, :REST] = model.reply * ((1.0 - model.garbled) * free * match + garbled)
     # Every identity shown is a candidate: the rest can only show it garbled.
     likelihood[:, REST] = model.reply * garbled
-    likelihood[:, ABSENT] = model.garbled * model.prior(shown)
+    likelihood[:, ABSENT] = model.garbled * model.prior(reply)
     silent = np.full(prior.weight.shape[1], 1.0 - model.reply)
     silent[ABSENT] = 1.0 - model.garbled
     likelihood = np.where(has_reply, likelihood, silent)
-    reports = shown != NOT_REPORTED
+    reports = reply != NOT_REPORTED
     likelihood[~reports] = 1.0
     evidence = (prior.weight[target] * likelihood).sum(axis=1)
-    log_factor = np.where(reports, np.log(evidence / model.unknown_target_likelihood(shown)), 0.0)
+    log_factor = np.where(reports, np.log(evidence / model.unknown_target_likelihood(reply)), 0.0)
     return ReplyLikelihood(prior, likelihood, log_factor)
 
 
 def _add_candidates(
-    belief: Belief, target: IntArray, shown: IntArray, model: IdentityModel
+    belief: Belief, target: IntArray, reply: IntArray, model: IdentityModel
 ) -> Belief:
     """Return the belief with the identities shown in edges as further candidates."""
-    among = (belief.candidate[target] == shown[:, None]).any(axis=1)
-    new = np.flatnonzero((shown >= 0) & ~among)
-    owner, identity = np.divmod(np.unique(target[new] * model.size + shown[new]), model.size)
+    among = (belief.candidate[target] == reply[:, None]).any(axis=1)
+    new = np.flatnonzero((reply >= 0) & ~among)
+    owner, identity = np.divmod(np.unique(target[new] * model.size + reply[new]), model.size)
     place = np.arange(len(owner)) - np.searchsorted(owner, owner)
     known = belief.candidate.shape[1]
     width = known + int(place.max(initial=-1)) + 1
@@ -182,7 +182,7 @@ def _add_candidates(
 
 
 def update(
-    shown: ReplyLikelihood, target: IntArray, probability: FloatArray, missed: FloatArray
+    found: ReplyLikelihood, target: IntArray, probability: FloatArray, missed: FloatArray
 ) -> Belief:
     """Return the belief after an association.
 
@@ -194,13 +194,13 @@ def update(
     Given its detection, a target's identity is independent of the other targets' associations. The
     update is therefore exact, except for the candidates that are dropped.
     """
-    prior = shown.prior.weight
-    joint = prior[target] * shown.likelihood
+    prior = found.prior.weight
+    joint = prior[target] * found.likelihood
     after = joint * (probability / joint.sum(axis=1))[:, None]
     weight = missed[:, None] * prior
     np.add.at(weight, target, after)
     weight /= weight.sum(axis=1, keepdims=True)
-    return _prune(Belief(shown.prior.candidate, weight))
+    return _prune(Belief(found.prior.candidate, weight))
 
 
 def _prune(belief: Belief) -> Belief:

@@ -155,12 +155,12 @@ class AttributesAt(NamedTuple):
         self, label: IntArray, target: IntArray, column: IntArray, detections: Detections
     ) -> OutOfGate | None:
         """Return the targets whose identities detections show outside their gates."""
-        shown = addresses_of(detections)
-        if shown is None or not self.memory.model.address.unique:
+        reply = addresses_of(detections)
+        if reply is None or not self.memory.model.address.unique:
             return None
         identity, seen_ns = self.memory.addresses(label)
-        shown_ns = updates.times_of(detections, self.stamp_ns)
-        return uniqueness.find_out_of_gate(identity, seen_ns, shown, shown_ns, (target, column))
+        reply_ns = updates.times_of(detections, self.stamp_ns)
+        return uniqueness.find_out_of_gate(identity, seen_ns, reply, reply_ns, (target, column))
 
     def evidence(
         self,
@@ -189,7 +189,7 @@ class AttributesAt(NamedTuple):
             belief=before.beliefs.address,
             target=place,
             column=column,
-            shown=np.full(size, UNKNOWN) if address is None else address,
+            reply=np.full(size, UNKNOWN) if address is None else address,
             undetected=undetected[distinct],
             model=model.address,
         )

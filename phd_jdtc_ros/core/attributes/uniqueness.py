@@ -39,7 +39,7 @@ def identity_conflicts(
     belief: Belief,
     target: IntArray,
     column: IntArray,
-    shown: IntArray,
+    reply: IntArray,
     undetected: FloatArray,
     model: IdentityModel,
 ) -> Conflicts:
@@ -56,20 +56,20 @@ def identity_conflicts(
     with probability 1 - r' b. The reply of a new target may also be garbled.
     """
     if not model.unique:
-        return Conflicts(np.zeros(len(target)), np.zeros(len(shown)))
-    probability = belief.probability_of(target, shown[column])
+        return Conflicts(np.zeros(len(target)), np.zeros(len(reply)))
+    probability = belief.probability_of(target, reply[column])
     log_free = np.log1p(-np.minimum(undetected[target] * probability, MAX_CONFLICT))
-    log_free_of_all = sum_by(column, log_free, len(shown))
+    log_free_of_all = sum_by(column, log_free, len(reply))
     by_another = -np.expm1(log_free_of_all[column] - log_free)
-    log_unknown = np.log1p(model.genuine_probability(shown) * np.expm1(log_free_of_all))
+    log_unknown = np.log1p(model.genuine_probability(reply) * np.expm1(log_free_of_all))
     return Conflicts(np.maximum(by_another, 0.0), log_unknown)
 
 
 def find_out_of_gate(
     identity: IntArray,
     seen_ns: IntArray,
-    shown: IntArray,
-    shown_ns: IntArray,
+    reply: IntArray,
+    reply_ns: IntArray,
     near: tuple[IntArray, IntArray],
 ) -> OutOfGate | None:
     """Return the targets whose identities detections show outside their gates, or None.
@@ -78,10 +78,10 @@ def find_out_of_gate(
     that each detection shows and its time, (M,), and the targets and detections of the pairs in
     gates, (P,). Identities are negative if unknown; times are in nanoseconds.
     """
-    away = (identity[:, None] == shown) & (shown >= 0)
+    away = (identity[:, None] == reply) & (reply >= 0)
     away[near] = False
     target, column = np.nonzero(away)
-    since_ns = shown_ns[column] - seen_ns[target]
+    since_ns = reply_ns[column] - seen_ns[target]
     row = np.flatnonzero(since_ns > 0)
     if not len(row):
         return None
