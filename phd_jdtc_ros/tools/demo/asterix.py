@@ -64,7 +64,7 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
             return False
         words = [str(recording(bag)), "--bag", str(bag), "--send", str(where)]
         words += ["--params-file", str(logs / PARAMETERS)]
-        nodes.start(PLAYER, words, {}, shown=True, module=f"{__package__}.{PLAYER}")
+        nodes.start(PLAYER, words, {}, in_terminal=True, module=f"{__package__}.{PLAYER}")
         if not (nodes.wait(PLAYER) and nodes.wait("evaluator", FINISH_S)):
             return False
         outputs = BagReader(out / RECORDING).counts[names.estimates(FILTERED)]

@@ -76,7 +76,7 @@ def run_nodes(
     }
 
     def play(nodes: Processes) -> bool:
-        nodes.start("sensor_replay", [str(bag), "--rate", "0"], parameters, shown=True)
+        nodes.start("sensor_replay", [str(bag), "--rate", "0"], parameters, in_terminal=True)
         return nodes.wait("sensor_replay") and nodes.wait("evaluator", FINISH_S)
 
     return processes.run(bag, config, out, logs, cutoff, play)

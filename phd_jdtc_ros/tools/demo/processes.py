@@ -66,12 +66,12 @@ class Processes:
         name: str,
         arguments: Sequence[str],
         parameters: Mapping[str, object],
-        shown: bool = False,
+        in_terminal: bool = False,
         module: str = "",
     ) -> None:
         """Start an executable of the package, or a module, as a node.
 
-        Its output goes to its log, or to the terminal if `shown`.
+        Its output goes to its log, or to the terminal if `in_terminal`.
         """
         executable = [module] if module else [PACKAGE, name]
         line = [sys.executable, "-m", *executable, *arguments, "--ros-args"]
@@ -79,7 +79,7 @@ class Processes:
             line += ["-p", f"{key}:={value}"]
         with (self._logs / f"{name}.log").open("wb") as log, _interrupts_deferred():
             self._running[name] = subprocess.Popen(
-                line, stdout=None if shown else log, stderr=log, env=self._environment
+                line, stdout=None if in_terminal else log, stderr=log, env=self._environment
             )
 
     def wait_for(self, name: str, text: str) -> bool:
