@@ -145,7 +145,8 @@ class PriorMixture:
     @cached_property
     def _in_turn(self) -> FloatArray:
         """Probability that each Gaussian is detected in a whole turn, shape (H, R, C)."""
-        return self.report.share * self._probability.by_class
+        share, by_class = self.report.share, self._probability.by_class
+        return by_class if share == 1.0 else share * by_class
 
     def _mean(self, by_class: FloatArray) -> FloatArray:
         """Return the mean of each hypothesis's values, (H, R, C) to (H,)."""
