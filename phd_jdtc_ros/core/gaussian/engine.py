@@ -31,9 +31,10 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
 
     def _smoothed_at(self, stamp_ns: int, lag: int, threshold: float) -> Estimates:
         self._lineages.extend(self._window)
-        self._lineages.smooth(stamp_ns)
+        around = self._lineages.smooth(stamp_ns)
         self.forward.on_stage_end("backward")
-        return extract_at(self._lineages, self.forward.dynamics, stamp_ns, lag, threshold)
+        at = self.forward.dynamics, stamp_ns, lag, threshold
+        return extract_at(self._lineages, around, *at)
 
     def _figures(self, step: Filtered[Mixture, Link]) -> Mapping[str, float]:
         stored = step.entry.stored

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, contains, run_starts
+from ..arrays import BoolArray, FloatArray, IntArray
+from ..compilation import Int1, Int2, compiled
 from ..window.entries import Entry, Source
 from .algebra.hindsight import Edges, Gaussians, Pairs, Predicted, Updates, go_back
 from .mixture import Mixture
@@ -73,6 +74,83 @@ class Around(NamedTuple):
     after: IntArray  # First later update; -1 for none, (T,)
 
 
+# Columns of the result of `_updates`; of rows, the first and the end.
+LABEL, BEFORE, ROW, PREDICTED, EDGE, COLUMNS = 0, 1, 2, 4, 6, 8
+
+
+@compiled
+def _updates(label: Int1, target: Int1, earlier: Int1, known: Int1, child: Int1) -> IntArray:
+    """Return the updates of a scan: those of its targets, and then of those that it dropped.
+
+    The rows of the other tables are counted within the scan.
+
+    Parameters
+    ----------
+    label : int array of shape (T,)
+        Labels of the targets, ascending.
+    target : int array of shape (H,)
+        Target of each updated hypothesis.
+    earlier : int array of shape (E,)
+        Update of each hypothesis that the scan continues; -1 if it has left the window.
+    known : int array
+        Label of each earlier update.
+    child : int array
+        Updated hypothesis of each edge.
+    """
+    count, update, latest = len(label), -1, -1
+    found = np.zeros((len(label) + len(earlier), COLUMNS), np.int64)
+    for one in range(count):
+        found[one, LABEL] = label[one]
+        found[one, BEFORE] = -1
+    # Backwards, so that the first row of each target stays.
+    for at in range(len(target) - 1, -1, -1):
+        found[target[at], ROW] = at
+    for at in range(len(target)):
+        found[target[at], ROW + 1] = at + 1
+    for at in range(len(child) - 1, -1, -1):
+        found[target[child[at]], EDGE] = at
+    for at in range(len(child)):
+        found[target[child[at]], EDGE + 1] = at + 1
+    for at in range(len(earlier)):
+        if earlier[at] < 0:
+            continue
+        if earlier[at] != latest:
+            latest = earlier[at]
+            update, end = 0, len(label)
+            while update < end:
+                middle = (update + end) // 2
+                if label[middle] < known[latest]:
+                    update = middle + 1
+                else:
+                    end = middle
+            if update == len(label) or label[update] != known[latest]:
+                update = count
+                found[update, LABEL] = known[latest]
+                count += 1
+            found[update, BEFORE] = latest
+            found[update, PREDICTED] = at
+        found[update, PREDICTED + 1] = at + 1
+    return found[:count]
+
+
+@compiled
+def _around(before: Int1, row: Int2, past: int) -> tuple[BoolArray, IntArray]:
+    """Return which of the updates up to a stamp are the latest, and the first later ones.
+
+    `past` is the number of updates up to the stamp; -1 stands for no later one.
+    """
+    latest, after = np.empty(past, np.bool_), np.empty(past, np.int64)
+    for one in range(past):
+        latest[one] = row[one, 1] > row[one, 0]
+        after[one] = -1
+        if before[one] >= 0:
+            latest[before[one]] = False
+    for one in range(past, len(before)):
+        if 0 <= before[one] < past and row[one, 1] > row[one, 0]:
+            after[before[one]] = one
+    return latest, after
+
+
 class Lineages:
     """The updates of the entries of a window, oldest first."""
 
@@ -116,8 +194,10 @@ class Lineages:
             )
         )
 
-    def smooth(self, since_ns: int = -1) -> None:
+    def smooth(self, since_ns: int = -1) -> Around:
         """Smooth the updates that new ones continue, if a stamp from this one on needs them.
+
+        Returns the updates around that stamp.
 
         Notes
         -----
@@ -135,12 +215,13 @@ class Lineages:
         systems", Journal of Machine Learning Research 7, 2006.
         Kim, "Dynamic linear models with Markov-switching", Journal of Econometrics 60, 1994.
         """
+        around = self.around(since_ns)
         first, self._done = self._done, self._updates.size
         if self._pairs_of_modes is None or first == self._done:
-            return
+            return around
         before, row, predicted, edge, stamp, _ = self._updates.columns
         needed = stamp > since_ns
-        needed[self.around(since_ns).before] = True
+        needed[around.before] = True
         go_back(
             *self._pairs_of_modes,
             first,
@@ -153,6 +234,7 @@ class Lineages:
             Gaussians(*self._filtered.columns),
             Gaussians(*self._smoothed.columns),
         )
+        return around
 
     def smoothed(self, stamp_ns: int) -> Mixture:
         """Return the smoothed hypotheses of an entry."""
@@ -164,18 +246,9 @@ class Lineages:
         """Return the updates around a stamp."""
         before, row, _, _, stamp, _ = self._updates.columns
         past = int(stamp.searchsorted(stamp_ns, side="right"))
-        alive = row[:, 1] > row[:, 0]
-        continues = np.flatnonzero(before >= 0)
-        earlier, later = (
-            continues[: continues.searchsorted(past)],
-            continues[continues.searchsorted(past) :],
-        )
-        after = np.full(past, -1)
-        later = later[alive[later] & (before[later] < past)]
-        after[before[later]] = later
-        alive[before[earlier]] = False
-        latest = np.flatnonzero(alive[:past])
-        return Around(latest, after[latest])
+        latest, after = _around(before, row, past)
+        place = np.flatnonzero(latest)
+        return Around(place, after[place])
 
     def stamps(self, updates: IntArray) -> IntArray:
         """Return the stamps of updates."""
@@ -200,52 +273,25 @@ class Lineages:
 
     def _append(self, entry: Entry[Mixture, Link]) -> None:
         """Append the updates of an entry: those of its targets, and of those that it dropped."""
-        stored, first, update = entry.stored, self._filtered.size, self._updates.size
-        begin = run_starts(stored.row_label)
-        size = np.diff(np.append(begin, len(stored)))
-        row = np.stack([begin, begin + size], axis=1)
-        label, link = stored.row_label[begin], entry.link
-        before, predicted, dropped = self._continued(entry, label)
-        label = np.concatenate([label, dropped])
-        row = np.concatenate([row, np.zeros((len(dropped), 2), dtype=np.int64)])
-        edge = np.zeros_like(row)
+        stored, link = entry.stored, entry.link
+        nobody = np.zeros(0, dtype=np.int64)
+        earlier = np.concatenate([nobody, *map(self._updates_of, entry.sources)])
+        child = nobody if link is None else link.ancestry.child
+        first, update, known = self._filtered.size, self._updates.size, self._updates.columns[5]
+        found = _updates(stored.label, stored.target, earlier, known, child)
+        label, before, row = found[:, LABEL], found[:, BEFORE], found[:, ROW:PREDICTED]
         if link is not None and (before >= 0).any():
-            edge = self._edges.size + link.ancestry.child.searchsorted(row)
+            predicted = self._predicted.size + found[:, PREDICTED:EDGE]
+            edge = self._edges.size + found[:, EDGE:]
             self._append_link(link)
         else:
-            predicted = edge
+            predicted = edge = np.zeros_like(row)
         stamp = np.full(len(label), entry.stamp_ns)
         self._updates.append(before, first + row, predicted, edge, stamp, label)
         for table in (self._filtered, self._smoothed):
             table.append(*stored.gaussians)
-        of = update + np.arange(len(begin)).repeat(size)
-        self._places[entry.stamp_ns] = _Place(stored, slice(first, self._filtered.size), of)
-
-    def _continued(
-        self, entry: Entry[Mixture, Link], label: IntArray
-    ) -> tuple[IntArray, IntArray, IntArray]:
-        """Return the columns `before` and `predicted` of an entry, and the targets it dropped.
-
-        `label` has the entry's targets; the rows of those that it dropped come after theirs.
-        """
-        nobody = np.zeros(0, dtype=np.int64)
-        earlier = np.concatenate([nobody, *map(self._updates_of, entry.sources)])
-        begin = run_starts(earlier)
-        end = np.append(begin[1:], len(earlier))[: len(begin)]
-        # The last one stands for targets that continue none.
-        before = np.append(earlier[begin], -1)
-        predicted = self._predicted.size + np.stack(
-            [np.append(begin, 0), np.append(end, 0)], axis=1
-        )
-        known = np.flatnonzero(before >= 0)
-        known = known[np.argsort(self.labels(before[known]))]
-        known_label = self.labels(before[known])
-        of = np.full(len(label), len(begin))
-        kept = contains(known_label, label)
-        of[kept] = known[known_label.searchsorted(label[kept])]
-        dropped = ~contains(np.sort(label), known_label)
-        of = np.concatenate([of, known[dropped]])
-        return before[of], predicted[of], known_label[dropped]
+        rows = slice(first, self._filtered.size)
+        self._places[entry.stamp_ns] = _Place(stored, rows, update + stored.target)
 
     def _updates_of(self, source: Source) -> IntArray:
         """Return the update of each row of a source; -1 if it has left the window."""

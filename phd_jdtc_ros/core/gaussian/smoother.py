@@ -10,7 +10,7 @@ from ..tracks.common_stamp import between
 from ..types import Estimates
 from .dynamics import Dynamics
 from .extraction import extract_targets
-from .lineages import Lineages
+from .lineages import Around, Lineages
 from .mixture import Mixture
 from .snapshot import GaussianEntry
 
@@ -30,10 +30,15 @@ def backward_pass(entries: Sequence[GaussianEntry]) -> list[Mixture]:
 
 
 def extract_at(
-    lineages: Lineages, dynamics: Dynamics, stamp_ns: int, lag: int, threshold: float
+    lineages: Lineages,
+    around: Around,
+    dynamics: Dynamics,
+    stamp_ns: int,
+    lag: int,
+    threshold: float,
 ) -> Estimates:
-    """Return the smoothed targets at a stamp, between their updates before and after it."""
-    before, after = lineages.around(stamp_ns)
+    """Return the smoothed targets at a stamp, between the updates `around` it."""
+    before, after = around
     by_label = np.argsort(lineages.labels(before))
     before, after = before[by_label], after[by_label]
     if (lineages.stamps(before) == stamp_ns).all():
