@@ -42,7 +42,9 @@ def extract_at(
     by_label = np.argsort(lineages.labels(before))
     before, after = before[by_label], after[by_label]
     if (lineages.stamps(before) == stamp_ns).all():
-        after = np.full(len(before), -1)
+        # Targets below the threshold are not needed to interpolate between updates.
+        targets = lineages.labels(before), *lineages.hypotheses(before)
+        return extract_targets(*targets, dynamics, stamp_ns, lag, threshold)
     followed = after >= 0
     count, parts = int(np.count_nonzero(followed)), (before[followed], after[followed])
     updates = np.concatenate([*parts, before[~followed]])

@@ -7,7 +7,7 @@ import pytest
 from sweep import ROTATION_S, START_NS, configuration, scans
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.gaussian import lineages, smoother
+from phd_jdtc_ros.core.gaussian import extraction, lineages, smoother
 from phd_jdtc_ros.core.window.entries import Entry, Source
 
 SECTORED = {"engine": "gaussian", "estimates_period_s": ROTATION_S, "lag": 4}
@@ -151,6 +151,25 @@ def test_updates_around_a_stamp_are_the_last_before_it_and_the_first_after_it():
             later = [stamp for stamp in stamps if stamp > entry.stamp_ns]
             assert every.stamps(np.array([one])) == max(earlier)
             assert (every.stamps(np.array([other])).tolist() if other >= 0 else []) == later[:1]
+
+
+@pytest.mark.parametrize("threshold", [1e-3, 0.5])
+def test_targets_at_the_stamp_of_a_whole_scan_are_those_of_its_smoothed_mixture(threshold):
+    engine = new_engine(configuration(SECTORED))
+    for scan in scans(5, sectors=1):
+        engine.step(scan)
+    whole = lineages.Lineages()
+    whole.extend(engine._window)
+    whole.smooth()
+    stamp_ns = engine._window[-3].stamp_ns
+    at = engine.forward.dynamics, stamp_ns, 2, threshold
+    found = smoother.extract_at(whole, whole.around(stamp_ns), *at)
+    expected = extraction.extract(whole.smoothed(stamp_ns), *at)
+    assert len(found) > 0
+    np.testing.assert_array_equal(found.track_id, expected.track_id)
+    np.testing.assert_array_equal(found.state, expected.state)
+    np.testing.assert_array_equal(found.covariance, expected.covariance)
+    np.testing.assert_array_equal(found.weight, expected.weight)
 
 
 def test_lineages_of_another_window_are_not_continued():
