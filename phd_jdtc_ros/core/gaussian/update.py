@@ -206,8 +206,9 @@ class PriorMixture:
         coarse = self._coarse(pairs, readings), self.amplitudes.largest, factor, log_other
         gated = PairLikelihoods(pairs.row, pairs.column, *coarse)
         counted, amplitude = likely(self.mixture, self.missed, gated, self.amplitudes.relative)
-        pairs, factor = pairs.take(counted), factor.take(counted)
-        evidence = None if evidence is None else evidence.take(counted)
+        if len(counted) < len(factor):
+            pairs, factor = pairs.take(counted), factor.take(counted)
+            evidence = None if evidence is None else evidence.take(counted)
 
         of_pairs = pairs.row, pairs.projected_index, readings
         found = iterated_update(self.mixture, *of_pairs, self.measured)
