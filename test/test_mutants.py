@@ -1,3 +1,4 @@
+import ast
 import runpy
 from pathlib import Path
 
@@ -31,6 +32,13 @@ def test_listed_equivalents_are_separated_from_survivors(tmp_path):
 def test_equivalent_mutants_are_of_modules_that_are_mutated():
     modules = {module for part in MUTANTS["PARTS"].values() for module in part.modules}
     assert {module for module, _ in MUTANTS["known_equivalents"]()} <= modules
+
+
+def test_equivalent_mutants_are_of_lines_that_the_modules_have():
+    for module, change in MUTANTS["known_equivalents"]():
+        source = ast.unparse(ast.parse((ROOT / MUTANTS["CORE"] / module).read_text()))
+        line = change.removeprefix("- ").partition("\n+ ")[0]
+        assert line in source, (module, line)
 
 
 def test_some_changes_are_equivalent_anywhere():
