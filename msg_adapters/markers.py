@@ -145,6 +145,6 @@ def _put_labels(
         data += before_text
         struct.pack_into("<i", data, begin + number, row)
         struct.pack_into("<3d", data, begin + position, *place)
-        writer.string(text)
-        writer.align(4)
-        data += after_text
+        encoded = text.encode() + b"\0"
+        # A text begins at a multiple of four bytes, and so do the members after it.
+        data += struct.pack("<I", len(encoded)) + encoded + bytes(-len(encoded) % 4) + after_text
