@@ -92,7 +92,7 @@ class Output:
     latched: bool = False  # Whether late subscribers receive the last message
     needs: Callable[[View], bool] = _always  # Returns whether the output applies to this tracker
     period_s: float = 0.0  # Shortest time between two messages, by the stamps of scans
-    # Whether its encoder keeps what it is given, and needs it even without subscribers.
+    # True if its encoder keeps what it is given, and needs it even without subscribers.
     remembers: bool = False
     # Returns the message that clears the display, for an output that may be switched off at run
     # time.

@@ -33,7 +33,7 @@ SHIPPED = Path("config", "scenarios")
 class Simulated(NamedTuple):
     """A simulated run, with structured arrays."""
 
-    # Those of all radars in the order of time, as `Tracker` accepts them; a scan without detections
+    # Plots of all radars in the order of time, as `Tracker` accepts them; a scan without detections
     # is a row with NaN.
     detections: Column
     truth: Column  # ``time label class x y vx vy height``, as `evaluate` accepts it

@@ -66,7 +66,7 @@ class Index:
     start_ns: int = 0  # Log time of the first message
     end_ns: int = 0  # Log time of the last message
     damage: str = ""  # Fault that makes a part of the file unreadable; empty if there is none
-    # Whether the file is intact but ends too soon, as after a recorder was killed.
+    # True if the file is intact but ends too soon, as after a recorder was killed.
     unfinished: bool = False
     lost_bytes: int = 0  # Bytes of unreadable records, if the file was read record by record
     # Ids of the channels defined outside of chunks.

@@ -52,7 +52,7 @@ class Fit(NamedTuple):
     ratio_to_noise: float  # Ratio of the median squared innovation to that of the noise alone
     # Ratio of the innovations of range and azimuth to the noise, as standard deviations, (2,).
     axes: FloatArray
-    # Whether the innovations show that the configured noise is too small or too large.
+    # True if the innovations show that the configured noise is too small or too large.
     noise_too_small: bool = False
     noise_too_large: bool = False
 

@@ -77,13 +77,13 @@ class Parameter:
     length: int | None = None  # Required length of a list
     element: type = float  # Type of a list's entries, float or str
     most: int | None = None  # Largest number of names in a list; None for any number
-    # Whether it may change between two scans. The other parameters determine the structure of the
+    # True if it may change between two scans. The other parameters determine the structure of the
     # tracker or of its state.
     mutable: bool = False
     form: Form | None = None  # Notation of a value that is not a plain number, word or list
     # Keys of a mapping of strings; each key that is given is a parameter ``NAME.KEY``.
     keys: tuple[str, ...] = ()
-    # Whether a value must be given; the default then only fixes the type.
+    # True if a value must be given; the default then only fixes the type.
     required: bool = False
 
     @property

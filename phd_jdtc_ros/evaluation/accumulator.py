@@ -28,7 +28,7 @@ class Group(NamedTuple):
     """The metrics of one table."""
 
     title: str
-    # Whether the metrics exist for every class too, not only for all targets.
+    # True if the metrics exist for every class too, not only for all targets.
     of_sets: bool = True
 
 
@@ -51,7 +51,7 @@ class Metric:
     of_run: Figure
     definition: str  # One or two sentences
     group: Group
-    # Whether the figure of all smoothed estimates is repeated at the top of `metrics.json`.
+    # True if the figure of all smoothed estimates is repeated at the top of `metrics.json`.
     headline: bool = False
 
     def text(self, value: float) -> str:

@@ -28,7 +28,7 @@ class Source:
     sic: int  # System identification code
     service: int = 1  # Number of the service
     monosensor: bool = False  # Whether there is only one radar
-    # Whether heights are above the ellipsoid; otherwise they refer to the standard atmosphere.
+    # True if heights are above the ellipsoid; otherwise they refer to the standard atmosphere.
     geometric: bool = False
 
     @property

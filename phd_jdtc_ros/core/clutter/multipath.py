@@ -20,7 +20,7 @@ class Multipath:
     """
 
     # Density of false detections behind a target, at its azimuth, relative to the uniform density.
-    # Of the orders of magnitude, this one is the most accurate for a radar in a harbour.
+    # The most accurate order of magnitude for a radar in a harbour.
     FACTOR: ClassVar[float] = 100.0
     # Variance of the difference of the echo's and the target's azimuth, relative to the variance of
     # a measured azimuth.

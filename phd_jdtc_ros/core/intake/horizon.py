@@ -36,7 +36,7 @@ class Horizon(NamedTuple):
     # stamp. NaN if the detections have no times.
     timings: FloatArray = np.zeros((0, 3))
     interval_s: float = 0.0  # Median interval between reports, seconds; 0 if unknown
-    # Whether reports come at regular intervals, so that a missing one was lost.
+    # True if reports come at regular intervals, so that a missing one was lost.
     regular: bool = True
     # End of a report's interval relative to its stamp, seconds; NaN if no detection had a time. No
     # report has a detection later than this, and no following one has an earlier detection.

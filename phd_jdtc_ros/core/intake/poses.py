@@ -68,7 +68,7 @@ class _Known(NamedTuple):
 class PoseTrack:
     """The poses of one platform by stamp."""
 
-    # Whether azimuths turn with the platform. If not, they are stabilised, and the platform's yaw
+    # True if azimuths turn with the platform. If not, they are stabilised, and the platform's yaw
     # counts as 0.
     yaw_applies: bool = True
     max_age_s: float = 1.0  # Longest interval between a time and the nearest pose, seconds

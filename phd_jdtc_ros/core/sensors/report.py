@@ -63,7 +63,7 @@ class Report:
     complete: bool = True  # Whether the report has all detections of the sensor
     # The sectors before the report; None if it continues no pass of the antenna.
     earlier: EarlierSectors | None = None
-    # What the sensor's last look at each target predicts; None if its misses are independent.
+    # Prediction from the sensor's last look at each target; None if its misses are independent.
     look_prediction: LookPrediction | None = None
 
     def __len__(self) -> int:

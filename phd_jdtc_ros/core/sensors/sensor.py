@@ -45,7 +45,7 @@ class Sensor(ABC):
     are in the world frame.
     """
 
-    # Whether it measures range and azimuth from its position; compiled loops exist for these.
+    # True if it measures range and azimuth from its position; compiled loops exist for these.
     polar: ClassVar[bool] = False
     # Names of the components of a measurement.
     components: ClassVar[tuple[str, ...]] = ()

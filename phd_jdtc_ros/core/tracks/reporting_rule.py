@@ -38,12 +38,12 @@ class ReportingRule:
     # Existence probability below which a confirmed track is no longer reported, (C,).
     delete: FloatArray
     hidden: FloatArray  # As `delete`, for tracks without coverage for `confirmation.PATIENCE`, (C,)
-    # Whether targets of each class are reported at all, (C,); see `report_resting` of `rule_of`.
+    # True if targets of each class are reported at all, (C,); see `report_resting` of `rule_of`.
     reported: BoolArray
     # Weight of the class's detection probability against the track's own record, as a number of
     # expected misses, (C,); infinite if the record is not used.
     record_weight: FloatArray
-    # Whether estimates have labels. If not, estimates above `confirm` are reported in each scan.
+    # True if estimates have labels. If not, estimates above `confirm` are reported in each scan.
     labelled: bool = True
     # Time for which tracks outside all coverage are reported after their last detection, seconds.
     coasting_s: float = np.inf
