@@ -27,7 +27,7 @@ CHANGE = 40
 # Azimuths of the blind sector, radians: two of the four targets cross it.
 BLIND = (0.8, 1.6)
 DETECTIONS, NOISE = {"detection_probability": 0.5}, {"range_std": 2.0, "azimuth_std_deg": 2.0}
-# What radars are from the start, and what the first one becomes; factors of what is configured.
+# Factors of the configured values: of all radars from the start, and of the first one later.
 CASES: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]] = {
     "no change": ({}, {}),
     "no change, noise x 2 from the start": (NOISE, NOISE),

@@ -26,7 +26,7 @@ from phd_jdtc_ros.study.tracker import ExtractionVariant, track
 from .runner import Figures, Goal, Study, add_engine_argument, goal, table
 
 RADARS = ("radar_1", "radar_2")
-# What the tracker is told, and what it is told if it may learn.
+# Values that the tracker is told, and those that it is told if it may learn.
 TOLD: Mapping[str, float] = {
     "range_std": 300.0,
     "azimuth_std_deg": 1.0,

@@ -20,7 +20,7 @@ settings.register_profile("project", deadline=None, derandomize="CI" in os.envir
 settings.load_profile("project")
 
 LIVE = {"processes", "executables", "peer", "lasting", "demo"}
-# What is tested there needs no nodes, so that run.py looks for no live tests in them.
+# Tests in these folders need no nodes, so that run.py looks for no live tests in them.
 NEVER_LIVE = {
     Path(__file__).parent / folder
     for folder in (

@@ -9,7 +9,7 @@ from manifest import REQUIREMENTS, ROOT, declared
 TEXT = (ROOT / "Dockerfile").read_text()
 # Needs a screen.
 LEFT_OUT = {"ros-jazzy-rviz2"}
-# What builds the package, and what is in a checkout's .venv.
+# Tools that build the package, and those in a checkout's .venv.
 TOOLS = {"python3-colcon-common-extensions", "python3-pip"}
 TEST_TOOLS = {"git", "iproute2", "make", "python3-venv"}
 PIP_KEYS = {"mcap-ros2-support"}

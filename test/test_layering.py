@@ -61,7 +61,7 @@ def contracts():
 
 
 def test_every_part_of_the_project_has_a_layer():
-    # Those of the core are `exhaustive` by themselves, which needs a container.
+    # The core's contracts are `exhaustive` by themselves, which needs a container.
     layers = contracts()["The parts of the project import downwards"]["layers"]
     placed = {name for layer in layers for name in layer.split(" | ")}
     parts = {

@@ -72,7 +72,7 @@ def test_everything_that_the_tests_use_is_declared():
     assert {"ament_flake8", "launch_testing"} <= optional
     assert {"hypothesis", "rosbags"} <= foreign
     assert optional | keys(foreign) <= known
-    # Those keep a package out of an apt release.
+    # Such keys keep a package out of an apt release.
     assert not [key for key in declared("test_depend") if key.endswith("-pip")]
 
 

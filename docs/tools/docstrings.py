@@ -12,7 +12,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[2]
 LINE = re.compile(r"^::: ([\w.]+)$", re.MULTILINE)
-# What follows an underlined heading is for who reads the code.
+# The text below an underlined heading is for who reads the code.
 FIRST_SECTION = re.compile(r"^\w+\n-+$", re.MULTILINE)
 
 

@@ -73,7 +73,7 @@ def test_a_pause_does_not_count_until_it_is_hopeless():
     step.restart(resumed_s)
     assert not step.hopeless(resumed_s + GIVE_UP_S)
     assert step.hopeless(resumed_s + GIVE_UP_S + 0.1)
-    # What may follow is another matter: the estimate has been held back all the same.
+    # Other scans may follow: the estimate has been held back all the same.
     assert step.may_follow(resumed_s)
 
 

@@ -69,7 +69,7 @@ def test_tracks_are_published_as_odometry_and_paths_from_their_beginning(process
     assert max(lengths) >= 2
     for path, message in zip(latest(paths), latest(odometry), strict=True):
         assert path.poses[-1].pose == message.pose.pose
-    # What is not asked for is left out.
+    # An output that is not asked for is left out.
     assert markers == []
 
 

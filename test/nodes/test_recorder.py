@@ -90,7 +90,7 @@ def check_stopped_cleanly(outcome, directory, reason):
     assert text.count("recording stopped") == 1
     assert reason in text
     assert "Traceback" not in text
-    # What was written until then is whole.
+    # The bag is whole up to then.
     found, bag = [], BagReader(next(directory.glob("*.mcap")))
     with pytest.raises(BagError, match="is damaged"):
         found.extend(message.topic for message in bag.messages())

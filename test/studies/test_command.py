@@ -57,7 +57,7 @@ def test_goals_of_studies_join_those_of_the_summary(quick, tmp_path, monkeypatch
     monkeypatch.setattr(sys.modules[__name__], "PRINTED", written)
     assert command.main(["all", "--out", str(tmp_path)]) == 0
     summary = json.loads((tmp_path / "summary.json").read_text())
-    # Those of the published benchmark do not.
+    # The published benchmark's rows do not.
     assert [goal["name"] for goal in summary["goals"]] == ["own", "of now"]
 
 

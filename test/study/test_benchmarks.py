@@ -167,7 +167,7 @@ def test_latency_is_from_the_time_of_a_detection_to_the_estimates_of_its_sector(
 def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(
     monkeypatch, engine
 ):
-    # What the measurement sets is forgotten afterwards.
+    # The variables that the measurement sets are reset afterwards.
     for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTDDS_BUILTIN_TRANSPORTS"):
         monkeypatch.setenv(name, "")
     found = sector_latency.of_turns(1, engine)
@@ -203,7 +203,7 @@ def test_latency_by_sectors_may_be_longer_by_a_step(cost):
 def test_late_reports_are_moved_behind_the_scans_that_they_are_late_by():
     reports = [(radar, scan, no_detections()) for scan in range(10) for radar in (0, 1)]
     order = [report[:2] for report in late.delayed(reports, 1)]
-    # That of the fifth scan comes after the first of the seventh, which closes the sixth.
+    # The fifth scan's report comes after the first one of the seventh, which closes the sixth.
     assert order.index((1, 4)) == order.index((0, 6)) - 1 == order.index((1, 5)) + 1
     assert sorted(order) == sorted(report[:2] for report in reports)
 

@@ -23,7 +23,7 @@ from phd_jdtc_ros.study.turning import turning_run
 
 ROOT = Path(__file__).parents[2]
 ODOMETRY = "/own_ship/odometry"
-# What a ship has besides the profile: where the radar is on it, and the topic of its poses.
+# Parameters of a ship besides the profile: where the radar is on it, and the topic of its poses.
 ABOARD = {"mast.pose": ODOMETRY, "mast.position": [8.0, 0.0], "mast.yaw_deg": -90.0}
 each = pytest.mark.parametrize("name", ["coastal", "coastal_ship"])
 
@@ -50,7 +50,7 @@ def test_the_profile_has_the_parameters_of_the_scenario(name):
     given = ABOARD if name == "coastal_ship" else {}
     found = resolve({**profile, **given})
     assert found.inputs == config.inputs
-    # What is spelt out in the profile and follows from the rest in the scenario.
+    # Parameters that the profile spells out, and that follow from others in the scenario.
     spelt_out = ("mast.topic", "mast.frame")
     expected = {key: value for key, value in config.values.items() if key not in spelt_out}
     assert {key: found.values[key] for key in expected} == expected

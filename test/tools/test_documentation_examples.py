@@ -42,8 +42,15 @@ RESOLVED = {
 EXAMPLES = [example for example in EXAMPLES if example not in SCENES]
 
 
-def test_pages_have_examples():
-    assert len(EXAMPLES) > 10
+@pytest.mark.parametrize(
+    ("page", "examples"), [("connect_your_radar", 1), ("kinds_of_radar", 6), ("drivers", 2)]
+)
+def test_pages_on_radars_have_their_examples(page, examples):
+    names = [name for name, _ in EXAMPLES]
+    assert sum(name.startswith(f"docs/{page}.md") for name in names) == examples
+
+
+def test_pages_have_scenes():
     assert len(SCENES) > 5
 
 

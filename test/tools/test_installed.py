@@ -28,7 +28,7 @@ def installed(tmp_path_factory):
         copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
         (home / "source").mkdir(exist_ok=True)
         copy(ROOT / name, home / "source" / name)
-    # What pip does with a target directory, whether it has the package `wheel` to do it or not.
+    # The steps of pip with a target directory, whether it has the package `wheel` to do it or not.
     target = home / "target"
     subprocess.run(
         [

@@ -17,7 +17,7 @@ from phd_jdtc_ros.parameter_files import yaml_files
 ROOT = Path(__file__).parents[2]
 LAYOUTS = {path.stem: json.loads(path.read_text()) for path in (ROOT / "foxglove").glob("*.json")}
 SCENARIO = ROOT / "config" / "scenarios" / "two_approach_radars.yaml"
-# What is shown where there is any of it.
+# Topics that are shown where there are messages.
 OPTIONAL = {names.clutter_map()}
 # The shipped bag of the demo that a layout is for.
 BAGS = {

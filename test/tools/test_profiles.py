@@ -44,7 +44,7 @@ def test_automotive_tracks_its_bag_s_scenario(engine):
     document = yaml_files.load(CONFIG / "scenarios" / "automotive.yaml")
     config = resolve(given | {"engine": engine})
     scene = resolve(from_arguments.scenario_parameters(document))
-    # What the radar is, the profile and the scenario agree on.
+    # The profile and the scenario agree on the radar's properties.
     (radar,) = config.model.radars
     assert replace(radar, detection_factor=None, noise_factor=None) == scene.model.radars[0]
     tracker = new_engine(config)

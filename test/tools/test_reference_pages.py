@@ -39,12 +39,12 @@ NODES = {
     "asterix_bridge": (AsterixBridge, NAMED),
     "hand_over": (HandOver, JOINED),
 }
-# Those whose values are not one type.
+# Parameters whose values are not one type.
 SEVERAL_WAYS = {
     *(p.name for p in (*TOP, *sensor_replay.TABLE) if p.form is not None),
     *(f"radar_{k}.{p.name}" for k in (1, 2) for p in GROUPS["sensors"] if p.form is not None),
 }
-# What every node of rclpy declares for itself.
+# Parameters that every node of rclpy declares for itself.
 OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
 

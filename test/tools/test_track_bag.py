@@ -185,7 +185,7 @@ def test_track_bag_of_a_radar_that_is_late_is_that_of_the_bag_in_time(
             if entry.stamp_ns > after
         }
 
-    # What was published before the late report came is without it, and all that follows has it.
+    # Estimates published before the late report came are without it, and all later ones have it.
     for topic, after in ((FILTERED, stamps_ns[worked_in]), (SMOOTHED, stamps_ns[worked_in - 4])):
         whole = data("whole", topic, after)
         assert len(whole) >= 3

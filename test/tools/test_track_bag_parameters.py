@@ -28,7 +28,7 @@ def test_track_bag_takes_the_parameters_beside_the_bag(
     _, told = track(one_radar, "--scenario", scenario, out="b/one")
     assert same_files(alone, told)
     assert "recorded" not in capsys.readouterr().err
-    # What it wrote is tracked and reported by one argument too.
+    # Its output is tracked and reported by one argument too.
     assert bag_parameters.read(alone)["births"] == ["north_west", "south_west"]
 
 

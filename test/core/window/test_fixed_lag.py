@@ -200,7 +200,7 @@ def test_links_to_sets_that_have_left_are_dropped():
     of = engine(lag=2)
     stepped_through(of, 0, 12, whole)
     held = of.snapshot()
-    # Of the two last scans, whose estimates are to come, the first one's source has left.
+    # The last two scans have no estimates yet; the source of the first one has left.
     assert held.names_below("stored") == {"0", "1"}
     assert [name for name in held.arrays if name.endswith(".link")] == ["stored.1.link"]
 
@@ -260,7 +260,7 @@ def test_reworked_engine_is_one_that_had_the_late_scan_in_time(late, period_ns, 
         last = out[-1].stamp_ns if out else -1
         due = [one for one in theirs if one.stamp_ns > last]
         assert equal(list(ours), due if period_ns or ours is found.smoothed else [])
-    # What it holds before each of these scans, and what it goes on with.
+    # States before each of these scans, and the entries that it goes on with.
     assert [one.stamp_ns for one in found.states] == [one.stamp_ns for one in before[late:]]
     assert_same(of.snapshot(), timely.snapshot())
     # A second reprocessing starts from the states of the first one.

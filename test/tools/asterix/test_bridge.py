@@ -173,7 +173,7 @@ def test_recording_of_which_less_than_half_can_be_used_fails(bridge, count, expe
     status, out, said = bridge(data)
     assert status == expected
     assert ("49 of 109 records could be used" in said.err) == bool(expected)
-    # What could be used is there.
+    # The usable records are there.
     assert BagReader(out).counts == {TOPIC: 32}
 
 

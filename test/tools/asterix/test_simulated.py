@@ -64,7 +64,7 @@ def en_route(tmp_path_factory):
 def test_recording_has_the_simulated_plots_to_their_resolution(approach):
     assert not approach.counts
     count = len(approach.plots)
-    # Those of the last sector, which the antenna has not left, are not sent.
+    # Plots of the last sector, which the antenna has not left, are not sent.
     assert 0 <= len(approach.time_s) - count < 60
     answers = approach.answers.take(np.arange(count))
     seconds = approach.column("time_of_day") * TICK_S

@@ -67,7 +67,7 @@ def test_gate_pairs_finds_the_pairs_of_a_brute_force_search(timed, own_noise):
     found[row, column] = log_likelihood
     assert len(row) == len(np.unique(row * len(measurement) + column)) > len(mixture)
     np.testing.assert_allclose(found[1:], right[1:], rtol=1e-9)
-    # What surrounds the radar may be seen at any azimuth.
+    # A Gaussian that surrounds the radar may be seen at any azimuth.
     inside = np.isfinite(right[0])
     np.testing.assert_allclose(found[0][inside], right[0][inside], rtol=1e-9)
     near = measurement[:, 0] < GATE_SIGMA * RADAR.range_std / 2.0
