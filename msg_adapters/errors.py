@@ -20,13 +20,8 @@ def quote(value: str | list[str]) -> str:
 class RejectedMessageError(ValueError):
     """The message violates the contract and is rejected as a whole.
 
-    Parameters
-    ----------
-    reason : str
-        Key of the diagnostics' count: ``schema``, ``frame``, ``oversize``, ``not_finite`` or
-        ``range``.
-    detail : str
-        The fault, its place, and the allowed values.
+    `reason` is the key of the diagnostics' count: ``schema``, ``frame``, ``oversize``,
+    ``not_finite`` or ``range``. `detail` states the fault, its place, and the allowed values.
     """
 
     def __init__(self, reason: str, detail: str) -> None:

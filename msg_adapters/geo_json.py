@@ -31,14 +31,9 @@ def of_scan(
 ) -> dict[str, Any]:
     """Return a feature collection with a point per labelled estimate and a line of its trail.
 
-    Parameters
-    ----------
-    trails : mapping of track number to array of shape (N, 3)
-        Positions up to the present one: x, y and height above the plane's zero, metres. A line has
-        heights if none of them is NaN.
+    `trails` has, by track number, the positions up to the present one: x, y and height above the
+    plane's zero, metres, shape (N, 3). A line has heights if none of them is NaN.
 
-    Notes
-    -----
     Foxglove shows the properties ``name`` and ``style``. The name contains the flight level and the
     code, or the address if the code is unknown. ``code``, ``address`` and ``flight_level`` are
     present if known.

@@ -40,12 +40,8 @@ def encode(
 ) -> PointCloud2:
     """Return a dense little-endian cloud of height 1.
 
-    Parameters
-    ----------
-    columns : mapping of field name to array of shape (M,)
-        In order; float arrays become FLOAT32, integer arrays UINT32, and byte arrays UINT8.
-    wide : collection of str
-        Names of the float arrays that become FLOAT64.
+    `columns` are arrays of shape (M,) by field name, in order: float arrays become FLOAT32, or
+    FLOAT64 if they are named in `wide`, integer arrays UINT32, and byte arrays UINT8.
     """
     codes = [_code(array, name in wide) for name, array in columns.items()]
     width = len(next(iter(columns.values())))

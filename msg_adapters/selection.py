@@ -56,8 +56,6 @@ class Report:
 def select(stamp_ns: int, radar: RadarParameters, columns: Columns) -> Report:
     """Return the valid detections of a message in the core's units, and count the other points.
 
-    Notes
-    -----
     NaN marks an unknown amplitude, height, range rate or standard deviation; its point is kept. A
     point with an impossible range rate, code, address or kind is kept too, and that value is
     unknown.

@@ -32,10 +32,8 @@ class SystemPlane:
     0.008 m from 65 to 131 km, 0.016 m to 262 km and 0.031 m to 524 km; the error is at most half of
     it.
 
-    Notes
-    -----
-    EPSG method 9809: J. P. Snyder, *Map Projections: A Working Manual*, USGS Professional Paper
-    1395, 1987; IOGP Guidance Note 7-2, "Oblique Stereographic". PROJ computes it.
+    PROJ computes it, by EPSG method 9809: J. P. Snyder, *Map Projections: A Working Manual*, USGS
+    Professional Paper 1395, 1987; IOGP Guidance Note 7-2, "Oblique Stereographic".
     """
 
     # Latitude and longitude of the plane's origin, degrees, and the height of the world's zero,

@@ -22,26 +22,18 @@ def columns(
 ) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of a cloud in their order, arrays of shape (M,).
 
-    Parameters
-    ----------
-    sectors : int
-        Number of sectors per turn; a multiple of 4.
-    noise_dbm : float
-        Noise level of the receiver. An amplitude of s dBm becomes an envelope of ``sqrt(2 * 10^((s
-        - noise_dbm) / 10))`` in units of the noise's standard deviation per quadrature component.
-    amplitude : str
-        One of `AMPLITUDES`.
+    `sectors` is the number of sectors per turn, a multiple of 4, and `amplitude` one of
+    `AMPLITUDES`. With the receiver's noise level `noise_dbm`, an amplitude of s dBm becomes an
+    envelope of ``sqrt(2 * 10^((s - noise_dbm) / 10))`` in units of the noise's standard deviation
+    per quadrature component.
 
-    Returns
-    -------
-    dict of name to array
-        ``x y z`` in the frame of the radar, whose x axis is east; ``range`` (slant, m), ``azimuth``
-        (rad counter-clockwise from the x axis), ``elevation`` (0), ``amplitude`` (NaN if unknown),
-        ``time`` (s relative to the stamp), ``height`` (m, NaN if unknown), ``code`` and ``address``
-        (`UNKNOWN` if unknown), and ``kind`` (the TYP of I048/020). If any call sign is known,
-        ``call_sign_high`` and ``call_sign_low`` follow, 24 bits each (`UNKNOWN` if unknown). If the
-        sector is known, ``sector`` follows, counted counter-clockwise from the x axis like
-        azimuths.
+    The columns are ``x y z`` in the frame of the radar, whose x axis is east; ``range`` (slant, m),
+    ``azimuth`` (rad counter-clockwise from the x axis), ``elevation`` (0), ``amplitude`` (NaN if
+    unknown), ``time`` (s relative to the stamp), ``height`` (m, NaN if unknown), ``code`` and
+    ``address`` (`UNKNOWN` if unknown), and ``kind`` (the TYP of I048/020). If any call sign is
+    known, ``call_sign_high`` and ``call_sign_low`` follow, 24 bits each (`UNKNOWN` if unknown). If
+    the sector is known, ``sector`` follows, counted counter-clockwise from the x axis like
+    azimuths.
     """
     plots = report.plots
     fields = dict(zip(Plot._fields, zip(*plots, strict=True), strict=True)) if plots else {}

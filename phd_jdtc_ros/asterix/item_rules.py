@@ -29,10 +29,8 @@ class Rule(ABC):
     def end(self, data: bytes, at: int, limit: int) -> int:
         """Return the end of the item that begins at `at`; it may be beyond `limit`.
 
-        Raises
-        ------
-        MalformedError
-            If the bytes that give the length are beyond `limit` or violate the specification.
+        Raise `MalformedError` if the bytes that give the length are beyond `limit` or violate the
+        specification.
         """
 
 
@@ -166,11 +164,7 @@ class RandomFieldSequence(Rule):
 def read_fspec(data: bytes, at: int, limit: int, most: int) -> tuple[list[int], int]:
     """Return the positions of the bits that a field specification (FSPEC) sets, and its end.
 
-    There are `most` defined items.
-
-    Raises
-    ------
-    MalformedError
+    There are `most` defined items. Raise `MalformedError` if it does not end, or selects others.
     """
     chosen, place = [], 0
     while True:

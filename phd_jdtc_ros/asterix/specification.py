@@ -50,9 +50,7 @@ class Layout:
     def walk(self, data: bytes, at: int, limit: int) -> tuple[list[int], int]:
         """Return each item's beginning in the record at `at`, -1 if absent, and the record's end.
 
-        Raises
-        ------
-        MalformedError
+        Raise `MalformedError` if the record does not conform to the specification.
         """
         end = at
         while end < limit and data[end] & 1:
@@ -77,9 +75,7 @@ class Layout:
     def first(self, data: bytes, at: int, limit: int, name: str) -> int:
         """Return the beginning of an item, -1 if absent; only fixed-length items may precede it.
 
-        Raises
-        ------
-        MalformedError
+        Raise `MalformedError` if the selection of items is wrong.
         """
         chosen, at = read_fspec(data, at, limit, len(self.rules))
         for index in chosen:
@@ -118,12 +114,8 @@ class Layout:
 def layouts(category: int) -> dict[str, Layout]:
     """Return the layouts of a category by the name of the record kind, ``""`` if there is one kind.
 
-    The newest edition is used; later editions of a category only add items.
-
-    Raises
-    ------
-    KeyError
-        If libasterix does not know the category.
+    The newest edition is used; later editions of a category only add items. Raise `KeyError` if
+    libasterix does not know the category.
     """
     # This is imported here because the import takes 1.5 s and 70 MB.
     from asterix import generated

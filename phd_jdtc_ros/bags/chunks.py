@@ -31,15 +31,8 @@ class DamageError(Exception):
 def unpack(stream: BinaryIO, offset: int, length: int) -> list[Any]:
     """Return the records of the chunk, or of the run of messages, at `offset`.
 
-    Parameters
-    ----------
-    offset, length : int
-        Bounds of the whole piece, including record headers.
-
-    Raises
-    ------
-    DamageError
-        If a chunk does not match its checksum, or a size exceeds `MAX_CHUNK`.
+    `offset` and `length` are those of the whole piece, with record headers. Raise `DamageError` if
+    a chunk does not match its checksum, or a size exceeds `MAX_CHUNK`.
     """
     if length > MAX_CHUNK:
         raise DamageError(f"a chunk of {length} bytes, at most {MAX_CHUNK} are allowed")

@@ -46,21 +46,11 @@ class BagMessage:
 class BagReader:
     """Reads a bag: a rosbag2 directory with one MCAP file, or such a file alone.
 
-    Attributes
-    ----------
-    types : dict of topic to type
-        Types of the readable topics.
-    foreign : dict of topic to str
-        Kind and converter of the other topics.
-    counts : Counter
-        Messages by topic.
-    start_ns, end_ns : int
-        Log times of the first and the last message.
+    `types` has the types of the readable topics, `foreign` kind and converter of the other topics,
+    and `counts` the messages by topic. The first and the last message have the log times `start_ns`
+    and `end_ns`.
 
-    Raises
-    ------
-    BagError
-        If the bag is missing, of another kind, or damaged without any readable topic.
+    Raise `BagError` if the bag is missing, of another kind, or damaged without any readable topic.
     """
 
     def __init__(self, path: Path) -> None:
@@ -97,10 +87,7 @@ class BagReader:
     def require(self, needed: Mapping[str, str]) -> None:
         """Check that topics exist and have the required types.
 
-        Raises
-        ------
-        BagError
-            With all missing or mismatched topics, and their actual types or kinds.
+        Raise `BagError` with all missing or mismatched topics, and their actual types or kinds.
         """
         found = {**dict.fromkeys(needed, "missing"), **self.foreign, **self.types}
         wrong = [
@@ -118,12 +105,10 @@ class BagReader:
 
         If `until_ns` is given, chunks that begin after it are not read.
 
-        Raises
-        ------
-        BagError
-            At the end, if a part of the file is damaged; all intact chunks, and all intact messages
-            outside of chunks, have been yielded by then. Immediately, if messages of more than
-            `MAX_WAITING` bytes would have to wait for earlier ones from later in the file.
+        Raise `BagError` at the end if a part of the file is damaged; all intact chunks, and all
+        intact messages outside of chunks, have been yielded by then. Raise it immediately if
+        messages of more than `MAX_WAITING` bytes would have to wait for earlier ones from later in
+        the file.
         """
         lost: list[str] = []
         read: Counter[int] = Counter()

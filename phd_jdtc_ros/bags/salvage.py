@@ -75,10 +75,7 @@ class Index:
     def define(self, record: Any) -> None:
         """Add a channel or a schema; other records are ignored.
 
-        Raises
-        ------
-        DamageError
-            If the id has a different definition already, which is kept.
+        Raise `DamageError` if the id has a different definition already, which is kept.
         """
         known: dict[int, Any]
         if isinstance(record, Channel):
@@ -113,19 +110,10 @@ class Index:
 
 
 def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> int:
-    """Read the records from `begin` to `end`, and add the intact ones to `found`.
+    """Read the intact records from `begin` to `end` into `found`, and return the end of the data.
 
-    Parameters
-    ----------
-    begin, end : int
-        Bounds of the data section, or of a part of it.
-    found : Index
-        Updated in place, with the first damage and the number of lost bytes.
-
-    Returns
-    -------
-    int
-        End of the data.
+    The bounds are those of the data section, or of a part of it. `found` gets the first damage and
+    the number of lost bytes too.
     """
     position, searches = begin, 0
     while position + RECORD_HEAD <= end:

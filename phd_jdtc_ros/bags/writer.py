@@ -57,17 +57,8 @@ class Topic:
 class BagWriter:
     """Writes a bag: a directory with one uncompressed MCAP file and its metadata.
 
-    Use it as a context manager; the bag is complete when the block ends.
-
-    Parameters
-    ----------
-    directory : Path
-        Created; must not exist.
-
-    Raises
-    ------
-    BagError
-        If the directory exists or cannot be created.
+    Use it as a context manager; the bag is complete when the block ends. Raise `BagError` if the
+    directory exists or cannot be created.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -117,13 +108,7 @@ class BagWriter:
         self._topics[topic.name] = topic
 
     def write(self, topic: str, data: bytes, log_time_ns: int) -> None:
-        """Write one message's CDR bytes.
-
-        Raises
-        ------
-        BagError
-            If writing fails, or has failed before.
-        """
+        """Write one message's CDR bytes; raise `BagError` if writing fails or has failed."""
         if self._stream.closed:
             raise BagError(f"{self._directory}: cannot be written: {self._why_closed}")
         with self._writing():

@@ -91,14 +91,9 @@ def _form(
 ) -> Form:
     """Return the form of a value that may be learned, and that a word may follow.
 
-    Parameters
-    ----------
-    complete : callable of (numbers, learned)
-        Returns the numbers with the usual ones, or None if they are not allowed.
-    flag : str
-        The word that may follow.
-    most_after : float or None
-        Largest value of the number that may follow this word; None if none may.
+    `complete`, called with the numbers and whether they are learned, returns them with the usual
+    ones, or None if they are not allowed. `flag` is the word that may follow, and `most_after` the
+    largest value of the number that may follow this word; None if none may.
     """
     tables = flag == CORRELATED
 

@@ -207,15 +207,9 @@ def expand(
 ) -> dict[str, Parameter]:
     """Return a table with the parameters of every name in its lists.
 
-    Parameters
-    ----------
-    top : iterable of Parameter
-        Parameters without a prefix; these include the lists in `groups`.
-    groups : mapping of str to iterable of Parameter
-        By the list's name, the parameters ``NAME.PARAMETER`` of each name in it. A faulty list is
-        replaced by its default.
-    usual : callable of (full name, Parameter)
-        Returns the default of a member's parameter.
+    The parameters of `top` have no prefix and include the lists in `groups`, which gives, by the
+    list's name, the parameters ``NAME.PARAMETER`` of each name in it; a faulty list is replaced by
+    its default. `usual` returns the default of a member's parameter, given its full name.
     """
     found = {parameter.name: parameter for parameter in top}
     for group, members in groups.items():

@@ -83,17 +83,9 @@ def if_any(name: str, figure: Figure) -> Figure:
 class Accumulator(ABC):
     """Computes values of every scan of a run, in order, and defines the metrics derived from them.
 
-    Parameters
-    ----------
-    cutoff, order : float
-        c, metres, and p of OSPA and GOSPA.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Names of the values.
-    published, plotted : tuple of str
-        Names that the evaluator publishes per scan and set, and as single numbers.
+    `cutoff` and `order` are c, metres, and p of OSPA and GOSPA. `names` are those of the values;
+    the evaluator publishes those in `published` per scan and set, and those in `plotted` as single
+    numbers.
     """
 
     names: ClassVar[tuple[str, ...]]

@@ -129,16 +129,13 @@ class Evaluation:
     def summary(self) -> dict[str, Any]:
         """Return the run's figures in the form of `metrics.json`.
 
-        Returns
-        -------
-        dict
-            The result of `RunScores.figures` per source; ``reduction`` of the mean OSPA by
-            smoothing; the headlines, such as ``class_accuracy``, of the smoothed estimates;
-            ``consistency``, the result of `RunScores.consistency` per source; ``p``, ``c``;
-            ``long_gap_s``; ``ospa2_window`` in scans; ``scans``, the number of stamps with scores
-            of both sources; ``truth_scans``, the number of stamps of the truth, None if estimates
-            have stamps of their own; ``class_names``; ``least_speed``; ``slow_targets``, the mean
-            number of slower targets per score. A figure without data is None.
+        It has the `RunScores.figures` per source; ``reduction`` of the mean OSPA by smoothing; the
+        headlines, such as ``class_accuracy``, of the smoothed estimates; ``consistency``, the
+        `RunScores.consistency` per source; ``p``, ``c``; ``long_gap_s``; ``ospa2_window`` in scans;
+        ``scans``, the number of stamps with scores of both sources; ``truth_scans``, the number of
+        stamps of the truth, None if estimates have stamps of their own; ``class_names``;
+        ``least_speed``; ``slow_targets``, the mean number of slower targets per score. A figure
+        without data is None.
         """
         result: dict[str, Any] = {source: run.figures() for source, run in self._runs.items()}
         result["reduction"] = reduction(*(result[source][ALL]["ospa"] for source in SOURCES))

@@ -42,20 +42,9 @@ def _assignment(cost: FloatArray) -> tuple[IntArray, IntArray]:
 def ospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -> Ospa:
     """Return the optimal sub-pattern assignment distance of two sets of positions.
 
-    Parameters
-    ----------
-    truth : array of shape (T, 2)
-    estimate : array of shape (E, 2)
-        Metres, one frame.
-    cutoff : float
-        c, metres: the cost of a missed or false target.
-    order : float
-        p, at least 1.
-
-    Returns
-    -------
-    Ospa
-        Zero for two empty sets; c, all of it cardinality, if only one set is empty.
+    The positions, (T, 2) and (E, 2), are in metres and one frame. The cutoff c, metres, is the cost
+    of a missed or false target, and the order p is at least 1. The distance is zero for two empty
+    sets; it is c, all of it cardinality, if only one set is empty.
 
     References
     ----------
@@ -68,12 +57,8 @@ def ospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -
 def ospa_of_distances(distance: FloatArray, cutoff: float, order: float) -> Ospa:
     """Return the optimal sub-pattern assignment distance of two sets from their base distances.
 
-    Parameters
-    ----------
-    distance : array of shape (T, E)
-        Distance of each member of one set to each member of the other, metres.
-    cutoff, order : float
-        See `ospa`.
+    `distance`, (T, E), is that of each member of one set to each member of the other, metres; for
+    the others see `ospa`.
     """
     fewest, most = sorted(distance.shape)
     if most == 0:
@@ -93,15 +78,8 @@ def assign(
 ) -> tuple[IntArray, IntArray]:
     """Return the best pairs (truth index, estimate index) by position closer than `cutoff`.
 
-    Parameters
-    ----------
-    truth : array of shape (T, 2)
-    estimate : array of shape (E, 2)
-        Metres, one frame.
-    cutoff : float
-        Metres.
-    order : float
-        The assignment minimises the sum of this power of the distances.
+    The positions, (T, 2) and (E, 2), and the cutoff are in metres. The assignment minimises the sum
+    of the distances to the power of `order`.
     """
     distance = distances(truth, estimate)
     row, column = _assignment(np.minimum(distance, cutoff) ** order)
@@ -126,22 +104,11 @@ def gospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) 
     """Return the generalised optimal sub-pattern assignment distance of two sets of positions.
 
     Unlike OSPA it is not divided by the number of targets, and a missed target and a false one cost
-    the same near each other and far apart.
+    the same near each other and far apart. The parameters are as of `ospa`, but a pair at the
+    distance c costs as much as a missed and a false target.
 
-    Parameters
-    ----------
-    truth : array of shape (T, 2)
-    estimate : array of shape (E, 2)
-        Metres, one frame.
-    cutoff : float
-        c, metres: at this distance a pair costs as much as a missed and a false target.
-    order : float
-        p, at least 1.
-
-    Notes
-    -----
-    Proposition 1 of the reference: the best of all partial assignments, with alpha = 2. Pairs at
-    the cutoff or beyond count as missed and false.
+    It is that of Proposition 1 of the reference: the best of all partial assignments, with alpha =
+    2. Pairs at the cutoff or beyond count as missed and false.
 
     References
     ----------

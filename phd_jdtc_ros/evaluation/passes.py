@@ -19,10 +19,7 @@ ScoreKey = tuple[str, int]
 class Passes:
     """The stamps and scores of the present pass, and the scores due from the previous one.
 
-    Parameters
-    ----------
-    keep : int or None
-        Number of stamps that are stored; None stores all.
+    The newest `keep` stamps are stored; all of them if it is None.
     """
 
     def __init__(self, keep: int | None) -> None:

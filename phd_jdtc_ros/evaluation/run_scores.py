@@ -31,10 +31,7 @@ class ScanScore:
 class ScanComparer:
     """Compares a source's scans with the truth, in order.
 
-    Parameters
-    ----------
-    accumulators : sequence of Accumulator
-        New accumulators, which keep the state they need from earlier scans.
+    The accumulators are new; they keep the state that they need from earlier scans.
     """
 
     def __init__(self, classes: int, accumulators: Sequence[Accumulator]) -> None:
@@ -69,10 +66,7 @@ class ScanComparer:
 class RunScores:
     """The figures of one source over a run, from totals of constant size.
 
-    Parameters
-    ----------
-    cutoff, order : float
-        c, metres, and p of OSPA and GOSPA.
+    `cutoff` and `order` are c, metres, and p of OSPA and GOSPA.
     """
 
     def __init__(self, classes: int, cutoff: float, order: float) -> None:
@@ -97,12 +91,9 @@ class RunScores:
     def figures(self) -> dict[str, dict[str, Any]]:
         """Return the figures of every set in the form of `metrics.json`.
 
-        Returns
-        -------
-        dict
-            The figures of `SET_METRICS` by set; for all targets also the figures of
-            `GLOBAL_METRICS` and ``confusion``, the `confusion_matrix` of the run. None for an
-            undefined figure.
+        These are the figures of `SET_METRICS` by set; for all targets also those of
+        `GLOBAL_METRICS` and ``confusion``, the `confusion_matrix` of the run. An undefined figure
+        is None.
         """
         totals = self._totals()
         of_sets = {metric.key: _by_set(metric, totals) for metric in SET_METRICS}

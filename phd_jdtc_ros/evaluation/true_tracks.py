@@ -14,15 +14,8 @@ LONGEST_INTERPOLATION_S = 10.0
 
 
 class TrueTracks:
-    """Samples of the true targets, and the targets between two samples.
+    """Samples of the true targets, the newest `keep` or all, and the targets between two samples.
 
-    Parameters
-    ----------
-    keep : int or None
-        Number of the newest samples that are kept; None keeps all.
-
-    Notes
-    -----
     At the stamp of a sample the truth is that sample. A target exists between two samples if it
     exists in both. Its path is the cubic through both positions with both velocities (Hermite), or
     a straight line if velocities are unknown. There is no interpolation over more than
@@ -69,17 +62,8 @@ def interpolate(
 ) -> PointSet | None:
     """Return the targets that exist in two samples, at a time between the samples.
 
-    Parameters
-    ----------
-    part : float
-        Elapsed share of the interval, between 0 and 1.
-    interval_s : float
-        Time from the first to the second sample, seconds.
-
-    Returns
-    -------
-    PointSet or None
-        The targets in the order of the first sample; None unless all have labels.
+    `part`, between 0 and 1, is the elapsed share of the interval, which lasts `interval_s` seconds.
+    The targets are in the order of the first sample; None unless all have labels.
     """
     labelled = first.with_labels(), second.with_labels()
     if labelled[0] is None or labelled[1] is None:
@@ -104,16 +88,9 @@ def without_slow(
 ) -> tuple[PointSet, PointSet]:
     """Return targets and estimates of a stamp without slow targets and their estimates.
 
-    Some trackers leave out slow targets by design, such as ships at anchor.
-
-    Parameters
-    ----------
-    truth, estimate : PointSet
-        Both are returned unchanged if the velocities of the truth are unknown.
-    least_speed : float
-        Slower targets are left out, metres per second.
-    near : float
-        Largest distance of a target and its estimate in the assignment by position, metres.
+    Some trackers leave out slow targets by design, such as ships at anchor. A target is slow below
+    `least_speed`, m/s, and `near` is the largest distance of a target and its estimate in the
+    assignment by position, metres. All are returned if the velocities of the truth are unknown.
     """
     if least_speed <= 0.0 or truth.velocity is None:
         return truth, estimate

@@ -35,13 +35,7 @@ def changes(inputs: Iterable[RadarParameters], figures: Mapping[str, float]) -> 
 def values(
     inputs: Iterable[RadarParameters], figures: Mapping[str, float]
 ) -> Iterator[LearnedValue]:
-    """Yield the values that are learned of each sensor.
-
-    Parameters
-    ----------
-    figures : mapping of dotted name to number
-        The figures of a step; see `SensorMemory.figures`.
-    """
+    """Yield the values that are learned of each sensor, by a step's `SensorMemory.figures`."""
     for radar in inputs:
         quantity = "detection_probability"
         name = f"{radar.name}.{quantity}"

@@ -35,17 +35,8 @@ from .record import RadarPlots, RadarSite, Record
 def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> Record:
     """Return the record of the run in a bag, or of the intact part of a damaged bag.
 
-    Parameters
-    ----------
-    config : TrackerConfig
-        Provides the topics and positions of the radars.
-    tracker : str
-        Name of the node whose estimates are read.
-
-    Raises
-    ------
-    BagError
-        If the bag cannot be read, or has none of the topics of a run.
+    The estimates are those of the node `tracker`. Raise `BagError` if the bag cannot be read, or
+    has none of the topics of a run.
     """
     bag = BagReader(path)
     sources = {names.estimates(source, tracker): source for source in (FILTERED, SMOOTHED)}
@@ -143,14 +134,8 @@ def posed_reports(
 ) -> Iterator[PosedReport]:
     """Yield the reports of all radars, of moving ones with poses, ordered by log time.
 
-    Parameters
-    ----------
-    inputs : sequence of RadarParameters
-        Layouts of the radars' messages.
-    dropped : sequence of Counter
-        By radar, counts of rejected messages and points are added here.
-    until_ns : int or None
-        End of the part of the bag that is read.
+    `inputs` are the layouts of the radars' messages. `dropped` gains, by radar, the counts of
+    rejected messages and points. The bag is read up to `until_ns`.
     """
     pending, carried = PosedReports(config.platforms()), config.carried
     radar_of = {radar.topic: index for index, radar in enumerate(inputs)}

@@ -33,10 +33,7 @@ INK, GREY, FAINT = "#222222", "#9A9A9A", "#E4E4E4"
 def purples(weak: float, strong: float, steps: int) -> FloatArray:
     """Return shades for amplitudes, in a hue that differs from all classes; shape (steps, 4).
 
-    Parameters
-    ----------
-    weak, strong : float
-        Darkness of low and of high amplitudes, from 0 (white) to 1.
+    `weak` and `strong` are the darkness of low and of high amplitudes, from 0 (white) to 1.
     """
     shades: FloatArray = colormaps["Purples"](np.linspace(weak, strong, steps))
     return shades

@@ -34,12 +34,7 @@ def metrics(
 ) -> dict[str, Any]:
     """Return a run's summary with its step times, in the form of `metrics.json`.
 
-    Parameters
-    ----------
-    step_ms : array of shape (scans,)
-        CPU time of each step, milliseconds; empty if not measured.
-    engine : str or None
-        The tracker's engine; None if unknown.
+    `step_ms`, (scans,), has the CPU time of each step, milliseconds; it is empty if not measured.
     """
     summary = evaluation.summary()
     if engine is not None:

@@ -47,17 +47,7 @@ class Fix(NamedTuple):
 def fixes(
     run: Sequence[Estimates], plane: Plane | None, class_names: Sequence[str]
 ) -> Iterator[Fix]:
-    """Yield every labelled estimate of a run, ordered by time and number.
-
-    Parameters
-    ----------
-    run : sequence of Estimates
-        Ordered by stamp.
-    plane : Plane or None
-        Position of the world frame on the earth, if known.
-    class_names : sequence of str
-        Names by class id.
-    """
+    """Yield every labelled estimate of a run, given by stamp, ordered by time and number."""
     for found in run:
         places = _nowhere(found) if plane is None else geodetic.of(found, plane)
         for row in np.argsort(found.track_id, kind="stable").tolist():

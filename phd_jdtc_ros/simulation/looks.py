@@ -80,8 +80,6 @@ class TurningRadar:
     def passes(self, flight: Flight) -> FloatArray:
         """Return the times at which the beam passes a target, seconds after scan 0, ascending.
 
-        Notes
-        -----
         The target moves while the beam turns. Its bearing is unwrapped over the turns, so that a
         target that crosses the y axis is passed exactly once. Each step turns the beam to the
         target's position at the time of the previous step.

@@ -230,13 +230,9 @@ def _truth(scenario: Scenario, elapsed_s: float, states: Iterable[FloatArray | N
 def paper_scenario(radars: tuple[RadarModel, ...]) -> Scenario:
     """Return the reference scenario: four targets of two classes, two crossings.
 
-    Its own radars are the defaults of the configuration.
-
-    Notes
-    -----
-    Sec. V, which does not give the speeds. With the speeds chosen here, target 1 crosses target 2
-    (of the other class) and then target 3 (of its own class), and target 4 crosses target 2 (of its
-    own class), near the radars.
+    Its own radars are the defaults of the configuration. It is that of Sec. V, which does not give
+    the speeds. With the speeds chosen here, target 1 crosses target 2 (of the other class) and then
+    target 3 (of its own class), and target 4 crosses target 2 (of its own class), near the radars.
     """
     strong, weak = snr_from_db(45.0), snr_from_db(25.0)
     return Scenario(

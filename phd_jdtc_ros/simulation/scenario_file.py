@@ -99,10 +99,7 @@ BLOCKS = (
 def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     """Check a scenario document, with the keys of `Timing` and `BLOCKS`, and build its scenario.
 
-    Raises
-    ------
-    ConfigError
-        With all faults.
+    Raise `ConfigError` with all faults.
     """
     if not isinstance(document, Mapping):
         raise ConfigError(["scenario: must be a mapping"])
@@ -149,12 +146,8 @@ def site_parameters(document: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters equivalent to ``world_origin`` and ``sites``, by dotted name.
 
     If the origin has a height, these are ``world_origin`` and each radar's ``geodetic``, on the
-    round earth, which are not checked here; otherwise each radar's ``position``, in a plane.
-
-    Raises
-    ------
-    ConfigError
-        If a latitude or longitude is wrong.
+    round earth, which are not checked here; otherwise each radar's ``position``, in a plane. Raise
+    `ConfigError` if a latitude or longitude is wrong.
     """
     faults: list[str] = []
     if _has_height(document):

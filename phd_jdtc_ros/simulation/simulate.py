@@ -28,11 +28,9 @@ def detect(
 ) -> tuple[Detections, IntArray]:
     """Return one radar's detections of `truth` and its clutter, in random order, and their sources.
 
-    `snr`, shape (T,), has the mean signal-to-noise ratio of each target, linear. A source is
-    the track_id of the target, 0 for clutter.
+    `snr`, shape (T,), has the mean signal-to-noise ratio of each target, linear. A source is the
+    track_id of the target, 0 for clutter.
 
-    Notes
-    -----
     The envelopes of targets are Rayleigh with sigma^2 = 1 + d, and of noise with sigma^2 = 1; only
     envelopes above the radar's threshold are reported. The clutter rate counts reported detections.
     """

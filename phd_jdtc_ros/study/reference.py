@@ -77,14 +77,9 @@ class Filtered:
 def birth(
     position: FloatArray, motion: MotionModel, position_std: float, velocity_std: float
 ) -> Gaussian:
-    """Return the prior of a target born at a position, with zero mean velocity.
+    """Return the prior of a target born at a position, metres, (2,), with zero mean velocity.
 
-    Parameters
-    ----------
-    position : array of shape (2,)
-        World frame, metres.
-    position_std, velocity_std : float
-        Standard deviations along each axis, metres and metres per second.
+    The standard deviations are along each axis, metres and metres per second.
     """
     std = motion.space.state(position_std, velocity_std, 0.0)
     return Gaussian(motion.space.state(position, 0.0, 0.0), np.diag(std**2))
@@ -105,14 +100,9 @@ def predict(before: Gaussian, motion: MotionModel, dt: float) -> tuple[Gaussian,
 def update(
     prior: Gaussian, radar: RadarModel, measurement: FloatArray, iterations: int = ITERATIONS
 ) -> Gaussian:
-    """Return the posterior of one measurement, range in metres and azimuth in radians.
+    """Return the posterior of one measurement in the radar's frame, metres and radians, (2,).
 
-    Parameters
-    ----------
-    measurement : array of shape (2,)
-        Range and azimuth in the radar's frame.
-    iterations : int
-        Largest number of linearisations; 1 is the plain extended Kalman filter.
+    It is linearised at most `iterations` times; once is the plain extended Kalman filter.
     """
     state = prior.mean[None], prior.covariance[None]
     found = kalman.iterated_update(
@@ -128,13 +118,7 @@ def update(
 
 
 def smooth(filtered: Sequence[Filtered]) -> Gaussian:
-    """Return the first scan's distribution given the measurements of all scans.
-
-    Parameters
-    ----------
-    filtered : sequence of Filtered
-        Consecutive scans of one target; a single scan's smoothed distribution is the filtered one.
-    """
+    """Return the first scan's distribution given the measurements of all consecutive scans."""
     smoothed = filtered[-1].updated
     for step in filtered[:0:-1]:
         if step.back is None:
@@ -148,14 +132,8 @@ def filter_target(
 ) -> dict[int, Filtered]:
     """Return the filtered distributions of one target, by scan index.
 
-    Parameters
-    ----------
-    prior : Gaussian
-        Distribution at the target's first scan, before its measurements.
-
-    Notes
-    -----
-    Radars update one after the other in the order of the scenario, as in the tracker.
+    `prior` is the distribution at the target's first scan, before its measurements. Radars update
+    one after the other in the order of the scenario, as in the tracker.
     """
     result: dict[int, Filtered] = {}
     previous = -1
@@ -187,21 +165,12 @@ def known_association(
 ) -> Tracks:
     """Return the estimates of a tracker that knows the source of every detection.
 
-    Parameters
-    ----------
-    lags : sequence of int
-        Lags in scans; 0 is the filter. Near the end of a target's life fewer later scans are used.
-    noise_density : float
-        Spectral density l of the constant-velocity model, m^2/s^3.
-    position_std, velocity_std : float
-        Standard deviations of the prior about the true first position and about zero velocity,
-        m and m/s; the defaults are those of the reference scenario's births.
+    Lags are in scans; 0 is the filter. Near the end of a target's life fewer later scans are used.
+    `noise_density` is the spectral density l of the constant-velocity model, m^2/s^3. The standard
+    deviations of the prior are about the true first position and about zero velocity, m and m/s;
+    the defaults are those of the reference scenario's births.
 
-    Returns
-    -------
-    dict of lag to list of PointSet
-        One set per scan, with the true number of targets and their true classes, in the order of
-        the truth.
+    The set of a scan has the true number of targets and their true classes, in the truth's order.
     """
     model = ConstantVelocity(noise_density)
     place = list(model.space.position)

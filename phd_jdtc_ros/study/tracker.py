@@ -102,18 +102,9 @@ def track(
 ) -> dict[str, Tracks]:
     """Return the tracker's estimates of a run, by label of the variant and by lag.
 
-    Parameters
-    ----------
-    run : SimulatedRun
-        The run, whose seed is also the filter's.
-    config : TrackerConfig
-        Configuration, without use of its lag, seed, death term and extraction.
-    lags : sequence of int
-        Lags in scans; 0 is the filter. The last scans of the run have fewer later scans.
-
-    Notes
-    -----
-    An estimate does not depend on the other variants and lags.
+    The run's seed is also the filter's; lag, seed, death term and extraction of the configuration
+    are not used. Lags are in scans; 0 is the filter. The last scans of the run have fewer later
+    scans. An estimate does not depend on the other variants and lags.
     """
     longest = max(lags)
     parts = PARTS[config.engine](replace(config, seed=run.seed))

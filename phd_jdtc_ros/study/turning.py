@@ -84,19 +84,10 @@ def without_ignored(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointS
 def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int]) -> Tracked:
     """Return this package's estimates of a run, by lag in turns.
 
-    Parameters
-    ----------
-    run : SimulatedRun
-        Result of `turning_run`; its seed is also the filter's.
-    parameters : mapping
-        Parameters of the tracker, with the reporting of the radars, which does not change the
-        plots.
-    lags : sequence of int
-        Lags in turns; 0 is the filter, taken from the run of the longest lag.
-
-    Notes
-    -----
-    The tracker runs once for each lag above 0. The CPU time is the last run's.
+    The run is that of `turning_run`; its seed is also the filter's. The parameters include the
+    reporting of the radars, which does not change the plots. Lag 0 is the filter, taken from the
+    run of the longest lag. The tracker runs once for each lag above 0; the CPU time is the last
+    run's.
     """
     tracks: dict[int, list[PointSet]] = {}
     scenario, rotation_s, spent_s = run.scenario, _rotation_s(run.scenario), 0.0
@@ -151,13 +142,7 @@ def _events(
 def at_stamps(
     found: Sequence[Estimates], stamps_ns: Sequence[int], oldest_s: float
 ) -> list[PointSet]:
-    """Return the newest estimates at each stamp, predicted to it.
-
-    Parameters
-    ----------
-    oldest_s : float
-        Largest age of the newest estimates, seconds; older ones are left out.
-    """
+    """Return the newest estimates at each stamp, predicted to it; none is older than `oldest_s`."""
     ordered = sorted(found, key=lambda estimates: estimates.stamp_ns)
     known_ns = [estimates.stamp_ns for estimates in ordered]
     points = []

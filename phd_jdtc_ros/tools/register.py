@@ -98,14 +98,9 @@ def outcome_of(
 ) -> Outcome:
     """Return the systematic errors of the radars in the first `seconds` of a recording.
 
-    `given` are the tracker's parameters, and the reference is the first radar if it is None.
-
-    Raises
-    ------
-    BagError
-        If the bag cannot be read, or if no error is observable, with the reason.
-    ConfigError
-        If the parameters, or the reference, are wrong.
+    `given` are the tracker's parameters, and the reference is the first radar if it is None. Raise
+    `BagError` if the bag cannot be read, or with the reason if no error is observable, and
+    `ConfigError` if the parameters, or the reference, are wrong.
     """
     config = tracker_params.config(given)
     names = [radar.name for radar in config.inputs]

@@ -57,14 +57,11 @@ def datagrams(
 ) -> Iterator[Datagram]:
     """Yield the datagrams of a recording in order.
 
-    Parameters
-    ----------
-    midnight_ns : int or None
-        Beginning of the day of the first datagram. Captures have dates; this moves them by whole
-        days. Other formats are dated 1970 without it.
-    counts : Counter
-        Gains the skipped data: ``bytes_skipped`` and ``resynchronised`` for damaged data,
-        ``recording_cut`` if the end is missing, and the reasons of `pcap.packets`.
+    `midnight_ns` is the beginning of the day of the first datagram. Captures have dates, and are
+    moved by whole days; other formats are dated 1970 without it.
+
+    `counts` gains the skipped data: ``bytes_skipped`` and ``resynchronised`` for damaged data,
+    ``recording_cut`` if the end is missing, and the reasons of `pcap.packets`.
     """
     kind = kind_of(data)
     if kind == CAPTURE:

@@ -48,11 +48,8 @@ def is_capture(begin: bytes) -> bool:
 def packets(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[Datagram]:
     """Yield the UDP payloads of a capture.
 
-    Parameters
-    ----------
-    counts : Counter
-        Gains ``not_udp``, ``fragment``, ``packet_cut`` (captured incompletely), ``link`` (unknown
-        link layer), and ``recording_cut`` if the rest of the file is damaged.
+    `counts` gains ``not_udp``, ``fragment``, ``packet_cut`` (captured incompletely), ``link``
+    (unknown link layer), and ``recording_cut`` if the rest of the file is damaged.
     """
     found = _classic(data, counts) if data[:4] in _MAGICS else _next_generation(data, counts)
     for packet in found:

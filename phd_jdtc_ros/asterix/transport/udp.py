@@ -103,13 +103,8 @@ def sender(where: Address, interface: str) -> socket.socket:
 class Receiver:
     """Receives datagrams in a thread until it is closed.
 
-    `arrived` is called in the thread when datagrams are available. `received` counts the
-    datagrams.
-
-    Raises
-    ------
-    OSError
-        If an address cannot be opened; ``filename`` of the error is the address.
+    `arrived` is called in the thread when datagrams are available. `received` counts the datagrams.
+    An `OSError` of an address that cannot be opened has it as its ``filename``.
     """
 
     def __init__(

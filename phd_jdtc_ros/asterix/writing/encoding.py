@@ -16,10 +16,7 @@ MAX_BLOCK = 1400
 def record(category: int, items: Mapping[str, bytes], kind: str = "") -> bytes:
     """Return a record: the selection of its items (FSPEC), then the items in the category's order.
 
-    Raises
-    ------
-    ValueError
-        If an item of fixed length has a different length.
+    Raise `ValueError` if an item of fixed length has a different length.
     """
     layout = layouts(category)[kind]
     places = sorted(layout.place[name] for name in items)

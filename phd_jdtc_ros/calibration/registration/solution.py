@@ -58,12 +58,8 @@ class _Iteration:
 def register(radars: Sequence[TrackedRadar], reference: str) -> Registration:
     """Estimate the biases of at least two radars, with the targets as nuisance parameters.
 
-    The radar named `reference` is assumed to have no bias where the recording cannot show it.
-
-    Raises
-    ------
-    RegistrationError
-        If no bias of some radar is observable; the message has the reason.
+    The radar named `reference` is assumed to have no bias where the recording cannot show it. Raise
+    `RegistrationError` with the reason if no bias of some radar is observable.
     """
     index = [each.name for each in radars].index(reference)
     biases: tuple[SensorBias, ...] = (NO_BIAS,) * len(radars)

@@ -54,12 +54,8 @@ class TrackedRadar:
 def tracked_radar(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> TrackedRadar:
     """Link a radar's plots to tracks, with times since `zero_ns`.
 
-    The plots have the radar's poses if it is `moving`.
-
-    Raises
-    ------
-    RegistrationError
-        If its plots have no comparable times, or form no tracks.
+    The plots have the radar's poses if it is `moving`. Raise `RegistrationError` if they have no
+    comparable times, or form no tracks.
     """
     clouds = len(plots.cloud_s)
     if clouds < LEAST_CLOUDS:

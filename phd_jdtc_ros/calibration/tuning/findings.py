@@ -58,10 +58,8 @@ class Findings:
 def findings(plots: Plots) -> Findings:
     """Return the estimates of one radar from a recording.
 
-    Raises
-    ------
-    TuningError
-        If the recording is too short, or has no detections or no targets distinct from clutter.
+    Raise `TuningError` if the recording is too short, or has no detections or no targets distinct
+    from clutter.
     """
     _require_some(plots)
     when = timing(plots)

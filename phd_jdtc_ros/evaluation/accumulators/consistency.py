@@ -52,8 +52,6 @@ PAIRS, NEES, OUTSIDE = "judged_pairs", "nees_sum", "outside"
 def band(pairs: int) -> tuple[float, float] | None:
     """Return the 95 % band of the mean NEES / 2 for right covariances; None without pairs.
 
-    Notes
-    -----
     The sum of n independent values has a gamma distribution of shape n. Successive values of one
     track are correlated, so that the true band over a run is wider.
     """
@@ -69,17 +67,10 @@ def band(pairs: int) -> tuple[float, float] | None:
 def figures(totals: Totals) -> dict[str, Any]:
     """Return the consistency of a run in the form of `metrics.json`.
 
-    Parameters
-    ----------
-    totals : Totals
-        Row 0 is the set of all targets.
-
-    Returns
-    -------
-    dict
-        ``pairs``, the number of evaluated pairs; ``nees``, divided by 2, with its ``nees_band_95``
-        for this number of pairs; ``outside_3_sigma``. ``by_age`` has the same for each group of
-        ages. A figure without pairs is None.
+    Row 0 of the totals is the set of all targets. The result has ``pairs``, the number of evaluated
+    pairs; ``nees``, divided by 2, with its ``nees_band_95`` for this number of pairs; and
+    ``outside_3_sigma``. ``by_age`` has the same for each group of ages. A figure without pairs is
+    None.
     """
     found = _of_ages(totals, EVERY_AGE)
     found["by_age"] = {ages.text: _of_ages(totals, ages) for ages in AGES}

@@ -62,14 +62,8 @@ class GapFinder:
     ) -> list[Gap]:
         """Add the next scan; return the gaps that ended with an estimate or with their target.
 
-        Parameters
-        ----------
-        stamp_ns : int
-            If earlier than the previous scan's stamp, all targets end.
-        track_id, class_id : int arrays of shape (T,)
-            Existing targets, with distinct track_ids.
-        found : bool array of shape (T,)
-            Whether each target is paired with an estimate.
+        `found`, shape (T,), says whether each existing target is paired with an estimate; the
+        track_ids are distinct. All targets end if the stamp is earlier than the previous scan's.
         """
         back = self._newest_ns is not None and stamp_ns < self._newest_ns
         self._newest_ns = stamp_ns

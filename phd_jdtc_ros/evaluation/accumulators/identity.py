@@ -14,16 +14,11 @@ from ..metrics import assign, distances
 class IdentitySwitches:
     """Counts identity switches, scan by scan.
 
-    A target and a track remain partners while both exist and are closer than the cutoff; the others
-    are paired by position. Two tracks near two crossing targets therefore count as a switch only
-    when they leave with the wrong targets. A switch is a target with a track number other than its
-    last one, or a number that was last on another target: a broken track counts one, and two
-    swapped tracks count two. Targets and tracks that no longer exist are removed.
-
-    Parameters
-    ----------
-    cutoff : float
-        Metres.
+    A target and a track remain partners while both exist and are closer than the cutoff, metres;
+    the others are paired by position. Two tracks near two crossing targets therefore count as a
+    switch only when they leave with the wrong targets. A switch is a target with a track number
+    other than its last one, or a number that was last on another target: a broken track counts one,
+    and two swapped tracks count two. Targets and tracks that no longer exist are removed.
 
     References
     ----------
@@ -46,13 +41,10 @@ class IdentitySwitches:
     ) -> int:
         """Add the next scan; return the number of switches in it.
 
-        Parameters
-        ----------
-        coasting : bool array of shape (T,) or None
-            Whether each track had no detection. Coasting tracks keep their partners and get no new
-            ones, since being near another target is no evidence of an association: for example,
-            a track whose target has landed may coast past a target that appears. None if no track
-            coasts.
+        `coasting`, shape (T,), says whether each track had no detection; None if no track coasts.
+        Coasting tracks keep their partners and get no new ones, since being near another target is
+        no evidence of an association: for example, a track whose target has landed may coast past a
+        target that appears.
         """
         targets, tracks = truth.label.tolist(), estimate.label.tolist()
         self._track_of = {t: n for t, n in self._track_of.items() if t in set(targets)}

@@ -8,19 +8,10 @@ from phd_jdtc_ros.core.arrays import FloatArray
 
 
 def mahalanobis2(error: FloatArray, covariance: FloatArray | None) -> FloatArray:
-    """Return the squared Mahalanobis distances of errors of position.
+    """Return the squared Mahalanobis distances of errors of position, metres, (P, 2); shape (P,).
 
-    Parameters
-    ----------
-    error : array of shape (P, 2)
-        Metres.
-    covariance : array of shape (P, 2, 2) or None
-        m^2; None without covariances.
-
-    Returns
-    -------
-    array of shape (P,)
-        NaN for covariances that are not finite and positive definite.
+    The covariances, m^2, (P, 2, 2), may be unknown. The distance is NaN without one that is finite
+    and positive definite.
     """
     if covariance is None:
         return np.full(len(error), np.nan)

@@ -154,24 +154,11 @@ class Classes(Accumulator):
 def confusion_matrix(
     pairs: tuple[IntArray, IntArray], truth: IntArray, estimate: IntArray, classes: int
 ) -> IntArray:
-    """Return the number of targets of one scan by true and by estimated class.
+    """Return the number of targets of one scan by true and by estimated class, (C + 1, C + 1).
 
-    Parameters
-    ----------
-    pairs : tuple of two int arrays of shape (P,)
-        As of `metrics.assign`, by position alone.
-    truth : int array of shape (T,)
-        Classes of the targets.
-    estimate : int array of shape (E,)
-        Classes of the estimates.
-    classes : int
-        C; targets and estimates of other classes than 0 to C - 1 are left out.
-
-    Returns
-    -------
-    int array of shape (C + 1, C + 1)
-        [true class, estimated class]. The last column counts missed targets, the last row false
-        estimates. The matrix of a run is the sum over its scans.
+    The pairs are those of `metrics.assign`, by position alone; `truth`, (T,), and `estimate`, (E,),
+    are classes, of which others than 0 to C - 1 are left out. The last column counts missed
+    targets, the last row false estimates. The matrix of a run is the sum over its scans.
     """
     row, column = pairs
     missed, false = np.delete(truth, row), np.delete(estimate, column)

@@ -29,17 +29,8 @@ class TrackAges:
     def add(self, stamp_ns: int, track_id: IntArray | None, size: int) -> IntArray:
         """Add the next scan; return the age of each of its estimates.
 
-        Parameters
-        ----------
-        stamp_ns : int
-            If earlier than the previous scan's stamp, a new run begins.
-        track_id : int array of shape (size,) or None
-            0 for an unlabelled estimate; None if all are unlabelled.
-
-        Returns
-        -------
-        int array of shape (size,)
-            `NO_AGE` for unlabelled estimates.
+        A new run begins if the stamp is earlier than the previous scan's. The age is `NO_AGE` for
+        unlabelled estimates, of track_id 0; `track_id` is None if all are unlabelled.
         """
         if self._newest_ns is not None and stamp_ns < self._newest_ns:
             self._first, self._last = {}, {}

@@ -32,23 +32,14 @@ def tracks_of(scans: Iterable[LabelledPoints]) -> FloatArray:
 
 
 def track_distances(a: FloatArray, b: FloatArray, cutoff: float) -> FloatArray:
-    """Return the time-averaged distance of each track of `a` to each track of `b`, metres.
+    """Return the time-averaged distance of each of N tracks to each of M others, metres, (N, M).
 
-    Short, broken and swapped tracks are far from every target's track, so that an OSPA distance
-    of these base distances, OSPA(2), penalises wrong labels as well as wrong positions.
+    Short, broken and swapped tracks are far from every target's track, so that an OSPA distance of
+    these base distances, OSPA(2), penalises wrong labels as well as wrong positions.
 
-    Parameters
-    ----------
-    a, b : arrays of shape (N, K, 2) and (M, K, 2)
-        Results of `tracks_of` over the same scans.
-    cutoff : float
-        c, metres: the upper bound of the distance, and its value where only one track exists.
-
-    Returns
-    -------
-    array of shape (N, M)
-        Means over the scans in which at least one track exists; 0 for two tracks that exist in
-        no scan.
+    Both arrays are results of `tracks_of` over the same scans. The mean is over the scans in which
+    at least one track exists; it is 0 for two tracks that exist in no scan. The cutoff c, metres,
+    is the upper bound of the distance, and its value where only one track exists.
 
     References
     ----------

@@ -22,16 +22,11 @@ _FORMS = {
 
 
 def check(name: str, purpose: str, argv: Sequence[str]) -> tuple[ParameterFile, ...]:
-    """Show the help if requested, and refuse arguments that are not ROS arguments.
+    """Show the help if requested, and return the parameter files among the ROS arguments.
 
-    rclpy ignores them silently: a parameter file without ``--ros-args`` before it has no effect.
-
-    Returns the files among the ROS arguments.
-
-    Raises
-    ------
-    SystemExit
-        With status 0 after the help, and with 2 after a refusal.
+    Arguments that are not ROS arguments are refused, because rclpy ignores them silently: a
+    parameter file without ``--ros-args`` before it has no effect. Raise `SystemExit` with status 0
+    after the help, and with 2 after a refusal.
     """
     parser = ArgumentParser(
         name,
@@ -48,10 +43,7 @@ def check(name: str, purpose: str, argv: Sequence[str]) -> tuple[ParameterFile, 
 def split(name: str, argv: Sequence[str]) -> tuple[list[str], tuple[ParameterFile, ...]]:
     """Return the other arguments, and the parameter files of the ROS arguments.
 
-    Raises
-    ------
-    SystemExit
-        With status 2 after a line for each fault of the ROS arguments.
+    Raise `SystemExit` with status 2 after a line for each fault of the ROS arguments.
     """
     try:
         # Files are checked first, because rcl does not name the fault of a file.

@@ -26,12 +26,7 @@ def given(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
     """Return the parameters that the user set on the command line or in files, by dotted name.
 
     They are read from the arguments themselves, so that unknown names are included; rclpy would
-    drop them.
-
-    Raises
-    ------
-    ConfigError
-        With every file that has no section for the node.
+    drop them. Raise `ConfigError` with every file that has no section for the node.
     """
     _values_in(files, node)
     return {

@@ -50,13 +50,8 @@ def qos_of(topic: str) -> Iterator[None]:
 def full_name(node: Node, topic: str, parameter: str, given: str | None = None) -> str:
     """Return the name of a topic after remapping.
 
-    An error names the parameter that the topic comes from. `given` is its value; None if the value
-    is the topic itself.
-
-    Raises
-    ------
-    ConfigError
-        If there cannot be a topic of this name.
+    A `ConfigError` names the parameter that the topic comes from, if there cannot be a topic of
+    this name. `given` is its value; None if the value is the topic itself.
     """
     try:
         name: str = node.resolve_topic_name(topic)

@@ -129,10 +129,8 @@ class HandOver(RunnableNode):
     def _read(self, cloud: PointCloud2) -> Estimates:
         """Return the estimates of a cloud.
 
-        Raises
-        ------
-        RejectedMessageError
-            If it is not a cloud of estimates, or contradicts the first one.
+        Raise `RejectedMessageError` if it is not a cloud of estimates, or contradicts the first
+        one.
         """
         found = estimates.from_msg(cloud)
         frame, allowed = cloud.header.frame_id, self._frame or cloud.header.frame_id

@@ -43,13 +43,8 @@ def select(bag: BagReader, wanted: list[str]) -> Playable:
     """Return the part of a bag that is played.
 
     If no topics are `wanted`, it has all but those that the tracker, the evaluator and every node
-    publish.
-
-    Raises
-    ------
-    BagError
-        If a wanted topic is missing or cannot be published, if detections or the truth have a
-        wrong type, or if there is nothing to play.
+    publish. Raise `BagError` if a wanted topic is missing or cannot be published, if detections or
+    the truth have a wrong type, or if there is nothing to play.
     """
     bag.require({topic: "a ROS 2 message" for topic in wanted if topic in bag.foreign})
     missing = [topic for topic in wanted if topic not in bag.types]

@@ -36,12 +36,7 @@ class Playback:
     The stamps of the scan topics define the scans. `start_s` are skipped, and `duration_s` are
     played, all if that is 0. `upcoming` is the next group, None at the end; the fault of a damaged
     bag, `damage`, is known once the end is reached. The selected part was recorded from `first_ns`
-    to `last_ns`.
-
-    Raises
-    ------
-    BagError
-        If there is nothing to play.
+    to `last_ns`. Raise `BagError` if there is nothing to play.
     """
 
     def __init__(

@@ -49,12 +49,7 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
     """Store a snapshot; the previous file stays until the new one is complete on the disk.
 
     Only a tracker with the same `configuration`, parameters by name, may continue from it. The
-    directory must exist.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
+    directory must exist. Raise `OSError` if the file cannot be written.
     """
     header = {
         STAMP: snapshot.stamp_ns,
@@ -82,10 +77,8 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
 def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
     """Return a stored snapshot.
 
-    Raises
-    ------
-    CheckpointError
-        If the file is missing, damaged, of another format, or of a tracker with other parameters.
+    Raise `CheckpointError` if the file is missing, damaged, of another format, or of a tracker with
+    other parameters.
     """
     try:
         content = _content(path)
@@ -131,11 +124,8 @@ def _content(path: Path) -> bytes:
 def _decode(body: memoryview) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]:
     """Return the header, and the arrays that it describes.
 
-    Raises
-    ------
-    ValueError
-        If the header is too long, or an array is not of numbers, or the arrays do not fit their
-        bytes. JSON and numpy raise errors of their own.
+    Raise `ValueError` if the header is too long, or an array is not of numbers, or the arrays do
+    not fit their bytes. JSON and numpy raise errors of their own.
     """
     size = int.from_bytes(body[:LENGTH_SIZE], "little")
     if size > MAX_HEADER:

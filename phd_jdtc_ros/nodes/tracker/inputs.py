@@ -90,12 +90,8 @@ class Inputs:
         """Subscribe to all inputs.
 
         `on_message` receives a radar's index and reader, the message, and its information;
-        `on_pose` a platform's topic, the message, and its information.
-
-        Raises
-        ------
-        ConfigError
-            If a message's package is not installed, or a topic's QoS override is not valid.
+        `on_pose` a platform's topic, the message, and its information. Raise `ConfigError` if a
+        message's package is not installed, or a topic's QoS override is not valid.
         """
         config = self._settings.config
         for index, (radar, health) in enumerate(zip(config.inputs, self.radars, strict=True)):

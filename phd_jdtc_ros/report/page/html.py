@@ -44,15 +44,9 @@ def write_report(
 ) -> Path:
     """Write the report of a run, and return the path of the page.
 
-    Parameters
-    ----------
-    summary : mapping
-        Result of `Evaluation.summary`, with an optional ``step_ms`` of ``median`` and ``p99``. A
-        value that is missing or None is shown as a dash.
-    charts : sequence of Chart
-        Interactive charts, in the order of the page.
-    notes : sequence of str
-        Sentences at the top of the page.
+    `summary` is an `Evaluation.summary`, with an optional ``step_ms`` of ``median`` and ``p99``; a
+    value that is missing or None is shown as a dash. `charts` are in the order of the page, and
+    `notes` are sentences at its top.
     """
     picture = picture_of(record)
     page = Template(_part("page.html")).substitute(

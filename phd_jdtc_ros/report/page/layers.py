@@ -87,10 +87,7 @@ def graticule(
 ) -> dict[str, Any]:
     """Add the lines of latitude and longitude as columns, metres; return their labels.
 
-    Parameters
-    ----------
-    corner, far : arrays of shape (2,)
-        Least and greatest x and y of the first view, metres.
+    The first view is from `corner` to `far`, x and y in metres, (2,).
     """
     lines: list[FloatArray] = []
     labels: list[tuple[float, float, str]] = []

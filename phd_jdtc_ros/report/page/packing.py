@@ -12,10 +12,7 @@ import numpy.typing as npt
 class Columns:
     """Columns of 32-bit integers; the page's script reads them by name.
 
-    Attributes
-    ----------
-    index : list of (name, number of entries)
-        The columns in the order of `text`.
+    `index` has names and numbers of entries, in the order of `text`.
     """
 
     def __init__(self) -> None:

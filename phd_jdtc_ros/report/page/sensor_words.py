@@ -12,10 +12,7 @@ from . import score_words
 def section(learned: Sequence[LearnedValue], changes: Mapping[str, str]) -> str:
     """Return the table of configured and learned values; empty if nothing is learned.
 
-    Parameters
-    ----------
-    changes : mapping of str to str
-        How each sensor has changed, by name.
+    `changes` says how each sensor has changed, by name.
     """
     if not learned:
         return ""

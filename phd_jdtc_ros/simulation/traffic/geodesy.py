@@ -14,12 +14,9 @@ STANDARD_GRAVITY = 9.80665
 def east_north(place: tuple[float, float], origin: tuple[float, float]) -> tuple[float, float]:
     """Return a place's coordinates in the plane about an origin, metres east and north.
 
-    Place and origin are latitudes and longitudes, degrees.
-
-    Notes
-    -----
-    The azimuthal equidistant projection of a sphere: distances and bearings from the origin are
-    true. 300 km from it, distances across are 0.04 % too long.
+    Place and origin are latitudes and longitudes, degrees. The projection is the azimuthal
+    equidistant one of a sphere: distances and bearings from the origin are true. 300 km from it,
+    distances across are 0.04 % too long.
     """
     (north, east), (north_0, east_0) = (map(math.radians, point) for point in (place, origin))
     away = east - east_0

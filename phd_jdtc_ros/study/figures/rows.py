@@ -43,16 +43,8 @@ def draw_lags(
 ) -> None:
     """Draw a metric of filter and smoother over time, with its band and its overall mean.
 
-    Parameters
-    ----------
-    key : str
-        The set, which determines the colour.
-    name : str
-        Name of the metric.
-    number : str
-        Format of the mean.
-    title : str or None
-        Title of the row; the set's name if None.
+    `key` is the set, which determines the colour and the usual title, and `number` the mean's
+    format.
     """
     colour = INK if key == ALL else class_colour(int(key.removeprefix("class_")))
     time_s = result.scores.time_s

@@ -115,10 +115,7 @@ class Study:
     def select(self, cases: Sequence[str], variants: Sequence[str]) -> Study:
         """Return the study of the named cases and variants; an empty sequence selects all.
 
-        Raises
-        ------
-        ConfigError
-            If names are unknown; the message lists all of them.
+        Raise `ConfigError` with all names that are unknown.
         """
         faults = _unknown("--case", cases, [case.name for case in self.cases])
         faults += _unknown("--variant", variants, [variant.name for variant in self.variants])

@@ -116,19 +116,10 @@ def resolve(
 ) -> Study:
     """Check a study document and build the study.
 
-    Parameters
-    ----------
-    document : mapping
-        ``lags``, ``cases``, ``variants`` and ``goals``, as in `config/studies/published.yaml`.
-    load_scene : callable of str
-        Reads a scenario file, given its name in the document.
-    assigned : mapping
-        Tracker parameters that replace all others.
-
-    Raises
-    ------
-    ConfigError
-        If the document is invalid; the message lists all faults.
+    The document has ``lags``, ``cases``, ``variants`` and ``goals``, as in
+    `config/studies/published.yaml`. `load_scene` reads a scenario file, given its name in the
+    document, and the `assigned` parameters of the tracker replace all others. Raise `ConfigError`
+    with all faults.
     """
     if not isinstance(document, Mapping):
         raise ConfigError(["study: must be a mapping"])

@@ -32,20 +32,11 @@ def run_on_processes(
     work: Work = perform,
     busy: Callable[[], int] = lambda: 0,
 ) -> None:
-    """Run tasks in local processes.
+    """Run tasks in local processes; `report` is called in this process whenever a task ends.
 
-    Parameters
-    ----------
-    report : callable of Outcome
-        Called in this process whenever a task ends.
-    work : callable
-        Called by a worker with a task.
-    busy : callable
-        Returns the number of the workers' processors that other processes use; this many workers
-        wait, but never all.
+    A worker calls `work` with a task. `busy` returns the number of the workers' processors that
+    other processes use; this many workers wait, but never all.
 
-    Notes
-    -----
     When a process dies, all tasks that were running are repeated one at a time, to find the task
     that causes it. A task whose process dies `TRIES` times has failed.
     """
@@ -138,26 +129,10 @@ def _submit(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Outcome
 
 
 def run_on_dask(tasks: Sequence[Task], address: str, report: Report, work: Work = perform) -> None:
-    """Run tasks on a Dask cluster.
+    """Run tasks on the Dask cluster of a scheduler's address; see `run_on_processes`.
 
-    Parameters
-    ----------
-    address : str
-        Address of the scheduler.
-    report : callable of Outcome
-        Called in this process whenever a task ends.
-    work : callable
-        Called by a worker with a task.
-
-    Raises
-    ------
-    ConfigError
-        If Dask is not installed or no scheduler answers at the address.
-
-    Notes
-    -----
     The scheduler repeats the tasks of a dead worker. It gives up on a task after several workers
-    have died.
+    have died. Raise `ConfigError` if Dask is not installed or no scheduler answers at the address.
     """
     try:
         from distributed import Client, as_completed

@@ -34,14 +34,8 @@ FOUND = 200.0
 class RunAccumulator(Accumulator):
     """Values of scans of a simulated run.
 
-    Parameters
-    ----------
-    cutoff, order : float
-        c, metres, and p.
-    age : sequence of int arrays of shape (T,)
-        Age of each target in scans, by scan.
-    cpu_ms : float
-        CPU time per turn, milliseconds; NaN if unknown.
+    `cutoff` and `order` are c, metres, and p; `age` has the age of each target in scans, (T,), by
+    scan, and `cpu_ms` is the CPU time per turn, milliseconds, NaN if unknown.
     """
 
     def __init__(

@@ -56,12 +56,9 @@ class Result:
         return 1.0 - ratio(after, before)
 
     def confusion(self, lag: int) -> FloatArray | None:
-        """Return the confusion matrices of the runs, see `pairs.confusion_matrix`.
+        """Return the runs' `pairs.confusion_matrix`, summed over the scans, (runs, C + 1, C + 1).
 
-        Returns
-        -------
-        array of shape (runs, C + 1, C + 1) or None
-            Counts over all scans; None for trackers without classes.
+        It is None for trackers without classes.
         """
         if self.scores.taken_for is None:
             return None

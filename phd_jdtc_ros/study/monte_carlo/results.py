@@ -99,22 +99,14 @@ def summarise(
 ) -> dict[str, Any]:
     """Return a study's figures in the form of `summary.json`.
 
-    Parameters
-    ----------
-    notes : sequence of str
-        Omitted variants, with the reasons.
-    failures : sequence of Outcome
-        Failed tasks.
+    `notes` are the omitted variants, with the reasons, and `failures` the failed tasks.
 
-    Returns
-    -------
-    dict
-        ``cases`` by case and variant: its kind, engine (None for other trackers), number of runs,
-        seeds and, by lag and set, the mean over runs of each of `FIGURES` with its 95 % interval,
-        None if undefined. ``reduction`` is the reduction of the mean OSPA against lag 0 of the same
-        variant and seed. ``confusion`` of a class has the shares of its targets estimated as each
-        class or missed; ``confusion`` of all targets is the mean over runs of the confusion matrix,
-        summed over the scans. ``c_of_case`` has the cut-off, metres, of each case with its own.
+    ``cases`` has by case and variant: its kind, engine (None for other trackers), number of runs,
+    seeds and, by lag and set, the mean over runs of each of `FIGURES` with its 95 % interval, None
+    if undefined. ``reduction`` is the reduction of the mean OSPA against lag 0 of the same variant
+    and seed. ``confusion`` of a class has the shares of its targets estimated as each class or
+    missed; ``confusion`` of all targets is the mean over runs of the confusion matrix, summed over
+    the scans. ``c_of_case`` has the cut-off, metres, of each case with its own.
     """
     cases: dict[str, Any] = {}
     for result in results:

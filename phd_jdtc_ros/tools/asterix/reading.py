@@ -115,12 +115,8 @@ def convert(
     """Write the clouds of a recording into a new bag, with parameters for a tracker beside it.
 
     `midnight_ns` is the beginning of the recording's day; see `framing.datagrams`. If ports are
-    given, captured datagrams to other ports are left out.
-
-    Raises
-    ------
-    BagError
-        If the file is empty or no recording of ASTERIX, or the bag cannot be written.
+    given, captured datagrams to other ports are left out. Raise `BagError` if the file is empty or
+    no recording of ASTERIX, or the bag cannot be written.
     """
     clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
     done = Converted(bridge.stream(clock))
