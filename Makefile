@@ -161,7 +161,7 @@ bags: $(VENV)/.ready
 	    --out bags/$(RECORDED)/recording.ast
 
 parameters: $(VENV)/.ready
-	$(RUN) -m phd_jdtc_ros.tools.reference_pages docs
+	PYTHONPATH=. $(RUN) docs/tools/reference_pages.py docs
 
 clean:
 	rm -rf $(VENV) out build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

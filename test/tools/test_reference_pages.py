@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 import rclpy
+from reference_pages import LISTS, PAGES, main, parameters, policies, topics
+from reference_pages import declared as declared_in_all
 
 from msg_adapters import names, outputs
 from phd_jdtc_ros.configuration.parameters import GROUPS, TOP
@@ -13,15 +15,6 @@ from phd_jdtc_ros.nodes.hand_over.node import HandOver
 from phd_jdtc_ros.nodes.replay.node import SensorReplay
 from phd_jdtc_ros.nodes.tracker.node import Tracker
 from phd_jdtc_ros.parameter_files import sensor_replay
-from phd_jdtc_ros.tools.reference_pages import (
-    LISTS,
-    PAGES,
-    main,
-    parameters,
-    policies,
-    topics,
-)
-from phd_jdtc_ros.tools.reference_pages import declared as declared_in_all
 
 ROOT = Path(__file__).parents[2]
 BAG = str(ROOT / "bags" / "paper_scenario")
