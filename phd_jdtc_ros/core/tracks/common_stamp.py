@@ -6,7 +6,7 @@ there to the common stamp; smoothed ones are interpolated between the updates be
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -57,7 +57,7 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     """
     to_predict = np.flatnonzero(time_ns != stamp_ns)
     if estimates.stamp_ns != stamp_ns:
-        estimates = replace(estimates, stamp_ns=stamp_ns)
+        estimates = estimates.changed(stamp_ns=stamp_ns)
     if not len(to_predict):
         return estimates
     every, which = np.unique((stamp_ns - time_ns[to_predict]) * 1e-9, return_inverse=True)
@@ -80,8 +80,7 @@ def predict(estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeS
     survival = modes.nominal_survival ** (every / modes.interval_s)[:, None]
     rows = which.ravel(), kind
     covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise[rows]
-    return replace(
-        estimates,
+    return estimates.changed(
         state=_with(estimates.state, to_predict, moved[0]),
         covariance=_with(estimates.covariance, to_predict, covariance),
         weight=_with(estimates.weight, to_predict, estimates.weight[to_predict] * survival[rows]),
@@ -130,8 +129,7 @@ def interpolate(
         return (1.0 - part) * first + part * second
 
     probability = linear(before.class_probability, after.class_probability)
-    return replace(
-        before,
+    return before.changed(
         stamp_ns=stamp_ns,
         state=state,
         covariance=linear(before.covariance, after.covariance),

@@ -19,14 +19,15 @@ The thresholds come from `reporting_rule`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
-from dataclasses import replace
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, contains
+from ..arrays import FloatArray, IntArray, contains
 from ..clutter.neighbourhood import probability_among_reflectors
+from ..compilation import Float1, Int1, compiled, inner
 from ..models import stationary
 from ..models.amplitude_model import Band
 from ..models.tracker_model import TrackerModel
@@ -47,6 +48,7 @@ MAX_STATIONARY_TO_CONFIRM = 0.85
 MAX_STATIONARY_CONFIRMED = 0.9
 # Scans less than this share of a turn apart may belong to the same pass of the antenna.
 SAME_TURN = 0.5
+EPSILON = float(np.finfo(float).eps)
 
 
 def missed_by_all(estimates: Estimates, scan: Scan, model: TrackerModel) -> FloatArray:
@@ -99,32 +101,113 @@ def _among_reflectors(estimates: Estimates, model: TrackerModel) -> FloatArray:
     return probability_among_reflectors(np.where(np.isinf(smallest), 0.0, smallest))
 
 
-class _Detection(NamedTuple):
-    """Detection or miss of each track in a scan, arrays of shape (T,)."""
+class _Tracks(NamedTuple):
+    """The T tracks of a scan, by ascending label."""
 
-    miss_probability: FloatArray  # Probability that no radar of the scan detects the track
-    covered: BoolArray  # Whether the scan can show that the track was missed
-    missed: BoolArray
-    detected: BoolArray
+    label: Int1
+    existence: Float1  # Existence probability after the scan
+    class_id: Int1
+    miss_probability: Float1  # Probability that no radar of the scan detects the track
+    stationary: Float1  # Probability that it is stationary
 
-    @staticmethod
-    def of(
-        estimates: Estimates,
-        before: ConfirmationRecords,
-        known: BoolArray,
-        scan: Scan,
-        model: TrackerModel,
-    ) -> _Detection:
-        """Return the detections and misses; a detection raises the odds of existence."""
-        miss_probability = missed_by_all(estimates, scan, model)
-        covered = known & (miss_probability < MAX_MISS_PROBABILITY)
-        survived = before.existence * _survival(estimates, before.stamp_ns, model)
-        lower = _odds(estimates.weight) < _odds(survived)
-        # A target at the edge of a slice may be in either of two: the other one is not a miss.
-        turn_ns = 1e9 * _shortest_turn_s(model)
-        same_turn = scan.stamp_ns - before.detected_ns < SAME_TURN * turn_ns
-        missed = covered & lower & ~same_turn
-        return _Detection(miss_probability, covered, missed, ~known | (covered & ~lower))
+
+class _Durations(NamedTuple):
+    """Durations that confirmation depends on, nanoseconds."""
+
+    interval: float  # Nominal interval of the survival probabilities
+    same_turn: float  # Scans less apart may belong to the same pass of the antenna
+    patience: float  # See `PATIENCE`
+    coasting: float  # See `ReportingRule.coasting_s`
+
+
+@inner
+def _odds(probability: float) -> float:
+    """Return the odds of a probability; finite for probabilities of 1 or more."""
+    return probability / max(1.0 - probability, EPSILON)
+
+
+@compiled
+def _next_columns(
+    stamp_ns: int,
+    durations: _Durations,
+    tracks: _Tracks,
+    survival: Float1,
+    confirm: Float1,
+    delete: Float1,
+    hidden: Float1,
+    record_weight: Float1,
+    label: Int1,
+    latest_ns: Int1,
+    detected_before_ns: Int1,
+    existence_before: Float1,
+    state_before: Int1,
+    expected_before: Float1,
+    missed_before: Float1,
+    factor_before: Float1,
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
+    """Return when each track was last detected, its state, and the last columns of its record.
+
+    Parameters
+    ----------
+    survival : array of shape (C,)
+        Probability of each class to survive a nominal interval.
+    confirm, delete, hidden, record_weight : arrays of shape (C,)
+        See `ReportingRule`.
+    label, ..., factor_before : arrays
+        Columns of the `ConfirmationRecords` before the scan.
+
+    Notes
+    -----
+    A detection raises the odds of existence. The odds of a track that is missed are corrected by
+    its own record.
+    """
+    count, at = len(tracks.label), 0
+    detected_ns, state = np.full(count, stamp_ns), np.full(count, TENTATIVE)
+    expected, missed, factor = np.zeros(count), np.zeros(count), np.ones(count)
+    for one in range(count):
+        kind, weight = tracks.class_id[one], tracks.existence[one]
+        miss_probability, odds = tracks.miss_probability[one], _odds(weight)
+        while at < len(label) and label[at] < tracks.label[one]:
+            at += 1
+        known = at < len(label) and label[at] == tracks.label[one]
+        covered = lower = is_missed = False
+        before = TENTATIVE
+        if known:
+            detected_ns[one], before = detected_before_ns[at], state_before[at]
+            expected[one], missed[one] = expected_before[at], missed_before[at]
+            factor[one], covered = factor_before[at], miss_probability < MAX_MISS_PROBABILITY
+            intervals = (stamp_ns - latest_ns[at]) / durations.interval
+            lower = odds < _odds(existence_before[at] * survival[kind] ** intervals)
+            # A target at the edge of a slice may be in either of two: the other one is not a miss.
+            same_turn = stamp_ns - detected_ns[one] < durations.same_turn
+            is_missed = covered and lower and not same_turn
+        is_detected = not known or (covered and not lower)
+        tentative, prior = before == TENTATIVE, record_weight[kind]
+        if is_missed:
+            factor[one] *= (1.0 + missed[one] / prior) / (1.0 + expected[one] / prior)
+        if is_detected or math.isinf(prior):
+            factor[one] = 1.0
+        existence = weight
+        if factor[one] != 1.0:
+            existence = odds * factor[one] / (1.0 + odds * factor[one])
+        if is_detected:
+            detected_ns[one] = stamp_ns
+        since_ns = stamp_ns - detected_ns[one]
+        long_ago = since_ns > durations.patience
+        if tentative:
+            reported = weight > confirm[kind]
+        else:
+            lowest = hidden[kind] if long_ago and not covered else delete[kind]
+            reported = existence >= lowest and weight >= min(MIN_EXISTENCE, delete[kind])
+        bound = MAX_STATIONARY_TO_CONFIRM if tentative else MAX_STATIONARY_CONFIRMED
+        recent = is_detected or covered or since_ns <= durations.coasting
+        if reported and recent and tracks.stationary[one] <= bound:
+            stays = not is_detected and before == COASTING
+            state[one] = COASTING if is_missed or long_ago or stays else CONFIRMED
+        if (is_missed or is_detected) and not tentative:
+            expected[one] += miss_probability
+            missed[one] += is_missed
+    return detected_ns, state, expected, missed, factor
 
 
 class TrackStates:
@@ -165,9 +248,9 @@ class TrackStates:
         """
         if not self.rule.labelled:
             return self._of_reported_classes(estimates)
-        place = np.argsort(estimates.track_id, kind="stable")
-        labelled = place[estimates.track_id[place] > 0]
-        records = self._next(estimates.take(labelled), scan, model)
+        order = np.argsort(estimates.track_id, kind="stable")
+        labelled = order[estimates.track_id[order] > 0]
+        records = self._next(estimates, labelled, scan, model)
         gone = contains(swept, self._records.label - 1)
         gone |= ~contains(np.array(sorted(unswept_ns), dtype=np.int64), self._records.stamp_ns)
         # A scan of a whole turn leaves none of the earlier records.
@@ -176,72 +259,41 @@ class TrackStates:
         state = np.where(estimates.weight > self.rule.delete.min(), CONFIRMED, TENTATIVE)
         state[labelled] = records.state
         known = (state != TENTATIVE) & self.rule.reported[estimates.class_id]
-        return replace(estimates, track_state=state).take(np.flatnonzero(known))
+        return estimates.changed(track_state=state).take(np.flatnonzero(known))
 
     def _of_reported_classes(self, estimates: Estimates) -> Estimates:
         reported = self.rule.reported[estimates.class_id]
         return estimates if reported.all() else estimates.take(np.flatnonzero(reported))
 
-    def _next(self, estimates: Estimates, scan: Scan, model: TrackerModel) -> ConfirmationRecords:
-        """Return the records of a scan's tracks, by ascending label."""
-        before, known = self._before(estimates)
-        detection = _Detection.of(estimates, before, known, scan, model)
-        tentative, missed = before.state == TENTATIVE, detection.missed
-        factor, existence = self._corrected_existence(estimates, before, detection)
-        detected_ns = np.where(detection.detected, scan.stamp_ns, before.detected_ns)
-        since_ns = scan.stamp_ns - detected_ns
-        long_ago = since_ns > PATIENCE * 1e9 * slowest_s(model)
-        hidden = long_ago & ~detection.covered
-        reported = self._is_reported(estimates, existence, tentative, hidden)
-        recent = since_ns <= 1e9 * self.rule.coasting_s
-        reported &= detection.detected | detection.covered | recent
-        bound = np.where(tentative, MAX_STATIONARY_TO_CONFIRM, MAX_STATIONARY_CONFIRMED)
-        reported &= stationary_probability(estimates, model) <= bound
-        coasting = missed | long_ago | (~detection.detected & (before.state == COASTING))
-        counted = (missed | detection.detected) & ~tentative
-        expected = before.expected + detection.miss_probability
-        return ConfirmationRecords(
-            label=estimates.track_id,
-            stamp_ns=np.full(len(estimates), scan.stamp_ns),
-            detected_ns=detected_ns,
-            existence=estimates.weight,
-            state=np.where(reported, np.where(coasting, COASTING, CONFIRMED), TENTATIVE),
-            expected=np.where(counted, expected, before.expected),
-            missed=before.missed + (counted & missed),
-            factor=factor,
+    def _next(
+        self, estimates: Estimates, rows: IntArray, scan: Scan, model: TrackerModel
+    ) -> ConfirmationRecords:
+        """Return the records of a scan's tracks; `rows` has these by ascending label."""
+        rule, modes = self.rule, model.modes
+        tracks = _Tracks(
+            *(estimates.track_id[rows], estimates.weight[rows], estimates.class_id[rows]),
+            missed_by_all(estimates, scan, model)[rows],
+            stationary_probability(estimates, model)[rows],
         )
-
-    def _corrected_existence(
-        self, estimates: Estimates, before: ConfirmationRecords, detection: _Detection
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the factor of the odds by each track's own record, and the existence with it."""
-        prior = self.rule.record_weight[estimates.class_id]
-        ratio = (1.0 + before.missed / prior) / (1.0 + before.expected / prior)
-        factor = np.where(detection.missed, before.factor * ratio, before.factor)
-        factor[detection.detected | np.isinf(prior)] = 1.0
-        corrected = _odds(estimates.weight) * factor
-        existence = np.where(factor == 1.0, estimates.weight, corrected / (1.0 + corrected))
-        return factor, existence
-
-    def _is_reported(
-        self, estimates: Estimates, existence: FloatArray, tentative: BoolArray, hidden: BoolArray
-    ) -> BoolArray:
-        """Return a mask of the tracks that their existence probability confirms or keeps."""
-        rule, kind, weight = self.rule, estimates.class_id, estimates.weight
-        delete = rule.delete[kind]
-        lowest = np.where(hidden, rule.hidden[kind], delete)
-        kept = (existence >= lowest) & (weight >= np.minimum(MIN_EXISTENCE, delete))
-        return np.where(tentative, weight > rule.confirm[kind], kept)
-
-    def _before(self, estimates: Estimates) -> tuple[ConfirmationRecords, BoolArray]:
-        """Return the record of each track before the scan, and whether there was one."""
-        records = self._records
-        place = np.searchsorted(records.label, estimates.track_id)
-        known = np.zeros(len(estimates), dtype=np.bool_)
-        inside = place < len(records.label)
-        known[inside] = records.label[place[inside]] == estimates.track_id[inside]
-        new = ConfirmationRecords.new(estimates.track_id, estimates.stamp_ns, estimates.weight)
-        return new.replace_rows(np.flatnonzero(known), records.take(place[known])), known
+        durations = _Durations(
+            interval=1e9 * modes.interval_s,
+            same_turn=1e9 * SAME_TURN * _shortest_turn_s(model),
+            patience=1e9 * PATIENCE * slowest_s(model),
+            coasting=1e9 * rule.coasting_s,
+        )
+        detected_ns, state, *columns = _next_columns(
+            scan.stamp_ns,
+            durations,
+            tracks,
+            modes.nominal_survival,
+            rule.confirm,
+            rule.delete,
+            rule.hidden,
+            rule.record_weight,
+            *self._records,
+        )
+        latest_ns, existence = np.full(len(rows), scan.stamp_ns), tracks.existence
+        return ConfirmationRecords(tracks.label, latest_ns, detected_ns, existence, state, *columns)
 
     def note(self, published: Estimates) -> None:
         """Store the states of filtered estimates for the smoothed ones of their stamp."""
@@ -267,7 +319,7 @@ class TrackStates:
         kept = contains(confirmed, track) | contains(noted, track) | (track == 0)
         kept &= estimates.weight >= self.rule.delete[estimates.class_id]
         estimates = estimates.take(np.flatnonzero(kept))
-        return replace(estimates, track_state=self._noted.states(estimates))
+        return estimates.changed(track_state=self._noted.states(estimates))
 
     def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the states in a snapshot."""
@@ -284,18 +336,6 @@ class TrackStates:
         """
         self._records = from_snapshot(ConfirmationRecords, snapshot, "tracks", {})
         self._noted = PastStates.of(from_snapshot(NotedStates, snapshot, "noted", {}))
-
-
-def _odds(probability: FloatArray) -> FloatArray:
-    """Return the odds of probabilities; finite for probabilities of 1 or more."""
-    return probability / np.maximum(1.0 - probability, np.finfo(float).eps)
-
-
-def _survival(estimates: Estimates, since_ns: IntArray, model: TrackerModel) -> FloatArray:
-    """Return the probability that each target has survived since an earlier stamp, shape (T,)."""
-    intervals = (estimates.stamp_ns - since_ns) * 1e-9 / model.modes.interval_s
-    survival: FloatArray = model.modes.nominal_survival[estimates.class_id] ** intervals
-    return survival
 
 
 def _shortest_turn_s(model: TrackerModel) -> float:

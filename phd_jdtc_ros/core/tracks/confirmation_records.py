@@ -59,13 +59,6 @@ class ConfirmationRecords(NamedTuple):
         every = ConfirmationRecords._make(map(np.concatenate, zip(self, other, strict=True)))
         return every.take(np.argsort(every.label, kind="stable"))
 
-    def replace_rows(self, rows: IntArray, by: ConfirmationRecords) -> ConfirmationRecords:
-        """Return the records with these rows replaced."""
-        changed = ConfirmationRecords._make(column.copy() for column in self)
-        for column, other in zip(changed, by, strict=True):
-            column[rows] = other
-        return changed
-
 
 class NotedStates(NamedTuple):
     """Snapshot of `PastStates`; all columns (T,)."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -67,7 +66,7 @@ class TrackNumbers:
         label = estimates.track_id.tolist()
         if reach is None or estimates.attributes is None:
             numbers = [self._track(one) if one else 0 for one in label]
-            return replace(estimates, track_id=np.array(numbers, dtype=np.int64))
+            return estimates.changed(track_id=np.array(numbers, dtype=np.int64))
         address = estimates.attributes.address.tolist()
         for row in [row for row, one in enumerate(label) if one and one not in self._number]:
             if address[row] != UNKNOWN:
@@ -78,7 +77,7 @@ class TrackNumbers:
         self._join(estimates)
         self._separate(estimates)
         numbers = [self._track(one) if one else 0 for one in label]
-        numbered = replace(estimates, track_id=np.array(numbers, dtype=np.int64))
+        numbered = estimates.changed(track_id=np.array(numbers, dtype=np.int64))
         numbered = numbered.take(_best(numbered))
         self.aircraft.note(numbered, reach)
         return numbered

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
@@ -132,8 +132,14 @@ class Estimates(_Targets):
         """Return the estimates of these rows."""
         columns = {name: getattr(self, name)[rows] for name in _PER_TARGET}
         known = None if self.attributes is None else self.attributes.take(rows)
-        # `replace` would take as long as all the columns.
-        return Estimates(self.stamp_ns, self.lag, space=self.space, attributes=known, **columns)
+        return self.changed(attributes=known, **columns)
+
+    def changed(self, **fields: Any) -> Estimates:
+        """Return these estimates with some fields changed; faster than `dataclasses.replace`."""
+        other = object.__new__(Estimates)
+        other.__dict__.update(self.__dict__, **fields)
+        other.__post_init__()
+        return other
 
     @staticmethod
     def concatenate(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:
@@ -152,7 +158,7 @@ class Estimates(_Targets):
         known = [part.attributes for part in parts if part.attributes is not None]
         attributes = Attributes.concatenate(known).take(order) if len(known) == len(parts) else None
         last = parts[-1]
-        return replace(last, lag=lag, attributes=attributes, **columns), stamps[order]
+        return last.changed(lag=lag, attributes=attributes, **columns), stamps[order]
 
     @staticmethod
     def empty(stamp_ns: int, lag: int, classes: int, space: StateSpace = PLANAR) -> Estimates:
