@@ -40,12 +40,8 @@ class _Table:
 
     def __init__(self) -> None:
         self.size = 0
+        self.columns: list[Any] = []
         self._columns: list[Any] = []  # With room for more rows
-
-    @property
-    def columns(self) -> list[Any]:
-        """The columns."""
-        return [column[: self.size] for column in self._columns]
 
     def append(self, *columns: Any) -> None:
         """Append rows."""
@@ -57,6 +53,11 @@ class _Table:
             self._columns = roomy
         for own, new in zip(self._columns, columns, strict=True):
             own[begin : self.size] = new
+        self.columns = [column[: self.size] for column in self._columns]
+
+    def clear(self) -> None:
+        """Drop all rows."""
+        self.size, self.columns = 0, [column[:0] for column in self._columns]
 
 
 class _Place(NamedTuple):
@@ -151,6 +152,20 @@ def _around(before: Int1, row: Int2, past: int) -> tuple[BoolArray, IntArray]:
     return latest, after
 
 
+@compiled
+def _hypotheses(updates: Int1, row: Int2) -> tuple[IntArray, IntArray]:
+    """Return the place of the update and the row of each hypothesis of updates."""
+    count = 0
+    for one in updates:
+        count += row[one, 1] - row[one, 0]
+    of, rows, at = np.empty(count, np.int64), np.empty(count, np.int64), 0
+    for place in range(len(updates)):
+        for own in range(row[updates[place], 0], row[updates[place], 1]):
+            of[at], rows[at] = place, own
+            at += 1
+    return of, rows
+
+
 class Lineages:
     """The updates of the entries of a window, oldest first."""
 
@@ -174,7 +189,7 @@ class Lineages:
             self._places.clear()
             self._done = 0
             for table in self._tables:
-                table.size = 0
+                table.clear()
         for entry in window:
             if entry.stamp_ns not in self._places:
                 self._append(entry)
@@ -262,16 +277,13 @@ class Lineages:
 
     def hypotheses(
         self, updates: IntArray
-    ) -> tuple[IntArray, tuple[FloatArray, FloatArray, FloatArray]]:
-        """Return the smoothed hypotheses of updates, and the place of the update of each."""
-        begin, end = self._updates.columns[1][updates].T
-        size = end - begin
-        of = np.arange(len(updates)).repeat(size)
-        row = np.arange(len(of)) + (begin - np.cumsum(size) + size)[of]
-        # `take` copies covariances of many rows in a fifth of the time of an index.
-        columns = self._smoothed.columns
-        weight, mean, covariance = (column.take(row, axis=0) for column in columns)
-        return of, (weight, mean, covariance)
+    ) -> tuple[IntArray, IntArray, tuple[FloatArray, FloatArray, FloatArray]]:
+        """Return the place of the update and the row of each smoothed hypothesis of updates.
+
+        The rows are those of the returned Gaussians.
+        """
+        weight, mean, covariance = self._smoothed.columns
+        return *_hypotheses(updates, self._updates.columns[1]), (weight, mean, covariance)
 
     def _append(self, entry: Entry[Mixture, Link]) -> None:
         """Append the updates of an entry: those of its targets, and of those that it dropped."""
