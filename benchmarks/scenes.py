@@ -14,7 +14,7 @@ from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.simulation.scenario import Scenario, Truth, paper_scenario, truth_at
-from phd_jdtc_ros.simulation.traffic.target_script import TargetScript
+from phd_jdtc_ros.simulation.traffic.targets import TargetScript
 
 # Targets are within this distance of (0, 0), metres; both radars cover all of it.
 FIELD_RADIUS = 13e3

@@ -19,8 +19,7 @@ from dataclasses import dataclass, field
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 
-from .number_history import Numbers
-from .ownership import Handover
+from .ownership import Handover, Numbers
 from .restarts import TrackSeries
 from .synchroniser import Gathered, Gathering, Refused, too_many
 

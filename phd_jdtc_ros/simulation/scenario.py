@@ -25,7 +25,7 @@ from .clutter.reflectors import Reflectors
 from .platform import MovingPlatform
 from .traffic.flight import Flight
 from .traffic.gaps import Gap, in_gap
-from .traffic.target_script import NOISE_FREE, TargetScript
+from .traffic.targets import NOISE_FREE, TargetScript
 from .transponder import STREAM, Card, Transponders
 
 Target: TypeAlias = "TargetScript | Flight"

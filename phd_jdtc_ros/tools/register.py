@@ -19,8 +19,7 @@ from rich.console import Console
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.calibration.registration.result import Registration
-from phd_jdtc_ros.calibration.registration.solution import register
+from phd_jdtc_ros.calibration.registration.solution import Registration, register
 from phd_jdtc_ros.calibration.registration.tracked_radars import RegistrationError, tracked_radar
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError

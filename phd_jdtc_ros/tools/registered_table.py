@@ -10,7 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from phd_jdtc_ros.calibration.registration.filtering import KINDS
-from phd_jdtc_ros.calibration.registration.result import RadarEstimate, Registration
+from phd_jdtc_ros.calibration.registration.solution import RadarEstimate, Registration
 from phd_jdtc_ros.configuration.build import TrackerConfig
 
 # Smallest width of the tables, characters, at which each error fits a line.

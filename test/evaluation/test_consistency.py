@@ -5,9 +5,14 @@ import pytest
 from scipy.stats import chi2
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES
-from phd_jdtc_ros.evaluation.accumulators.consistency import EXPECTED_OUTSIDE, band
-from phd_jdtc_ros.evaluation.accumulators.mahalanobis import mahalanobis2
-from phd_jdtc_ros.evaluation.accumulators.track_ages import FORGOTTEN, NO_AGE, TrackAges
+from phd_jdtc_ros.evaluation.accumulators.consistency import (
+    EXPECTED_OUTSIDE,
+    FORGOTTEN,
+    NO_AGE,
+    TrackAges,
+    band,
+    mahalanobis2,
+)
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 

@@ -11,7 +11,8 @@ from scipy.optimize import linear_sum_assignment
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.tracks.renumbering import GATE, match
 from phd_jdtc_ros.core.types import UNKNOWN, Attributes
-from phd_jdtc_ros.handover.ownership import APART, TOGETHER, Handover
+from phd_jdtc_ros.handover import ownership
+from phd_jdtc_ros.handover.ownership import APART, FORGOTTEN_S, TOGETHER, Handover, Numbers
 
 # Parted at x = 0, with an overlap of 10 km on each side.
 REGIONS = (
@@ -201,3 +202,37 @@ def test_matched_pairs_are_those_of_least_total_distance():
         best = limited[linear_sum_assignment(limited)]
         assert len(rows) == np.count_nonzero(best < 1e6)
         assert_allclose(cost[rows, columns].sum(), best[best < 1e6].sum(), rtol=1e-4)
+
+
+NS = 10**9
+WEST = 0
+
+
+def test_numbers_of_tracks_that_are_no_more_are_forgotten():
+    numbers = Numbers(0)
+    numbers.add(0, {(WEST, 3): 1})
+    assert numbers.at(0) == {(WEST, 3): 1}
+    numbers.add(round(FORGOTTEN_S + 1.0) * NS, {})
+    assert numbers.at(0) == {}
+
+
+def test_number_at_a_stamp_is_that_of_its_time():
+    numbers = Numbers(2 * NS)
+    for stamp, number in ((0, 1), (1, 1), (4, 2), (5, 2)):
+        numbers.add(stamp * NS, {(WEST, 3): number})
+    found = [numbers.at(stamp * NS)[WEST, 3] for stamp in (0, 1, 2, 4, 9)]
+    assert found == [1, 1, 2, 2, 2]
+    # Its next number is too far ahead: it has its last one still.
+    assert Numbers(0).at(0) == {}
+    late = Numbers(1 * NS)
+    late.add(0, {(WEST, 3): 1})
+    late.add(9 * NS, {(WEST, 3): 2})
+    assert late.at(5 * NS) == {(WEST, 3): 1}
+
+
+def test_numbers_of_tracks_are_bounded(monkeypatch):
+    monkeypatch.setattr(ownership, "MOST_TRACKS", 10)
+    numbers = Numbers(0)
+    for stamp in range(20):
+        numbers.add(stamp, {(0, stamp): stamp})
+    assert numbers.at(19) == {(0, stamp): stamp for stamp in range(10, 20)}

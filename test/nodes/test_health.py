@@ -10,7 +10,7 @@ from msg_adapters import diagnostics
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.parameters import TOP
-from phd_jdtc_ros.nodes.common.health import WARNING_MEMORY_S, Rhythm, Rises
+from phd_jdtc_ros.nodes.common.health import WARNING_MEMORY_S, Rhythm, Rises, ThrottledWarnings
 from phd_jdtc_ros.nodes.tracker.health import OutputHealth, StepHealth
 from phd_jdtc_ros.nodes.tracker.input_health import LEASE_S, InputHealth, Publishers
 
@@ -349,3 +349,21 @@ def test_rises_measures_the_time_since_a_count_last_rose():
     rises = Rises()
     found = [rises.unchanged_s("plots", count, now) for count, now in ((0, 9), (4, 10), (4, 13))]
     assert found == [math.inf, 0.0, 3.0]
+
+
+class Logger:
+    def __init__(self):
+        self.said = []
+
+    def warning(self, text):
+        self.said.append(text)
+
+
+def test_every_subject_is_throttled_by_itself():
+    logger, now = Logger(), [0.0]
+    warnings = ThrottledWarnings(logger, lambda: now[0])
+    for second in range(8):
+        now[0] = float(second)
+        for radar in ("north", "south"):
+            warnings.warn((radar, "late"), f"{radar} at {second}")
+    assert logger.said == ["north at 0", "south at 0", "north at 5", "south at 5"]

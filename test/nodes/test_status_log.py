@@ -1,7 +1,7 @@
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics
-from phd_jdtc_ros.nodes.common.status_log import LASTING_S, StatusLog
+from phd_jdtc_ros.nodes.common.health import LASTING_S, StatusLog
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE

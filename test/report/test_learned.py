@@ -7,7 +7,7 @@ from records import record_of
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.report import learned
-from phd_jdtc_ros.report.page import sensor_words
+from phd_jdtc_ros.report.page import score_words
 
 INPUTS = resolve(
     {
@@ -41,17 +41,17 @@ def test_values_that_are_not_learned_are_left_out():
 
 def test_page_shows_what_was_set_and_found():
     record = replace(record_of(), learned=tuple(learned.values(INPUTS, FIGURES)))
-    text = sensor_words.section(record.learned, {})
+    text = score_words.sensors(record.learned, {})
     cells = ("mast", "range_std", "50 m", "100 m", "5 m")
     assert "".join(f"<td>{cell}</td>" for cell in cells[1:]) in text
 
 
 def test_page_says_which_sensor_has_changed():
     changes = learned.changes(INPUTS, {**FIGURES, "mast.fewer_detections": 1.0})
-    text = sensor_words.section(tuple(learned.values(INPUTS, FIGURES)), changes)
+    text = score_words.sensors(tuple(learned.values(INPUTS, FIGURES)), changes)
     assert "<strong>mast</strong>: not what it was until now: it detects fewer targets." in text
     assert learned.changes(INPUTS, FIGURES) == {}
 
 
 def test_page_has_no_table_if_nothing_is_learned():
-    assert sensor_words.section((), {}) == ""
+    assert score_words.sensors((), {}) == ""

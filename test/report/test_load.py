@@ -9,7 +9,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.simulation.scenario import Scenario
-from phd_jdtc_ros.simulation.traffic.target_script import TargetScript
+from phd_jdtc_ros.simulation.traffic.targets import TargetScript
 from phd_jdtc_ros.tools.simulate import write_bag
 from phd_jdtc_ros.tools.track_bag import track_bag
 

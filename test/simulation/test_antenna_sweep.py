@@ -16,7 +16,7 @@ from phd_jdtc_ros.simulation.looks import TurningRadar
 from phd_jdtc_ros.simulation.plots import plots_of
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
-from phd_jdtc_ros.simulation.traffic.target_script import TargetScript
+from phd_jdtc_ros.simulation.traffic.targets import TargetScript
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 ROTATION_S = 4.0

@@ -9,7 +9,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.simulation import scenario, scenario_file
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
-from phd_jdtc_ros.simulation.traffic.target_script import TargetScript, Turn
+from phd_jdtc_ros.simulation.traffic.targets import TargetScript, Turn
 
 RADARS = resolve_config({}).model.radars
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from phd_jdtc_ros.study.figures import markdown, over_lag, over_time, tables, write_all
-from phd_jdtc_ros.study.figures.rows import band
+from phd_jdtc_ros.study.figures import charts, markdown, tables, write_all
+from phd_jdtc_ros.study.figures.charts import band
 from phd_jdtc_ros.study.monte_carlo import Mean, Result, Study, summarise
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
@@ -95,7 +95,7 @@ def test_write_all_has_a_directory_for_each_case_and_no_time_without_our_tracker
 
 
 def test_over_time_has_a_row_for_each_class_and_one_for_all():
-    rows = over_time.ospa_over_time(everything()).axes
+    rows = charts.ospa_over_time(everything()).axes
 
     titles = [axes.get_title(loc="left") for axes in rows]
     assert titles == ["class 0", "class 1", "all classes"]
@@ -103,7 +103,7 @@ def test_over_time_has_a_row_for_each_class_and_one_for_all():
 
 def test_over_time_draws_filter_and_lag_5_of_the_first_variant():
     results = everything()
-    filtered, smoothed = over_time.ospa_over_time(results).axes[-1].lines
+    filtered, smoothed = charts.ospa_over_time(results).axes[-1].lines
 
     for line, lag in ((filtered, 0), (smoothed, 5)):
         mean = results[0].value("ospa", lag).mean(axis=0)
@@ -114,13 +114,13 @@ def test_number_error_draws_the_absolute_one():
     results = everything()
     results[0].scores.values[..., VALUES.index("cardinality_abs_error")] = 1
 
-    lines = over_time.number_error_over_time(results).axes[0].lines
+    lines = charts.number_error_over_time(results).axes[0].lines
 
     assert [set(line.get_ydata()) for line in lines] == [{1.0}, {1.0}]
 
 
 def test_against_lag_draws_every_variant():
-    (axes,) = over_lag.ospa_against_lag(everything()).axes
+    (axes,) = charts.ospa_against_lag(everything()).axes
 
     assert axes.get_legend_handles_labels()[1] == ["corrected", "as printed", "reference", "GNN"]
 

@@ -20,7 +20,6 @@ from .observability import (
     require_common,
     require_observable,
 )
-from .result import RadarEstimate, Registration, Residuals
 from .sequences import Sequences, sequences
 from .tracked_radars import TrackedRadar
 
@@ -40,6 +39,43 @@ FACTOR, STEPS = 4.0, 8
 OFF_COURSE = 0.5
 # Speed that is assumed if all targets are stationary, m/s.
 LEAST_SPEED = 0.1
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals of one radar's plots against the trajectories from all radars."""
+
+    time_s: FloatArray  # Ascending only within a target, seconds, (N,)
+    before: FloatArray  # In range and azimuth of the plots as reported, metres and radians, (N, 2)
+    after: FloatArray  # After removal of the estimated biases, (N, 2)
+
+
+@dataclass(frozen=True)
+class RadarEstimate:
+    """The estimated biases of one radar."""
+
+    name: str
+    bias: SensorBias  # Zero for unobservable biases
+    # Standard deviations in the order and units of a `SensorBias`, (4,); NaN for unobservable
+    # biases.
+    std: FloatArray
+    # Number of common tracks with its plots; a target that is lost and found again counts twice.
+    tracks: int
+    plots: int  # Number of these plots
+    residuals: Residuals
+
+
+@dataclass(frozen=True)
+class Registration:
+    """The estimated biases of all radars."""
+
+    radars: tuple[RadarEstimate, ...]
+    reference: str  # The radar that is assumed to have no bias of the kinds in `common`
+    common: tuple[str, ...]  # Kinds of biases that are unobservable if all radars share them
+    # Why the bias of another radar is unobservable, by radar and kind.
+    hidden: dict[tuple[str, str], str]
+    tracks: int  # Number of common tracks
+    density: float  # Spectral density of the targets' white acceleration, m^2/s^3
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,10 @@ Ages are measured by the wall clock, because a dead publisher sends no more stam
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections import deque
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field
 from statistics import median
 
@@ -19,8 +20,11 @@ from rclpy.node import Node
 from msg_adapters import diagnostics, names
 
 from .callbacks import steady_timer
-from .status_log import StatusLog
 from .topics import reliable
+
+# A cause is logged once it has lasted this time, which a start or a single lost scan does not.
+LASTING_S = 5.0
+_NUMBERS = re.compile(r"\d+(\.\d+)?")
 
 # Time for which a warning stays after its cause, seconds.
 WARNING_MEMORY_S = 10.0
@@ -32,6 +36,58 @@ PERIOD_S = 1.0
 # Interval between checks of a node's state, whose change is published at once, seconds.
 CHECK_PERIOD_S = 0.1
 DEPTH = 10
+
+
+@dataclass
+class _Cause:
+    """A status's message without its numbers, and the time since when it has lasted, seconds."""
+
+    words: str
+    since_s: float
+    logged: bool = False
+
+
+class StatusLog:
+    """Logs each cause for which a status is not OK once, and the return to OK."""
+
+    def __init__(self, logger: RcutilsLogger, clock: Callable[[], float] = time.monotonic) -> None:
+        self._logger = logger
+        self._clock = clock
+        self._causes: dict[str, _Cause] = {}
+        self._warned: set[str] = set()
+
+    def take(self, statuses: Iterable[DiagnosticStatus]) -> None:
+        """Log the changes since the previous statuses."""
+        for status in statuses:
+            self._take(status)
+
+    def clear(self) -> None:
+        """Forget all causes, because the node was not active."""
+        self._causes.clear()
+        self._warned.clear()
+
+    def _take(self, status: DiagnosticStatus) -> None:
+        name, now_s = status.name, self._clock()
+        well = status.level == DiagnosticStatus.OK
+        words = "" if well else _NUMBERS.sub("", status.message)
+        cause = self._causes.get(name)
+        if cause is None or cause.words != words:
+            cause = self._causes[name] = _Cause(words, now_s)
+        if cause.logged or now_s - cause.since_s < LASTING_S:
+            return
+        cause.logged = True
+        text = f"{name}: {status.message}"
+        if not well:
+            self._warned.add(name)
+            # There are two calls, because rclpy allows one severity per place of a call.
+            if status.level == DiagnosticStatus.ERROR:
+                self._logger.error(text)
+            else:
+                self._logger.warning(text)
+        elif name in self._warned:
+            self._warned.remove(name)
+            self._logger.info(f"{text} again")
+
 
 # Level and message of a status.
 Condition = tuple[bytes, str]

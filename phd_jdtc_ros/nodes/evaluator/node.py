@@ -48,9 +48,8 @@ from ..common.callbacks import steady_timer
 from ..common.health import ThrottledWarnings
 from ..common.runtime import RunnableNode
 from ..common.tracker_parameters import TrackerParameters
-from .missing_radars import MissingRadars
 from .received_clouds import Completion, ReceivedClouds
-from .recorder import Recorder
+from .recorder import MissingRadars, Recorder
 
 INPUT_DEPTH, OUTPUT_DEPTH = 100, 10
 CHECK_PERIOD_S = 0.1

@@ -1,27 +1,37 @@
-"""Records topics into a bag as serialised bytes, as they arrive."""
+"""Records topics into a bag as serialised bytes, and warns of inputs that are not recorded."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rclpy._rclpy_pybind11 import NodeNameNonExistentError
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from msg_adapters import interfaces, names
+from msg_adapters import interfaces, names, platform_poses
+from msg_adapters.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 from ..common import topics as endpoints
+from ..common.callbacks import steady_timer
 
 # Depth at which a burst waits in the queue instead of being lost.
 DEPTH = 1000
+
+CHECK_PERIOD_S = 0.5
+# Types of the tracker's inputs, and what the tracker has of them.
+KINDS = {
+    **{reader.type_name: "a radar's detections" for reader in READERS.values()},
+    **dict.fromkeys(platform_poses.TYPES.values(), "the poses of a radar that moves"),
+}
 
 
 class Recorder:
@@ -109,3 +119,32 @@ class Recorder:
             self._bag.close()
         except BagError as error:
             self._logger.error(f"recording not finished: {error}")
+
+
+class MissingRadars:
+    """Warns of the tracker's topics of detections or poses that are not recorded.
+
+    They are looked up in the graph and not in the parameters, because topics can be remapped.
+    `recorded` are the full names of the recorded topics.
+    """
+
+    def __init__(self, node: Node, tracker: str, recorded: Collection[str]) -> None:
+        self._node = node
+        self._tracker = tracker
+        self._known = set(recorded)
+        steady_timer(node, CHECK_PERIOD_S, self._check)
+
+    def _check(self) -> None:
+        namespace, _, name = self._tracker.rpartition("/")
+        try:
+            inputs = self._node.get_subscriber_names_and_types_by_node(name, namespace or "/")
+        except NodeNameNonExistentError:  # it has not started, or has ended
+            return
+        for topic, types in inputs:
+            kinds = [KINDS[kind] for kind in types if kind in KINDS]
+            if kinds and topic not in self._known:
+                self._known.add(topic)
+                self._node.get_logger().warning(
+                    f"{topic}, of which {self._tracker} has {kinds[0]}, is not among record_topics "
+                    "and is not recorded"
+                )

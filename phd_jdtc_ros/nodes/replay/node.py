@@ -29,9 +29,8 @@ from ..common import arguments, parameters, runtime, topics
 from ..common.callbacks import serve
 from ..common.runtime import RunnableNode
 from . import playable, scene_check, seek_parameter
-from .bag_clock import BagClock
 from .lock_step import GIVE_UP_S, LockStep
-from .playback import Group, Playback
+from .playback import BagClock, Group, Playback
 from .progress_line import ProgressLine
 
 DEPTH = 50

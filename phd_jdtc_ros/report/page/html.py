@@ -20,7 +20,7 @@ from phd_jdtc_ros import output_files
 
 from ..clock import Clock
 from ..record import Record
-from . import picture_words, score_words, sensor_words
+from . import picture_words, score_words
 from .chart import Chart, times
 from .layers import AMPLITUDE_SCALES
 from .packing import pack
@@ -57,7 +57,7 @@ def write_report(
         notes="\n".join(f'<p class="note">{escape(note)}</p>' for note in notes),
         tiles=score_words.tiles(summary),
         tables=score_words.tables(summary),
-        sensors=sensor_words.section(record.learned, record.changes),
+        sensors=score_words.sensors(record.learned, record.changes),
         picture="" if picture is None else picture_words.section(picture.header),
         charts="\n".join(_chart(chart) for chart in charts),
         terms=score_words.definitions(summary),

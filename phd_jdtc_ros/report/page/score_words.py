@@ -10,6 +10,7 @@ from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 from phd_jdtc_ros.evaluation.accumulator import CLASSES, GOSPA, NEES, OSPA, OUTSIDE, Metric
 from phd_jdtc_ros.evaluation.metric_table import BY_KEY, GLOBAL_METRICS, GROUPS, SET_METRICS, TERMS
 
+from ..learned import LearnedValue
 from ..lengths import metres_text
 from ..sets import Sets
 from ..table import confusion_rows, engine_rows, nees_bands, unscored_note
@@ -229,3 +230,32 @@ def _parameters(summary: Mapping[str, Any]) -> str:
     if order is None or cutoff is None:
         return ""
     return f"<p>Here p = {order:g}, c = {cutoff:g} m.</p>\n"
+
+
+def sensors(learned: Sequence[LearnedValue], changes: Mapping[str, str]) -> str:
+    """Return the table of configured and learned values; empty if nothing is learned.
+
+    `changes` says how each sensor has changed, by name.
+    """
+    if not learned:
+        return ""
+    rows = [
+        [
+            value.sensor,
+            value.quantity,
+            *(
+                f"{each:.3g} {value.unit}".rstrip()
+                for each in (value.given, value.found, value.std)
+            ),
+        ]
+        for value in learned
+    ]
+    headings = ("sensor", "parameter", "set", "found", "deviation")
+    changed = "".join(
+        f"<p><strong>{escape(name)}</strong>: {escape(text)}.</p>" for name, text in changes.items()
+    )
+    return (
+        f"<h2>Sensors</h2>\n{narrow(headings, rows)}<p>What the tracker had learned of "
+        "its sensors by the end of the run, and the standard deviation of what it found. The "
+        f"detection probabilities are means over the targets.</p>{changed}"
+    )

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from phd_jdtc_ros.calibration.registration.result import RadarEstimate, Registration
+from phd_jdtc_ros.calibration.registration.solution import RadarEstimate, Registration
 from phd_jdtc_ros.core.arrays import FloatArray
 
 from ..style import DPI, GREY, INK, WIDTH_IN, class_colour, plain_axes

@@ -1,23 +1,235 @@
-"""The list of a study's pictures, and their output as PNG."""
+"""A study's pictures: OSPA against the lag, figures over time; and their output as PNG.
+
+Figures over time are of the first variant of this package's tracker: means over runs, with bands of
+their 95 % confidence intervals.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+from scipy import stats
 
-from ..monte_carlo import Result, slug
-from .over_lag import ospa_against_lag
-from .over_time import (
-    class_accuracy_over_time,
-    has_main,
-    number_error_over_time,
-    ospa_over_time,
-    parts_over_time,
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.report import style
+from phd_jdtc_ros.report.style import (
+    COLOURS,
+    DPI,
+    GREY,
+    INK,
+    LINES,
+    MARKERS,
+    WIDTH_IN,
+    class_colour,
+    plain_axes,
 )
+
+from ..monte_carlo import ALL, Mean, Result, slug
+
+# The lag drawn over time, or the largest smaller one of the study.
+SHOWN_LAG = 5
+CONFIDENCE = 0.95
+
+
+def ospa_against_lag(results: Sequence[Result]) -> Figure:
+    """Draw the mean OSPA of all targets against the lag, one line per variant."""
+    figure = Figure(figsize=(WIDTH_IN, 5.2), dpi=DPI, layout="constrained")
+    axes = figure.add_subplot()
+    plain_axes(axes)
+    styles = _styles(results)
+    for result in results:
+        lags = result.scores.lags
+        means = [Mean.of(result.figure("ospa", lag)) for lag in lags]
+        axes.errorbar(
+            lags,
+            [mean.mean for mean in means],
+            yerr=[np.nan_to_num(mean.half_width) for mean in means],
+            label=result.variant.name,
+            capsize=2.5,
+            elinewidth=0.9,
+            **styles[result.variant.name],
+        )
+    axes.set(xlabel="lag (scans)", ylabel="mean OSPA (m)")
+    _frame_means(axes, results)
+    axes.set_xticks(sorted({lag for result in results for lag in result.scores.lags}))
+    figure.legend(loc="outside right upper", frameon=False, fontsize=9)
+    return figure
+
+
+def _frame_means(axes: Axes, results: Sequence[Result]) -> None:
+    """Scale the axis from zero to above all means; error bars of few runs may exceed it."""
+    means = [
+        Mean.of(result.figure("ospa", lag)).mean for result in results for lag in result.scores.lags
+    ]
+    axes.set_ylim(0.0, 1.15 * max(means) if max(means) > 0.0 else 1.0)
+
+
+def _styles(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
+    """Return the style of each variant; known association has styles of its own."""
+    styles: dict[str, dict[str, Any]] = {}
+    contenders = [result.variant for result in results if not result.variant.kind.known_association]
+    for index, variant in enumerate(contenders):
+        styles[variant.name] = {
+            "color": COLOURS[index % len(COLOURS)],
+            # The markers are shifted each time the colours start again.
+            "marker": MARKERS[(index + index // len(COLOURS)) % len(MARKERS)],
+            "linestyle": LINES[index // len(COLOURS) % len(LINES)],
+            "linewidth": 2.2 if index == 0 else 1.4,
+            "markersize": 5.5,
+        }
+    for result in results:
+        if result.variant.kind.known_association:
+            dashes = (5, 3) if result.variant.kind.name == "reference" else (1, 2)
+            styles[result.variant.name] = {"color": INK, "linestyle": (0, dashes), "linewidth": 1.4}
+    return styles
+
+
+def rows_over_time(result: Result, keys: Sequence[str], label: str) -> tuple[Figure, list[Axes]]:
+    """Return rows of axes over time that share both scales."""
+    runs = f"{len(result.seeds)} {'run' if len(result.seeds) == 1 else 'runs'}"
+    text = f"time from the first scan (s); {runs} of “{result.variant.name}”"
+    return style.rows_over_time(len(keys), label, text, max(float(result.scores.time_s[-1]), 1.0))
+
+
+def sets_of(result: Result) -> list[str]:
+    """Return the sets to draw, the classes first."""
+    return [*(key for key in result.scores.sets if key != ALL), ALL]
+
+
+def draw_lags(
+    axes: Axes,
+    result: Result,
+    key: str,
+    name: str,
+    number: str,
+    title: str | None = None,
+) -> None:
+    """Draw a metric of filter and smoother over time, with its band and its overall mean.
+
+    `key` is the set, which determines the colour and the usual title, and `number` the mean's
+    format.
+    """
+    colour = INK if key == ALL else class_colour(int(key.removeprefix("class_")))
+    time_s = result.scores.time_s
+    for lag, label in _shown_lags(result):
+        mean, half_width = band(result.over_time(name, lag, key))
+        low, high = mean - half_width, mean + half_width
+        if name == "class_accuracy":
+            low, high = np.maximum(low, 0.0), np.minimum(high, 1.0)
+        shade, width, alpha = (GREY, 1.2, 0.2) if lag == 0 else (colour, 1.6, 0.25)
+        axes.fill_between(time_s, low, high, color=shade, alpha=alpha, linewidth=0)
+        overall = Mean.of(result.figure(name, lag, key)).mean
+        axes.plot(
+            time_s,
+            mean,
+            "-" if len(time_s) > 1 else ".",
+            color=shade,
+            linewidth=width,
+            label=f"{label}, mean {number.format(overall)}" if np.isfinite(overall) else label,
+        )
+    default = "all classes" if key == ALL else key.replace("_", " ")
+    style.row_header(axes, title or default)
+
+
+def _shown_lags(result: Result) -> list[tuple[int, str]]:
+    """Return the lags to draw over time, with their names."""
+    lags = result.scores.lags
+    later = [lag for lag in lags if 0 < lag <= SHOWN_LAG] or [lag for lag in lags if lag > 0]
+    names = [(0, "filter")] if 0 in lags else []
+    return names + ([(max(later), f"smoother, lag {max(later)}")] if later else [])
+
+
+def band(runs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the mean over runs and half the width of its confidence interval, shapes (scans,).
+
+    With fewer than two values the width is 0; without any the mean is NaN.
+    """
+    known = np.isfinite(runs)
+    count = known.sum(axis=0)
+    mean = np.where(known, runs, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan)
+    square = np.where(known, (runs - mean) ** 2, 0.0).sum(axis=0)
+    several = np.maximum(count, 2)
+    error = np.sqrt(square / (several - 1) / several)
+    width = stats.t.ppf(0.5 + 0.5 * CONFIDENCE, several - 1) * error
+    return mean, np.where(count > 1, width, 0.0)
+
+
+def scale_from_zero(rows: Sequence[Axes]) -> None:
+    """Scale rows that share an axis from zero to above all means; wide bands may exceed it."""
+    for axes in rows:
+        axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
+    highest = max(float(np.max(line.get_ydata())) for axes in rows for line in axes.lines)
+    rows[0].set_ylim(0.0, 1.15 * highest if highest > 0.0 else 1.0)
+
+
+def ospa_over_time(results: Sequence[Result]) -> Figure:
+    """Draw the mean OSPA of filter and smoother, one row per class and one for all targets."""
+    return _from_zero(results, "OSPA (m)", "ospa", "{:.0f} m")
+
+
+def number_error_over_time(results: Sequence[Result]) -> Figure:
+    """Draw the mean of |n_est - n_true|, one row per class and one for all targets."""
+    return _from_zero(results, "|number error|", "cardinality_abs_error", "{:.3f}")
+
+
+def parts_over_time(results: Sequence[Result]) -> Figure:
+    """Draw the localisation part and the cardinality part of all targets' mean OSPA."""
+    titles = {
+        "localization": "all classes: localisation part",
+        "cardinality": "all classes: cardinality part",
+    }
+    main = _main(results)
+    figure, rows = rows_over_time(main, list(titles), "part of OSPA (m)")
+    for axes, (name, title) in zip(rows, titles.items(), strict=True):
+        draw_lags(axes, main, ALL, name, "{:.0f} m", title)
+    scale_from_zero(rows)
+    return figure
+
+
+def class_accuracy_over_time(results: Sequence[Result]) -> Figure:
+    """Draw the share of matched targets with the right class, by class and for all targets."""
+    figure, rows = _by_set(results, "right class", "class_accuracy", "{:.2%}")
+    for axes in rows:
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+    lowest = np.nanmin([np.nan_to_num(line.get_ydata(), nan=1.0) for a in rows for line in a.lines])
+    span = max(1.3 * (1.0 - lowest), 0.02)
+    rows[0].set_ylim(1.0 - span, 1.0 + 0.05 * span)
+    return figure
+
+
+def _by_set(
+    results: Sequence[Result], label: str, metric: str, number: str
+) -> tuple[Figure, list[Axes]]:
+    """Draw a metric over time, one row per class and one for all targets."""
+    main = _main(results)
+    keys = sets_of(main)
+    figure, rows = rows_over_time(main, keys, label)
+    for axes, key in zip(rows, keys, strict=True):
+        draw_lags(axes, main, key, metric, number)
+    return figure, rows
+
+
+def _from_zero(results: Sequence[Result], label: str, metric: str, number: str) -> Figure:
+    figure, rows = _by_set(results, label, metric, number)
+    scale_from_zero(rows)
+    return figure
+
+
+def has_main(results: Sequence[Result]) -> bool:
+    """Return whether a study has a variant of this package's tracker."""
+    return any(result.variant.kind.is_engine for result in results)
+
+
+def _main(results: Sequence[Result]) -> Result:
+    """Return the study's first variant of this package's tracker."""
+    return next(result for result in results if result.variant.kind.is_engine)
 
 
 class Chart(NamedTuple):

@@ -29,8 +29,7 @@ from .definition import Study
 from .document import Scene, resolve
 from .execution import Report, run_on_dask, run_on_processes
 from .kinds import KINDS, Kind
-from .result import Result
-from .results import Mean, collect, summarise, write_csv
+from .results import Mean, Result, collect, summarise, write_csv
 from .store import Store, remaining, slug
 from .tasks import Outcome, Plan, Task, plan
 

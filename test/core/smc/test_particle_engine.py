@@ -10,7 +10,7 @@ from phd_jdtc_ros.core.engine import Lag
 from phd_jdtc_ros.core.smc.resampling import YOUNG_FACTOR
 from phd_jdtc_ros.core.types import Scan
 from phd_jdtc_ros.simulation.simulate import simulate
-from phd_jdtc_ros.simulation.traffic.target_script import TargetScript
+from phd_jdtc_ros.simulation.traffic.targets import TargetScript
 
 START_NS = 1_700_000_000_000_000_000
 SCANS = [scan for _, scan in simulate(short_scenario(8), 3)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
-from phd_jdtc_ros.simulation.traffic.target_script import TargetScript, Turn
+from phd_jdtc_ros.simulation.traffic.targets import TargetScript, Turn
 
 LEGS = (
     Leg(30.0),
