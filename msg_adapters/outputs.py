@@ -78,7 +78,8 @@ def _always(_: View) -> bool:
     return True
 
 
-@dataclass(frozen=True)
+# Equal only to itself, which makes it a cheap key of a dictionary.
+@dataclass(frozen=True, eq=False)
 class Output:
     """An output topic of the tracker."""
 

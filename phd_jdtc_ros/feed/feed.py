@@ -131,14 +131,17 @@ class Feed:
             monitor.forget_tracks()
 
     def _monitor(self, events: Iterable[Event]) -> Iterator[Event]:
-        """Yield events after the monitors have taken them; then give notice of lost reports."""
+        """Yield events, and pass each to the monitors then; at the end give notice of lost reports.
+
+        The monitors come second, because estimates must not wait for them.
+        """
         for event in events:
+            yield event
             for monitor in self._monitors:
                 if isinstance(event, RunEnded):
                     monitor.forget_tracks()
                 else:
                     monitor.add_scan(event.scan, event.step.filtered)
-            yield event
         for radar in range(self._radars):
             self._notices.on_drops(radar, self.pipeline.take_drops(radar))
             self._notices.on_anomalies(radar, self.pipeline.take_anomalies(radar))

@@ -1,6 +1,11 @@
+from collections import Counter
+
+import numpy as np
+
 from msg_adapters.errors import RejectedMessageError
+from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration import build
-from phd_jdtc_ros.core.types import Pose
+from phd_jdtc_ros.core.types import Detections, Pose
 from phd_jdtc_ros.feed.feed import Feed
 from phd_jdtc_ros.feed.tally import Tally, UsedDetections
 
@@ -54,3 +59,22 @@ def test_report_that_waited_for_a_pose_in_vain_counts_with_its_detections():
 
 def test_nothing_at_all_is_no_fault():
     assert UsedDetections().fault() is None
+
+
+def test_feed_yields_a_scan_before_its_monitors_take_it():
+    taken = []
+
+    class Slow:
+        def add_scan(self, scan, filtered):
+            taken.append(scan.stamp_ns)
+
+        def forget_tracks(self):
+            pass
+
+    config = build.resolve({})
+    feed = Feed(config, Tally(config), [Slow()])
+    for radar in range(2):
+        report = Report(10**9, Detections(np.zeros((0, 2)), np.zeros(0)), Counter())
+        for _ in feed.report(radar, report):
+            assert not taken
+    assert taken == [10**9]

@@ -60,6 +60,8 @@ def publisher(
             event_callbacks=PublisherEventCallbacks(
                 incompatible_qos=on_incompatible,
                 matched=None if on_subscriber is None else on_matched,
+                # An executor looks at every event of every publisher whenever it waits.
+                use_default_callbacks=False,
             ),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
