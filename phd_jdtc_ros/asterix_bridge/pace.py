@@ -38,8 +38,9 @@ def steps(
 ) -> Iterator[Step]:
     """Yield the datagrams of a recording, each with the truth up to the clouds that it completes.
 
-    Times are those of a bridge with the same parameters and ``replayed``. The last step has no
-    datagram; it has the remaining truth. `BagError` is raised if the file is not a recording.
+    The clouds have the stamps that a bridge with the same parameters and ``replayed`` gives them.
+    The last step has no datagram, but the remaining truth. `BagError` is raised if the file is not
+    a recording.
     """
     stream = bridge.stream(StreamClock())
     scans = _Scans(bridge, config)

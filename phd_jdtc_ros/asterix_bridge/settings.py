@@ -27,7 +27,7 @@ from phd_jdtc_ros.earth import SystemPlane
 
 from .tracks import TrackOutput
 
-# Upper bound of input addresses, each of which needs a socket and a buffer.
+# Largest number of input addresses, each of which needs a socket and a buffer.
 MOST_INPUTS = 64
 # Longest prediction of estimates, seconds: some turns of a radar. Tracks without newer estimates
 # end after it.
@@ -178,7 +178,7 @@ class Amplitudes(NamedTuple):
 
 @dataclass(frozen=True)
 class Bridge:
-    """The bridge's input as its parameters describe it."""
+    """The configuration of a bridge."""
 
     values: dict[str, Any]  # All parameters
     table: dict[str, Parameter]
@@ -188,8 +188,7 @@ class Bridge:
     def amplitudes(self, radar: str) -> Amplitudes:
         """Return the conversion of a radar's amplitudes."""
         own = f"{radar}." if f"{radar}.source" in self.table else ""
-        get = self.values
-        return Amplitudes(get[f"{own}amplitude"], -get[f"{own}amplitude_offset_db"])
+        return Amplitudes(self.values[f"{own}amplitude"], -self.values[f"{own}amplitude_offset_db"])
 
     def stream(self, clock: StreamClock) -> PlotStream:
         """Return the stream that processes the radars' datagrams."""
@@ -198,18 +197,19 @@ class Bridge:
 
 def output_of(bridge: Bridge, monosensor: bool, call_signs: CallSigns) -> TrackOutput:
     """Return the encoder of estimates; `call_signs` may grow with the radars' plots."""
-    get = bridge.values
-    origin = get["world_origin"]
-    sac, sic, service = map(int, get["output_source"])
-    source = Source(sac, sic, service, monosensor, get["output_heights"] == "geometric")
+    values = bridge.values
+    origin = values["world_origin"]
+    sac, sic, service = map(int, values["output_source"])
+    source = Source(sac, sic, service, monosensor, values["output_heights"] == "geometric")
     plane = SystemPlane(origin) if origin else None
     return TrackOutput(source, plane, MAX_PREDICTION_S, call_signs)
 
 
 def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> Bridge:
-    """Check parameters, with `top` being `TABLE` for the node; `ConfigError` has all faults.
+    """Return the bridge that parameters describe; `ConfigError` has all faults.
 
-    A radar's missing parameters default to the common ones.
+    `top` has the parameters that are not of a single radar: `TABLE` for the node. A radar's missing
+    parameters default to those.
     """
     every = with_members(top, "radars", RADAR, given)
     values, faults = check(every.values(), given, replaced.BRIDGE, replaced.BRIDGE_RADAR)

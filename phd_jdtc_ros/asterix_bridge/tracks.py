@@ -28,7 +28,7 @@ from phd_jdtc_ros.core.types import (
 # Smaller turn rates (rad/s) and climb rates (m/s, 300 ft/min) count as straight and level. A turn
 # must also exceed TURN_DEVIATIONS standard deviations.
 LEAST_TURN, LEAST_CLIMB, TURN_DEVIATIONS = math.radians(0.5), 1.5, 2.0
-# Upper bound of the tracks sent at once, each of which is a message.
+# Largest number of tracks sent at once, each of which is a message.
 MOST_TRACKS = 10_000
 # Number of track numbers in ASTERIX.
 TRACK_NUMBERS = 2**16
@@ -66,13 +66,13 @@ class TrackOutput:
         self._datum = 0.0 if plane is None else plane.origin[2]
         self._max_prediction_s = max_prediction_s
         self._found: Estimates | None = None
-        self.stamp_ns = 0
+        self.stamp_ns = 0  # Stamp of the current estimates
         self._lives: dict[int, _Life] = {}
         self._reported: dict[int, TrackReport] = {}
-        self.batch = 0
-        self.tracks = 0
+        self.batch = 0  # Number of outputs so far
+        self.tracks = 0  # Number of tracks sent so far
 
-    def take(self, cloud: PointCloud2) -> None:
+    def update(self, cloud: PointCloud2) -> None:
         """Replace the current estimates by those of a cloud, or raise `RejectedMessageError`."""
         if cloud.width * cloud.height > MOST_TRACKS:
             raise RejectedMessageError(
@@ -141,18 +141,18 @@ class TrackOutput:
             life, climb = self._lives[number], float(known.height[row, 1])
             turn, turn_std = (float(of[row, space.turn_rate]) for of in (later.state, std))
             found[number] = TrackReport(
-                (number - 1) % (TRACK_NUMBERS - 1) + 1,
-                tuple(position[row].tolist()),
-                tuple(velocity[row]),
-                None if geodetic is None else tuple(geodetic[row]),
-                float(height[row]),
-                climb,
-                int(known.code[row]),
-                int(known.address[row]),
-                _course(turn, turn_std),
-                _vertical(climb),
-                int(estimated.track_state[row]) in (CONFIRMED, COASTING),
-                int(estimated.track_state[row]) == COASTING,
+                number=(number - 1) % (TRACK_NUMBERS - 1) + 1,
+                position=tuple(position[row].tolist()),
+                velocity=tuple(velocity[row]),
+                geodetic=None if geodetic is None else tuple(geodetic[row]),
+                height=float(height[row]),
+                climb=climb,
+                code=int(known.code[row]),
+                address=int(known.address[row]),
+                course=_course(turn, turn_std),
+                vertical=_vertical(climb),
+                confirmed=int(estimated.track_state[row]) in (CONFIRMED, COASTING),
+                coasting=int(estimated.track_state[row]) == COASTING,
                 first=number not in self._reported,
                 age_s=max(0.0, (time_ns - life.first_ns) * 1e-9),
                 since_s=max(0.0, (time_ns - life.seen_ns) * 1e-9),

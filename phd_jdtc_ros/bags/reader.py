@@ -114,8 +114,9 @@ class BagReader:
         read: Counter[int] = Counter()
         waiting = 0
         with _guard(self._file), self._file.open("rb") as stream:
-            # The queue holds pieces, ordered by their earliest message, and messages, ordered by
-            # time.
+            # Log time, offset in the file, place and entry, ordered by time. An entry of place -1
+            # is the length of a chunk or run that has not been read, and its time that of its
+            # earliest message. The others are messages, with their places in their chunks.
             queue: list[tuple[int, int, int, Any]] = [
                 (start, offset, -1, length)
                 for start, offset, length in (*self._index.chunks, *self._index.runs)

@@ -19,6 +19,7 @@ from .errors import BagError
 _METADATA = "metadata.yaml"
 # Small chunks limit the loss, because a damaged byte costs one chunk.
 CHUNK_SIZE = 2**14
+# rosbag2's infinite duration.
 _ENDLESS = {"sec": 9223372036, "nsec": 854775807}
 ROS_DISTRO = "jazzy"
 

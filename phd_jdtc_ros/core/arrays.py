@@ -30,7 +30,8 @@ def read_only(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64) -> Any:
 
     A contiguous array of this type is not copied: the result is a read-only view of it.
     """
-    # A step has a hundred of these, and arguments by name would take a quarter of the time.
+    # Arguments are passed by position, because names would take a quarter of the time of this
+    # function, which a step of the tracker calls a hundred times.
     view: Any = np.ascontiguousarray(array, dtype)
     if view.flags.writeable:
         view = view.view()
@@ -38,7 +39,7 @@ def read_only(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64) -> Any:
     return view
 
 
-# With objects of `numpy.dtype`, which NumPy need not look up.
+# Array types and their elements, as dtype objects, because NumPy looks up types at each call.
 _ELEMENTS = (
     (FloatArray, np.dtype(np.float64)),
     (IntArray, np.dtype(np.int64)),
@@ -69,13 +70,13 @@ class ReadOnly:
                 own[name] = read_only(own[name], element)
 
 
-def zeros(*shape: int, dtype: type = np.float64) -> Any:
+def zeros_field(*shape: int, dtype: type = np.float64) -> Any:
     """Return the default of a dataclass's field: an array of zeros."""
     return field(default_factory=lambda: np.zeros(shape, dtype))
 
 
 def contiguous(*arrays: Any) -> tuple[Any, ...]:
-    """Return arrays as compiled functions take them."""
+    """Return arrays with contiguous memory, which compiled functions require."""
     return tuple(map(np.ascontiguousarray, arrays))
 
 
@@ -149,7 +150,7 @@ def matches(ascending: IntArray, value: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def add_by_row(total: FloatArray | IntArray, row: IntArray, weight: FloatArray | None) -> None:
-    """Add the sums of `weight` over ascending rows to `total`, in place; None counts pairs."""
+    """Add the sums of `weight` over ascending rows to `total`, in place; None counts rows."""
     if len(row):
         part = np.bincount(row - row[0], weights=weight)
         total[row[0] : row[0] + len(part)] += part

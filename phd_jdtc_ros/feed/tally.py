@@ -79,7 +79,7 @@ class UsedDetections:
 
 
 class Tally:
-    """The `Notices` of a whole run; detections, messages and poses are `dropped` by reason."""
+    """Counts the `Notices` of a whole run; `dropped` has all unused inputs by reason."""
 
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config
@@ -137,7 +137,7 @@ class Tally:
 
     @property
     def learned(self) -> dict[str, float]:
-        """Return what was learned of the sensors, by dotted name; see `SensorMemory.figures`."""
+        """What was learned of the sensors, by dotted name; see `SensorMemory.figures`."""
         return {name: value for name, value in self._figures.items() if "." in name}
 
     def about_radars(self) -> Iterator[tuple[int, str]]:

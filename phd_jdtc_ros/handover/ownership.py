@@ -77,7 +77,7 @@ class Handover:
                 if joint is None and depth[tracker][tracker][row] >= 0.0:
                     self._count += 1
                     joint = self._count
-                    self._give((tracker, number), joint)
+                    self._assign((tracker, number), joint)
                 if joint is not None:
                     rows.setdefault(joint, {})[tracker] = row
         parts: list[list[tuple[int, int]]] = [[] for _ in found]
@@ -134,8 +134,8 @@ class Handover:
             )
             pairs = match(found[one].take(mine), found[other].take(theirs), moving=True)
             numbers = found[one].track_id[mine[pairs[0]]], found[other].track_id[theirs[pairs[1]]]
-            for number, beside in zip(*(column.tolist() for column in numbers), strict=True):
-                near.add(((one, number), (other, beside)))
+            for number, partner in zip(*(column.tolist() for column in numbers), strict=True):
+                near.add(((one, number), (other, partner)))
         for pair in sorted(near):
             self._together[pair] = max(self._together.get(pair, 0), 0) + 1
             if self._together[pair] >= TOGETHER:
@@ -145,7 +145,7 @@ class Handover:
                 continue
             self._together[pair] = min(self._together[pair], 0) - 1
             if self._together[pair] <= -APART:
-                self._part(*pair)
+                self._separate(*pair)
                 del self._together[pair]
 
     def _join(self, mine: Track, theirs: Track) -> None:
@@ -158,37 +158,37 @@ class Handover:
         reported = [track for track in known if self._owns(track)]
         if known:
             joint = min(self._number[track] for track in reported or known)
-            self._give(mine, joint)
-            self._give(theirs, joint)
+            self._assign(mine, joint)
+            self._assign(theirs, joint)
 
     def _owns(self, track: Track) -> bool:
         """Return whether a track is reported under its number."""
         return self._owner.get(self._number[track], track[0]) == track[0]
 
-    def _give(self, track: Track, joint: int) -> None:
+    def _assign(self, track: Track, joint: int) -> None:
         """Give a track a number; another track of its tracker loses it."""
         if self._number.get(track) == joint:
             return
-        self._take_number(track)
+        self._release(track)
         other = self._tracks.get(joint, {}).get(track[0])
         if other is not None:
-            self._take_number(other)
+            self._release(other)
         self._number[track] = joint
         self._tracks.setdefault(joint, {})[track[0]] = track
 
-    def _take_number(self, track: Track) -> None:
+    def _release(self, track: Track) -> None:
         """Remove the number of a track, if it has one."""
         joint = self._number.pop(track, None)
         if joint is not None:
             del self._tracks[joint][track[0]]
 
-    def _part(self, mine: Track, theirs: Track) -> None:
+    def _separate(self, mine: Track, theirs: Track) -> None:
         """Leave the number to its owner when two tracks no longer belong to one target."""
         joint = self._number.get(mine)
         if joint is None or joint != self._number.get(theirs):
             return
         lost = theirs if self._owner.get(joint, mine[0]) == mine[0] else mine
-        self._take_number(lost)
+        self._release(lost)
 
     def _choose_owner(self, joint: int, depth: Mapping[int, float]) -> int:
         """Return the tracker whose estimate is reported, given the depth of each."""
@@ -211,7 +211,7 @@ class Handover:
             return tracker not in there or number in there[tracker]
 
         for track in [track for track in self._number if not stays(track)]:
-            self._take_number(track)
+            self._release(track)
         self._tracks = {joint: tracks for joint, tracks in self._tracks.items() if tracks}
         alive = self._tracks.keys()
         self._owner = {joint: owner for joint, owner in self._owner.items() if joint in alive}

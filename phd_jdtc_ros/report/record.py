@@ -126,5 +126,5 @@ class Record:
 
 
 def concatenate_rows(parts: Iterable[Any], *shape: int) -> FloatArray:
-    """Return arrays of rows of a shape end to end, empty without any."""
+    """Return arrays joined end to end, rows of the given shape; empty if there are none."""
     return np.concatenate([np.zeros((0, *shape)), *parts])

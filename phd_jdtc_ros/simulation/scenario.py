@@ -26,7 +26,7 @@ from .platform import MovingPlatform
 from .traffic.flight import Flight
 from .traffic.gaps import Gap, in_gap
 from .traffic.targets import NOISE_FREE, TargetScript
-from .transponder import STREAM, Card, Transponders
+from .transponder import STREAM, ReplyContent, Transponders
 
 Target: TypeAlias = "TargetScript | Flight"
 
@@ -139,16 +139,16 @@ class Scenario:
         `number` is the number of the target, from 1.
         """
         if self.transponders is not None:
-            return self.cards[number].height(time_s)[:, 0]
+            return self.replies_of[number].height(time_s)[:, 0]
         return np.full(len(time_s), self.flights[number - 1].height)
 
     @cached_property
-    def cards(self) -> dict[int, Card]:
+    def replies_of(self) -> dict[int, ReplyContent]:
         """The transponder settings of each target, by number from 1; empty without transponders."""
         if self.transponders is None:
             return {}
         return {
-            number: self.transponders.card(number, flight, self.duration_s)
+            number: self.transponders.reply_content(number, flight, self.duration_s)
             for number, flight in enumerate(self.flights, start=1)
         }
 
@@ -158,7 +158,7 @@ class Scenario:
 
     def has_transponder(self, number: int) -> bool:
         """Return whether a target, by number from 1, has a transponder."""
-        return number in self.cards and self.cards[number].code != UNKNOWN
+        return number in self.replies_of and self.replies_of[number].code != UNKNOWN
 
     def with_replies(
         self, found: Detections, source: IntArray, time_s: FloatArray, seed: Sequence[int]
@@ -167,7 +167,7 @@ class Scenario:
         if self.transponders is None:
             return found
         rng = np.random.default_rng([*seed, STREAM])
-        return self.transponders.with_replies(found, source, time_s, self.cards, rng)
+        return self.transponders.with_replies(found, source, time_s, self.replies_of, rng)
 
     def until(self, elapsed_s: float) -> Scenario:
         """Return the scenario cut at a time after scan 0, seconds."""
@@ -216,7 +216,7 @@ def _truth(scenario: Scenario, elapsed_s: float, states: Iterable[FloatArray | N
     height = None
     if scenario.transponders is not None:
         now = np.array([elapsed_s])
-        heights = [scenario.cards[row + 1].height(now)[0] for row, _ in alive]
+        heights = [scenario.replies_of[row + 1].height(now)[0] for row, _ in alive]
         height = np.reshape(heights, (-1, 2))
     return Truth(
         stamp_ns=scenario.ns_after(elapsed_s),

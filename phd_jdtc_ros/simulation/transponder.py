@@ -19,6 +19,7 @@ from phd_jdtc_ros.core.types import UNKNOWN, Detections
 from .checked import mapping, read
 from .traffic.flight import Flight
 
+# The code that some targets share.
 SHARED = 0o7000
 # Heights in metres: resolution of Mode C (100 ft), range of the levels, range of garbled heights.
 MODE_C, LEVELS, GARBLED = 30.48, (1500.0, 11e3), (0.0, 14e3)
@@ -30,7 +31,7 @@ CLIMB, CLIMB_S, GROUND_SPEED, RUNWAY_SPEED = (3.0, 12.0), (60.0, 300.0), 20.0, 8
 STREAM = 3
 
 
-class Card(NamedTuple):
+class ReplyContent(NamedTuple):
     """The content of a target's replies."""
 
     code: int  # `UNKNOWN` without a transponder, as the address
@@ -45,9 +46,9 @@ class Card(NamedTuple):
         flown = time_s - self.since_s
         climbed = self.climb * np.clip(flown, 0.0, self.for_s)
         rate = np.where((flown >= 0.0) & (flown < self.for_s), self.climb, 0.0)
-        lowest = self.level + climbed < 0.0
+        landed = self.level + climbed < 0.0
         both = np.stack([self.level + climbed, rate], axis=1)
-        return np.where(lowest[:, None], 0.0, both)
+        return np.where(landed[:, None], 0.0, both)
 
 
 @dataclass(frozen=True)
@@ -72,8 +73,8 @@ class Transponders:
     shared_code_share: float = parameter(0.1, "Share of targets with the code 7000.", (0.0, 1.0))
     seed: int = parameter(0, "Seed of the targets' codes and heights.", (0, 2**31 - 1))
 
-    def card(self, number: int, flight: Flight, duration_s: float) -> Card:
-        """Return the replies' content of a target, by number from 1; it is deterministic.
+    def reply_content(self, number: int, flight: Flight, duration_s: float) -> ReplyContent:
+        """Return the content of a target's replies, by number from 1; it is deterministic.
 
         The run lasts `duration_s` seconds.
         """
@@ -98,14 +99,14 @@ class Transponders:
         if not equipped:
             code = address = UNKNOWN
         climb *= sense
-        return Card(code, address, float(level), float(climb), float(since_s), float(for_s))
+        return ReplyContent(code, address, float(level), float(climb), float(since_s), float(for_s))
 
     def with_replies(
         self,
         found: Detections,
         source: IntArray,
         time_s: FloatArray,
-        cards: Mapping[int, Card],
+        contents: Mapping[int, ReplyContent],
         rng: np.random.Generator,
     ) -> Detections:
         """Return M detections with replies.
@@ -120,12 +121,12 @@ class Transponders:
         garbled = rng.random((2, count)) < [[self.code_garbled], [self.height_garbled]]
         wrong, wrong_height = rng.integers(0, 1 << 12, count), rng.uniform(*GARBLED, count)
         for number in np.unique(source[source > 0]).tolist():
-            card = cards[number]
+            content = contents[number]
             own = np.flatnonzero((source == number) & replied)
-            if card.code == UNKNOWN:
+            if content.code == UNKNOWN:
                 continue
-            code[own], address[own] = card.code, card.address
-            height[own] = card.height(time_s[own])[:, 0]
+            code[own], address[own] = content.code, content.address
+            height[own] = content.height(time_s[own])[:, 0]
         replies = code != UNKNOWN
         code = np.where(garbled[0] & replies, wrong, code)
         # These are drawn last, so that the other draws do not depend on them.

@@ -80,9 +80,9 @@ def check_sites(inputs: Sequence[RadarParameters]) -> None:
 def plots_with_replies(radar: TurningRadar, seed: int) -> tuple[SimulatedPlots, Detections]:
     """Return the plots of a turning radar from scan 0 on, and the same as detections.
 
-    The detections have the radar's biases, all replies of its targets and a sensor type,
-    independent of the messages; their ranges are slant ranges if the radar has a site. Their times
-    are those of the plots' turns.
+    The detections have the radar's biases, and all replies and a sensor type even if the radar's
+    messages have no fields for them; their ranges are slant ranges if the radar has a site. Their
+    times are those of the plots' turns.
     """
     plots = plots_of(radar, _generator(seed, radar.index))
     time_s = radar.times_at(plots.turns)
@@ -114,7 +114,7 @@ def reports_of(radar: TurningRadar, plots: SimulatedPlots, seed: int = 0) -> lis
     replies.
     """
     scenario, antenna, layout = radar.scenario, radar.antenna, radar.layout
-    # Turns and sectors begin by the biased azimuth that the antenna reports.
+    # Turns and sectors begin at the biased azimuths that the antenna reports.
     ahead = scenario.bias(radar.index).azimuth / FULL_TURN * (-1.0 if antenna.clockwise else 1.0)
     turned, time_s = plots.turns + ahead, radar.times_at(plots.turns)
     every = _with_replies(radar, plots, time_s, seed)
@@ -152,7 +152,7 @@ def reports_of(radar: TurningRadar, plots: SimulatedPlots, seed: int = 0) -> lis
 def _with_replies(
     radar: TurningRadar, plots: SimulatedPlots, time_s: FloatArray, seed: int
 ) -> Detections:
-    """Return all plots with their targets' replies, independent of the messages."""
+    """Return all plots with all replies of their targets, also those that messages omit."""
     found = Detections(plots.measurement, plots.amplitude, range_rate=plots.range_rate)
     return radar.scenario.with_replies(found, plots.answering, time_s, (seed, radar.index))
 
@@ -173,9 +173,10 @@ def _as_read(
     time_s: FloatArray,
     layout: RadarParameters,
 ) -> Detections:
-    """Return detections over a plane with ranges as a reader converts them, given their heights.
+    """Return detections with the ground ranges that a reader computes from reported heights.
 
-    `found` has the ground ranges of the true heights.
+    `found` has the ground ranges at the true heights. With a site, slant ranges are converted by
+    `to_plane` instead.
     """
     if layout.site is not None or found.height is None:
         return found

@@ -45,7 +45,7 @@ def output(plane=None, max_prediction_s=10.0):
 
 def test_tracks_are_predicted_to_the_time_of_output():
     made = output()
-    made.take(cloud([{"x": 1000.0, "y": -500.0, "vx": 100.0, "vy": -50.0}]))
+    made.update(cloud([{"x": 1000.0, "y": -500.0, "vx": 100.0, "vy": -50.0}]))
     (track,) = made.reports(T0 + 2 * NS)
     assert track.position == pytest.approx((1200.0, -600.0))
     assert track.velocity == pytest.approx((100.0, -50.0))
@@ -54,7 +54,7 @@ def test_tracks_are_predicted_to_the_time_of_output():
 @pytest.mark.parametrize("omega", [0.05, -0.08])
 def test_turning_tracks_are_predicted_along_their_circle(omega):
     made = output()
-    made.take(cloud([{"vx": 200.0, "vy": 0.0, "omega": omega}]))
+    made.update(cloud([{"vx": 200.0, "vy": 0.0, "omega": omega}]))
     (track,) = made.reports(T0 + 4 * NS)
     angle, radius = 4.0 * omega, 200.0 / omega
     assert track.position == pytest.approx(
@@ -69,7 +69,7 @@ def test_deviations_are_predicted_with_the_position(omega):
     made = output()
     given = {"vx": 200.0, "omega": omega}
     given |= {"cov_00": 900.0, "cov_01": 60.0, "cov_11": 100.0, "cov_22": 400.0, "cov_33": 25.0}
-    made.take(cloud([{**given, "cov_44": 1e-4}]))
+    made.update(cloud([{**given, "cov_44": 1e-4}]))
     (track,) = made.reports(T0 + 4 * NS)
     covariance = np.diag([900.0, 100.0, 400.0, 25.0, 1e-4])
     covariance[0, 1] = covariance[1, 0] = 60.0
@@ -97,7 +97,7 @@ def test_deviations_are_predicted_with_the_position(omega):
 
 def test_deviations_of_heights_are_predicted_with_the_height():
     made = output()
-    made.take(cloud([{"cov_zz": 900.0, "cov_zvz": -10.0, "cov_vzvz": 4.0}], heights=True))
+    made.update(cloud([{"cov_zz": 900.0, "cov_zvz": -10.0, "cov_vzvz": 4.0}], heights=True))
     (track,) = made.reports(T0 + 5 * NS)
     assert track.height_std**2 == pytest.approx(900.0 - 100.0 + 100.0)
     assert track.climb_std == pytest.approx(2.0)
@@ -105,7 +105,7 @@ def test_deviations_of_heights_are_predicted_with_the_height():
 
 def test_course_is_straight_or_unknown_where_it_does_not_turn_for_sure():
     made = output()
-    made.take(
+    made.update(
         cloud(
             [
                 {"track_id": 1, "omega": 0.001},
@@ -119,7 +119,7 @@ def test_course_is_straight_or_unknown_where_it_does_not_turn_for_sure():
 
 def test_places_on_earth_are_those_of_the_system_plane():
     made = output(SystemPlane(ORIGIN))
-    made.take(cloud([{"x": 50e3, "y": 30e3}, {"track_id": 2}]))
+    made.update(cloud([{"x": 50e3, "y": 30e3}, {"track_id": 2}]))
     (track, at_origin) = made.reports(T0)
     x, y = SystemPlane(ORIGIN).to_plane(*track.geodetic)
     assert (float(x), float(y)) == pytest.approx((50e3, 30e3), abs=1e-6)
@@ -131,7 +131,7 @@ def test_places_on_earth_are_those_of_the_system_plane():
 def test_heights_codes_and_addresses_are_those_of_the_estimates():
     known = {"z": 3048.0, "vz": -5.0, "cov_zz": 900.0, "cov_vzvz": 4.0, "code": 4032, "address": 7}
     made = output()
-    made.take(cloud([known, {"track_id": 2, "cov_zz": math.nan}], heights=True))
+    made.update(cloud([known, {"track_id": 2, "cov_zz": math.nan}], heights=True))
     first, second = made.reports(T0 + 2 * NS)
     assert (first.height, first.climb) == pytest.approx((3038.0, -5.0))
     predicted_std = math.sqrt(900.0 + 4.0 * 2.0**2)
@@ -143,14 +143,14 @@ def test_heights_codes_and_addresses_are_those_of_the_estimates():
 
 def test_heights_are_counted_from_where_those_of_the_origin_are():
     made = output(SystemPlane([52.0, 4.5, 250.0]))
-    made.take(cloud([{"z": 3048.0, "cov_zz": 900.0}], heights=True))
+    made.update(cloud([{"z": 3048.0, "cov_zz": 900.0}], heights=True))
     (record, *_) = decoded(b"".join(made.datagrams(T0)))
     assert 0.3048 * value(record, "I136", "MFL") == pytest.approx(3048.0 + 250.0, abs=3.9)
 
 
 def test_estimates_without_heights_have_none():
     made = output()
-    made.take(cloud([{"z": 0.0, "vz": 0.0}]))
+    made.update(cloud([{"z": 0.0, "vz": 0.0}]))
     (track,) = made.reports(T0)
     assert math.isnan(track.height)
     assert track.vertical == 3
@@ -158,12 +158,12 @@ def test_estimates_without_heights_have_none():
 
 def test_tentative_coasting_first_and_last_are_flagged():
     made = output()
-    made.take(cloud([{"track_id": 1, "state": 0}, {"track_id": 2, "state": 1}]))
+    made.update(cloud([{"track_id": 1, "state": 0}, {"track_id": 2, "state": 1}]))
     tentative, confirmed = made.reports(T0)
     assert (tentative.confirmed, confirmed.confirmed) == (False, True)
     assert tentative.first
     assert confirmed.first
-    made.take(cloud([{"track_id": 2, "state": 2}], T0 + 4 * NS))
+    made.update(cloud([{"track_id": 2, "state": 2}], T0 + 4 * NS))
     coasting, ended = made.reports(T0 + 5 * NS)
     assert (coasting.number, coasting.coasting, coasting.first) == (2, True, False)
     assert (coasting.age_s, coasting.since_s) == (5.0, 5.0)
@@ -173,9 +173,9 @@ def test_tentative_coasting_first_and_last_are_flagged():
 
 def test_numbers_of_a_new_run_are_of_new_tracks():
     made = output()
-    made.take(cloud([{"track_id": 1}, {"track_id": 2}], T0 + 100 * NS))
+    made.update(cloud([{"track_id": 1}, {"track_id": 2}], T0 + 100 * NS))
     made.reports(T0 + 100 * NS)
-    made.take(cloud([{"track_id": 1}]))
+    made.update(cloud([{"track_id": 1}]))
     again, ended = made.reports(T0 + 2 * NS)
     assert (again.number, again.first, again.age_s, again.since_s) == (1, True, 2.0, 2.0)
     assert (ended.number, ended.last) == (2, True)
@@ -184,7 +184,7 @@ def test_numbers_of_a_new_run_are_of_new_tracks():
 def test_ages_of_sensors_grow_until_the_output_and_those_of_none_are_left_out():
     made = output()
     row = {"code": 4032, "age_psr": 0.5, "age_ssr": 8.5, "age_mds": math.nan}
-    made.take(cloud([row], heights=True, ages=True))
+    made.update(cloud([row], heights=True, ages=True))
     assert made.reports(T0 + 2 * NS)[0].sensor_ages_s[:2] == (2.5, 10.5)
     record, *_ = decoded(b"".join(made.datagrams(T0 + 2 * NS)))
     assert record["I290"].keys() == {"TRK", "PSR", "SSR"}
@@ -194,7 +194,7 @@ def test_ages_of_sensors_grow_until_the_output_and_those_of_none_are_left_out():
 
 def test_old_estimates_are_not_predicted_any_more():
     made = output(max_prediction_s=5.0)
-    made.take(cloud([{"track_id": 9}]))
+    made.update(cloud([{"track_id": 9}]))
     assert [track.last for track in made.reports(T0 + 5 * NS)] == [False]
     assert [track.last for track in made.reports(T0 + 6 * NS)] == [True]
     assert made.reports(T0 + 7 * NS) == []
@@ -202,14 +202,16 @@ def test_old_estimates_are_not_predicted_any_more():
 
 def test_unlabelled_estimates_are_no_tracks_and_large_numbers_fit():
     made = output()
-    made.take(cloud([{"track_id": 0}, {"track_id": 65_535}, {"track_id": 65_536}, {"track_id": 7}]))
+    made.update(
+        cloud([{"track_id": 0}, {"track_id": 65_535}, {"track_id": 65_536}, {"track_id": 7}])
+    )
     assert [track.number for track in made.reports(T0)] == [65_535, 1, 7]
 
 
 def test_every_output_ends_with_the_state_of_the_tracker():
     made = output()
     kinds = [[record["category"] for record in decoded(b"".join(made.datagrams(T0)))]]
-    made.take(cloud([{"track_id": 1}, {"track_id": 2}]))
+    made.update(cloud([{"track_id": 1}, {"track_id": 2}]))
     kinds.append([record["category"] for record in decoded(b"".join(made.datagrams(T0)))])
     assert kinds == [[65, 65], [62, 62, 65, 65]]
     assert (made.batch, made.tracks) == (2, 2)
@@ -217,11 +219,11 @@ def test_every_output_ends_with_the_state_of_the_tracker():
 
 def test_cloud_that_has_no_estimates_is_refused_and_changes_nothing():
     made = output()
-    made.take(cloud([{"track_id": 5}]))
+    made.update(cloud([{"track_id": 5}]))
     with pytest.raises(RejectedMessageError):
-        made.take(point_cloud.encode(T0, "map", {"x": np.zeros(1)}))
+        made.update(point_cloud.encode(T0, "map", {"x": np.zeros(1)}))
     with pytest.raises(RejectedMessageError):
-        made.take(cloud([{"x": math.nan}]))
+        made.update(cloud([{"x": math.nan}]))
     assert [track.number for track in made.reports(T0)] == [5]
 
 
@@ -231,13 +233,13 @@ def test_cloud_that_has_no_estimates_is_refused_and_changes_nothing():
 )
 def test_a_cloud_with_absurd_numbers_is_refused(field, value):
     with pytest.raises(RejectedMessageError, match=f"'{field}' has a value that is not finite"):
-        output().take(cloud([{field: value}], wide={field}))
+        output().update(cloud([{field: value}], wide={field}))
 
 
 @pytest.mark.parametrize("field", ["z", "vz", "cov_zz", "cov_vzvz"])
 def test_an_absurd_height_is_unknown(field):
     made = output()
-    made.take(cloud([{"cov_zz": 1.0, "cov_vzvz": 1.0, field: 1e300}], heights=True, wide={field}))
+    made.update(cloud([{"cov_zz": 1.0, "cov_vzvz": 1.0, field: 1e300}], heights=True, wide={field}))
     (track,) = made.reports(T0)
     assert math.isnan(track.height)
 
@@ -245,18 +247,18 @@ def test_an_absurd_height_is_unknown(field):
 @pytest.mark.parametrize("field", ["code", "address"])
 def test_an_identity_that_is_none_is_unknown(field):
     made = output()
-    made.take(cloud([{field: 2**31 - 1}], heights=True))
+    made.update(cloud([{field: 2**31 - 1}], heights=True))
     (track,) = made.reports(T0)
     assert getattr(track, field) == NONE
 
 
 def test_more_tracks_than_can_be_sent_are_refused():
     with pytest.raises(RejectedMessageError, match="at most 10000 are allowed"):
-        output().take(cloud([{}] * 10_001))
+        output().update(cloud([{}] * 10_001))
 
 
 def test_a_stamp_that_is_none_is_refused():
     made = cloud([{}])
     made.header.stamp.nanosec = 2**32 - 1
     with pytest.raises(RejectedMessageError, match="must be from 0 s"):
-        output().take(made)
+        output().update(made)

@@ -72,16 +72,18 @@ def test_answers_are_those_of_the_targets_cards():
         found = report.detections
         assert (found.code[report.source == 0] == UNKNOWN).all()
         for row in np.flatnonzero(report.source).tolist():
-            card = run.cards[int(report.source[row])]
+            content = run.replies_of[int(report.source[row])]
             every += 1
             if found.code[row] == UNKNOWN:
                 assert found.address[row] == UNKNOWN
                 assert np.isnan(found.height[row])
                 continue
             replied += 1
-            assert (found.code[row], found.address[row]) == (card.code, card.address)
+            assert (found.code[row], found.address[row]) == (content.code, content.address)
             then = report.stamp_ns * 1e-9 - 1000.0 + found.time_s[row]
-            assert found.height[row] == pytest.approx(card.height(np.array([then]))[0, 0], abs=15.3)
+            assert found.height[row] == pytest.approx(
+                content.height(np.array([then]))[0, 0], abs=15.3
+            )
             flight_level = found.height[row] / 30.48
             assert flight_level == pytest.approx(np.round(flight_level), abs=1e-6)
     assert replied / every == pytest.approx(0.9, abs=0.03)
@@ -100,7 +102,7 @@ def test_truth_has_heights_that_change_at_its_climb_rates():
 
 def test_shares_are_those_of_the_document():
     run, _ = terminal({"share": 0.5, "shared_code_share": 0.3, "seed": 4})
-    code = np.array([card.code for card in run.cards.values()])
+    code = np.array([content.code for content in run.replies_of.values()])
     assert np.mean(code == UNKNOWN) == pytest.approx(0.5, abs=0.15)
     assert np.mean(code[code != UNKNOWN] == 0o7000) == pytest.approx(0.3, abs=0.2)
 
@@ -108,7 +110,7 @@ def test_shares_are_those_of_the_document():
 def test_garbled_answers_are_as_frequent_as_asked_for():
     run, reports = plots({"code_garbled": 0.2, "reply_probability": 1.0})
     wrong = [
-        report.detections.code[row] != run.cards[int(report.source[row])].code
+        report.detections.code[row] != run.replies_of[int(report.source[row])].code
         for report in reports
         for row in np.flatnonzero(report.source).tolist()
     ]
@@ -120,7 +122,7 @@ def test_radars_that_do_not_turn_see_answers_too():
     still = replace(run, radars=tuple(replace(radar, rotation_s=0.0) for radar in run.radars))
     for _, scan, (source,) in simulate_with_sources(still, 2):
         found = scan.detections[0]
-        expected = [still.cards[n].code if n else UNKNOWN for n in source.tolist()]
+        expected = [still.replies_of[n].code if n else UNKNOWN for n in source.tolist()]
         assert found.code.tolist() == expected
     plain = simulate(replace(still, transponders=None), 2)
     for (_, scan), (_, other) in zip(simulate(still, 2), plain, strict=True):

@@ -20,7 +20,7 @@ LARGEST = 65_535
 # hold what ten radars send in five seconds; the most expensive content takes about two seconds to
 # read.
 KERNEL_BYTES, MAX_BYTES, MAX_WAITING = 2**22, 2**19, 10_000
-# Longest time for which a closed thread still waits for a datagram, seconds.
+# Timeout of a wait for datagrams, seconds: a receiver's thread ends this soon after `close`.
 POLL_S = 0.1
 # This option makes Linux report the number of lost datagrams; Python does not define it.
 SO_RXQ_OVFL = 40

@@ -25,7 +25,8 @@ MEMORY, LEAST = 400, 60
 SIGMAS, SHARE = 5.0, 0.25
 # Inflation of a mean's standard deviation: residuals of one track are correlated.
 CORRELATED = 1.25
-# Gate in standard deviations; a larger bias shows by the residuals at its edge.
+# Gate on residuals, in standard deviations. With a larger bias only few residuals are inside, near
+# its edge; their mean is significant.
 GATE = 6.0
 # A track counts if its estimate, and its last detection by another radar, are no older than this
 # many scans of the slowest radar.
@@ -45,7 +46,7 @@ class MeanResidual(NamedTuple):
 
 @dataclass
 class _Mean:
-    """Exponentially weighted means of range and azimuth."""
+    """Exponentially weighted mean and variance of residuals of range and azimuth, both (2,)."""
 
     count: int = 0
     mean: FloatArray = field(default_factory=lambda: np.zeros(2))
@@ -121,7 +122,7 @@ class RegistrationMonitor:
         unambiguous = near & (near.sum(axis=0) == 1) & (near.sum(axis=1) == 1)[:, None]
         for row, column in np.argwhere(unambiguous).tolist():
             seen = self._seen_ns.setdefault(int(tracks.track_id[row]), {})
-            others = [when for radar, when in seen.items() if radar != index]
+            others = [last_ns for other, last_ns in seen.items() if other != index]
             seen[index] = stamp_ns
             if others and stamp_ns - max(others) <= self._max_age_ns:
                 self._means[index].add(residual[row, column])

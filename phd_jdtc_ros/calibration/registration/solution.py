@@ -23,8 +23,8 @@ from .observability import (
 from .sequences import Sequences, sequences
 from .tracked_radars import TrackedRadar
 
-# Largest number of association rounds, and of relinearisations in each after a first pass for the
-# process noise.
+# Largest number of association rounds, and number of relinearisations in each. A pass before these
+# finds the process noise.
 ROUNDS, PASSES = 3, 3
 # The rounds end when no bias changes by more than this many standard deviations.
 CONVERGED = 0.2
@@ -142,9 +142,9 @@ def _iterate(
 
 def _add_correction(biases: Sequence[SensorBias], correction: FloatArray) -> list[SensorBias]:
     """Return the biases after a correction in `UNITS`."""
-    rest = correction.reshape(-1, len(KINDS)) * UNITS
+    rows = correction.reshape(-1, len(KINDS)) * UNITS
     return [
-        bias.followed_by(SensorBias(*row.tolist())) for bias, row in zip(biases, rest, strict=True)
+        bias.followed_by(SensorBias(*row.tolist())) for bias, row in zip(biases, rows, strict=True)
     ]
 
 

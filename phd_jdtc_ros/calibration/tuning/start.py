@@ -21,7 +21,8 @@ AZIMUTHS_DEG = (0.06, 0.25, 1.0, 4.0)
 USUAL_SPEED, SPEEDS = 40.0, (8.0, 160.0)
 # Number of the best noise guesses that are combined with every speed.
 BEST = 3
-# The first part of the recording on which guesses are compared: looks, plots and fewest looks.
+# Guesses are compared on the first LOOKS looks of a recording: on fewer if these have more than
+# PLOTS plots, but at least on LEAST_LOOKS.
 LOOKS, PLOTS, LEAST_LOOKS = 24, 1000, 10.0
 # Assumed detection probability before any estimate.
 DETECTION_PROBABILITY = 0.85
@@ -50,8 +51,8 @@ def guess_of(
 
 def first_guess(plots: Plots, timing: Timing) -> tuple[LinkModel, Tracks]:
     """Return the guess whose tracks have the best score, and its tracks; at least one plot."""
-    several = len(plots) / (plots.duration_s / timing.look_s + 1.0)
-    looks = min(LOOKS, max(PLOTS / max(several, 1.0), LEAST_LOOKS))
+    per_look = len(plots) / (plots.duration_s / timing.look_s + 1.0)
+    looks = min(LOOKS, max(PLOTS / max(per_look, 1.0), LEAST_LOOKS))
     part = plots.until(looks * timing.look_s)
     if not len(part):
         part = plots
@@ -59,11 +60,11 @@ def first_guess(plots: Plots, timing: Timing) -> tuple[LinkModel, Tracks]:
     noises = [
         (share * farthest, float(np.radians(deg))) for share, deg in product(RANGES, AZIMUTHS_DEG)
     ]
-    nothing = np.zeros(len(part))
+    no_amplitudes = np.zeros(len(part))
 
     def link(noise: tuple[float, float], speed: float) -> tuple[Tracks, LinkModel]:
         guess = guess_of(part, timing, *noise, speed)
-        return link_plots(part, timing, guess, nothing), guess
+        return link_plots(part, timing, guess, no_amplitudes), guess
 
     first = sorted((link(noise, USUAL_SPEED) for noise in noises), key=_score, reverse=True)
     best = first[:BEST]

@@ -36,7 +36,11 @@ def _contested(
     detection: IntArray,
     log_odds: FloatArray,
 ) -> tuple[FloatArray, FloatArray, int]:
-    """Return `edge_probabilities`; `log_odds` are against both nodes having none of them."""
+    """Return the probabilities of edges whose detections several targets want.
+
+    `log_odds` are those of each edge against its target and its detection both being unmatched. See
+    `edge_probabilities` for the result.
+    """
     order, graph = graph_of(targets, size, target, detection)
     steps, price = plan(graph, most_work), node_prices(graph, log_odds)
     weight = np.empty(len(log_odds))
@@ -72,7 +76,7 @@ def edge_probabilities(
     most_work : int
         Bound on the work for each target; see `MOST_WORK`.
     targets : int
-        T.
+        Number of targets, T.
     target, detection : int arrays of shape (E,)
         The edges, each once.
     odds : array of shape (E,)

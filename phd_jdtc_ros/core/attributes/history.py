@@ -64,37 +64,37 @@ class History(NamedTuple):
         found = Heights.fresh(len(label))
         found.known[end > first] = 1.0
         row = end - 1
-        going = np.flatnonzero(end > first)
+        active = np.flatnonzero(end > first)
         later = Heights(found.known, *(np.zeros_like(part) for part in found[1:]))
-        later.mean[going], later.covariance[going] = (
-            self.mean[row[going]],
-            self.covariance[row[going]],
-        )
-        while len(going):
-            # The step ends at the stamp if the next row back is earlier.
-            at = self.stamp_ns[row[going]]
-            back = np.maximum(row[going] - 1, 0)
-            more = (row[going] > first[going]) & (at > stamp_ns)
-            before_ns = np.where(more, self.stamp_ns[back], at)
-            until = np.maximum(before_ns, stamp_ns)
-            done = ~more
-            rest = going[done]
-            dt = _seconds(stamp_ns - at[done])
-            last = Heights(later.known[rest], later.mean[rest], later.covariance[rest])
-            predicted = last.predict(dt, model)
-            found.mean[rest], found.covariance[rest] = predicted.mean, predicted.covariance
-            some = going[more]
-            own = Heights(np.ones(len(some)), self.mean[back[more]], self.covariance[back[more]])
-            ahead = _seconds((until - before_ns)[more])
-            after = _seconds((at - until)[more])
-            start = own.predict(ahead, model)
-            past = _smooth_step(start, later.take(some), after, model)
-            later.mean[some], later.covariance[some] = past.mean, past.covariance
-            there = until[more] == stamp_ns
-            ended = some[there]
+        later.mean[active] = self.mean[row[active]]
+        later.covariance[active] = self.covariance[row[active]]
+        # Each step goes back from the stamp of a row to that of the row before it, or only to the
+        # wanted stamp if this is between the two.
+        while len(active):
+            row_ns = self.stamp_ns[row[active]]
+            before = np.maximum(row[active] - 1, 0)
+            back = (row[active] > first[active]) & (row_ns > stamp_ns)
+            before_ns = np.where(back, self.stamp_ns[before], row_ns)
+            reached_ns = np.maximum(before_ns, stamp_ns)
+
+            last = active[~back]
+            smoothed = later.take(last)
+            predicted = smoothed.predict(_seconds(stamp_ns - row_ns[~back]), model)
+            found.mean[last], found.covariance[last] = predicted.mean, predicted.covariance
+
+            stepped = active[back]
+            filtered = Heights(
+                np.ones(len(stepped)), self.mean[before[back]], self.covariance[before[back]]
+            ).predict(_seconds((reached_ns - before_ns)[back]), model)
+            dt = _seconds((row_ns - reached_ns)[back])
+            past = _smooth_step(filtered, later.take(stepped), dt, model)
+            later.mean[stepped], later.covariance[stepped] = past.mean, past.covariance
+
+            there = reached_ns[back] == stamp_ns
+            ended = stepped[there]
             found.mean[ended], found.covariance[ended] = past.mean[there], past.covariance[there]
-            row[some] -= 1
-            going = some[~there]
+            row[stepped] -= 1
+            active = stepped[~there]
         return found
 
 

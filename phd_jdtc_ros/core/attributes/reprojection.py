@@ -72,8 +72,8 @@ def pair(
     edge = np.unique(target[first.row] * size + first.column)
     known = heights.known > MIN_KNOWN
     # A detection is doubtful unless its height is that of a target whose gate contains it.
-    right = edge[known[edge // size] & plots.compare(edge).probably_known]
-    doubtful = np.setdiff1d(np.arange(size), right % size)
+    explained = edge[known[edge // size] & plots.compare(edge).probably_known]
+    doubtful = np.setdiff1d(np.arange(size), explained % size)
     if not known.any() or not len(doubtful):
         return first
     row, column, _ = gate(plots.widened(doubtful, heights.mean[known, 0]))
@@ -88,7 +88,7 @@ def pair(
 class _Plots(NamedTuple):
     """A report's plots, and the heights at which they can be projected again.
 
-    An edge is target * M + detection, (E,).
+    Edges, (E,), are numbers of pairs: target * M + detection.
     """
 
     report: Report
@@ -114,7 +114,7 @@ class _Plots(NamedTuple):
         return self.projection.at(measured, self.height[columns], height)
 
     def widened(self, columns: IntArray, heights: FloatArray) -> Detections:
-        """Return detections with gates that reach to their places at some of the heights."""
+        """Return detections with gates that contain their positions at all of the heights."""
         plots, std = self.report.detections.take(columns), self.report.detection_std[columns]
         wide = std.copy()
         for height in (heights.min(), heights.max()):

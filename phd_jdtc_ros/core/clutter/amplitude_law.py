@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple, Protocol
 import numpy as np
 from scipy.special import log_ndtr
 
-from ..arrays import FloatArray, ReadOnly, read_only, zeros
+from ..arrays import FloatArray, ReadOnly, read_only, zeros_field
 from ..snapshot import floats
 from ..targets.amplitude_density import SMALLEST_AMPLITUDE, log_clutter_density
 
@@ -115,7 +115,7 @@ class Learned(ReadOnly):
 
     threshold: float  # Detection threshold of the radar; the prior is noise above it
     # Remembered detections by cell of level, (CELLS,); at most `MEMORY` in all.
-    count: Annotated[FloatArray, floats("K", 0.0, MAX_COUNT)] = zeros(CELLS)
+    count: Annotated[FloatArray, floats("K", 0.0, MAX_COUNT)] = zeros_field(CELLS)
 
     @cached_property
     def _mass(self) -> FloatArray:

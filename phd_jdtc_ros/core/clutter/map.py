@@ -11,7 +11,7 @@ from typing import Annotated
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, ReadOnly, zeros
+from ..arrays import FloatArray, IntArray, ReadOnly, zeros_field
 from ..snapshot import floats, integers
 from . import neighbourhood
 from .grid import Grid, corners
@@ -62,13 +62,13 @@ class ClutterMap(ReadOnly):
 
     grid: Grid  # A detection counts in the four nearest cells
     # Row times the number of the grid's columns, plus column; ascending, (K,).
-    cell: Annotated[IntArray, integers("K", 0, ascending=True)] = zeros(0, dtype=np.int64)
+    cell: Annotated[IntArray, integers("K", 0, ascending=True)] = zeros_field(0, dtype=np.int64)
     # Remembered detections of each cell, (K,).
-    count: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = zeros(0)
+    count: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = zeros_field(0)
     # Remembered turns; a scan of the whole field is one.
     turns: Annotated[float, floats("", 0.0, MAX_TURNS)] = 0.0
     # Detections of each cell that do not count yet, (K,).
-    recent: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = zeros(0)
+    recent: Annotated[FloatArray, floats("K", 0.0, MAX_IN_CELL)] = zeros_field(0)
     recent_turns: Annotated[float, floats("", 0.0, MAX_TURNS)] = 0.0  # Turns that do not count yet
 
     def log_factor(

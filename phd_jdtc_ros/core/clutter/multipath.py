@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..arrays import FloatArray, wrap_angle, zeros
+from ..arrays import FloatArray, wrap_angle, zeros_field
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +27,9 @@ class Multipath:
     OF_AZIMUTHS: ClassVar[float] = 2.0
 
     # Expected range and azimuth of each target, metres and radians, (T, 2).
-    measured: FloatArray = zeros(0, 2)
+    measured: FloatArray = zeros_field(0, 2)
     # Existence probability of each target, (T,).
-    existence: FloatArray = zeros(0)
+    existence: FloatArray = zeros_field(0)
 
     def density(
         self, measurement: FloatArray, azimuth_std: float, least_detour: float

@@ -127,7 +127,7 @@ class PriorMixture:
 
     @cached_property
     def _probability(self) -> DetectionProbability:
-        """Probability that each Gaussian is detected, as it follows from the last look."""
+        """Probability that each Gaussian is detected, given whether the last look detected it."""
         prediction = self.report.informative_prediction
         if prediction is None:
             return self._usual
@@ -135,7 +135,7 @@ class PriorMixture:
 
     @cached_property
     def _usual(self) -> DetectionProbability:
-        """Probability that each Gaussian is detected, whatever the last look saw."""
+        """Probability that each Gaussian is detected, without regard to the last look."""
         return self._detected(None)
 
     def _detected(self, prediction: tuple[FloatArray, FloatArray] | None) -> DetectionProbability:
@@ -158,7 +158,7 @@ class PriorMixture:
 
     @cached_property
     def _unseen(self) -> FloatArray | None:
-        """Factor of earlier sectors, shape (H, R, C); None if they saw none of the targets."""
+        """Factor on the detection probability, (H, R, C) or None; see `EarlierSectors.factor`."""
         if (earlier := self.report.earlier) is None:
             return None
         measured = self._measured_in(earlier.coverage)
@@ -203,20 +203,19 @@ class PriorMixture:
         """
         readings = self.report.project_as(pairs.projected)
         factor = self._log_factor(pairs, evidence)
-        coarse = self._coarse(pairs, readings), self.amplitudes.largest, factor, log_other
-        gated = PairLikelihoods(pairs.row, pairs.column, *coarse)
-        counted, amplitude = likely(self.mixture, self.missed, gated, self.amplitudes.relative)
+        coarse = self._likelihoods(pairs, self._coarse(pairs, readings), factor, log_other)
+        counted, amplitude = likely(self.mixture, self.missed, coarse, self.amplitudes.relative)
         if len(counted) < len(factor):
             pairs, factor = pairs.take(counted), factor.take(counted)
             evidence = None if evidence is None else evidence.take(counted)
 
-        of_pairs = pairs.row, pairs.projected_index, readings
-        found = iterated_update(self.mixture, *of_pairs, self.measured)
-        located = found.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
-        exact = located, self.amplitudes.largest, factor, log_other
+        found = iterated_update(
+            self.mixture, pairs.row, pairs.projected_index, readings, self.measured
+        )
+        measured = found.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
+        exact = self._likelihoods(pairs, measured, factor, log_other)
         association = associate(
-            *(self.mixture, self.missed, self.detectable, amplitude),
-            *(PairLikelihoods(pairs.row, pairs.column, *exact), self.steps.bounds),
+            self.mixture, self.missed, self.detectable, amplitude, exact, self.steps.bounds
         )
         return Posterior(
             rows=self._branch(association, pairs, found),
@@ -231,6 +230,12 @@ class PriorMixture:
             else noise_evidence(self.mixture, found, association.pair),
             approximate=association.approximate,
         )
+
+    def _likelihoods(
+        self, pairs: Paired, measurement: FloatArray, evidence: FloatArray, other: FloatArray
+    ) -> PairLikelihoods:
+        largest = self.amplitudes.largest
+        return PairLikelihoods(pairs.row, pairs.column, measurement, largest, evidence, other)
 
     def _coarse(self, pairs: Paired, readings: Report) -> FloatArray:
         """Return the log likelihoods of pairs, linearised at the predicted means, (P, R)."""

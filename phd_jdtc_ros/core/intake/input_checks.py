@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, zeros
+from ..arrays import BoolArray, FloatArray, IntArray, zeros_field
 from ..engine import Step
 from ..types import FULL_TURN, Detections, Scan
 from .sectors import smallest_arc
@@ -48,9 +48,9 @@ class ReportWatch:
     slant_ranges: bool = False  # Whether ground ranges are unknown although the difference matters
     _reports: int = field(init=False, default=0)
     _detections: int = field(init=False, default=0)
-    _all: BoolArray = zeros(CELLS, dtype=np.bool_)
+    _all: BoolArray = zeros_field(CELLS, dtype=np.bool_)
     _sectors: int = field(init=False, default=0)
-    _together: BoolArray = zeros(CELLS, dtype=np.bool_)
+    _together: BoolArray = zeros_field(CELLS, dtype=np.bool_)
 
     def add(self, detections: Detections) -> Counter[str]:
         """Return the findings in a report, by name.

@@ -18,13 +18,12 @@ from typing import NamedTuple
 
 from ..engine import Engine, EngineState, Step
 from ..types import Detections, Estimates, Scan
+from .slices import Slice
 
 # Number of reprocessed scans that each new scan pays for.
 EARNED = 2.0
-# Bound on savings, in windows.
+# Largest number of reprocessed scans that can be saved up, in windows.
 MAX_SAVED = 2.0
-
-Report = tuple[int, Detections]
 
 
 class _PendingScan(NamedTuple):
@@ -60,7 +59,7 @@ class OutOfSequence:
         self._saved = 0.0
 
     def step(self, scan: Scan) -> Step:
-        """Reprocess waiting reports, and step the engine; estimates that those made due come first.
+        """Reprocess waiting reports, then step the engine; return the estimates of both, in order.
 
         Without reprocessing, only step the engine.
         """
@@ -96,14 +95,14 @@ class OutOfSequence:
         Scans already due for reprocessing are free. Return False, and take nothing, if the savings
         are too small.
         """
-        due = self._since(min(self._changed)) if self._changed else 0
-        cost = max(self._since(stamp_ns) - due, 0) + 1 + extra
+        due = self._count_from(min(self._changed)) if self._changed else 0
+        cost = max(self._count_from(stamp_ns) - due, 0) + 1 + extra
         if cost > self._saved:
             return False
         self._saved -= cost
         return True
 
-    def insert(self, radar: int, replaced_ns: Sequence[int], reports: Sequence[Report]) -> None:
+    def insert(self, radar: int, replaced_ns: Sequence[int], reports: Sequence[Slice]) -> None:
         """Insert reports of a radar into closed scans, at the next reprocessing.
 
         They replace those of some stamps. Their own stamps are after `since_ns`, and not after the
@@ -124,8 +123,8 @@ class OutOfSequence:
         scans = (kept.scan for kept in self._pending if kept.scan.stamp_ns == stamp_ns)
         return any(scan.detections[radar] is not None for scan in scans)
 
-    def _since(self, stamp_ns: int) -> int:
-        """Return the number of scans from a stamp on."""
+    def _count_from(self, stamp_ns: int) -> int:
+        """Return the number of pending scans from a stamp on."""
         return len(self._pending) - self._index(stamp_ns)
 
     def _index(self, stamp_ns: int) -> int:
@@ -146,19 +145,23 @@ class OutOfSequence:
         return done.filtered, done.smoothed
 
     def _changed_scans(self, kept: Sequence[_PendingScan]) -> list[_PendingScan]:
-        """Return the changed scans; the first one's engine state is the true state before it."""
+        """Return scans with the changed reports, each with an engine state.
+
+        That of the first is the state before it. Those of the others only give the models in use at
+        their stamps; see `Engine.reprocess`.
+        """
         scans = {own.scan.stamp_ns: own for own in kept}
-        tuned = kept[0].before
+        latest = kept[0].before
         merged: list[_PendingScan] = []
         for stamp_ns in sorted({*scans, *self._changed}):
-            tuned = scans[stamp_ns].before if stamp_ns in scans else tuned
             reports: list[Detections | None] = [None] * self._radars
             if stamp_ns in scans:
+                latest = scans[stamp_ns].before
                 reports = list(scans[stamp_ns].scan.detections)
             for radar, detections in self._changed.get(stamp_ns, {}).items():
                 reports[radar] = detections
             if any(report is not None for report in reports):
-                before = tuned if merged else kept[0].before
+                before = latest if merged else kept[0].before
                 merged.append(_PendingScan(before, Scan(stamp_ns, tuple(reports))))
         return merged
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, ReadOnly, zeros
+from ..arrays import BoolArray, FloatArray, ReadOnly, zeros_field
 from ..snapshot import floats
 from .detection_factor import AZIMUTHS, RANGES, DetectionFactor, TrialSums
 from .noise_factor import NoiseEvidence, NoiseFactor
@@ -39,9 +39,9 @@ class ChangeAlarm(ReadOnly):
 
     # Evidence of fewer detections by the sensor as a whole, and of almost none in each sector of
     # azimuth, (1 + A,).
-    detection: Annotated[FloatArray, floats("A", 0.0, MOST)] = zeros(1 + AZIMUTHS)
+    detection: Annotated[FloatArray, floats("A", 0.0, MOST)] = zeros_field(1 + AZIMUTHS)
     # Evidence of a larger noise in each component of a measurement, (2,).
-    noise: Annotated[FloatArray, floats("Z", 0.0, MOST)] = zeros(2)
+    noise: Annotated[FloatArray, floats("Z", 0.0, MOST)] = zeros_field(2)
 
     @property
     def fewer_detections(self) -> bool:

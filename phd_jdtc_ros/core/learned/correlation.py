@@ -9,7 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
-from ..arrays import FloatArray, ReadOnly, zeros
+from ..arrays import FloatArray, ReadOnly, zeros_field
 from ..snapshot import floats
 from .prior import RatioPrior
 
@@ -68,7 +68,7 @@ class Correlation(ReadOnly):
     start: float  # The correlation, or the one that learning starts from
     learned: bool  # Whether it is learned
     # Sums over the remembered pairs of looks, (B,); see `sums_of`.
-    sums: Annotated[FloatArray, floats("B", 0.0, MAX_REMEMBERED)] = zeros(SUMS)
+    sums: Annotated[FloatArray, floats("B", 0.0, MAX_REMEMBERED)] = zeros_field(SUMS)
 
     @cached_property
     def value(self) -> float:

@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly, matches, zeros
+from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly, matches, zeros_field
 from ..snapshot import MAX_INDEX, MAX_STAMP_NS, floats, integers
 from .correlation import MAX_REMEMBERED, SUMS, sums_of
 
@@ -96,23 +96,23 @@ class DetectionChains(ReadOnly):
     """The last look of one sensor at each of K targets."""
 
     # Ascending, (K,).
-    label: Annotated[IntArray, integers("K", 0, MAX_INDEX, ascending=True)] = zeros(
+    label: Annotated[IntArray, integers("K", 0, MAX_INDEX, ascending=True)] = zeros_field(
         0, dtype=np.int64
     )
     # Stamp of the look's first sector, (K,).
-    stamp_ns: Annotated[IntArray, integers("K", 0, MAX_STAMP_NS)] = zeros(0, dtype=np.int64)
+    stamp_ns: Annotated[IntArray, integers("K", 0, MAX_STAMP_NS)] = zeros_field(0, dtype=np.int64)
     # Probability that the look covered the target, (K,).
-    covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
+    covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros_field(0)
     # Probability that the look detected the target, (K,).
-    detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
+    detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros_field(0)
     # The columns `looked` and `detected` of `LookPrediction` that the look was given, (K,).
-    before_covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
-    before_detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
+    before_covered: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros_field(0)
+    before_detected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros_field(0)
     # Detection probability of the look, (K,); see `Look`.
-    expected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros(0)
+    expected: Annotated[FloatArray, floats("K", 0.0, 1.0)] = zeros_field(0)
     # Sums over the pairs of looks that do not count yet, (K, B); see `correlation.sums_of`. As in
     # `open_trials`, they count when the target is detected again.
-    pairs: Annotated[FloatArray, floats("KB", 0.0, MAX_REMEMBERED)] = zeros(0, SUMS)
+    pairs: Annotated[FloatArray, floats("KB", 0.0, MAX_REMEMBERED)] = zeros_field(0, SUMS)
 
     def __len__(self) -> int:
         return len(self.label)

@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, ReadOnly, zeros
+from ..arrays import FloatArray, IntArray, ReadOnly, zeros_field
 from ..snapshot import floats
 from .prior import RatioPrior
 
@@ -20,8 +20,8 @@ CELLS = RANGES * AZIMUTHS
 # alone.
 PRIOR_WEIGHT = 4.0
 # Priors of the sensor's probability relative to the configured one, and of a cell's relative to the
-# sensor's. Of many cells some differ by chance, and a probability that is a little too high doubles
-# the evidence of a miss.
+# sensor's. That of cells is stricter, because some of many cells differ by chance, and a
+# probability that is a little too high doubles the evidence of a miss.
 SENSOR_PRIOR = RatioPrior(0.5, 0.02, 0.5)
 CELL_PRIOR = RatioPrior(0.9, 0.01, 0.5)
 # Memory, in expected detections: of the sensor's mean, and of each cell.
@@ -59,9 +59,9 @@ class DetectionFactor(ReadOnly):
 
     max_range: float  # Largest range, metres
     # Number of detections in each cell that the configured probability predicts, (K,).
-    expected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = zeros(CELLS)
+    expected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = zeros_field(CELLS)
     # Actual number of detections in each cell, (K,).
-    detected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = zeros(CELLS)
+    detected: Annotated[FloatArray, floats("K", 0.0, MAX_REMEMBERED)] = zeros_field(CELLS)
     # Looks at targets, and expected and actual detections, in all cells. These sums have a memory
     # of their own.
     all_looks: Annotated[float, floats("", 0.0, MAX_REMEMBERED)] = 0.0
@@ -72,7 +72,7 @@ class DetectionFactor(ReadOnly):
     def _of_sensor(self) -> tuple[float, float]:
         """Factor of the sensor as a whole, and its standard deviation."""
         every = np.array([self.all_expected]), np.array([self.all_detected])
-        factor, std = _factor(*every, self._set, SENSOR_PRIOR)
+        factor, std = _factor(*every, self._assumed, SENSOR_PRIOR)
         return float(factor[0]), float(std[0])
 
     @property
@@ -91,7 +91,7 @@ class DetectionFactor(ReadOnly):
         return self.all_expected / self.all_looks if self.all_looks else math.nan
 
     @property
-    def _set(self) -> float:
+    def _assumed(self) -> float:
         """The configured probability; `MOST_PROBABILITY` without looks."""
         return self.configured if self.all_looks else MOST_PROBABILITY
 
@@ -99,7 +99,9 @@ class DetectionFactor(ReadOnly):
     def by_cell(self) -> FloatArray:
         """Factor of each cell, shape (K,)."""
         expected = self.mean * self.expected
-        return self.mean * _factor(expected, self.detected, self.mean * self._set, CELL_PRIOR)[0]
+        return (
+            self.mean * _factor(expected, self.detected, self.mean * self._assumed, CELL_PRIOR)[0]
+        )
 
     def cell(self, measured: FloatArray) -> IntArray:
         """Return the cells of (range, azimuth) rows, (N, 2) to (N,); ranges may be infinite."""
@@ -138,7 +140,7 @@ def _factor(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the factors of a probability, and their standard deviations.
 
-    Expected and actual numbers of detections show them; all arrays have the same shape.
+    They follow from the expected and actual numbers of detections, arrays of the same shape.
     """
     shown = (PRIOR_WEIGHT + detected) / (PRIOR_WEIGHT + expected)
     # The smaller of both probabilities has the lower precision, so that few looks prove little.

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, ReadOnly, zeros
+from ..arrays import BoolArray, FloatArray, ReadOnly, zeros_field
 from ..snapshot import floats
 from .prior import RatioPrior
 
@@ -49,9 +49,9 @@ class NoiseFactor(ReadOnly):
     # Components whose noise is learned, (Z,); the factors of the others are 1.
     learned: BoolArray = field(default_factory=lambda: np.ones(2, dtype=np.bool_))
     # Number of remembered innovations, (Z,).
-    weight: Annotated[FloatArray, floats("Z", 0.0, MAX_WEIGHT)] = zeros(2)
+    weight: Annotated[FloatArray, floats("Z", 0.0, MAX_WEIGHT)] = zeros_field(2)
     # Sum over them of weight times the ratio of variances that each shows, (Z,).
-    ratio: Annotated[FloatArray, floats("Z", -MAX_RATIO, MAX_RATIO)] = zeros(2)
+    ratio: Annotated[FloatArray, floats("Z", -MAX_RATIO, MAX_RATIO)] = zeros_field(2)
 
     @cached_property
     def _posterior(self) -> tuple[FloatArray, FloatArray]:

@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly, contains, contiguous, zeros
+from ..arrays import BoolArray, FloatArray, IntArray, ReadOnly, contains, contiguous, zeros_field
 from ..compilation import Float1, Int1, compiled
 from ..snapshot import MAX_INDEX, floats, integers
 from .detection_factor import TrialSums
@@ -43,13 +43,13 @@ class OpenTrials(ReadOnly):
     """Open trials, arrays of shape (E,)."""
 
     # Label of the target.
-    label: Annotated[IntArray, integers("E", 0, MAX_INDEX)] = zeros(0, dtype=np.int64)
+    label: Annotated[IntArray, integers("E", 0, MAX_INDEX)] = zeros_field(0, dtype=np.int64)
     # As in `ReportTrials`.
-    cell: Annotated[IntArray, integers("E", 0, below="K")] = zeros(0, dtype=np.int64)
-    expected: Annotated[FloatArray, floats("E", 0.0, MOST_EXPECTED)] = zeros(0)
-    detected: Annotated[FloatArray, floats("E", 0.0, 1.0)] = zeros(0)
+    cell: Annotated[IntArray, integers("E", 0, below="K")] = zeros_field(0, dtype=np.int64)
+    expected: Annotated[FloatArray, floats("E", 0.0, MOST_EXPECTED)] = zeros_field(0)
+    detected: Annotated[FloatArray, floats("E", 0.0, 1.0)] = zeros_field(0)
     # Share of each trial that is open.
-    still: Annotated[FloatArray, floats("E", 0.0, 1.0)] = zeros(0)
+    still: Annotated[FloatArray, floats("E", 0.0, 1.0)] = zeros_field(0)
 
     def __len__(self) -> int:
         return len(self.label)

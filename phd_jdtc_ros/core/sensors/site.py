@@ -72,7 +72,7 @@ class Site:
 
     @cached_property
     def position(self) -> tuple[float, float]:
-        """Its position in the plane, metres."""
+        """Position in the plane, metres."""
         x, y = self.plane.to_plane(*self.geodetic[:2])
         return float(x), float(y)
 
@@ -100,12 +100,12 @@ class Site:
         centre = radius + own
         sine = (above * (2.0 * centre + above) - distance**2) / (2.0 * distance * centre)
         for _ in range(STEPS):
-            held = np.clip(sine, -1.0, 1.0)
-            reached = wgs84.to_geodetic(self._cartesian(distance, azimuth, held))[2]
+            clipped = np.clip(sine, -1.0, 1.0)
+            reached = wgs84.to_geodetic(self._cartesian(distance, azimuth, clipped))[2]
             slope = distance * centre / (radius + reached)
             step = (height - reached) / slope
             # Values beyond the zenith are impossible and stay beyond it.
-            sine = np.where(sine == held, held + step, sine)
+            sine = np.where(sine == clipped, clipped + step, sine)
         return sine
 
     def to_ground(

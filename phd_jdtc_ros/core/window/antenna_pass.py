@@ -20,7 +20,7 @@ from ..snapshot import MAX_STAMP_NS, Snapshot, floats, from_snapshot, integers, 
 from ..types import FULL_TURN, Coverage
 
 NAME = "antenna_pass"
-# Earlier sectors belong to the same pass for this share of a turn.
+# A pass covers the sectors within this share of a turn.
 SAME_PASS = 0.5
 WIDEST = SAME_PASS * FULL_TURN
 # Largest gap or overlap of adjoining sectors, radians; edges may be estimates.
@@ -65,8 +65,8 @@ class AntennaPass(NamedTuple):
             return None
         width = min(self.width + sector.width, WIDEST)
         start = sector.start + sector.width - width if follows else sector.start
-        late = self.seen_ns > stamp_ns - SAME_PASS * turn_ns
-        seen = self.label[late], self.unseen[late], self.seen_ns[late]
+        recently = self.seen_ns > stamp_ns - SAME_PASS * turn_ns
+        seen = self.label[recently], self.unseen[recently], self.seen_ns[recently]
         return AntennaPass(stamp_ns, math.remainder(start, FULL_TURN), width, *seen)
 
     def detecting(self, label: IntArray, detected: FloatArray) -> AntennaPass:
@@ -91,14 +91,14 @@ class AntennaPasses:
 
     def with_earlier_sectors(self, report: Report, stamp_ns: int) -> Report:
         """Return a report with the sectors before it in the same pass of the antenna."""
-        joined = self._joined(report, stamp_ns)
-        if joined is None:
+        continued = self._continued(report, stamp_ns)
+        if continued is None:
             return report
         latest = self.passes[report.sensor.name]
         before = Coverage(latest.start, latest.width)
-        return replace(report, earlier=EarlierSectors(before, joined.label, joined.unseen))
+        return replace(report, earlier=EarlierSectors(before, continued.label, continued.unseen))
 
-    def _joined(self, report: Report, stamp_ns: int) -> AntennaPass | None:
+    def _continued(self, report: Report, stamp_ns: int) -> AntennaPass | None:
         """Return the pass that a report continues; None if it does not."""
         sector, latest = report.detections.coverage, self.passes.get(report.sensor.name)
         if sector is None or latest is None or sector.width > WIDEST:
@@ -118,7 +118,7 @@ class AntennaPasses:
         sector, sensor = report.detections.coverage, report.sensor
         if sector is None or not sector.turns or not sensor.rotation_s or sector.width > WIDEST:
             return
-        latest = self._joined(report, stamp_ns) or AntennaPass.of(sector, stamp_ns)
+        latest = self._continued(report, stamp_ns) or AntennaPass.of(sector, stamp_ns)
         some = np.flatnonzero(detected > LEAST_DETECTED)
         self.passes = {**self.passes, sensor.name: latest.detecting(label[some], detected[some])}
 

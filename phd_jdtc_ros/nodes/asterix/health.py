@@ -88,7 +88,7 @@ def of_radar(at: Moment, number: int, state: RadarState) -> DiagnosticStatus:
     condition = first(
         at.inactive,
         (WARN, quiet_s > SILENT_S, quiet),
-        (WARN, second, f"two sources: {sources} is used, {state.other_source} is not"),
+        (WARN, second, f"two sources: {sources} used, {state.other_source} ignored"),
         (WARN, shift_s, f"its clock is {-offset_s:+.1f} s off; its times are shifted"),
         (WARN, arriving_late, f"{late} plots came after their cloud was sent"),
         (OK, True, f"{state.plots} plots in {state.reports} clouds"),

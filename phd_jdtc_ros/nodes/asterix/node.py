@@ -209,7 +209,7 @@ class AsterixBridge(ManagedNode):
         # Radars without a name in the parameters become known while the bridge runs.
         self._output.source = replace(self._output.source, monosensor=alone)
         try:
-            self._output.take(cloud)
+            self._output.update(cloud)
         except RejectedMessageError as error:
             self._dropped[error.reason] += 1
             topic = self.resolve_topic_name(ESTIMATES)

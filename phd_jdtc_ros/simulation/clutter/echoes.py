@@ -36,10 +36,9 @@ class Echoes:
     def sources(
         self, state: FloatArray, space: StateSpace, rng: np.random.Generator
     ) -> tuple[FloatArray, IntArray]:
-        """Return the sources of further detections, and the row of the target of each.
+        """Return the states of the echoes' sources, (E, D), and the row of each one's target, (E,).
 
-        `state`, shape (N, D), has the states of the detected targets; the result (E, D) and
-        (E,).
+        `state`, shape (N, D), has the states of the detected targets.
         """
         more = rng.random(len(state)) < self.probability
         count = np.where(more, rng.integers(1, self.most + 1, len(state)), 0)

@@ -34,7 +34,7 @@ class ReflectorBlock:
         [0.0, 0.0], "x and y of points, world frame, m.", (-1e7, 1e7), required=True
     )
     detection_probability: float = parameter(
-        0.5, "Of each reflector per scan or turn.", (0.0, 1.0), required=True
+        0.5, "Detection probability of each reflector per scan or turn.", (0.0, 1.0), required=True
     )
     spacing: float = parameter(
         0.0,

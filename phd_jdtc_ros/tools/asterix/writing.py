@@ -47,7 +47,7 @@ class ConversionCounts:
 
     @property
     def used(self) -> float:
-        """Share of the bag's clouds that were used; 1 of none."""
+        """Share of the bag's clouds that were used; 1 if it has none."""
         offered = self.clouds + self.dropped.total()
         return self.clouds / offered if offered else 1.0
 
@@ -95,7 +95,7 @@ def write_tracks(
                 continue
             periodic.write_before(entry.stamp_ns)
             try:
-                output.take(interfaces.decode(entry.data, names.CLOUD))
+                output.update(interfaces.decode(entry.data, names.CLOUD))
             except RejectedMessageError as error:
                 done.dropped[error.reason] += 1
                 continue
@@ -144,6 +144,7 @@ class _PeriodicOutput:
             self._due_ns = None
 
     def _multiple_from(self, stamp_ns: int) -> int:
+        """Return the first multiple of the period that is not before a stamp."""
         return -(-stamp_ns // self._period_ns) * self._period_ns
 
     def _write(self, stamp_ns: int) -> None:
@@ -158,7 +159,7 @@ def write_plots(
     """Write the detections of a bag as CAT048, and the antennas' rotation as CAT034."""
     bag.require({radar.topic: reader_of(radar).type_name for radar in config.inputs})
     done = ConversionCounts("plots")
-    numbers = {settings.name: number for number, settings in bridge.radars.items()}
+    numbers = {radar.name: number for number, radar in bridge.radars.items()}
     radars = [
         _Radar(
             config,

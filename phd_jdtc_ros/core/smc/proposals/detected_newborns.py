@@ -38,19 +38,19 @@ INFLATION = 1.5
 def redraw_velocities(
     swept: Sequence[UnsweptParticles],
     stamp_ns: int,
-    seen: Places,
+    detections: Places,
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> list[UnsweptParticles]:
     """Return the rows that a scan sweeps, with the velocities of newborn targets redrawn.
 
-    `stamp_ns` and `seen` are the stamp and the detections of the scan.
+    `stamp_ns` and `detections` are those of the scan.
     """
-    rated = any(radar.range_rate is not None for radar in model.radars)
-    if rated or not model.detection_births.enabled:
+    measured = any(radar.range_rate is not None for radar in model.radars)
+    if measured or not model.detection_births.enabled:
         return list(swept)
     return [
-        _redraw_velocities(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, model, rng)
+        _redraw_velocities(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, detections, model, rng)
         for rows in swept
     ]
 
@@ -58,23 +58,23 @@ def redraw_velocities(
 def _redraw_velocities(
     rows: UnsweptParticles,
     dt: float,
-    seen: Places,
+    detections: Places,
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> UnsweptParticles:
     stored, births = rows.entry.stored, model.detection_births
-    broad = BROAD * np.sqrt(np.linalg.eigvalsh(seen.covariance)[:, -1])
-    sharp = births.velocity_std * dt > broad
-    seen = seen.take(np.flatnonzero(sharp))
+    largest_std = np.sqrt(np.linalg.eigvalsh(detections.covariance)[:, -1])
+    precise = births.velocity_std * dt > BROAD * largest_std
+    detections = detections.take(np.flatnonzero(precise))
     newborn = (stored.parent < 0) & born_at_detection(stored.row_label)
     if rows.rows is not None:
         of_rows = np.zeros(len(stored), dtype=bool)
         of_rows[rows.rows] = True
         newborn &= of_rows
     chosen = np.flatnonzero(newborn)
-    if not len(chosen) or not len(seen.position):
+    if not len(chosen) or not len(detections.position):
         return rows
-    state, factor = _redraw(stored, chosen, dt, seen, model, rng)
+    state, factor = _redraw(stored, chosen, dt, detections, model, rng)
     redrawn = replace(
         stored,
         state=state,
@@ -88,7 +88,7 @@ def _redraw(
     stored: ParticleSet,
     chosen: IntArray,
     dt: float,
-    seen: Places,
+    detections: Places,
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray]:
@@ -96,15 +96,15 @@ def _redraw(
     space, births = model.modes.space, model.detection_births
     place, speed = list(space.position), list(space.velocity)
     state, factor = stored.state.copy(), np.ones(len(stored))
-    shape = [INFLATION * np.linalg.cholesky(matrix) / dt for matrix in seen.covariance]
+    spread = [INFLATION * np.linalg.cholesky(matrix) / dt for matrix in detections.covariance]
     for label in np.unique(stored.row_label[chosen]):
         row = chosen[stored.row_label[chosen] == label]
         centre = state[row][:, place].mean(axis=0)
         reach = REACH_SIGMA * births.velocity_std * dt
-        near = np.flatnonzero(np.hypot(*(seen.position - centre).T) <= reach)
+        near = np.flatnonzero(np.hypot(*(detections.position - centre).T) <= reach)
         if len(near):
-            leads = (seen.position[near][:, None] - state[row][:, place]) / dt
-            velocity, ratio = _draw(leads, [shape[index] for index in near], births, rng)
+            leads = (detections.position[near][:, None] - state[row][:, place]) / dt
+            velocity, ratio = _draw(leads, [spread[index] for index in near], births, rng)
             state[np.ix_(row, speed)] = velocity
             weight = stored.weight[row]
             factor[row] = ratio * weight.sum() / (ratio * weight).sum()
@@ -113,7 +113,7 @@ def _redraw(
 
 def _draw(
     leads: FloatArray,
-    shapes: Sequence[FloatArray],
+    spreads: Sequence[FloatArray],
     births: DetectionBirthModel,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray]:
@@ -124,17 +124,18 @@ def _draw(
     """
     count, size = leads.shape[:2]
     share = (1.0 - PRIOR_SHARE) / count
+    # Systematic sampling gives each component its exact share; later indices are the prior.
     part = np.floor((np.arange(size) + rng.random()) / size * (1.0 / share)).astype(np.int64)
     normal = rng.standard_normal((size, 2))
     velocity = births.velocity_std * normal
     for index in range(count):
         rows = np.flatnonzero(part == index)
-        velocity[rows] = leads[index, rows] + normal[rows] @ shapes[index].T
+        velocity[rows] = leads[index, rows] + normal[rows] @ spreads[index].T
     prior = np.exp(-0.5 * (velocity**2).sum(axis=1) / births.velocity_std**2)
     prior /= 2.0 * np.pi * births.velocity_std**2
     mixture = PRIOR_SHARE * prior
-    for lead, factor in zip(leads, shapes, strict=True):
-        whitened = np.linalg.solve(factor, (velocity - lead).T)
+    for lead, spread in zip(leads, spreads, strict=True):
+        whitened = np.linalg.solve(spread, (velocity - lead).T)
         density = np.exp(-0.5 * (whitened**2).sum(axis=0))
-        mixture += share * density / (2.0 * np.pi * np.linalg.det(factor))
+        mixture += share * density / (2.0 * np.pi * np.linalg.det(spread))
     return velocity, prior / mixture
