@@ -33,4 +33,4 @@ def to_cdr(mountings: Sequence[Mounting], stamp_ns: int, world_frame: str) -> by
         writer.string(frame)
         writer.put("d", x, y, 0.0)
         writer.put("d", 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
-    return cdr.ENCAPSULATION + bytes(writer.data)
+    return writer.message()

@@ -7,19 +7,20 @@ label. The message is written as bytes, because the lists have thousands of poin
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
-from std_msgs.msg import ColorRGBA
+from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Estimates
 
 from . import cdr, stamps, vertical
-from .ellipse import outline
 from .palette import class_rgb
 
+LINES, LABEL, ADD = Marker.LINE_LIST, Marker.TEXT_VIEW_FACING, Marker.ADD
 ELLIPSE_SIGMA = 3.0
 # Sizes for a map that shows 30 km on a thousand pixels: lines are one to two pixels wide, letters
 # are 13 pixels high, and the arrow of 60 m/s is 60 pixels long, longer than its ellipse.
@@ -31,9 +32,17 @@ HEAD_LENGTH, HEAD_WIDTH = 4.0 * LINE_WIDTH, 2.0 * LINE_WIDTH
 # Labels are dark, because viewers put a light box behind dark letters and a dark box behind light
 # ones.
 LABEL_COLOUR = (0.11, 0.13, 0.15)
-ELLIPSE_POINTS = 33
-# Bytes of an empty text with its length and padding, and of the empty members after it.
-_TEXT, _AFTER_TEXT = 8, 21
+# Sides of an ellipse's outline, which is within 1 % of the ellipse.
+ELLIPSE_SIDES = 24
+# The ends of the sides as a circle's cosines and sines, and the weight 1 of its centre.
+_ANGLE = 2.0 * np.pi / ELLIPSE_SIDES * (np.arange(1, 2 * ELLIPSE_SIDES + 1) // 2 % ELLIPSE_SIDES)
+_CIRCLE = np.stack([np.cos(_ANGLE), np.sin(_ANGLE), np.ones_like(_ANGLE)], axis=1)
+# Bytes of a marker's stamp, of the number of its points and of the empty members after them, of its
+# empty text and of the members after it.
+_STAMP, _POINTS, _AFTER_POINTS, _TEXT, _AFTER_TEXT = 8, 4, 73, 8, 21
+# A marker's number, type, action and position, whose doubles are aligned, at an even and at an odd
+# multiple of four bytes.
+_NUMBER_TO_POSITION = struct.Struct("<3i4x3d"), struct.Struct("<3i3d")
 
 
 def to_cdr(
@@ -47,35 +56,39 @@ def to_cdr(
     unknown. `datum` is the height of the map's zero, metres, to which flight levels in labels
     refer.
     """
-    class_id, header = estimates.class_id, stamps.header(estimates.stamp_ns, frame)
-    present = np.unique(class_id).tolist()
+    order = np.argsort(estimates.class_id, kind="stable")
+    estimates, numbers = estimates.take(order), order.tolist()
+    present, counts = np.unique(estimates.class_id, return_counts=True)
+    up = vertical.of(estimates).state
+    position = np.column_stack([estimates.position, up[:, 0]])
+    ellipses = _ellipses(position, estimates.position_covariance)
+    arrows = _arrows(position, np.column_stack([estimates.velocity, up[:, 1]]))
+    places = (position + np.array([0.0, 2.0 * LABEL_HEIGHT, 0.0])).tolist()
+    texts = _labels(estimates, class_names, datum)
+    header = stamps.header(estimates.stamp_ns, frame)
+    stamp = struct.pack("<iI", header.stamp.sec, header.stamp.nanosec)
     writer = cdr.Writer()
     writer.put("I", 1 + 2 * len(present) + len(estimates))
     cdr.put_message(writer, Marker(header=header, action=Marker.DELETEALL))
-    up = vertical.of(estimates).state
-    position = np.column_stack([estimates.position, up[:, 0]])
-    velocity = np.column_stack([estimates.velocity, up[:, 1]])
-    ellipses = _ellipses(position, estimates.position_covariance)
-    arrows = _arrows(position, velocity)
-    texts = _labels(estimates, class_names, datum)
-    places = (position + np.array([0.0, 2.0 * LABEL_HEIGHT, 0.0])).tolist()
-    for index in present:
-        name, mine = class_names[index], class_id == index
-        line = Marker(header=header, type=Marker.LINE_LIST, color=_colour(class_rgb(index)))
-        line.scale.x = LINE_WIDTH
-        for kind, lines in (("ellipse", ellipses), ("velocity", arrows)):
-            line.ns = f"{name}/{kind}"
-            cdr.put_message(writer, line, points=lines[mine].reshape(-1, 3))
-        label = Marker(header=header, ns=f"{name}/label", type=Marker.TEXT_VIEW_FACING)
-        label.color, label.scale.z = _colour(LABEL_COLOUR), LABEL_HEIGHT
-        rows = np.flatnonzero(mine).tolist()
-        _put_labels(writer, label, [(row, places[row], texts[row]) for row in rows])
-    return cdr.ENCAPSULATION + bytes(writer.data)
-
-
-def _colour(rgb: tuple[float, float, float]) -> ColorRGBA:
-    red, green, blue = rgb
-    return ColorRGBA(r=red, g=green, b=blue, a=1.0)
+    end = 0
+    for index, count in zip(present.tolist(), counts.tolist(), strict=True):
+        begin, end = end, end + count
+        name, mine = class_names[index], slice(begin, end)
+        for kind, ends in (("ellipse", ellipses), ("velocity", arrows)):
+            names, after = _parts(frame, f"{name}/{kind}", LINES, class_rgb(index))
+            _begin(writer, stamp + names, LINES, 0, (0.0, 0.0, 0.0))
+            writer.data += after[: -_POINTS - _AFTER_POINTS]
+            writer.rows(ends[mine].reshape(-1, 3))
+            writer.data += after[-_AFTER_POINTS:]
+        names, after = _parts(frame, f"{name}/label", LABEL, LABEL_COLOUR)
+        names, after, last = stamp + names, after[: -_TEXT - _AFTER_TEXT], after[-_AFTER_TEXT:]
+        for number, place, text in zip(numbers[mine], places[mine], texts[mine], strict=True):
+            _begin(writer, names, LABEL, number, place)
+            encoded = text.encode()
+            size = len(encoded) + 1
+            padded = struct.pack(f"<I{size + -size % 4}s", size, encoded)
+            writer.data += after + padded + last
+    return writer.message()
 
 
 def label_text(track_id: int, class_name: str, share: float, more: str = "") -> str:
@@ -96,11 +109,15 @@ def _labels(estimates: Estimates, class_names: tuple[str, ...], datum: float) ->
 
 
 def _ellipses(position: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return the end points of the ellipses' segments, shape (T, ELLIPSE_POINTS - 1, 2, 3)."""
-    around = outline(covariance, ELLIPSE_SIGMA, ELLIPSE_POINTS).transpose(0, 2, 1)
-    corners = np.repeat(position[:, None], ELLIPSE_POINTS, axis=1)
-    corners[..., :2] += around
-    return np.stack([corners[:, :-1], corners[:, 1:]], axis=2)
+    """Return the ends of the ellipses' sides, shape (T, 2 * ELLIPSE_SIDES, 3)."""
+    variance, axes = np.linalg.eigh(covariance)
+    # A negative variance from rounding counts as zero.
+    radii = ELLIPSE_SIGMA * np.sqrt(np.maximum(variance, 0.0))
+    frame = np.zeros((len(position), 3, 3))
+    frame[:, :2, :2] = radii[:, :, None] * axes.swapaxes(1, 2)
+    frame[:, 2] = position
+    ends: FloatArray = _CIRCLE @ frame
+    return ends
 
 
 def _arrows(position: FloatArray, velocity: FloatArray) -> FloatArray:
@@ -116,35 +133,31 @@ def _arrows(position: FloatArray, velocity: FloatArray) -> FloatArray:
     return np.stack([position, tip, tip, sides[:, 0], tip, sides[:, 1]], axis=1)
 
 
-def _put_labels(
-    writer: cdr.Writer, label: Marker, labels: Iterable[tuple[int, Sequence[float], str]]
-) -> None:
-    """Append the labels of a class, each with its number, its position and its text.
+@cache
+def _parts(frame: str, ns: str, kind: int, rgb: tuple[float, float, float]) -> tuple[bytes, bytes]:
+    """Return a marker's bytes between its stamp and its number, and those after its position."""
+    red, green, blue = rgb
+    marker = Marker(header=Header(frame_id=frame), ns=ns, type=kind)
+    marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
+    if kind == LINES:
+        marker.scale.x = LINE_WIDTH
+    else:
+        marker.scale.z = LABEL_HEIGHT
+    begun, whole = cdr.Writer(), cdr.Writer()
+    cdr.put_message(whole, marker)
+    cdr.put_message(begun, marker.header)
+    begun.string(ns)
+    begun.align(4)
+    names = bytes(begun.data[_STAMP:])
+    _begin(begun, b"", kind, 0, (0.0, 0.0, 0.0))
+    return names, bytes(whole.data[len(begun.data) :])
 
-    They differ in these three only, so that the other bytes are written once for each of the two
-    alignments that a label can begin at.
-    """
-    templates = []
-    for offset in (0, 4):
-        begun = cdr.Writer(bytearray(offset))
-        cdr.put_message(begun, label.header)
-        begun.string(label.ns)
-        begun.align(4)
-        number = len(begun.data)
-        # The number, the type and the action, four bytes each, precede the position.
-        position = -(-(number + 12) // 8) * 8
-        whole = cdr.Writer(bytearray(offset))
-        cdr.put_message(whole, label)
-        before_text = bytes(whole.data[offset : -_TEXT - _AFTER_TEXT])
-        templates.append((before_text, number - offset, position - offset))
-    after_text, data = bytes(whole.data[-_AFTER_TEXT:]), writer.data
-    for row, place, text in labels:
-        writer.align(4)
-        begin = len(data)
-        before_text, number, position = templates[begin % 8 // 4]
-        data += before_text
-        struct.pack_into("<i", data, begin + number, row)
-        struct.pack_into("<3d", data, begin + position, *place)
-        encoded = text.encode() + b"\0"
-        # A text begins at a multiple of four bytes, and so do the members after it.
-        data += struct.pack("<I", len(encoded)) + encoded + bytes(-len(encoded) % 4) + after_text
+
+def _begin(
+    writer: cdr.Writer, names: bytes, kind: int, number: int, place: Sequence[float]
+) -> None:
+    """Append a marker until its position; `names` are the bytes until its number."""
+    writer.align(4)
+    writer.data += names
+    odd = len(writer.data) // 4 % 2
+    writer.data += _NUMBER_TO_POSITION[odd].pack(number, kind, ADD, *place)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from geometry_msgs.msg import PoseArray
 
 from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
-from . import cdr, stamps, vertical
+from . import cdr, vertical
 
 
 def to_cdr(estimates: Estimates, class_id: int, frame: str) -> bytes:
@@ -24,5 +23,7 @@ def to_cdr(estimates: Estimates, class_id: int, frame: str) -> bytes:
     pose[:, 0], pose[:, 1] = rows[:, X], rows[:, Y]
     pose[:, 2] = vertical.of(estimates).state[mine, 0]
     pose[:, 5], pose[:, 6] = np.sin(half), np.cos(half)
-    message = PoseArray(header=stamps.header(estimates.stamp_ns, frame))
-    return cdr.encode(message, poses=pose)
+    writer = cdr.Writer()
+    writer.header(estimates.stamp_ns, frame)
+    writer.rows(pose)
+    return writer.message()

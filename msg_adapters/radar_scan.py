@@ -109,7 +109,7 @@ def to_cdr(detections: Detections, stamp_ns: int, radar: RadarParameters) -> byt
     scan = cdr.Writer()
     scan.header(stamp_ns, radar.frame)
     scan.put("I", len(returns))
-    return cdr.ENCAPSULATION + bytes(scan.data) + returns.tobytes()
+    return scan.message() + returns.tobytes()
 
 
 def _fixed_convention(radar: RadarParameters) -> RadarParameters:

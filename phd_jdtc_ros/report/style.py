@@ -27,6 +27,8 @@ MARKERS = ("o", "^", "s", "D", "v", "P")
 DETECTION = "#807dba"
 # Colour of learned clutter: red, green and blue.
 CLUTTER = "176,118,42"
+# Radius, in standard deviations, that contains 95 % of a two-dimensional Gaussian.
+RADIUS_95 = float(np.sqrt(-2.0 * np.log(0.05)))
 INK, GREY, FAINT = "#222222", "#9A9A9A", "#E4E4E4"
 
 

@@ -9,10 +9,9 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import stamps, vertical
-from msg_adapters.ellipse import outline
 from msg_adapters.estimates import heading
 from msg_adapters.markers import (
-    ELLIPSE_POINTS,
+    ELLIPSE_SIDES,
     ELLIPSE_SIGMA,
     HEAD_LENGTH,
     HEAD_WIDTH,
@@ -107,12 +106,16 @@ def _point(x, y, z):
 
 
 def _ellipse(estimates, row):
-    """Return the segments of the outline of the position covariance at `ELLIPSE_SIGMA`."""
+    """Return the sides of the outline of the position covariance at `ELLIPSE_SIGMA`."""
     state, covariance = estimates.state[row], estimates.covariance[row]
-    around = outline(covariance[np.ix_((X, Y), (X, Y))], ELLIPSE_SIGMA, ELLIPSE_POINTS)
+    variance, axes = np.linalg.eigh(covariance[np.ix_((X, Y), (X, Y))])
     height = heights(estimates)[row, 0]
-    corners = [_point(state[X] + dx, state[Y] + dy, height) for dx, dy in around.T]
-    return [corner for segment in itertools.pairwise(corners) for corner in segment]
+    corners = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, ELLIPSE_SIDES + 1):
+        circle = np.array([np.cos(angle), np.sin(angle)])
+        dx, dy = axes @ (ELLIPSE_SIGMA * np.sqrt(variance) * circle)
+        corners.append(_point(state[X] + dx, state[Y] + dy, height))
+    return [corner for side in itertools.pairwise(corners) for corner in side]
 
 
 def _arrow(estimates, row):

@@ -15,7 +15,6 @@ from records import (
 )
 from unfolded import columns_of, rows_of
 
-from msg_adapters.ellipse import RADIUS_95
 from msg_adapters.palette import class_colour
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
@@ -25,6 +24,7 @@ from phd_jdtc_ros.report.page import picture_words
 from phd_jdtc_ros.report.page.frames import Frames
 from phd_jdtc_ros.report.page.picture import picture_of
 from phd_jdtc_ros.report.record import RadarPlots
+from phd_jdtc_ros.report.style import RADIUS_95
 
 PLANE = SystemPlane((52.3, 4.8, 5.0))
 
@@ -303,3 +303,9 @@ def test_an_hour_of_fifty_aircraft_is_less_than_two_megabytes():
 
     # The charts' library takes two of the five that a page of an hour may have.
     assert len(picture_of(record).columns.text()) < 2e6
+
+
+def test_radius_95_holds_95_per_cent():
+    points = np.random.default_rng(0).standard_normal((200_000, 2))
+    inside = np.hypot(*points.T) < RADIUS_95
+    assert inside.mean() == pytest.approx(0.95, abs=0.002)

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters.ellipse import RADIUS_95
 from msg_adapters.palette import class_colour
 from msg_adapters.vertical import FLIGHT_LEVEL
 from phd_jdtc_ros.core.arrays import FloatArray
@@ -21,6 +20,7 @@ from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
 from ..lengths import places_of
 from ..record import RadarPlots, Record, concatenate_rows
+from ..style import RADIUS_95
 from .estimate_rows import AXIS_STEPS, LEAST_AXIS, NO_LEVEL, EstimateRows, Grid, known_heights
 from .frames import Frames
 from .layers import clutter_levels, earth_grid, graticule, rings, shades_of

@@ -15,7 +15,6 @@ from matplotlib.patches import Ellipse
 from matplotlib.text import Annotation
 from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullFormatter
 
-from msg_adapters.ellipse import RADIUS_95
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Estimates
 
@@ -26,6 +25,7 @@ from ..style import (
     DETECTION,
     DPI,
     INK,
+    RADIUS_95,
     WIDTH_IN,
     class_colour,
     class_line,
