@@ -85,3 +85,14 @@ def test_an_answer_may_be_older_by_the_delay():
     assert not step.may_follow(0.2)
     step.receive(round(6.1 * S), 0.3)
     assert step.may_follow(0.3)
+
+
+def test_no_estimate_is_awaited_until_the_tracker_has_waited_for_other_radars():
+    step = LockStep(delay_s=2.5)
+    for stamp_s in (10, 11, 12):
+        step.expect(stamp_s * S, 0.0)
+        assert step.may_follow(0.1)
+    step.expect(13 * S, 0.2)
+    assert not step.may_follow(0.3)
+    step.receive(11 * S, 0.4)
+    assert step.may_follow(0.5)

@@ -14,18 +14,21 @@ class LockStep:
 
     Times are seconds of one monotonic clock.
 
-    `delay_s` is the largest age of a reply relative to its stamp, in the bag's time.
+    `delay_s` is the largest age of a reply relative to its stamp, in the bag's time. Until the bag
+    has played so long no reply is awaited, because the tracker may still wait for other radars.
     """
 
     def __init__(self, delay_s: float = 0.0) -> None:
         self._delay_ns = round(delay_s * 1e9)
         self._outstanding: list[int] = []
+        self._first_ns: int | None = None
         self._since_s = 0.0
         self._running_since_s = 0.0
 
     def begin(self) -> None:
         """Drop all awaited stamps, because the bag has jumped."""
         self._outstanding.clear()
+        self._first_ns = None
 
     def restart(self, now_s: float) -> None:
         """Restart the time until giving up: during a pause no other stamp could be published."""
@@ -33,6 +36,9 @@ class LockStep:
 
     def expect(self, stamp_ns: int, now_s: float) -> None:
         """Await the estimate of a stamp."""
+        self._first_ns = stamp_ns if self._first_ns is None else self._first_ns
+        if stamp_ns - self._delay_ns < self._first_ns:
+            return
         if not self._outstanding:
             self._since_s = now_s
         self._outstanding.append(stamp_ns)

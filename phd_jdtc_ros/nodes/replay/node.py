@@ -10,6 +10,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
@@ -58,25 +59,28 @@ class State(Enum):
 
 
 class SensorReplay(RunnableNode):
-    """Publishes a bag's messages with the bytes that were recorded."""
+    """Publishes a bag's messages with the bytes that were recorded.
 
-    def __init__(self, flags: dict[str, Any], files: Sequence[ParameterFile] = ()) -> None:
+    The bag is that of the parameters unless it is given.
+    """
+
+    def __init__(
+        self,
+        flags: dict[str, Any],
+        files: Sequence[ParameterFile] = (),
+        bag: BagReader | None = None,
+    ) -> None:
         super().__init__("sensor_replay")
         self._values = parameters.resolve(
             self, sensor_replay.AT_THE_START, flags, files, replaced.REPLAY
         )
-        path = resources.bag(self._values["bag"])
-        bag = BagReader(path)
+        bag = bag or BagReader(resources.bag(self._values["bag"]))
         self._played = playable.select(bag, self._values["topics"])
         for line in self._played.skipped:
             self.get_logger().warning(line)
         self._estimates = self.resolve_topic_name(names.estimates("filtered"))
         self._outputs = {
-            topic: self.create_publisher(
-                message_class,
-                topic,
-                (topics.latched if topic in playable.LATCHED else topics.reliable)(DEPTH),
-            )
+            topic: self._output(topic, message_class)
             for topic, message_class in self._played.classes.items()
         }
         self._clock_output = self.create_publisher(Clock, "/clock", CLOCK_QOS)
@@ -111,9 +115,15 @@ class SensorReplay(RunnableNode):
         }.items():
             serve(self, name, action)
         seek_parameter.declare(self, self._seek_fault, self._seek)
-        scene_check.begin(self, path, self._estimates)
+        scene_check.begin(self, bag.path, self._estimates)
         self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
         self.create_timer(TICK_S, self._tick)
+
+    def _output(self, topic: str, message_class: Any) -> Publisher:
+        """Return the publisher of a topic."""
+        latched = topic in playable.LATCHED
+        qos = topics.latched(DEPTH) if latched else topics.reliable(DEPTH)
+        return self.create_publisher(message_class, topic, qos)
 
     def _subscribe_to_replies(self) -> LockStep:
         """Subscribe to the tracker's reply to a scan: estimates, or figures if these come later."""

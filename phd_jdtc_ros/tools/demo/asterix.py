@@ -62,10 +62,9 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
         ready = [f"{radar.name}: 2 subscribers" for radar in config.inputs]
         if not all(nodes.wait_for(BRIDGE, text) for text in ready):
             return False
-        words = [str(recording(bag)), "--bag", str(bag), "--send", str(where)]
-        words += ["--params-file", str(logs / PARAMETERS)]
-        nodes.start(PLAYER, words, {}, in_terminal=True, module=f"{__package__}.{PLAYER}")
-        if not (nodes.wait(PLAYER) and nodes.wait("evaluator", FINISH_S)):
+        sent = ["--recording", str(recording(bag)), "--send", str(where)]
+        sent += ["--params-file", str(logs / PARAMETERS)]
+        if not processes.replay(nodes, bag, config, sent, PLAYER, f"{__package__}.{PLAYER}"):
             return False
         outputs = BagReader(out / RECORDING).counts[names.estimates(FILTERED)]
         complete = tracks.wait_for(outputs)

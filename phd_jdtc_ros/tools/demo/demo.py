@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters import names
 from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
@@ -46,7 +45,7 @@ from phd_jdtc_ros.report.table import metrics
 from .. import command, report
 from ..track_bag import track_bag
 from . import asterix, processes
-from .processes import FINISH_S, METRICS, PARAMETERS, RECORDING, START_S, Processes
+from .processes import METRICS, PARAMETERS, RECORDING, Processes
 
 LOGS = "logs"
 # Directory of the results until the nodes have ended without failure, below the output directory.
@@ -66,18 +65,9 @@ def run_nodes(
     bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: float = command.CUTOFF
 ) -> bool:
     """Replay a bag through the three nodes; see `processes.run`."""
-    parameters = {
-        "flush_service": f"{names.TRACKER}/flush",
-        "subscriber_timeout_s": START_S,
-        # The truth has two subscriptions of the evaluator, and each radar the tracker's and one of
-        # the evaluator.
-        "subscribers": 2,
-        "answer_delay_s": config.answer_delay_s,
-    }
 
     def play(nodes: Processes) -> bool:
-        nodes.start("sensor_replay", [str(bag), "--rate", "0"], parameters, in_terminal=True)
-        return nodes.wait("sensor_replay") and nodes.wait("evaluator", FINISH_S)
+        return processes.replay(nodes, bag, config)
 
     return processes.run(bag, config, out, logs, cutoff, play)
 

@@ -177,6 +177,28 @@ def run(
         return connected and play(nodes)
 
 
+def replay(
+    nodes: Processes,
+    bag: Path,
+    config: TrackerConfig,
+    words: Sequence[str] = (),
+    name: str = "sensor_replay",
+    module: str = "",
+) -> bool:
+    """Replay a bag by an executable or a module; return whether it and the evaluator succeeded."""
+    parameters = {
+        "flush_service": f"{names.TRACKER}/flush",
+        "subscriber_timeout_s": START_S,
+        # The truth has two subscriptions of the evaluator, and each radar the tracker's and one of
+        # the evaluator.
+        "subscribers": 2,
+        "answer_delay_s": config.answer_delay_s,
+    }
+    arguments = [str(bag), "--rate", "0", *words]
+    nodes.start(name, arguments, parameters, in_terminal=True, module=module)
+    return nodes.wait(name) and nodes.wait("evaluator", FINISH_S)
+
+
 @contextmanager
 def _interrupts_deferred() -> Iterator[None]:
     """Handle signals to end only afterwards, so that each started process is recorded."""
