@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, contiguous
+from ..arrays import FloatArray, IntArray
 from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
 from ..attributes.uniqueness import OutOfGate
@@ -96,7 +96,7 @@ class PriorMixture:
     @property
     def missed_mass(self) -> FloatArray:
         """Weight of each hypothesis without a detection, shape (H,)."""
-        return sum_modes(self.missed)
+        return sum_modes(self.mixture.weight * (1.0 - self.detectable))
 
     @cached_property
     def expected(self) -> Expected:
@@ -125,13 +125,16 @@ class PriorMixture:
             detectable = detectable * self._measured_in(sector)
         return detectable if self._unseen is None else detectable * self._unseen
 
-    @cached_property
+    @property
     def _probability(self) -> DetectionProbability:
         """Probability that each Gaussian is detected, given whether the last look detected it."""
+        return self._usual if self.report.informative_prediction is None else self._predicted
+
+    @cached_property
+    def _predicted(self) -> DetectionProbability:
+        """Probability that each Gaussian is detected, as the last look predicts it."""
         prediction = self.report.informative_prediction
-        if prediction is None:
-            return self._usual
-        return self._detected(prediction.of(self.mixture.row_label))
+        return self._detected(None if prediction is None else prediction.of(self.mixture.row_label))
 
     @cached_property
     def _usual(self) -> DetectionProbability:
@@ -142,7 +145,7 @@ class PriorMixture:
         sensor, dynamics = self.report.sensor, self.steps.dynamics
         return detection_probability(self.expected, self.mixture.snr, sensor, dynamics, prediction)
 
-    @cached_property
+    @property
     def _in_turn(self) -> FloatArray:
         """Probability that each Gaussian is detected in a whole turn, shape (H, R, C)."""
         share, by_class = self.report.share, self._probability.by_class
@@ -163,12 +166,6 @@ class PriorMixture:
             return None
         measured = self._measured_in(earlier.coverage)
         return earlier.factor(self.mixture.row_label, self._in_turn, measured)
-
-    @cached_property
-    def missed(self) -> FloatArray:
-        """Weights times the probability of a missed detection, shape (H, R, C)."""
-        missed: FloatArray = self.mixture.weight * (1.0 - self.detectable)
-        return missed
 
     @cached_property
     def amplitudes(self) -> Amplitudes:
@@ -204,7 +201,7 @@ class PriorMixture:
         readings = self.report.project_as(pairs.projected)
         factor = self._log_factor(pairs, evidence)
         coarse = self._likelihoods(pairs, self._coarse(pairs, readings), factor, log_other)
-        counted, amplitude = likely(self.mixture, self.missed, coarse, self.amplitudes.relative)
+        counted, amplitude = likely(self.mixture, self.detectable, coarse, self.amplitudes.relative)
         if len(counted) < len(factor):
             pairs, factor = pairs.take(counted), factor.take(counted)
             evidence = None if evidence is None else evidence.take(counted)
@@ -214,9 +211,7 @@ class PriorMixture:
         )
         measured = found.log_likelihood.reshape(-1, self.mixture.mean.shape[1])
         exact = self._likelihoods(pairs, measured, factor, log_other)
-        association = associate(
-            self.mixture, self.missed, self.detectable, amplitude, exact, self.steps.bounds
-        )
+        association = associate(self.mixture, self.detectable, amplitude, exact, self.steps.bounds)
         return Posterior(
             rows=self._branch(association, pairs, found),
             claims=association.claims,
@@ -268,11 +263,17 @@ class PriorMixture:
             missed = pair < 0
             for own, later in zip(gaussians, moved, strict=True):
                 own[missed] = later[source[missed]]
-        _, *probability = self._probability
-        columns = mixture.snr, mixture.weight, self.detectable, *probability
-        snr = snr_after(*contiguous(*columns, self.amplitudes.relative, source, pair, pairs.column))
-        row_label, parent = (
-            column.take(source) for column in (mixture.row_label, self.branched.parent)
+        snr = snr_after(
+            mixture.snr,
+            mixture.weight,
+            self.detectable,
+            self._probability.cell,
+            self._probability.mean,
+            self.amplitudes.relative,
+            source,
+            pair,
+            pairs.column,
         )
+        row_label, parent = mixture.row_label.take(source), self.branched.parent.take(source)
         updated = Mixture(row_label, association.weight, *gaussians, snr)
         return Branched(updated, parent)

@@ -27,7 +27,7 @@ MAX_UNEXPLAINED = 1 << 12
 EXPLAINED_SIGMA = 5.0
 
 
-def limit_detections(report: Report, predicted: FloatArray, targets: float) -> Report:
+def limit_detections(report: Report, predicted: FloatArray, mass: FloatArray) -> Report:
     """Return a report within the limits, with a sensor that reports only these detections.
 
     It is the same report if it has at most `MAX_DETECTIONS` detections, or `MAX_UNEXPLAINED` if
@@ -35,7 +35,7 @@ def limit_detections(report: Report, predicted: FloatArray, targets: float) -> R
     with the predicted measurements, (N, Z). Otherwise it has the detections with the largest
     amplitudes; among equal ones, or without amplitudes, an even draw. The sensor's threshold is
     raised accordingly, and its clutter rate is at least the number of detections beyond the
-    expected number of targets.
+    expected number of targets, which is the sum of `mass`.
     """
     detections, sensor, size = report.detections, report.sensor, len(report)
     if size <= MAX_UNEXPLAINED and len(predicted) * size <= MAX_CANDIDATES:
@@ -43,6 +43,7 @@ def limit_detections(report: Report, predicted: FloatArray, targets: float) -> R
     # The rate is per whole turn, of which the report may cover a part; an unknown part counts as
     # the whole turn.
     part = 1.0 if detections.coverage is None else detections.coverage.turns or 1.0
+    targets = float(mass.sum())
     explained = targets + sensor.clutter_rate * part + EXPLAINED_SIGMA * np.sqrt(size)
     most = MAX_DETECTIONS if size <= explained else MAX_UNEXPLAINED
     if size <= most and len(predicted) * size <= MAX_CANDIDATES:

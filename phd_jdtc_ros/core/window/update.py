@@ -89,7 +89,7 @@ def update(
     if sensors is not None:
         report = sensors.with_learned_sensor(report)
     prior = steps.prior(rows, report)
-    limited = detection_limit.limit_detections(report, prior.measured, float(prior.mass.sum()))
+    limited = detection_limit.limit_detections(report, prior.measured, prior.mass)
     if clutter is not None:
         if limited is report:
             limited = clutter.with_surplus(report)

@@ -26,7 +26,8 @@ AMPLITUDES = {
 
 def limited(predicted, targets, detections, radar):
     """Return the detections, the sensor and the share of an incomplete report."""
-    report = detection_limit.limit_detections(Report(radar, detections), predicted, targets)
+    mass = np.array([targets])
+    report = detection_limit.limit_detections(Report(radar, detections), predicted, mass)
     assert not report.complete
     return report.detections, report.sensor, report.share
 
@@ -42,14 +43,16 @@ PREDICTED = crowd(1000, None).measurement
 def test_what_can_be_afforded_is_left_as_it_is():
     few = crowd(100, np.full(100, 5.0))
     report = Report(RADAR, few)
-    assert detection_limit.limit_detections(report, PREDICTED, 4.0) is report
+    assert detection_limit.limit_detections(report, PREDICTED, np.array([4.0])) is report
 
 
 @pytest.mark.parametrize(("targets", "kept"), [(4.0, 4096), (5990.0, 6000)])
 def test_many_detections_are_used_if_targets_explain_them(monkeypatch, targets, kept):
     monkeypatch.setattr(detection_limit, "MAX_CANDIDATES", 1 << 22)
     report = Report(RADAR, crowd(6000, np.full(6000, 30.0)))
-    assert len(detection_limit.limit_detections(report, PREDICTED[:10], targets)) == kept
+    assert (
+        len(detection_limit.limit_detections(report, PREDICTED[:10], np.array([targets]))) == kept
+    )
 
 
 def test_with_amplitudes_the_threshold_is_raised():

@@ -52,11 +52,11 @@ class Innovation(NamedTuple):
 def _innovations(
     iterations: int,
     converged: float,
-    mean: Float2,
-    covariance: Float3,
+    modes: int,
     axes: Int1,
     pose: Float1,
-    modes: int,
+    mean: Float2,
+    covariance: Float3,
     weight: Float1,
     expected: Float2,
     of: Int1,
@@ -192,13 +192,13 @@ def iterated_update(
         found = Innovation(*linearised.innovations(*of_pairs, iterations, converged))
         likely = np.where(gaussian >= 0, found.log_likelihood, -np.inf)
         return found._replace(log_likelihood=likely)
+    if expected is None:
+        expected = np.zeros((0, 2))
     return Innovation(
         *_innovations(
-            iterations,
-            converged,
-            *(*contiguous(mean, covariance, sensor.axes, sensor.frame), modes),
-            *contiguous(weight, np.zeros((0, 2)) if expected is None else expected),
-            *contiguous(gaussian, column, measurement, noise, _times(time_s, count)),
+            *(iterations, converged, modes, sensor.axes, sensor.frame),
+            *contiguous(mean, covariance, weight, expected, gaussian, column),
+            *contiguous(measurement, noise, _times(time_s, count)),
         )
     )
 

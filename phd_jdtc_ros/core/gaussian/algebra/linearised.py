@@ -34,9 +34,9 @@ def expected(
 
 def gate_pairs(
     weight: FloatArray,
+    mean: FloatArray,
     measured: FloatArray,
     covariance: FloatArray,
-    rate: FloatArray,
     report: Report,
     gate_sigma: float,
 ) -> tuple[IntArray, IntArray, FloatArray]:
@@ -46,13 +46,15 @@ def gate_pairs(
     ----------
     weight : array of shape (H, R)
         Gaussians without weight have no gate.
-    measured, covariance, rate : arrays of shapes (H, R, Z), (H, R, Z, Z) and (H, R, Z)
-        Expected measurements with their covariances, and their derivatives by time.
+    mean : array of shape (H, R, D)
+    measured, covariance : arrays of shapes (H, R, Z) and (H, R, Z, Z)
+        Expected measurements with their covariances.
     gate_sigma : float
         Radius of the gate in standard deviations of the innovation.
     """
     sensor, size, modes = report.sensor, measured.shape[-1], weight.shape[1]
     reachable = sensor.reachable(measured.reshape(-1, size)).reshape(measured.shape)
+    rate = sensor.measurement_rate(mean.reshape(-1, mean.shape[2])).reshape(measured.shape)
     noise = np.eye(size) * report.detection_std[:, None, :] ** 2
     row, column, near = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, modes))]
     step = max(AT_ONCE // max(modes * len(report), 1), 1)

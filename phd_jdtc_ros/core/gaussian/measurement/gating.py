@@ -39,8 +39,8 @@ class Expected(NamedTuple):
         if not sensor.polar:
             found = linearised.expected(mixture.mean, mixture.covariance, sensor)
             variance = np.diagonal(found[1], axis1=-2, axis2=-1)
-            return Expected(*found, np.sqrt(np.maximum(variance, LEAST_STD**2)))
-        return Expected(*_expected(*(mixture.mean, mixture.covariance, sensor.axes, sensor.frame)))
+            return Expected(*contiguous(*found, np.sqrt(np.maximum(variance, LEAST_STD**2))))
+        return Expected(*_expected(mixture.mean, mixture.covariance, sensor.axes, sensor.frame))
 
 
 @compiled
@@ -82,7 +82,8 @@ def _longer(array: Any, size: int) -> Any:
 
 
 @inner
-def _box(
+def _write_box(
+    row: int,
     measured: FloatArray,
     reach: FloatArray,
     weight: FloatArray,
@@ -94,101 +95,119 @@ def _box(
     Return whether any Gaussian has weight and reaches into the radar's range.
     """
     found = False
-    for mode in range(len(weight)):
-        near, far = measured[mode, 0] - reach[mode, 0], measured[mode, 0] + reach[mode, 0]
-        if not (weight[mode] > 0.0 and near <= max_range):
+    for mode in range(len(reach)):
+        near, far = measured[row, mode, 0] - reach[mode, 0], measured[row, mode, 0] + reach[mode, 0]
+        if not (weight[row, mode] > 0.0 and near <= max_range):
             continue
         if not found:
-            box[0], box[1], box[2], box[3] = near, far, measured[mode, 1], 0.0
+            box[0], box[1], box[2], box[3] = near, far, measured[row, mode, 1], 0.0
             found = True
         box[0], box[1] = min(box[0], near), max(box[1], far)
-        half = abs(wrapped(measured[mode, 1] - box[2])) + reach[mode, 1]
+        half = abs(wrapped(measured[row, mode, 1] - box[2])) + reach[mode, 1]
         box[3] = max(box[3], half)
     return found
+
+
+@inner
+def _write_rates(
+    row: int, mean: FloatArray, axes: IntArray, pose: FloatArray, rate: FloatArray
+) -> None:
+    """Write the time derivatives of a row's measurements, and the bounds of their sizes, (R, 4)."""
+    for mode in range(len(rate)):
+        east, north = mean[row, mode, axes[0]] - pose[0], mean[row, mode, axes[1]] - pose[1]
+        along, across = mean[row, mode, axes[2]], mean[row, mode, axes[3]]
+        distance = max(math.sqrt(east * east + north * north), MIN_RANGE)
+        rate[mode, 0] = (east * along + north * across) / distance
+        rate[mode, 1] = (east * across - north * along) / (distance * distance)
+        rate[mode, 2] = abs(along) + abs(across)
+        rate[mode, 3] = rate[mode, 2] / distance
 
 
 @compiled
 def _gate_pairs(
     max_range: float,
+    axes: Int1,
+    pose: Float1,
+    mean: Float3,
     measured: Float3,
     covariance: Float4,
-    rate: Float3,
-    moved: Float3,
     weight: Float2,
     detection: Float2,
     order: Int1,
-    azimuth: Float1,
     noise_std: Float2,
     time_s: Float1,
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the results of `gate_pairs`.
-
-    `azimuth` has the azimuths of the detections in ascending `order`, within a full turn from 0;
-    `moved` is the largest motion of a measurement until its time.
-    """
-    count, modes = weight.shape
+    """Return the results of `gate_pairs`; `order` is that of the detections by azimuth from 0."""
+    (count, modes), size = weight.shape, len(order)
     room, found = 4 * count + 64, 0
     pairs, log_likelihood = np.empty((room, 2), np.int64), np.empty((room, modes))
     around, reach, box = np.empty(modes, np.bool_), np.empty((modes, 2)), np.empty(4)
-    inverse, log_root, widest = np.empty((modes, 3)), np.empty(modes), np.zeros(2)
-    for one in range(len(order)):
+    inverse, log_root, rate = np.empty((modes, 3)), np.empty(modes), np.zeros((modes, 4))
+    # Two turns of detections, so that the azimuths of a gate are a single run.
+    azimuth, distance = np.empty(2 * size), np.empty(2 * size)
+    widest, latest = np.zeros(2), 0.0
+    for place in range(size):
+        one = order[place]
+        distance[place] = distance[size + place] = detection[one, 0]
+        azimuth[place] = detection[one, 1] % FULL_TURN
+        azimuth[size + place] = azimuth[place] + FULL_TURN
+        latest = max(latest, abs(time_s[one]))
         for axis in range(2):
             widest[axis] = max(widest[axis], noise_std[one, axis])
     for row in range(count):
         anywhere, noise_range, noise_azimuth = False, -1.0, -1.0
+        if latest > 0.0:
+            _write_rates(row, mean, axes, pose, rate)
         for mode in range(modes):
-            spread = covariance[row, mode]
             for axis in range(2):
-                std = math.sqrt(spread[axis, axis] + widest[axis] ** 2)
-                reach[mode, axis] = GATE_SIGMA * std + moved[row, mode, axis]
+                std = math.sqrt(covariance[row, mode, axis, axis] + widest[axis] ** 2)
+                reach[mode, axis] = GATE_SIGMA * std + latest * rate[mode, 2 + axis]
             # The azimuth's variance grows with the square of the angle that the Gaussian covers.
-            wide = GATE_SIGMA * math.sqrt(spread[1, 1]) >= 0.5 * math.pi
-            inside = GATE_SIGMA * math.sqrt(spread[0, 0] + widest[0] ** 2)
-            around[mode] = measured[row, mode, 0] <= inside and wide
+            wide = covariance[row, mode, 1, 1] >= (0.5 * math.pi / GATE_SIGMA) ** 2
+            inside = reach[mode, 0] - latest * rate[mode, 2]
+            around[mode] = wide and measured[row, mode, 0] <= inside
             anywhere = anywhere or around[mode]
-        if not _box(measured[row], reach, weight[row], max_range, box):
+        if not _write_box(row, measured, reach, weight, max_range, box):
             continue
         half = math.pi if anywhere else min(box[3], math.pi)
         low = (box[2] - half) % FULL_TURN
-        begin = np.searchsorted(azimuth, low)
-        for step in range(len(order)):
-            place = (begin + step) % len(order)
-            beyond = azimuth[place] - low
-            beyond += FULL_TURN if beyond < 0.0 else 0.0
-            if half < math.pi and beyond > 2.0 * half:
-                break
-            one = order[place]
-            if not box[0] <= detection[one, 0] <= box[1]:
+        begin, near, far = np.searchsorted(azimuth[:size], low), box[0], box[1]
+        end = begin + size
+        if half < math.pi:
+            end = min(end, np.searchsorted(azimuth, low + 2.0 * half, "right"))
+        for place in range(begin, end):
+            away = distance[place]
+            if not near <= away <= far:
                 continue
+            one = order[place if place < size else place - size]
             if found == room:
                 room *= 2
                 pairs, log_likelihood = _longer(pairs, room), _longer(log_likelihood, room)
             if noise_std[one, 0] != noise_range or noise_std[one, 1] != noise_azimuth:
                 noise_range, noise_azimuth = noise_std[one, 0], noise_std[one, 1]
                 for mode in range(modes):
-                    spread = covariance[row, mode]
-                    a, b = spread[0, 0] + noise_range**2, spread[0, 1]
-                    c = spread[1, 1] + noise_azimuth**2
+                    a = covariance[row, mode, 0, 0] + noise_range**2
+                    b = covariance[row, mode, 0, 1]
+                    c = covariance[row, mode, 1, 1] + noise_azimuth**2
                     determinant = max(a * c - b * b, TINY)
                     inverse[mode, 0], inverse[mode, 2] = c / determinant, a / determinant
                     inverse[mode, 1] = -2.0 * b / determinant
                     log_root[mode] = 0.5 * math.log(determinant) + math.log(FULL_TURN)
-            near = False
+            gated = False
             for mode in range(modes):
                 log_likelihood[found, mode] = -np.inf
                 if not weight[row, mode] > 0.0:
                     continue
-                time = time_s[one]
-                along = detection[one, 0] - measured[row, mode, 0] - rate[row, mode, 0] * time
-                across = detection[one, 1] - measured[row, mode, 1] - rate[row, mode, 1] * time
+                along = away - measured[row, mode, 0] - rate[mode, 0] * time_s[one]
+                across = detection[one, 1] - measured[row, mode, 1] - rate[mode, 1] * time_s[one]
                 across = wrapped(across)
                 square = inverse[mode, 0] * along**2 + inverse[mode, 2] * across**2
                 square += inverse[mode, 1] * along * across
                 if around[mode] or square <= GATE_SIGMA**2:
                     log_likelihood[found, mode] = -0.5 * square - log_root[mode]
-                    near = True
+                    gated = True
             pairs[found, 0], pairs[found, 1] = row, one
-            found += near
+            found += gated
     return pairs[:found, 0].copy(), pairs[:found, 1].copy(), log_likelihood[:found]
 
 
@@ -203,25 +222,21 @@ def gate_pairs(
     log_likelihood : array of shape (P, R)
         Log likelihood with the measurement linearised at the mean; -inf outside a Gaussian's gate.
     """
-    sensor, detections, shape = report.sensor, report.detections, expected.measured.shape
-    rate = moved = np.zeros(shape)
-    timed = detections.time_s is not None and len(report) > 0
-    if timed:
-        rate = sensor.measurement_rate(mixture.mean.reshape(-1, mixture.mean.shape[2]))
-        rate = rate.reshape(shape)
+    sensor, measurement = report.sensor, report.detections.measurement
     if not sensor.polar:
         spread = expected.measured, expected.covariance
-        return linearised.gate_pairs(mixture.mode_weight, *spread, rate, report, GATE_SIGMA)
-    std = report.detection_std
-    if timed:
-        moved = np.empty(shape)
-        speed = np.abs(mixture.mean[..., list(sensor.space.velocity)]).sum(axis=-1)
-        moved[..., 0] = speed * np.abs(report.time_s).max()
-        moved[..., 1] = moved[..., 0] / np.maximum(expected.measured[..., 0], MIN_RANGE)
-    azimuth = detections.measurement[:, 1] % FULL_TURN
-    order = azimuth.argsort(kind="stable")
+        return linearised.gate_pairs(mixture.mode_weight, mixture.mean, *spread, report, GATE_SIGMA)
+    order = (measurement[:, 1] % FULL_TURN).argsort(kind="stable")
     return _gate_pairs(
         sensor.max_range,
-        *contiguous(expected.measured, expected.covariance, rate, moved, mixture.mode_weight),
-        *contiguous(detections.measurement, order, azimuth[order], std, report.time_s),
+        sensor.axes,
+        sensor.frame,
+        mixture.mean,
+        expected.measured,
+        expected.covariance,
+        mixture.mode_weight,
+        measurement,
+        order,
+        report.detection_std,
+        report.time_s,
     )

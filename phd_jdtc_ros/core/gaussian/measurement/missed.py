@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
-from ...arrays import FloatArray, contiguous
+from ...arrays import FloatArray
 from ...compilation import Float3, compiled
 from ...sensors.sensor import Sensor
 from ..mixture import Mixture
@@ -49,7 +49,7 @@ def after_miss(
     after a miss is proportional to N(d; m, s^2) (1 - p 1[d within]). Its mean and variance are
     matched; the other axes follow by their regression on the range.
     """
-    if not _at_limit(sensor.max_range, *contiguous(expected.measured, expected.std)):
+    if not _at_limit(sensor.max_range, expected.measured, expected.std):
         return None
     std = expected.std[..., 0]
     limit = (sensor.max_range - expected.measured[..., 0]) / std

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...arrays import FloatArray, IntArray, contiguous
+from ...arrays import FloatArray, IntArray
 from ...association import marginals
 from ...association.claims import Claims
 from ...association.marginals import LEAST_CLUTTER
@@ -72,12 +72,14 @@ def _sources(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the log scale, the intensities and their sum, as of `CompetingSources`."""
     kinds, size = other.shape
-    scale, intensity, total = np.empty(size), np.empty((kinds, size)), np.zeros(size)
-    for z in range(size):
-        scale[z] = np.max(other[:, z])
+    scale, intensity, total = np.full(size, -np.inf), np.empty((kinds, size)), np.zeros(size)
+    for kind in range(kinds):
+        for z in range(size):
+            scale[z] = max(scale[z], other[kind, z])
     for pair in range(len(column)):
         z = column[pair]
-        scale[z] = max(scale[z], np.max(measurement[pair]) + largest[z] + evidence[pair])
+        for mode in range(measurement.shape[1]):
+            scale[z] = max(scale[z], measurement[pair, mode] + largest[z] + evidence[pair])
     for kind in range(kinds):
         for z in range(size):
             intensity[kind, z] = math.exp(other[kind, z] - scale[z])
@@ -87,22 +89,51 @@ def _sources(
 
 @inner
 def _write_pair_weight(
+    one: int,
     prior: FloatArray,
-    log_measurement: FloatArray,
+    pair: int,
+    measurement: FloatArray,
     amplitude: FloatArray,
     log_factor: float,
+    place: int,
     weight: FloatArray,
-) -> None:
-    """Write the weight of a pair, p_D L_z w relative to the scale of its detection, (R, C).
+) -> float:
+    """Write the weight of a pair, p_D L_z w relative to the scale of its detection; return its sum.
 
-    `log_factor` is the log of all factors besides the measurement and the relative amplitude.
+    `log_factor` is the log of all factors besides the measurement and the relative amplitude;
+    `place` is the row of `weight` to write.
     """
-    for mode in range(len(prior)):
-        weight[mode] = 0.0
-        if log_measurement[mode] > -np.inf and log_factor > -np.inf:
-            likelihood = math.exp(log_measurement[mode] + log_factor)
-            for class_id in range(prior.shape[1]):
-                weight[mode, class_id] = prior[mode, class_id] * likelihood * amplitude[class_id]
+    mass = 0.0
+    for mode in range(prior.shape[1]):
+        likelihood, total = 0.0, 0.0
+        if measurement[pair, mode] > -np.inf and log_factor > -np.inf:
+            likelihood = math.exp(measurement[pair, mode] + log_factor)
+        for class_id in range(prior.shape[2]):
+            own = prior[one, mode, class_id] * likelihood * amplitude[pair, class_id]
+            weight[place, mode, class_id] = own
+            total += own
+        mass += total
+    return mass
+
+
+@inner
+def _write_missed_weight(
+    one: int,
+    prior: FloatArray,
+    detectable: FloatArray,
+    factor: float,
+    weight: FloatArray,
+) -> float:
+    """Write the weight of a hypothesis without a detection, times a factor; return its sum."""
+    mass = 0.0
+    for mode in range(prior.shape[1]):
+        total = 0.0
+        for class_id in range(prior.shape[2]):
+            missed = prior[one, mode, class_id] * (1.0 - detectable[one, mode, class_id])
+            weight[one, mode, class_id] = factor * missed
+            total += factor * missed
+        mass += total
+    return mass
 
 
 @compiled
@@ -111,7 +142,7 @@ def _likely(
     target: Int1,
     existence: Float1,
     weight: Float3,
-    missed: Float3,
+    detectable: Float3,
     snr: Float3,
     relative: Float3,
     row: Int1,
@@ -126,15 +157,15 @@ def _likely(
     amplitude = np.zeros((count, snr.shape[1]))
     scale, _, total = _sources(column, measurement, largest, evidence, other)
     odds, wanted = np.empty(count), np.zeros(size)
-    start, each = np.zeros(targets + 1, np.int64), np.empty(weight.shape[1:])
+    start, each = np.zeros(targets + 1, np.int64), np.empty_like(weight)
     for pair in range(count):
         one, z = row[pair], column[pair]
         for class_id in range(snr.shape[1]):
             for cell in range(snr.shape[2]):
                 amplitude[pair, class_id] += snr[one, class_id, cell] * relative[z, class_id, cell]
         factor = evidence[pair] + largest[z] - scale[z]
-        _write_pair_weight(weight[one], measurement[pair], amplitude[pair], factor, each)
-        odds[pair] = sum_of(each) / max(total[z], LEAST_CLUTTER)
+        mass = _write_pair_weight(one, weight, pair, measurement, amplitude, factor, one, each)
+        odds[pair] = mass / max(total[z], LEAST_CLUTTER)
         wanted[z] += odds[pair]
         start[target[one] + 1] += 1
     start = np.cumsum(start)
@@ -145,7 +176,7 @@ def _likely(
         room[one] += 1
     alone = 1.0 - existence
     for one in range(len(target)):
-        alone[target[one]] += sum_of(missed[one])
+        alone[target[one]] += _write_missed_weight(one, weight, detectable, 1.0, each)
     own, counted = np.zeros(size), np.zeros(count, np.bool_)
     for one in range(targets):
         pairs = order[start[one] : start[one + 1]]
@@ -163,7 +194,7 @@ def _likely(
 
 
 def likely(
-    mixture: Mixture, missed: FloatArray, pairs: PairLikelihoods, relative: FloatArray
+    mixture: Mixture, detectable: FloatArray, pairs: PairLikelihoods, relative: FloatArray
 ) -> tuple[IntArray, FloatArray]:
     """Return the pairs that may exceed `LEAST_SHARE` of both their target and their detection.
 
@@ -175,14 +206,20 @@ def likely(
 
     Parameters
     ----------
-    missed : array of shape (H, R, C)
-        Weights times the probability of a missed detection.
+    detectable : array of shape (H, R, C)
+        Probability of detection.
     relative : array of shape (M, C, S)
         See `amplitude.Amplitudes`.
     """
     return _likely(
-        *(LEAST_SHARE, mixture.target, mixture.existence, mixture.weight),
-        *contiguous(missed, mixture.snr, relative, *pairs),
+        LEAST_SHARE,
+        mixture.target,
+        mixture.existence,
+        mixture.weight,
+        detectable,
+        mixture.snr,
+        relative,
+        *pairs,
     )
 
 
@@ -194,7 +231,6 @@ def _associate(
     targets: int,
     target: Int1,
     weight: Float3,
-    missed: Float3,
     detectable: Float3,
     amplitude: Float2,
     row: Int1,
@@ -222,9 +258,11 @@ def _associate(
         probability[one] = detected / prior[one] if prior[one] > 0.0 else detected
     for pair in range(len(row)):
         one, z = row[pair], column[pair]
-        factor, each = evidence[pair] + largest[z] - scale[z], later[rows + pair]
-        _write_pair_weight(weight[one], measurement[pair], amplitude[pair], factor, each)
-        target_of[rows + pair], mass[rows + pair] = target[one], sum_of(each)
+        factor = evidence[pair] + largest[z] - scale[z]
+        target_of[rows + pair] = target[one]
+        mass[rows + pair] = _write_pair_weight(
+            one, weight, pair, measurement, amplitude, factor, rows + pair, later
+        )
     claim = mass[rows:].copy()
     scaled, unseen, share, claimed, approximate = posterior_shares(
         most_work, targets, target, prior, row, column, claim, total, probability
@@ -232,12 +270,8 @@ def _associate(
     existence = np.zeros(targets)
     for one in range(rows):
         factor = unseen[target[one]] * (scaled[one] / prior[one] if prior[one] > 0.0 else 1.0)
-        for mode in range(modes):
-            for class_id in range(classes):
-                later[one, mode, class_id] = factor * missed[one, mode, class_id]
-        mass[one] = sum_of(later[one])
+        mass[one] = _write_missed_weight(one, weight, detectable, factor, later)
     for pair in range(len(row)):
-        later[rows + pair] *= share[pair]
         mass[rows + pair] *= share[pair]
     for one in range(count):
         existence[target_of[one]] += mass[one]
@@ -246,9 +280,11 @@ def _associate(
     for place in range(len(kept)):
         pair = kept[place] - rows
         source[place] = kept[place] if pair < 0 else row[pair]
+        part = 1.0 if pair < 0 else share[pair]
         for mode in range(modes):
             for class_id in range(classes):
-                found[place, mode, class_id] = factors[place] * later[kept[place], mode, class_id]
+                own = part * later[kept[place], mode, class_id]
+                found[place, mode, class_id] = factors[place] * own
         kept[place] = max(pair, -1)
     associated, claims = mass[rows:].copy(), (claim, total, probability)
     hypotheses = source, kept, found, approximate
@@ -257,7 +293,6 @@ def _associate(
 
 def associate(
     mixture: Mixture,
-    missed: FloatArray,
     detectable: FloatArray,
     amplitude: FloatArray,
     pairs: PairLikelihoods,
@@ -267,15 +302,21 @@ def associate(
 
     Parameters
     ----------
-    missed, detectable : arrays of shape (H, R, C)
-        Weights times the probability of a missed detection, and the probability of detection.
+    detectable : array of shape (H, R, C)
+        Probability of detection.
     amplitude : array of shape (P, C)
         See `likely`.
     """
     associated = _associate(
-        *(marginals.MOST_WORK, bounds.hypotheses, bounds.least_share),
-        *(len(mixture.label), mixture.target),
-        *contiguous(mixture.weight, missed, detectable, amplitude, *pairs),
+        marginals.MOST_WORK,
+        bounds.hypotheses,
+        bounds.least_share,
+        len(mixture.label),
+        mixture.target,
+        mixture.weight,
+        detectable,
+        amplitude,
+        *pairs,
     )
     claims, sources = Claims(pairs.row, pairs.column, *associated[:3]), associated[3:5]
     return Association(claims, CompetingSources(*sources), *associated[5:])
