@@ -65,7 +65,7 @@ class Horizon(NamedTuple):
         regular = len(intervals) < MIN_INTERVALS or (
             median(np.abs(intervals / interval_s - 1.0)) < MAX_DEVIATION
         )
-        lead_s = np.fmin.reduce([np.fmax.reduce(timings[:, 2]), *timings[:, 1]])
+        lead_s = np.fmin(np.fmax.reduce(timings[:, 2]), np.fmin.reduce(timings[:, 1]))
         lead_s = self.lead_s if np.isnan(lead_s) else float(lead_s)
         return Horizon(timings, interval_s, regular, lead_s)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -66,15 +67,14 @@ def cut(
     start_s, end_s = between_s
     count = max(1, round(SLICES * (end_s - start_s) / period_s))
     edges_s, edges = np.linspace(start_s, end_s, count + 1), np.linspace(*between, count + 1)
-    index = np.clip(np.searchsorted(edges_s, report.own_s, side="right") - 1, 0, count - 1)
     middle_ns = np.rint((0.5 * (edges_s[1:] + edges_s[:-1]) - report.stamp_s) * 1e9)
+    parts = [report.detections]
+    if count > 1:
+        index = np.searchsorted(edges_s[1:-1], report.own_s, side="right")
+        parts = [report.detections.take(np.flatnonzero(index == k)) for k in range(count)]
     return [
-        UnstampedSlice(
-            report.stamp_ns + int(middle_ns[k]),
-            report.detections.take(np.flatnonzero(index == k)),
-            arc(edges[k], edges[k + 1]),
-        )
-        for k in range(count)
+        UnstampedSlice(report.stamp_ns + int(own_ns), part, arc(*ends))
+        for own_ns, part, ends in zip(middle_ns, parts, pairwise(edges), strict=True)
     ]
 
 

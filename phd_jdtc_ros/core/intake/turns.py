@@ -249,7 +249,8 @@ class Turns:
             own_s = own_s[antenna.fits(own_s, report.azimuth)]
             self.anomalies["times_disagree"] += len(report.detections) - len(own_s)
         self._remember(report, own_s)
-        lead_s = np.nan_to_num(self.state.horizon.lead_s) if report.timed else 0.5 * length_s
+        lead_s = self.state.horizon.lead_s if report.timed else 0.5 * length_s
+        lead_s = 0.0 if math.isnan(lead_s) else lead_s
         # No time is covered twice; for the first report `before_s` is NaN.
         end_s = float(np.fmax(report.stamp_s + lead_s, before_s))
         start_s, lost = end_s - MAX_COVERED_TURNS * self.period_s, round(steps) >= 2
