@@ -8,7 +8,7 @@ from mcap.opcode import Opcode
 from mcap.records import Message
 from mcap.writer import IndexType, Writer
 from samples import STAMP_NS
-from small_bags import MARKERS, RADAR, SECOND, TOPICS, made, outcome, write
+from small_bags import MARKERS, RADAR, TOPICS, made, outcome, write
 
 from msg_adapters import interfaces, names
 from phd_jdtc_ros.bags import reader as bag_module
@@ -254,7 +254,3 @@ def test_reader_rejects_a_summary_with_other_channels(file, tmp_path):
     assert len(found) == len(made())
     assert error.corrupt
     assert "define a channel or a type differently" in str(error)
-
-
-def test_reader_of_a_file_without_chunks_ends_with_its_data(file):
-    assert BagReader(file).end_ns == STAMP_NS + 20 * SECOND + 1

@@ -12,11 +12,6 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter
 
 
-def test_writer_makes_missing_parents(tmp_path):
-    write(tmp_path / "a" / "b", made())
-    assert (tmp_path / "a" / "b" / "b_0.mcap").is_file()
-
-
 def test_writer_gives_the_same_bytes_for_the_same_messages(bag, tmp_path):
     again = write(tmp_path / "recording", made())
     for path in bag.iterdir():

@@ -1,6 +1,5 @@
 import time
 
-import numpy as np
 import pytest
 
 from phd_jdtc_ros.configuration import build, replaced
@@ -20,12 +19,6 @@ def test_resolve_keeps_every_value_in_force():
     assert values["lag"] == "3"
     assert values["radar_1.range_std"] == 100.0
     assert values["radar_2.range_std"] == 300.0
-
-
-def test_resolve_accepts_whole_numbers_for_real_ones():
-    resolved = build.resolve({"interval_s": 4, "start_1.position": [1, 2]})
-    assert resolved.model.modes.interval_s == 4.0
-    np.testing.assert_array_equal(resolved.model.births[0].mean, [1.0, 0.0, 2.0, 0.0, 0.0])
 
 
 def test_resolve_names_the_inputs():

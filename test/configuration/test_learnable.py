@@ -12,13 +12,24 @@ def radar_of(**given):
 
 
 @pytest.mark.parametrize(
-    ("value", "start", "learned"),
-    [(45.0, 45.0, False), (45, 45.0, False), ("auto 45", 45.0, True), ("auto", 300.0, True)],
+    ("value", "std", "learned", "outliers"),
+    [
+        (45.0, 45.0, False, False),
+        (45, 45.0, False, False),
+        ("auto 45", 45.0, True, False),
+        ("auto", 300.0, True, False),
+        ("45 outliers", 45.0, False, True),
+        ("auto 45 outliers", 45.0, True, True),
+        ("auto outliers", 300.0, True, True),
+    ],
 )
-def test_standard_deviation_is_a_number_or_is_learned_from_one(value, start, learned):
+def test_standard_deviation_is_a_number_or_is_learned_and_may_have_outliers(
+    value, std, learned, outliers
+):
     radar = radar_of(range_std=value)
-    assert radar.range_std == start
+    assert radar.range_std == std
     assert (radar.noise_factor is not None) == learned
+    assert (radar.outliers is not None) == outliers
 
 
 def test_each_component_is_learned_alone():
@@ -27,55 +38,27 @@ def test_each_component_is_learned_alone():
 
 
 @pytest.mark.parametrize(
-    ("value", "probability", "learned"),
-    [
-        (0.8, 0.8, False),
-        ("auto 0.8", 0.8, True),
-        ([0.0, 0.9, 1e4, 0.7], 0.8, False),
-        ("auto 0 0.9 1e4 0.7", 0.8, True),
-    ],
-)
-def test_detection_probability_is_a_number_a_table_or_is_learned_from_them(
-    value, probability, learned
-):
-    radar = radar_of(detection_probability=value)
-    found = radar.given_detection_probability(np.array([[5e3, 0.0]]))
-    np.testing.assert_allclose(found, [probability])
-    assert (radar.detection_factor is not None) == learned
-    assert radar.correlation is None
-
-
-@pytest.mark.parametrize(
     ("value", "probability", "learned", "correlation"),
     [
+        (0.8, 0.8, False, None),
+        ("auto 0.8", 0.8, True, None),
+        ([0.0, 0.9, 1e4, 0.7], 0.8, False, None),
+        ("auto 0 0.9 1e4 0.7", 0.8, True, None),
         ("0.8 correlated 0.5", 0.8, False, (0.5, False)),
         ("0.8 correlated", 0.8, False, (0.0, True)),
         ("auto 0.8 correlated", 0.8, True, (0.0, True)),
         ("0 0.9 1e4 0.7 correlated 0.5", 0.8, False, (0.5, False)),
     ],
 )
-def test_detections_may_be_correlated_from_look_to_look(value, probability, learned, correlation):
+def test_detection_probability_is_a_number_a_table_or_is_learned_and_may_be_correlated(
+    value, probability, learned, correlation
+):
     radar = radar_of(detection_probability=value)
     found = radar.given_detection_probability(np.array([[5e3, 0.0]]))
     np.testing.assert_allclose(found, [probability])
     assert (radar.detection_factor is not None) == learned
-    assert (radar.correlation.start, radar.correlation.learned) == correlation
-
-
-@pytest.mark.parametrize(
-    ("value", "std", "learned", "outliers"),
-    [
-        (45.0, 45.0, False, False),
-        ("45 outliers", 45.0, False, True),
-        ("auto 45 outliers", 45.0, True, True),
-        ("auto outliers", 300.0, True, True),
-    ],
-)
-def test_noise_may_have_outliers(value, std, learned, outliers):
-    radar = radar_of(range_std=value)
-    assert radar.range_std == std
-    assert (radar.noise_factor is not None) == learned
-    assert (radar.outliers is not None) == outliers
+    chain = radar.correlation and (radar.correlation.start, radar.correlation.learned)
+    assert chain == correlation
 
 
 def test_particles_refuse_outliers():

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scenes import plain
 
 from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.configuration.engines import particle_filter
@@ -57,12 +56,6 @@ def test_field_of_view_is_counted_as_the_radar_counts(convention, seen, hidden):
         assert radar.visibility.sees(measured).tolist() == [expected] * 2
 
 
-def test_a_matrix_without_a_generator_holds_for_whole_intervals():
-    modes = build.resolve({"class_0.mode_transition": [0.3, 0.7, 0.7, 0.3]}).model.modes
-    np.testing.assert_allclose(modes.transition(1.0)[:2, :2], [[0.3, 0.7], [0.7, 0.3]])
-    np.testing.assert_allclose(modes.transition(6.0)[:2, :2], [[0.3, 0.7], [0.7, 0.3]])
-
-
 def test_resolve_builds_three_classes_of_different_motions():
     given = {
         "classes": ["a", "b", "c"],
@@ -80,13 +73,6 @@ def test_resolve_builds_three_classes_of_different_motions():
     assert model.modes.motions[5] == ConstantVelocity(50.0)
     rates = np.array([8.0, 4.0, 9.0, 0.0, 0.0, 0.0]) * 1e-3 / 3.0
     np.testing.assert_allclose(model.births[0].rate, rates)
-
-
-def test_resolve_builds_a_plain_filter():
-    model = plain().model
-    assert len(model.modes) == 1
-    np.testing.assert_array_equal(model.modes.transition(3.0), [[1.0]])
-    np.testing.assert_array_equal(model.spawn.transition, [[1.0]])
 
 
 @pytest.mark.parametrize(

@@ -96,28 +96,6 @@ def test_summary_with_one_source_only_has_no_reduction():
     assert summary["scans"] == 0
 
 
-def test_summary_of_a_perfect_filter_has_no_reduction():
-    evaluation = Evaluation(classes=1, cutoff=C, order=2.0)
-    evaluation.add_truth(1, points((0, 0, 0)))
-    for source in (FILTERED, SMOOTHED):
-        evaluation.add_estimates(source, 1, points((0, 0, 0)))
-    assert evaluation.summary()["reduction"] is None
-
-
-def test_evaluation_scores_an_empty_report():
-    evaluation = Evaluation(classes=1, cutoff=C, order=2.0)
-    evaluation.add_truth(1, points())
-    (score,) = evaluation.add_estimates(SMOOTHED, 1, points())
-    assert [score.values["all"][name] for name in ("ospa", "pairs", "right_class")] == [0, 0, 0]
-
-
-def test_evaluation_without_truth_of_a_stamp_keeps_waiting():
-    evaluation = Evaluation(classes=1, cutoff=C, order=2.0)
-    assert evaluation.add_estimates(FILTERED, 7, points((0, 0, 0))) == []
-    assert evaluation.add_truth(8, points((0, 0, 0))) == []
-    assert evaluation.summary()["scans"] == 0
-
-
 def labelled(*rows):
     """Return a point set of (x, y, class, track) rows."""
     table = np.array(rows, dtype=float).reshape(-1, 4)
@@ -211,15 +189,15 @@ def test_summary_holds_ospa2_of_labelled_estimates():
     assert swapped["ospa2_window"] == OSPA2_WINDOW
 
 
-@pytest.mark.parametrize("estimate", [points((0, 0, 0)), labelled((0, 0, 0, 0)), labelled()])
-def test_summary_has_no_ospa2_without_labelled_estimates(estimate):
-    found = run_of((labelled((0, 0, 0, 1)), estimate)).summary()
-    assert found[FILTERED]["all"]["ospa2"] is None
+ONE = labelled((0, 0, 0, 1))
 
 
-def test_summary_has_no_ospa2_once_an_estimate_was_unlabelled():
-    one = labelled((0, 0, 0, 1))
-    found = run_of((one, one), (one, points((0, 0, 0))), (one, one)).summary()
+@pytest.mark.parametrize(
+    "estimates",
+    [[points((0, 0, 0))], [labelled((0, 0, 0, 0))], [labelled()], [ONE, points((0, 0, 0)), ONE]],
+)
+def test_summary_has_no_ospa2_unless_all_estimates_are_labelled(estimates):
+    found = run_of(*((ONE, each) for each in estimates)).summary()
     assert found[FILTERED]["all"]["ospa2"] is None
 
 

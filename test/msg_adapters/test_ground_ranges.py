@@ -83,14 +83,6 @@ def test_plots_with_heights_are_where_the_targets_are(distance, height):
     assert_allclose(report.detections.height, height - ORIGIN[2])
 
 
-def test_a_flat_earth_would_be_wrong_by_hundreds_of_metres():
-    latitude, longitude, slant, compass, _ = around(400e3, 11e3)
-    plots = [(*plot, 11e3) for plot in zip(slant, compass, strict=True)]
-    flat = read(plots, site=None).detections
-    expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
-    assert np.hypot(*(in_plane(flat) - expected).T).max() > 200.0
-
-
 def test_plots_with_elevations_are_where_the_targets_are():
     latitude, longitude, slant, compass, elevation = around(150e3, 6000.0)
     names = ("range", "azimuth", "elevation")
@@ -194,10 +186,6 @@ def test_impossible_points_are_dropped_by_reason():
 def test_a_plot_at_the_radar_itself_is_kept():
     report = read([(0.0, 10.0, NAN)])
     assert_allclose(report.detections.measurement[:, 0], 0.0, atol=0.01)
-
-
-def test_an_empty_cloud_has_no_detections():
-    assert len(read([]).detections) == 0
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from samples import STAMP_NS, estimates, nothing
+from samples import STAMP_NS, estimates, nothing, with_heights
 
 from msg_adapters import stamps, tracks
 from msg_adapters.tracks import Waypoint
-from phd_jdtc_ros.core import types
 
 PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
 UNKNOWN = [2, 3, 4]
@@ -128,19 +127,9 @@ def test_to_path_is_at_the_heights_of_the_track(heights, shown):
 
 
 def test_heights_are_in_the_pose_and_the_twist_where_they_are_known():
-    sample = estimates(2)
-    count = len(sample)
-    height, covariance = np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan)
-    height[0], covariance[0] = [3048.0, -7.5], [[60.0, 2.0], [2.0, 1.5]]
-    unknown = np.full(count, types.UNKNOWN)
-    attributes = types.Attributes(height, covariance, unknown, unknown)
-    number = sample.track_id.copy()
-    number[:2] = 1, 2
-    plain = replace(sample, track_id=number)
-    (first, second), (before, _) = (
-        tracks.to_odometry(each, "map")[:2]
-        for each in (replace(plain, attributes=attributes), plain)
-    )
+    plain = replace(estimates(2), track_id=np.array([1, 2]))
+    known = with_heights(plain, [[3048.0, -7.5], [np.nan, np.nan]])
+    (first, second), (before, _) = (tracks.to_odometry(each, "map") for each in (known, plain))
     assert (first.pose.pose.position.z, first.twist.twist.linear.z) == (3048.0, -7.5)
     assert (first.pose.covariance[14], first.twist.covariance[14]) == (60.0, 1.5)
     assert (second.pose.pose.position.z, second.twist.twist.linear.z) == (0.0, 0.0)

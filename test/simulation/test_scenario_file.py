@@ -34,14 +34,6 @@ def test_resolve_reads_the_timing():
     ]
 
 
-def test_resolve_reads_targets_in_order():
-    found = resolve(targets=[TARGET, {**TARGET, "class_id": 0, "snr_db": 30.0}])
-    assert found.targets == (
-        TargetScript(1, pytest.approx(100.0), (1.0, 2.0), (3.0, -4.0), 5, 7),
-        TargetScript(0, pytest.approx(1000.0), (1.0, 2.0), (3.0, -4.0), 5, 7),
-    )
-
-
 def test_resolve_describes_the_reference_scenario():
     reference = scenario.paper_scenario(RADARS)
     targets = [
