@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.report.clock import Clock
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.pictures.figures import write_all
-from phd_jdtc_ros.report.record import RadarPlots, Record
+from phd_jdtc_ros.report.record import RadarPlots
 
 SCORED = {"number_error", "ospa", "ospa_parts"}
 EVERYTHING = {"scenario", "measurements", "trajectories"} | SCORED
@@ -86,18 +86,15 @@ UNKNOWN_AMPLITUDE = plots_of([[0.0, 0.0], [1e3, 1e3]], [np.nan, 0.0])
         ({"filtered": (), "smoothed": ()}, EVERYTHING - SCORED),
         ({"filtered": ()}, EVERYTHING),
         (first_scan(), EVERYTHING),
+        (dict.fromkeys(("truth", "plots", "filtered", "smoothed"), ()), set()),
     ],
     ids=[
         *("no truth", "no plots", "empty plots", "unknown amplitude", "empty estimates"),
-        *("no estimates", "smoothed alone", "a single scan"),
+        *("no estimates", "smoothed alone", "a single scan", "nothing"),
     ],
 )
 def test_write_all_draws_what_the_record_has(tmp_path, parts, pictures):
     assert set(written(record_of(**parts), tmp_path)) == pictures
-
-
-def test_write_all_writes_nothing_for_an_empty_record(tmp_path):
-    assert written(Record((), (), (), (), 2, np.zeros(0)), tmp_path) == {}
 
 
 def test_write_all_leaves_global_settings_alone(tmp_path):
@@ -116,33 +113,6 @@ def test_number_error_shows_estimated_minus_true():
     assert [set(axes.lines[-1].get_ydata()) for axes in rows] == [{0.0}, {-1.0}]
 
 
-def test_ospa_has_a_row_for_each_class_and_one_for_all():
-    rows = without_pixels(record_of(3))["ospa"].axes
-
-    titles = [axes.get_title(loc="left") for axes in rows]
-    assert titles == ["class 0", "class 1", "class 2", "all classes"]
-
-
-def test_ospa_legend_gives_the_means():
-    record = record_of()
-    summary = record.evaluate(1000.0, 2.0).summary()
-
-    legend = without_pixels(record)["ospa"].axes[-1].get_legend()
-
-    assert [text.get_text() for text in legend.get_texts()] == [
-        f"{source}, mean {summary[source]['all']['ospa']:.0f} m"
-        for source in ("filtered", "smoothed")
-    ]
-
-
-@pytest.mark.parametrize("name", ["scenario", "measurements", "trajectories"])
-def test_maps_have_equal_scales_in_kilometres(name):
-    axes = without_pixels(record_of())[name].axes[0]
-
-    assert axes.get_aspect() == 1.0
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (km)", "y (km)")
-
-
 def test_clock_counts_from_the_first_stamp_of_any_part():
     late_truth = tuple(truth_of(k, 2) for k in range(3, SCANS))
 
@@ -156,11 +126,12 @@ def test_clock_gives_long_runs_in_minutes():
 
 
 @pytest.mark.parametrize(("record", "unit"), [(record_of(2), "km"), (shrunk(record_of(2)), "m")])
-def test_maps_are_in_metres_where_they_are_short(record, unit):
+def test_maps_have_equal_scales_in_metres_where_they_are_short(record, unit):
     drawn = without_pixels(record)
     for name in ("scenario", "measurements", "trajectories"):
         axes = drawn[name].axes[0]
         assert (axes.get_xlabel(), axes.get_ylabel()) == (f"x ({unit})", f"y ({unit})")
+        assert axes.get_aspect() == 1.0
     low, high = drawn["trajectories"].axes[0].dataLim.intervaly
     # Two targets 2 km apart, or 20 m.
     assert high - low == pytest.approx(2.04 if unit == "km" else 20.4, rel=0.05)

@@ -182,10 +182,6 @@ def test_write_report_names_the_engine_and_shows_the_other_beside_it(tmp_path):
     assert of_engines == [["particles, live", *cells], ["gaussian, offline", *cells]]
 
 
-def test_write_report_notes_a_worse_smoother(tmp_path):
-    assert "12 % more" in page(tmp_path, summary_of(reduction=-0.12))
-
-
 def test_write_report_without_scores_has_neither_tables_nor_dashes(tmp_path):
     text = without_library(page(tmp_path, nothing_known(), notes=["Nothing to score against."]))
 

@@ -230,28 +230,52 @@ def test_picture_is_moved_and_zoomed_by_keys(results):
     assert results["keys"] == "true,true,true"
 
 
-def test_play_goes_on_from_the_scan_asked_for_to_the_last_one(opened):
-    click = (
-        'setTimeout(() => { document.title = document.getElementById("shown").textContent; '
-        'document.getElementById("play").click(); }, 2000);'
-    )
-    dom, console = opened(None, at="#scan=3", then=click)
+# What is shown at first, once all has been played, and after a click on a time; then a page from
+# elsewhere is asked for.
+PLAYED = """{
+    const told = [], text = () => shown.textContent;
+    const clicked = () => {
+        told.push(text());
+        document.title = JSON.stringify(told);
+        new Image().src = "http://127.0.0.1:9/x.png";
+    };
+    const begin = () => {
+        told.push(text());
+        play.click();
+        const waiting = setInterval(() => {
+            if (play.textContent !== "Play") return;
+            clearInterval(waiting);
+            told.push(text());
+            document.getElementById("ospa").emit("plotly_click", {points: [{x: 31.0}]});
+            setTimeout(clicked, 500);
+        }, 100);
+    };
+    setTimeout(begin, 2000);
+}
+"""
 
-    assert f"12.0 s, scan 3 of {SCANS}" in re.search("<title>(.*?)</title>", dom)[1]
-    assert f"66.0 s, scan {SCANS} of {SCANS}" in dom
-    assert ">Play<" in dom
-    assert console == []
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory):
+    """Return what was shown one after the other, and the console's lines."""
+    dom, console = Opener(tmp_path_factory.mktemp("played"))(None, at="#scan=3", then=PLAYED)
+    return json.loads(unescape(re.search("<title>(.*?)</title>", dom)[1])), console
 
 
-def test_a_click_on_a_time_shows_its_scan(opened):
-    click = (
-        'setTimeout(() => document.getElementById("ospa").emit("plotly_click", '
-        "{points: [{x: 31.0}]}), 2000);"
-    )
-    dom, console = opened(None, then=click)
+def test_play_goes_on_from_the_scan_asked_for_to_the_last_one(played):
+    (first, last, _), _ = played
+    assert f"12.0 s, scan 3 of {SCANS}" in first
+    assert f"66.0 s, scan {SCANS} of {SCANS}" in last
 
-    assert f"30.0 s, scan 6 of {SCANS}" in dom
-    assert console == []
+
+def test_a_click_on_a_time_shows_its_scan(played):
+    (*_, clicked), _ = played
+    assert f"30.0 s, scan 6 of {SCANS}" in clicked
+
+
+def test_page_is_refused_anything_from_elsewhere(played):
+    _, (line,) = played
+    assert "Content Security Policy" in line
 
 
 def test_page_is_light_or_dark_as_the_reader_has_it(opened, drawn):
@@ -315,10 +339,3 @@ def test_page_of_one_class_shows_it_once_by_its_name(opened):
     assert "all classes" not in dom.partition("<h2>Definitions")[0]
     assert '<div id="classes"' not in dom
     assert '<th scope="row">&lt;car&gt;</th>' in dom
-
-
-def test_page_is_refused_anything_from_elsewhere(opened):
-    _, console = opened(None, then='new Image().src = "http://127.0.0.1:9/x.png";')
-
-    assert len(console) == 1
-    assert "Content Security Policy" in console[0]

@@ -64,8 +64,3 @@ def test_evaluate_passes_cutoff_and_order_on(run):
 def test_evaluate_without_truth_scores_nothing(run):
     blind = Record(**{**vars(run), "truth": ()})
     assert blind.evaluate(1000.0, 2.0).summary()["scans"] == 0
-
-
-def test_of_source_returns_that_sources_estimates(run):
-    assert run.of_source("filtered") is run.filtered
-    assert run.of_source("smoothed") is run.smoothed

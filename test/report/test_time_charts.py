@@ -7,6 +7,7 @@ from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.report.page import charts, class_chart, time_charts
 
 TIMES = [6.0 * k for k in range(SCANS)]
+NOTHING = tuple(estimates_of(k, 2, 0, 0) for k in range(SCANS))
 
 
 def chart(draw, record):
@@ -48,10 +49,6 @@ def test_ospa_titles_give_the_means():
     shown = titles(chart(time_charts.ospa, record).figure)
 
     assert shown[0] == f"<b>all classes</b> \N{MIDDLE DOT} mean {mean:.0f} m smoothed"
-
-
-def test_ospa_caption_names_order_and_cutoff():
-    assert "p = 2, c = 1000 m" in chart(time_charts.ospa, record_of()).caption
 
 
 def test_classes_have_their_colours():
@@ -155,6 +152,7 @@ def test_filtered_class_probabilities_stand_behind_smoothed_ones_or_for_themselv
         ({"filtered": (), "smoothed": (), "truth": ()}, []),
         ({"plots": ()}, ["ospa", "numbers", "classes"]),
         ({"filtered": (), "smoothed": (), "truth": (), "plots": ()}, []),
+        ({"filtered": NOTHING, "smoothed": NOTHING}, ["ospa", "numbers"]),
     ],
 )
 def test_of_record_draws_what_there_is(parts, expected):
@@ -183,13 +181,3 @@ def test_missing_lists_what_the_bag_lacks(parts, notes):
     assert len(found) == len(notes)
     for note, part in zip(found, notes, strict=True):
         assert part in note
-
-
-def test_of_record_draws_scans_without_any_estimate():
-    nothing = tuple(estimates_of(k, 2, 0, 0) for k in range(SCANS))
-    record = record_of(filtered=nothing, smoothed=nothing)
-
-    assert [c.name for c in charts.of_record(record, record.evaluate(1000.0, 2.0))] == [
-        "ospa",
-        "numbers",
-    ]
