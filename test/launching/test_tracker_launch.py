@@ -192,13 +192,6 @@ def test_nothing_is_started_with_a_file_that_the_tracker_refuses(printed, tmp_pa
     assert not any(found.values())
 
 
-@pytest.mark.parametrize("yes", ["true", "True", "1"])
-def test_booleans_follow_one_rule(printed, yes):
-    found = printed([*EXECUTABLES], rviz=yes, frames=yes, localhost_only=yes, use_sim_time=yes)
-
-    assert [len(found[name]) for name in EXECUTABLES.values()] == [1, 1]
-
-
 def test_pushed_namespace_reaches_rviz_and_the_file(printed, tmp_path):
     path = tmp_path / "site.yaml"
     path.write_text("/site/alpha/t2: {ros__parameters: {lag: 2}}")

@@ -184,38 +184,3 @@ def test_simulate_refuses_a_negative_seed_and_to_overwrite(simulate, tmp_path, c
     assert status == 2
     assert faults_of(capsys) == [f"{out}: already exists, a bag is not overwritten"]
     assert [path.name for path in out.iterdir()] == ["mine"]
-
-
-def test_simulate_reports_that_it_cannot_write(simulate, tmp_path, capsys):
-    (tmp_path / "file").write_text("")
-    status, out = simulate(out="file/bag")
-    assert status == 2
-    assert faults_of(capsys) == [f"{out}: cannot be written: Not a directory"]
-
-
-def test_simulate_lists_every_fault_of_the_parameters(simulate, capsys):
-    status, out = simulate(
-        "-p", "lag:=-1", "-p", "no_such:=1", "-p", "radar_2.max_range:=far", "-p", "seed:=.nan",
-    )  # fmt: skip
-    assert status == 2
-    assert sorted(faults_of(capsys)) == [
-        "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
-        "'20 s'",
-        "no_such: unknown parameter",
-        "radar_2.max_range: 'far' given, must be a finite number, at least 1e-09",
-        "seed: nan given, must be a whole number, at least 0, at most 2.14748e+09",
-    ]
-    assert not out.exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [([], "--out"), (["--out", "x", "--seed", "one"], "--seed"), (["--out", "x", "--no"], "--no")],
-)
-def test_simulate_refuses_wrong_arguments_with_its_usage(capsys, arguments, complaint):
-    with pytest.raises(SystemExit) as caught:
-        run("simulate", arguments)
-    assert caught.value.code == 2
-    text = capsys.readouterr().err
-    assert text.startswith("usage: simulate")
-    assert complaint in text.splitlines()[-1]

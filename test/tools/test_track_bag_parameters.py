@@ -6,8 +6,6 @@ from pathlib import Path
 import pytest
 from bag_content import first
 
-from msg_adapters import names
-from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 ROOT = Path(__file__).parents[2]
@@ -30,12 +28,6 @@ def test_track_bag_takes_the_parameters_beside_the_bag(
     assert "recorded" not in capsys.readouterr().err
     # Its output is tracked and reported by one argument too.
     assert bag_parameters.read(alone)["births"] == ["north_west", "south_west"]
-
-
-def test_track_bag_finds_a_shipped_bag_by_its_name(track, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    status, out = track("one_radar")
-    assert (status, BagReader(out).counts[names.estimates("smoothed")]) == (0, 60)
 
 
 def test_track_bag_changes_single_parameters_of_those_beside_the_bag(one_radar, track):
