@@ -55,16 +55,6 @@ def test_autoferry_writes_the_lidar_too_where_asked(dataset, tmp_path):
     assert not tracker.tally.dropped
 
 
-def test_autoferry_writes_equal_bytes(dataset, tmp_path):
-    for name in ("one", "other"):
-        assert main(["autoferry_bags", str(dataset), "--out", str(tmp_path / name)]) == 0
-    one, other = (
-        (tmp_path / name / "autoferry_9" / "autoferry_9_0.mcap").read_bytes()
-        for name in ("one", "other")
-    )
-    assert one == other
-
-
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [

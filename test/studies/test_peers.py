@@ -101,21 +101,6 @@ def test_nearest_turn_is_less_than_half_a_turn_from_the_prediction():
     )
 
 
-def test_gnn_smoothing_reduces_the_error(run):
-    tracks = peers.gnn(run, lags=(0, LAG))
-
-    def error(points):
-        distance = []
-        for truth, found in list(zip(run.truth, points, strict=True))[SETTLED:]:
-            position = truth.position
-            target, estimate = assign(position, found.position, NEAR_M)
-            offset = position[target] - found.position[estimate]
-            distance.extend(np.hypot(offset[:, 0], offset[:, 1]))
-        return np.mean(distance)
-
-    assert error(tracks[LAG]) < error(tracks[0])
-
-
 @pytest.fixture(scope="module")
 def run_from_elsewhere():
     """A run whose target appears kilometres from all birth places."""

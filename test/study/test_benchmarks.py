@@ -193,11 +193,6 @@ def test_latency_by_sectors_may_be_longer_by_a_step(cost):
     figures = {figure["name"]: figure for figure in goals.judge(of_turning)}
     of_sectors = figures["latency of a detection by sectors over DDS, p99, s"]
     assert of_sectors["reached"] is False
-    assert figures["turn of 50 aircraft, ms"]["value"] > 0.0
-    assert figures["a turn by 16 sectors against one cloud, times"]["value"] > 0.0
-    of_gaussian = figures["gaussian: turn of 50 aircraft by 16 sectors, ms"]
-    by_sectors = cost[recursion.GAUSSIAN][turning.BY_SECTORS]
-    assert of_gaussian["value"] == by_sectors["median_ms"]
 
 
 def test_late_reports_are_moved_behind_the_scans_that_they_are_late_by():
@@ -271,14 +266,6 @@ def test_summary_explains_why_a_figure_is_missing(summary):
     assert reasons["latency over DDS beyond the step, p99, ms"] == "rclpy is missing"
 
 
-def test_summary_measures_the_error_of_weights_not_of_mass(summary):
-    for part in ("smoother", "paper_smoother"):
-        error = summary[part]["2e3"]["error"]
-
-        assert error["largest_relative"] < 1e-3
-        assert error["l1"] < 1e-5
-
-
 def test_parts_of_a_step_add_up_to_it(summary):
     for scene in summary["steps"].values():
         assert set(scene["engines"]) == set(recursion.PARTS)
@@ -322,18 +309,6 @@ def test_every_way_to_read_asterix_reads_the_same_plots():
     assert asterix_rates._to_clouds(datagrams) == asterix_rates.PLOTS
     part = [data for data in datagrams if data[0] == 48][:2]
     assert asterix_rates._by_library(part) == asterix_rates._to_plots(part) > 0
-
-
-def test_figures_of_asterix_are_judged():
-    measured = {
-        "plots_per_s": {asterix_rates.CLOUDS: 25_000.0},
-        "live": {"latency_s": {"p50": 0.2, "p99": 0.375, "most": 0.5}},
-    }
-    figures = {figure["name"]: figure for figure in goals.judge({"asterix": measured})}
-    rate = figures["ASTERIX plots to clouds, per second"]
-    assert (rate["value"], rate["reached"]) == (25_000.0, True)
-    late = figures["ASTERIX in to ASTERIX out, 100 aircraft, p99, s beyond a sector"]
-    assert (late["value"], late["reached"]) == (pytest.approx(0.125), False)
 
 
 def test_messages_are_measured_around_a_step_that_finds_the_same():

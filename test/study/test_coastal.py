@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msg_adapters import names, platform_poses
+from msg_adapters import names
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
@@ -13,7 +13,6 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
-from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
 from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
@@ -88,37 +87,6 @@ def test_most_of_what_a_bag_holds_answers_and_is_no_ship(name):
             detections += 1
     assert detections > 7000
     assert 0.6 < on_reflectors / detections < 0.85
-
-
-def test_the_ship_of_the_bag_moves_and_turns():
-    found, config = resolved("coastal_ship")
-    poses = [
-        platform_poses.from_cdr(entry.data, config.pose_message, config.world_frame)
-        for entry in BagReader(ROOT / "bags" / "coastal_ship").messages([ODOMETRY])
-    ]
-    yaw = np.unwrap([pose.yaw for _, pose in poses])
-    assert np.degrees(np.ptp(yaw)) > 80.0
-    assert np.hypot(*np.subtract(poses[-1][1].position, poses[0][1].position)) > 500.0
-    ship = np.array([pose.position for _, pose in poses])
-    points = np.concatenate([kind.points for kind in found.reflectors])
-    assert np.hypot(*(ship[:, None] - points).transpose(2, 0, 1)).min() > 1000.0
-
-
-@each
-def test_ships_keep_off_what_answers_and_some_lie_at_anchor(name):
-    found, _ = resolved(name)
-    points = np.concatenate([kind.points for kind in found.reflectors])
-    speeds = {}
-    for scan in range(found.scans):
-        truth = truth_at(found, scan)
-        away = np.hypot(*(truth.position[:, None] - points).transpose(2, 0, 1))
-        assert away.min() > 200.0
-        for number, speed in zip(truth.track_id.tolist(), np.hypot(*truth.velocity.T), strict=True):
-            speeds.setdefault(number, []).append(speed)
-    at_anchor = [number for number, of_ship in speeds.items() if max(of_ship) == 0.0]
-    assert len(at_anchor) == 3
-    assert len(speeds) - len(at_anchor) == 6
-    assert min(min(s) for n, s in speeds.items() if n not in at_anchor) > 4.0
 
 
 @pytest.mark.parametrize(

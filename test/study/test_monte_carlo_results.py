@@ -115,20 +115,6 @@ def test_score_after_5_does_not_forgive_false_estimates(pair):
     assert value(found, "ospa_after_5")[5:7].tolist() == [707.107] * 2
 
 
-def test_score_counts_gaps_where_they_end(pair):
-    both = [(0.0, 0), (5e3, 1)]
-    late = [(5e3, 1)]
-    # Target 1 is missed in two scans, and from then on in the last; the other one once.
-    seen = [both, late, late, *[both] * 4, both[:1], *[both] * 3, late]
-    found = scored(pair, *seen)
-
-    assert value(found, "gaps").tolist() == [0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 1]
-    assert value(found, "gaps", "class_1").tolist() == [0] * 8 + [1] + [0] * 3
-    assert value(found, "long_gaps").tolist() == [0] * 3 + [1] + [0] * 8
-    assert value(found, "missed_in_long_gaps").tolist() == [0] * 3 + [2] + [0] * 8
-    assert value(found, "longest_gap_s").tolist() == [0] * 3 + [18.0] + [0] * 4 + [12.0, 0, 0, 6.0]
-
-
 def test_score_counts_the_classes_that_targets_are_taken_for(pair):
     found = scored(pair, *[[(0.0, 1)]] * 2, *[[(5e3, 1)]] * 10)
 
@@ -218,22 +204,6 @@ def test_result_figures():
     np.testing.assert_array_equal(result.figure("class_accuracy", 2), [0.5, np.nan])
 
 
-def test_result_gospa_is_the_mean_of_what_is_stored(pair):
-    # The first target 30 m off, the other one missed next to a false estimate or alone.
-    scores = scored(pair, *[[(30.0, 0)]] * 2, *[[(30.0, 0), (-9e3, 1)], [(30.0, 0)]] * 5)
-    result = Result("", variant_of("particles"), (0,), scores._replace(values=scores.values[None]))
-
-    alone = math.sqrt(900.0 + 1e6 / 2.0)
-    both = math.sqrt(900.0 + 1e6)
-    np.testing.assert_allclose(
-        result.over_time("gospa", 0), [[30.0] * 2 + [both, alone] * 5], atol=5e-4
-    )
-    assert result.figure("gospa", 0)[0] == pytest.approx((60.0 + 5.0 * (both + alone)) / 12.0)
-    assert result.figure("gospa_localization", 0)[0] == 30.0
-    assert result.figure("missed", 0)[0] == pytest.approx(10.0 / 12.0)
-    assert result.figure("false", 0)[0] == pytest.approx(5.0 / 12.0)
-
-
 def test_result_over_time_is_the_figure_of_each_scan(pair):
     scores = scored(pair, *[[(0.0, 1)]] * 2, *[[(0.0, 0), (5e3, 0)]] * 9, [])
     result = Result("", variant_of("particles"), (0,), scores._replace(values=scores.values[None]))
@@ -243,35 +213,6 @@ def test_result_over_time_is_the_figure_of_each_scan(pair):
     np.testing.assert_array_equal(
         result.over_time("cardinality_abs_error", 0), [[0.0] * 11 + [2.0]]
     )
-
-
-def test_result_position_figures():
-    result = result_of(
-        variant_of("particles"),
-        n_true=[[2, 2], [0, 2]],
-        pairs=[[1, 2], [0, 1]],
-        square_error=[[900.0, 3200.0], [0.0, 2500.0]],
-    )
-
-    np.testing.assert_array_equal(result.figure("position_detection", 0), [0.5, np.nan])
-    np.testing.assert_array_equal(result.figure("position_rms", 0), [30.0, np.nan])
-    np.testing.assert_array_equal(result.figure("position_rms", 2), [40.0, 50.0])
-
-
-def test_result_gap_figures():
-    result = result_of(
-        variant_of("particles"),
-        n_true=[[4, 4], [4, 4]],
-        gaps=[[4, 0], [2, 1]],
-        long_gaps=[[1, 0], [1, 1]],
-        missed_in_long_gaps=[[2, 0], [1, 3]],
-        longest_gap_s=[[18.0, 0.0], [24.0, 30.0]],
-    )
-
-    assert result.figure("long_gap_share", 0).tolist() == [0.25, 0.5]
-    assert result.figure("long_gap_share", 2).tolist() == [0.0, 1.0]
-    assert result.figure("long_gap_misses", 2).tolist() == [0.0, 0.75]
-    assert result.figure("longest_gap_s", 2).tolist() == [0.0, 30.0]
 
 
 def test_result_ospa_after_5_is_the_mean_of_the_scans_that_have_one():

@@ -1,4 +1,3 @@
-import io
 import math
 import re
 import struct
@@ -6,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from phd_jdtc_ros.study.figures import charts, markdown, tables, write_all
 from phd_jdtc_ros.study.figures.charts import band
@@ -94,13 +92,6 @@ def test_write_all_has_a_directory_for_each_case_and_no_time_without_our_tracker
     assert {path.name for path in tmp_path.iterdir()} == {"quiet", "clutter_20"}
 
 
-def test_over_time_has_a_row_for_each_class_and_one_for_all():
-    rows = charts.ospa_over_time(everything()).axes
-
-    titles = [axes.get_title(loc="left") for axes in rows]
-    assert titles == ["class 0", "class 1", "all classes"]
-
-
 def test_over_time_draws_filter_and_lag_5_of_the_first_variant():
     results = everything()
     filtered, smoothed = charts.ospa_over_time(results).axes[-1].lines
@@ -108,21 +99,6 @@ def test_over_time_draws_filter_and_lag_5_of_the_first_variant():
     for line, lag in ((filtered, 0), (smoothed, 5)):
         mean = results[0].value("ospa", lag).mean(axis=0)
         np.testing.assert_allclose(line.get_ydata(), mean)
-
-
-def test_number_error_draws_the_absolute_one():
-    results = everything()
-    results[0].scores.values[..., VALUES.index("cardinality_abs_error")] = 1
-
-    lines = charts.number_error_over_time(results).axes[0].lines
-
-    assert [set(line.get_ydata()) for line in lines] == [{1.0}, {1.0}]
-
-
-def test_against_lag_draws_every_variant():
-    (axes,) = charts.ospa_against_lag(everything()).axes
-
-    assert axes.get_legend_handles_labels()[1] == ["corrected", "as printed", "reference", "GNN"]
 
 
 def test_band_is_the_interval_of_the_mean():
@@ -164,14 +140,3 @@ def test_tables_show_the_consistency_of_those_that_state_covariances():
     titles = [table.title for table in tables(summary_of([stated, silent]))]
     assert titles[1] == "quiet: covariances of positions, by lag in scans"
     assert len(list(tables(summary_of([silent])))) == 1
-
-
-def test_tables_show_every_variant():
-    console = Console(width=80, record=True, file=io.StringIO())
-    for table in tables(summary_of(everything())):
-        console.print(table)
-    text = console.export_text()
-
-    assert "quiet: mean OSPA in m, by lag in scans" in text
-    for name in ("corrected", "as printed", "reference", "GNN"):
-        assert name in text

@@ -39,7 +39,7 @@ def tracks(run, config):
     return track(run, config, [DEFAULT, PRINTED], [0, 1, 3, 20])
 
 
-def engine_positions(run, lag, given=GIVEN):
+def engine_positions(run, lag, given):
     """Return what the engine's own smoother finds, filtered and smoothed, a scan each."""
     engine = new_engine(resolve({**given, "lag": lag}))
     steps = [engine.step(scan) for scan in run.scans]
@@ -62,20 +62,6 @@ def same(one, other):
         np.array_equal(a.position, b.position) and np.array_equal(a.class_id, b.class_id)
         for a, b in zip(one, other, strict=True)
     )
-
-
-def test_track_at_lag_0_is_the_engines_filter(run, tracks):
-    assert_equal(tracks["default"][0], engine_positions(run, 3)[0])
-
-
-# A lag beyond the run's length has all of the run.
-@pytest.mark.parametrize("lag", [1, 3, 20])
-def test_track_is_the_engines_smoother_with_its_flush(run, tracks, lag):
-    assert_equal(tracks["default"][lag], engine_positions(run, lag)[1])
-
-
-def test_track_finds_targets(tracks):
-    assert sum(len(points) for points in tracks["default"][3]) > SCANS
 
 
 def test_track_readings_do_not_depend_on_each_other(run, config, tracks):
@@ -102,15 +88,13 @@ def test_track_follows_the_runs_seed(run, config, tracks):
     assert not same(other["default"][0], tracks["default"][0])
 
 
-# --- with any engine ------------------------------------------------------------------------------
-
-GAUSSIAN = {**GIVEN, "engine": "gaussian"}
-
-
+# A lag beyond the run's length has all of the run.
 @pytest.mark.parametrize("lag", [0, 1, 3, 20])
-def test_track_gives_what_the_engine_of_gaussians_gives(run, lag):
-    found = track(run, resolve(GAUSSIAN), [DEFAULT], [0, lag])["default"]
-    filtered, smoothed = engine_positions(run, lag, GAUSSIAN)
+@pytest.mark.parametrize("engine", ["particles", "gaussian"])
+def test_track_gives_what_the_engine_gives_with_its_flush(run, lag, engine):
+    given = {**GIVEN, "engine": engine}
+    found = track(run, resolve(given), [DEFAULT], [0, lag])["default"]
+    filtered, smoothed = engine_positions(run, lag, given)
 
     assert_equal(found[0], filtered)
     assert_equal(found[lag], smoothed if lag else filtered)

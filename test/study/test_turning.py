@@ -113,11 +113,6 @@ def test_the_tracker_follows_targets_by_turn_and_by_sector(sectors, engine):
         assert np.median(values) < 150.0
 
 
-def test_the_filter_alone_can_be_asked_for():
-    run = turning_run(scene(EAST, seconds=16)[0], 1)
-    assert list(track(run, PARAMETERS, [0]).tracks) == [0]
-
-
 # --- the nearest-neighbour Kalman tracker ---------------------------------------------------------
 
 
