@@ -90,13 +90,13 @@ def started(config, *targets):
     return engine
 
 
-def updated(config, mixture, detections, clutter=None, attributes=None, **bounds):
+def updated(config, mixture, detections, memory=None, attributes=None, **bounds):
     """Return what one radar's detections make of a mixture, and the births."""
     (radar,) = config.model.radars
     limits = replace(new_engine(config).forward.bounds, **bounds)
     predicted = Branched(mixture, np.arange(len(mixture)))
     steps = GaussianSteps(Dynamics(config.model), limits)
-    found = update(predicted, Report(radar, detections), steps, INTERVAL_S, clutter, attributes)
+    found = update(predicted, Report(radar, detections), steps, INTERVAL_S, memory, attributes)
     return found.rows, next(iter(found.newborns), None)
 
 

@@ -19,6 +19,12 @@ def equal(a, b):
     )
 
 
+def learned(engine, value):
+    """Return a learned value of each sensor that has it, by the sensor's name."""
+    found = {name: getattr(own, value) for name, own in engine.forward.sensors.sensors.items()}
+    return {name: own for name, own in found.items() if own is not None}
+
+
 def stepped(engine, scans):
     """Return the filtered and the smoothed estimates of an engine that steps through scans."""
     steps = [engine.step(scan) for scan in scans]

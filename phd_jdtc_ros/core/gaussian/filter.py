@@ -59,8 +59,7 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         row = np.arange(len(predicted))
         branched = Branched(predicted, np.where(row < survived, row, -1))
         steps = GaussianSteps(dynamics, self.bounds)
-        memories = self.clutter, self.attributes, self.passes, self.sensors
-        found = update_scan(branched, scan, steps, dt, index, *memories)
+        found = update_scan(branched, scan, steps, dt, index, self.sensors, self.attributes)
         self.approximate = found.approximate
         self.on_stage_end("update")
         stored, ancestry, self.floored = reduce_hypotheses(found.rows, self.bounds)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -63,6 +64,17 @@ class ChangeAlarm(ReadOnly):
         if self.detection[1 + sector] < RAISED:
             return math.nan
         return (sector + 0.5) * 2.0 * np.pi / AZIMUTHS
+
+    def figures(self, components: Sequence[str]) -> dict[str, float]:
+        """Return the changes by name; `components` are those of a measurement.
+
+        1 for fewer detections or a larger noise, and the middle of a blind sector in degrees.
+        """
+        found = {"fewer_detections": 1.0} if self.fewer_detections else {}
+        if not np.isnan(self.blind_azimuth):
+            found["blind_azimuth_deg"] = float(np.degrees(self.blind_azimuth))
+        noisier = zip(components, self.noisier.tolist(), strict=False)
+        return found | {f"{component}_noisier": 1.0 for component, raised in noisier if raised}
 
     def after_trials(self, factor: DetectionFactor, sums: TrialSums) -> ChangeAlarm:
         """Return the alarm after trials that count, given the factor learned before them."""

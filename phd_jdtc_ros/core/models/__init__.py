@@ -11,6 +11,7 @@
     detection_limit        bounds the number of detections of one update
     stationary             probability that a target is stationary, from its velocity
     manoeuvre              deviations from the motion models after a lost track
-    clutter_learning       learns each sensor's clutter from scan to scan
+    learned_sensor         learned values of one sensor, and the sensor with these
+    sensor_memory          the learned values of all sensors, updated from scan to scan
     clutter_raster         renders clutter maps as a raster of the world
 """

@@ -68,4 +68,4 @@ def limit_detections(report: Report, predicted: FloatArray, mass: FloatArray) ->
         share = 1.0
     rate = max(sensor.clutter_rate * fewer, (kept - targets) / part)
     limited = replace(sensor, threshold=threshold, clutter_rate=rate)
-    return Report(limited, left, share, complete=False)
+    return replace(report, sensor=limited, detections=left, share=share, complete=False)

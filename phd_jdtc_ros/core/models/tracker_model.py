@@ -44,7 +44,11 @@ class TrackerModel:
             if known is scan:
                 return reports
         reports = [
-            Report(sensor.at(each.pose), self.amplitudes.select(merge_clusters(each, sensor)))
+            Report(
+                sensor.at(each.pose),
+                self.amplitudes.select(merge_clusters(each, sensor)),
+                scan.stamp_ns,
+            )
             for sensor, each in zip(self.radars, scan.detections, strict=True)
             if each is not None
         ]

@@ -58,6 +58,7 @@ class Report:
 
     sensor: Sensor  # At its pose, with its learned clutter
     detections: Detections  # M detections; a report without detections is valid
+    stamp_ns: int = 0  # Stamp of the scan
     # Share of the detections that `detection_limit` has kept, if they have no amplitudes.
     share: float = 1.0
     complete: bool = True  # Whether the report has all detections of the sensor
@@ -76,6 +77,18 @@ class Report:
     def project_as(self, detections: Detections) -> Report:
         """Return the report with other projections of its detections."""
         return self if detections is self.detections else replace(self, detections=detections)
+
+    @property
+    def part_of_turn(self) -> float:
+        """Part of a turn that the report covers; 0 if it is unknown."""
+        coverage = self.detections.coverage
+        return 1.0 if coverage is None else coverage.turns
+
+    @property
+    def turn_ns(self) -> float:
+        """Duration of a turn if the report is of a sector, nanoseconds; otherwise 0."""
+        sector = self.detections.coverage
+        return 0.0 if sector is None or not sector.turns else 1e9 * self.sensor.rotation_s
 
     @cached_property
     def informative_prediction(self) -> LookPrediction | None:

@@ -41,6 +41,11 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
     seed: int
     _rng: np.random.Generator = field(init=False, repr=False)
 
+    @property
+    def labelled(self) -> bool:
+        """Whether the rows of one label are at most one target."""
+        return self.corrector.labelled
+
     def reset(self) -> None:
         """Return to the initial state; the random generator starts from the seed again."""
         super().reset()
@@ -77,9 +82,8 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         predicted = predict(earlier, births, seen, model, corrector, budget, index, rng)
         self.on_stage_end("predict")
         steps = ParticleSteps(model, corrector, rng)
-        memories = self.attributes, self.passes, self.sensors
-        known = memories if corrector.labelled else (None, None, None)
-        found = update_scan(predicted, scan, steps, dt, index, self.clutter, *known)
+        attributes = self.attributes if self.labelled else None
+        found = update_scan(predicted, scan, steps, dt, index, self.sensors, attributes)
         updated = found.rows
         self.on_stage_end("update")
         young_from = index if corrector.labelled else None

@@ -8,7 +8,7 @@ from ..arrays import FloatArray, IntArray, contiguous
 from ..compilation import Float1, Float2, Int1, compiled
 from ..learned.evidence import evidence_of
 from ..learned.noise_factor import NoiseEvidence
-from ..models.sensor_learning import KNOWN_EXISTENCE
+from ..models.sensor_memory import KNOWN_EXISTENCE
 from ..sensors.report import Report
 
 

@@ -135,7 +135,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     def clutter_raster(self) -> ClutterRaster | None:
         """Return the learned clutter density; see `Engine.clutter_raster`."""
-        return raster(self.forward.clutter.maps, self.forward.model.radars)
+        return raster(self.forward.sensors.clutter_maps, self.forward.model.radars)
 
     def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
         """Use another model and rule from the next scan on; see `Engine.retune`.

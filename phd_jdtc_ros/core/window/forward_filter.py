@@ -11,14 +11,11 @@ import numpy as np
 
 from ..arrays import IntArray
 from ..attributes.memory import AttributeMemory
-from ..models.clutter_learning import ClutterMemory
-from ..models.sensor_learning import SensorMemory
+from ..models.sensor_memory import SensorMemory
 from ..models.tracker_model import TrackerModel
 from ..snapshot import MAX_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from ..tracks.labels import MAX_SCANS
 from ..types import Scan
-from .antenna_pass import AntennaPasses
-from .clutter_snapshot import clutter_from_snapshot, clutter_to_snapshot
 from .entries import Entry, LinkT, RowsT, UnsweptRows
 from .sensor_snapshot import sensors_from_snapshot, sensors_to_snapshot
 from .swept import swept_births
@@ -56,8 +53,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     """A filter over scans, with the sets that later scans continue."""
 
     STATE: ClassVar[tuple[str, ...]] = (
-        *("unswept", "stamp_ns", "_born_ns", "_scan_index"),
-        *("clutter", "attributes", "passes", "sensors"),
+        *("unswept", "stamp_ns", "_born_ns", "_scan_index", "attributes", "sensors"),
     )
 
     model: TrackerModel
@@ -68,8 +64,6 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     stamp_ns: int | None = field(init=False, repr=False)
     _born_ns: dict[int, int] = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
-    clutter: ClutterMemory = field(init=False, repr=False)
-    passes: AntennaPasses = field(init=False, repr=False)
     sensors: SensorMemory = field(init=False, repr=False)
     # None if no radar reports identities or heights.
     attributes: AttributeMemory | None = field(init=False, repr=False)
@@ -83,9 +77,14 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         return self._scan_index
 
     @property
+    def labelled(self) -> bool:
+        """Whether the rows of one label are at most one target."""
+        return True
+
+    @property
     def learned_model(self) -> TrackerModel:
-        """The model, with the learned clutter maps, detection probabilities and noise."""
-        return self.sensors.with_learned_sensors(self.clutter.with_learned_maps(self.model))
+        """The model, with the learned values of its sensors."""
+        return self.sensors.with_learned_sensors(self.model)
 
     @property
     def learned_figures(self) -> Mapping[str, float]:
@@ -108,8 +107,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     def reset(self) -> None:
         """Return to the initial state."""
         self.unswept, self.stamp_ns, self._born_ns, self._scan_index = [], None, {}, 0
-        self.clutter, self.passes = ClutterMemory(), AntennaPasses()
-        self.sensors = SensorMemory(tuple(sensor.name for sensor in self.model.radars))
+        self.sensors = SensorMemory.of(self.model, self.labelled)
         known = self.model.attributes
         self.attributes = None if known is None else AttributeMemory(known)
 
@@ -128,9 +126,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         to_snapshot(progress, snapshot, "filter")
         for rows in self.unswept:
             unswept_to_snapshot(rows, snapshot)
-        clutter_to_snapshot(self.clutter, self.model.radars, snapshot)
-        self.passes.to_snapshot(snapshot)
-        sensors_to_snapshot(self.sensors, snapshot)
+        sensors_to_snapshot(self.sensors, self.model.radars, snapshot)
         if self.attributes is not None:
             self.attributes.to_snapshot(snapshot)
 
@@ -155,9 +151,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         if stamps[-1:] != ([] if latest is None else [latest]):
             raise ValueError(f"filter.current_ns: the last stamp must be {latest}")
         self.unswept = [unswept_from_snapshot(snapshot, entries[stamp]) for stamp in stamps]
-        self.clutter = clutter_from_snapshot(snapshot, self.model.radars)
-        self.passes = AntennaPasses.from_snapshot(snapshot, self.model.radars)
-        self.sensors = sensors_from_snapshot(snapshot, self.model.radars)
+        self.sensors = sensors_from_snapshot(snapshot, self.model.radars, self.labelled)
         if self.model.attributes is not None:
             self.attributes = AttributeMemory.from_snapshot(snapshot, self.model.attributes)
         born = zip(progress.birth.tolist(), progress.born_ns.tolist(), strict=True)

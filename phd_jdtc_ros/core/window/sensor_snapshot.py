@@ -2,39 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any, NamedTuple
 
+import numpy as np
+
+from ..arrays import FloatArray
+from ..clutter.amplitude_law import CELLS as AMPLITUDE_CELLS
+from ..clutter.amplitude_law import MAX_COUNT, MEMORY, Learned
+from ..clutter.grid import Grid, GroundGrid, PolarGrid
+from ..clutter.map import MAX_CELLS, ClutterMap
+from ..clutter.rate import ClutterCount
+from ..learned.antenna_pass import AntennaPass
 from ..learned.change_alarm import ChangeAlarm
 from ..learned.correlation import SUMS, Correlation
 from ..learned.detection_chains import DetectionChains
 from ..learned.detection_factor import AZIMUTHS, CELLS, DetectionFactor
 from ..learned.noise_factor import NoiseFactor
 from ..learned.open_trials import OpenTrials
-from ..models.sensor_learning import SensorMemory
+from ..models.learned_sensor import LearnedSensor
+from ..models.sensor_memory import SensorMemory
 from ..sensors.sensor import Sensor
-from ..snapshot import Snapshot, from_snapshot, to_snapshot
+from ..snapshot import MAX_STATE, Snapshot, floats, from_snapshot, to_snapshot
 
-DETECTION, NOISE, TRIALS = "detection_factor", "noise_factor", "open_looks"
-CORRELATION, CHAINS, ALARM = "correlation", "last_looks", "change_alarm"
+TRIALS = "open_looks"
 
 
-def sensors_to_snapshot(memory: SensorMemory, snapshot: Snapshot) -> None:
-    """Store the learned values of sensors, if there are any."""
-    for name, detection in memory.detection.items():
-        to_snapshot(detection, snapshot, f"{DETECTION}.{name}")
-    for name, noise in memory.noise.items():
-        to_snapshot(noise, snapshot, f"{NOISE}.{name}")
-    for name, correlation in memory.correlation.items():
-        to_snapshot(correlation, snapshot, f"{CORRELATION}.{name}")
-    for name, chains in memory.chains.items():
-        to_snapshot(chains, snapshot, f"{CHAINS}.{name}")
-    for name, alarm in memory.alarms.items():
-        to_snapshot(alarm, snapshot, f"{ALARM}.{name}")
-    if memory.detection:
+class Place(NamedTuple):
+    """The location of a sensor with a learned clutter map."""
+
+    # World x and y in metres, and yaw in radians, (3,).
+    pose: Annotated[FloatArray, floats("X", -MAX_STATE, MAX_STATE)]
+
+
+def sensors_to_snapshot(
+    memory: SensorMemory, sensors: Sequence[Sensor], snapshot: Snapshot
+) -> None:
+    """Store the learned values of these sensors."""
+    for sensor in sensors:
+        learned = memory.sensors.get(sensor.name, LearnedSensor())
+        for field, (part, _) in PARTS.items():
+            value = getattr(learned, field)
+            if value is not None:
+                to_snapshot(value, snapshot, f"{part}.{sensor.name}")
+        if learned.clutter_map is not None:
+            name = f"{MAP}.{sensor.name}"
+            to_snapshot(learned.clutter_map.grid, snapshot, f"{name}.grid")
+            to_snapshot(_place_of(sensor), snapshot, name)
+    if len(memory.trials):
         to_snapshot(memory.trials, snapshot, TRIALS)
 
 
-def sensors_from_snapshot(snapshot: Snapshot, sensors: Sequence[Sensor]) -> SensorMemory:
+def sensors_from_snapshot(
+    snapshot: Snapshot, sensors: Sequence[Sensor], labelled: bool = True
+) -> SensorMemory:
     """Return the learned values of these sensors.
 
     A learned value is dropped if the configuration sets it now. The open trials are dropped if the
@@ -43,48 +64,119 @@ def sensors_from_snapshot(snapshot: Snapshot, sensors: Sequence[Sensor]) -> Sens
     Raises
     ------
     ValueError
-        If a value belongs to another sensor, or a tracker could not have stored it.
+        If a value belongs to another sensor or place, or a tracker could not have stored it.
     """
     known = {sensor.name: sensor for sensor in sensors}
-    memory = SensorMemory(tuple(known))
-    for name in _sensors(snapshot, DETECTION, known):
-        if (start := known[name].detection_factor) is not None:
-            part = snapshot, f"{DETECTION}.{name}", {"K": CELLS}
-            found = from_snapshot(DetectionFactor, *part, max_range=start.max_range)
-            memory.detection[name] = found
-    for name in _sensors(snapshot, NOISE, known):
-        if (own := known[name].noise_factor) is not None:
-            part = snapshot, f"{NOISE}.{name}", {"Z": len(own.learned)}
-            memory.noise[name] = from_snapshot(NoiseFactor, *part, learned=own.learned)
-    for name in _sensors(snapshot, ALARM, known):
-        if known[name].detection_factor is not None or known[name].noise_factor is not None:
-            part = snapshot, f"{ALARM}.{name}", {"A": 1 + AZIMUTHS, "Z": 2}
-            memory.alarms[name] = from_snapshot(ChangeAlarm, *part)
-    for name in _sensors(snapshot, CHAINS, known):
-        if (first := known[name].correlation) is None:
-            continue
-        memory.chains[name] = from_snapshot(
-            DetectionChains, snapshot, f"{CHAINS}.{name}", {"B": SUMS}
+    found: dict[str, dict[str, Any]] = {name: {} for name in known}
+    for field, (part, restore) in PARTS.items():
+        names = snapshot.names_below(part)
+        for name in names.difference(known):
+            raise ValueError(f"{part}: {name[:40]} given, must be a sensor: {', '.join(known)}")
+        for name in sorted(names):
+            value = restore(snapshot, f"{part}.{name}", known[name])
+            if value is not None:
+                found[name][field] = value
+    learned = {name: LearnedSensor(**values) for name, values in found.items() if values}
+    trials, learns = OpenTrials(), [n for n, own in known.items() if own.detection_factor]
+    if snapshot.names_below(TRIALS) and all("detection" in found[name] for name in learns):
+        trials = from_snapshot(OpenTrials, snapshot, TRIALS, {"K": CELLS * len(known)})
+    return SensorMemory(tuple(known), labelled, learned, trials)
+
+
+def _place_of(sensor: Sensor) -> Place:
+    return Place(np.array([*sensor.position, sensor.yaw], dtype=np.float64))
+
+
+def _law(snapshot: Snapshot, name: str, sensor: Sensor) -> Learned | None:
+    if not isinstance(sensor.clutter_amplitude, Learned):
+        return None
+    sizes, threshold = {"K": AMPLITUDE_CELLS}, sensor.threshold
+    law = from_snapshot(Learned, snapshot, name, sizes, threshold=threshold)
+    if law.count.sum() > MAX_COUNT:
+        raise ValueError(f"{name}.count: {law.count.sum():.4g} detections, at most {MEMORY:g}")
+    return law
+
+
+def _map(snapshot: Snapshot, name: str, sensor: Sensor) -> ClutterMap | None:
+    """Return the stored clutter map of a sensor; raises ValueError for one of another place."""
+    if sensor.clutter_map is None:
+        return None
+    place = _place_of(sensor).pose.tolist()
+    stored = from_snapshot(Place, snapshot, name, {"X": 3}).pose.tolist()
+    if stored != place:
+        raise ValueError(
+            f"{name}: map of a radar at {stored} (x, y in m, yaw in rad), expected {place}"
         )
-        if first.learned and snapshot.names_below(f"{CORRELATION}.{name}"):
-            sums = from_snapshot(
-                Correlation,
-                snapshot,
-                f"{CORRELATION}.{name}",
-                {"B": SUMS},
-                start=first.start,
-                learned=True,
-            )
-            memory.correlation[name] = sums
-    learning = [name for name in known if known[name].detection_factor is not None]
-    if snapshot.names_below(TRIALS) and set(learning) <= memory.detection.keys():
-        memory.trials = from_snapshot(OpenTrials, snapshot, TRIALS, {"K": CELLS * len(known)})
-    return memory
+    polar = isinstance(sensor.clutter_map.grid, PolarGrid)
+    if polar != (f"{name}.grid.columns" in snapshot.arrays):
+        given, own = ("moving", "fixed") if polar else ("fixed", "moving")
+        raise ValueError(f"{name}: map of a {given} radar given, but this radar is {own}")
+    kind: type[Grid] = PolarGrid if polar else GroundGrid
+    grid = from_snapshot(kind, snapshot, f"{name}.grid", {})
+    learned = from_snapshot(ClutterMap, snapshot, name, {}, grid=grid)
+    if len(learned.cell) > MAX_CELLS:
+        raise ValueError(f"{name}.cell: {len(learned.cell)} cells, at most {MAX_CELLS}")
+    return learned
 
 
-def _sensors(snapshot: Snapshot, part: str, known: Collection[str]) -> list[str]:
-    """Return the sensors named in a part of a snapshot; raises ValueError for unknown ones."""
-    names = snapshot.names_below(part)
-    for name in names.difference(known):
-        raise ValueError(f"{part}: {name[:40]} given, must be a sensor: {', '.join(known)}")
-    return sorted(names)
+def _count(snapshot: Snapshot, name: str, sensor: Sensor) -> ClutterCount | None:
+    if sensor.clutter_count is None:
+        return None
+    return from_snapshot(ClutterCount, snapshot, name, {})
+
+
+def _usual(snapshot: Snapshot, name: str, sensor: Sensor) -> ClutterCount:
+    return from_snapshot(ClutterCount, snapshot, name, {})
+
+
+def _detection(snapshot: Snapshot, name: str, sensor: Sensor) -> DetectionFactor | None:
+    if (own := sensor.detection_factor) is None:
+        return None
+    return from_snapshot(DetectionFactor, snapshot, name, {"K": CELLS}, max_range=own.max_range)
+
+
+def _noise(snapshot: Snapshot, name: str, sensor: Sensor) -> NoiseFactor | None:
+    if (own := sensor.noise_factor) is None:
+        return None
+    sizes = {"Z": len(own.learned)}
+    return from_snapshot(NoiseFactor, snapshot, name, sizes, learned=own.learned)
+
+
+def _alarm(snapshot: Snapshot, name: str, sensor: Sensor) -> ChangeAlarm | None:
+    if sensor.detection_factor is None and sensor.noise_factor is None:
+        return None
+    return from_snapshot(ChangeAlarm, snapshot, name, {"A": 1 + AZIMUTHS, "Z": 2})
+
+
+def _chains(snapshot: Snapshot, name: str, sensor: Sensor) -> DetectionChains | None:
+    if sensor.correlation is None:
+        return None
+    return from_snapshot(DetectionChains, snapshot, name, {"B": SUMS})
+
+
+def _correlation(snapshot: Snapshot, name: str, sensor: Sensor) -> Correlation | None:
+    if (own := sensor.correlation) is None or not own.learned:
+        return None
+    values = {"start": own.start, "learned": True}
+    return from_snapshot(Correlation, snapshot, name, {"B": SUMS}, **values)
+
+
+def _antenna_pass(snapshot: Snapshot, name: str, sensor: Sensor) -> AntennaPass:
+    return from_snapshot(AntennaPass, snapshot, name, {})
+
+
+MAP = "clutter_map"
+# Name in a snapshot of each field of `LearnedSensor`, and the function that restores it; None if
+# the sensor does not learn it.
+PARTS: Mapping[str, tuple[str, Callable[[Snapshot, str, Sensor], Any]]] = {
+    "clutter_law": ("clutter", _law),
+    "clutter_map": (MAP, _map),
+    "clutter_count": ("clutter_rate", _count),
+    "usual_count": ("usual_detections", _usual),
+    "detection": ("detection_factor", _detection),
+    "noise": ("noise_factor", _noise),
+    "alarm": ("change_alarm", _alarm),
+    "chains": ("last_looks", _chains),
+    "correlation": ("correlation", _correlation),
+    "antenna_pass": ("antenna_pass", _antenna_pass),
+}

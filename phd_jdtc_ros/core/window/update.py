@@ -11,7 +11,7 @@ from typing import Generic
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, sum_by
+from ..arrays import sum_by
 from ..association.claims import undetected
 from ..attributes.evidence import Evidence
 from ..attributes.memory import AttributeMemory, AttributesAt
@@ -19,19 +19,14 @@ from ..attributes.reprojection import Paired, plain
 from ..attributes.uniqueness import OutOfGate
 from ..learned.detection_chains import Look
 from ..models import detection_limit
-from ..models.clutter_learning import ClutterMemory
 from ..models.competing_sources import log_intensities
 from ..models.detection_birth import Newborn
-from ..models.sensor_learning import SensorMemory, look_at
-from ..models.tracker_model import TrackerModel
+from ..models.sensor_memory import SensorMemory
 from ..sensors.report import Report
 from ..tracks import labels
 from ..types import Scan
-from .antenna_pass import AntennaPasses
-from .update_steps import Posterior, Prior, RowsT, UpdateSteps
-
-# Lower bound of the existence probabilities by which others are divided.
-LEAST_EXISTENCE = 1e-12
+from .learning import learn, look_at
+from .update_steps import Prior, RowsT, UpdateSteps, existence_and_missed
 
 
 @dataclass(frozen=True)
@@ -47,12 +42,8 @@ class UpdatedScan(Generic[RowsT]):
 class Updated(UpdatedScan[RowsT]):
     """Rows after one report."""
 
-    label: IntArray  # Label of each target before the report, ascending, (T,)
-    # Probability that the report detected each target, given that it exists, (T,). None if the
-    # report is neither a sector nor of a sensor whose misses are correlated.
-    detected: FloatArray | None
-    # The report as a look at these targets; None if no sensor's misses are correlated.
-    look: Look | None = None
+    report: Report  # With what was learned before it
+    look: Look | None  # The report as a look at its targets; None if nothing is learned from it
 
 
 def update(
@@ -60,10 +51,9 @@ def update(
     report: Report,
     steps: UpdateSteps[RowsT],
     dt: float,
-    clutter: ClutterMemory | None = None,
+    memory: SensorMemory | None = None,
     attributes: AttributesAt | None = None,
     earlier: Sequence[Newborn] = (),
-    sensors: SensorMemory | None = None,
 ) -> Updated[RowsT]:
     """Update rows with one report.
 
@@ -73,27 +63,20 @@ def update(
         The engine's steps.
     dt : float
         True interval since the previous scan, seconds.
-    clutter : ClutterMemory or None
-        Learned clutter, used and updated; None to use the sensor's model alone.
+    memory : SensorMemory or None
+        Learned values of the sensors, used and updated; None if nothing is learned yet.
     attributes : AttributesAt or None
         Identities and heights of targets, used and updated; None to ignore them.
     earlier : sequence of Newborn
         Targets born at the detections of the scan's earlier reports.
-    sensors : SensorMemory or None
-        Learned detection probabilities and noise, used and updated; None to use the sensor's model
-        alone.
     """
-    model = steps.model
-    if clutter is not None:
-        report = clutter.with_learned_clutter(report)
-    if sensors is not None:
-        report = sensors.with_learned_sensor(report)
+    memory = memory or SensorMemory.of(steps.model)
+    given = report = memory.prepare(report)
     prior = steps.prior(rows, report)
     limited = detection_limit.limit_detections(report, prior.measured, prior.mass)
-    if clutter is not None:
-        if limited is report:
-            limited = clutter.with_surplus(report)
-        clutter.count(report)
+    if limited is report:
+        limited = memory.with_surplus(report)
+    memory.count(report)
     if limited is not report:
         report, prior = limited, steps.prior(rows, limited)
 
@@ -104,26 +87,16 @@ def update(
         pairs = _gate_pairs(prior, report, attributes)
     evidence = None if attributes is None else _evidence(prior, pairs, report, attributes)
     report = _with_known_targets(report, prior)
-    log_other = log_intensities(report, model, dt, earlier, evidence)
+    log_other = log_intensities(report, steps.model, dt, earlier, evidence)
     posterior = prior.posterior(pairs, evidence, log_other)
 
-    if clutter is not None and clutter.learns(report):
-        bound = report.sensor.clutter_map_speed
-        slower = posterior.claims.part(prior.probability_slower(bound))
-        stationary = model.detection_births.stationary(slower, bound)
-        clutter.learn(report, posterior.claimed_probability, stationary)
-    if sensors is not None:
-        _learn_sensor(sensors, report, model, prior, posterior)
+    learn(memory, report, steps.model, prior, posterior)
     if attributes is not None and posterior.evidence is not None:
         attributes.learn(posterior.evidence, posterior.pair_probability, posterior.existence)
-    newborn = posterior.sources.newborn(posterior.claimed_probability, report, model)
+    newborn = posterior.sources.newborn(posterior.claimed_probability, report, steps.model)
     newborns = () if newborn is None else (newborn,)
-    detected = look = None
-    needs_look = sensors is not None and sensors.needs_look(report)
-    if needs_look or report.detections.coverage is not None:
-        detected = _detected(prior, posterior)
-        look = _look(report, prior, posterior, detected) if needs_look else None
-    return Updated(posterior.rows, newborns, posterior.approximate, prior.label, detected, look)
+    look = look_at(report, prior, posterior) if memory.needs_look(given) else None
+    return Updated(posterior.rows, newborns, posterior.approximate, given, look)
 
 
 def _with_known_targets(report: Report, prior: Prior[RowsT]) -> Report:
@@ -133,60 +106,6 @@ def _with_known_targets(report: Report, prior: Prior[RowsT]) -> Report:
     existence = sum_by(prior.target, prior.mass, len(prior.label))
     sensor = report.sensor.with_known_targets(prior.measured_by_target, existence)
     return replace(report, sensor=sensor)
-
-
-def _existence_and_missed(prior: Prior[RowsT]) -> tuple[FloatArray, FloatArray]:
-    """Return the weight of each target, and that of its missed detection, (T,)."""
-    size = len(prior.label)
-    return sum_by(prior.target, prior.mass, size), sum_by(prior.target, prior.missed_mass, size)
-
-
-def _look(
-    report: Report, prior: Prior[RowsT], posterior: Posterior[RowsT], detected: FloatArray
-) -> Look:
-    """Return a report as a look at the prior's targets."""
-    before, missed = _existence_and_missed(prior)
-    probability = 1.0 - missed / np.where(before > 0.0, before, 1.0)
-    known = before, probability, detected, posterior.existence
-    return look_at(report, prior.label, prior.measured_by_target, *known)
-
-
-def _detected(prior: Prior[RowsT], posterior: Posterior[RowsT]) -> FloatArray:
-    """Return the probability that a report detected each target, given that it exists, (T,)."""
-    target = prior.target.take(posterior.claims.row)
-    detected = sum_by(target, posterior.pair_probability, len(prior.label))
-    return np.minimum(detected / np.maximum(posterior.existence, LEAST_EXISTENCE), 1.0)
-
-
-def _learn_sensor(
-    sensors: SensorMemory,
-    report: Report,
-    model: TrackerModel,
-    prior: Prior[RowsT],
-    posterior: Posterior[RowsT],
-) -> None:
-    """Learn a sensor's detection probability and noise from one report."""
-    if posterior.noise is not None:
-        sensors.learn_noise(report, posterior.noise)
-    if not sensors.learns(report):
-        return
-    targets, claims, bound = len(prior.label), posterior.claims, report.sensor.clutter_map_speed
-    before, missed = _existence_and_missed(prior)
-    exists = np.where(before > 0.0, before, 1.0)
-    known = before
-    if report.sensor.clutter_map is not None and bound > 0.0:
-        # Stationary targets are clutter, which may be detected less often than other targets.
-        slow = sum_by(prior.target, prior.mass * prior.probability_slower(bound), targets)
-        known = before * (1.0 - model.detection_births.stationary(slow / exists, bound))
-    sensors.learn_detections(
-        report,
-        prior.label,
-        prior.measured_by_target,
-        before=known,
-        probability=1.0 - missed / exists,
-        detected=sum_by(prior.target.take(claims.row), posterior.pair_probability, targets),
-        after=posterior.existence,
-    )
 
 
 def _gate_pairs(prior: Prior[RowsT], report: Report, attributes: AttributesAt | None) -> Paired:
@@ -208,7 +127,7 @@ def _evidence(
     prior: Prior[RowsT], pairs: Paired, report: Report, attributes: AttributesAt
 ) -> Evidence | None:
     """Return the identities and heights of the detections as evidence for pairs."""
-    existence, missed = _existence_and_missed(prior)
+    existence, missed = existence_and_missed(prior)
     target = prior.target.take(pairs.row)
     unseen = undetected(existence, missed)
     return attributes.evidence(prior.label, target, pairs.column, report.detections, unseen)
@@ -220,10 +139,8 @@ def update_scan(
     steps: UpdateSteps[RowsT],
     dt: float,
     scan_index: int,
-    clutter: ClutterMemory | None = None,
+    memory: SensorMemory | None = None,
     attributes: AttributeMemory | None = None,
-    passes: AntennaPasses | None = None,
-    sensors: SensorMemory | None = None,
 ) -> UpdatedScan[RowsT]:
     """Update with the report of every sensor, in the configured order (iterated corrector).
 
@@ -238,20 +155,16 @@ def update_scan(
         True interval since the previous scan, seconds.
     scan_index : int
         Determines the labels of births.
+    memory : SensorMemory or None
     attributes : AttributeMemory or None
-    sensors : SensorMemory or None
         See `update`.
-    passes : AntennaPasses or None
-        Latest sectors of turning antennas, used and updated; None if no sectors are known.
     """
     label, approximate = labels.first_detected(scan_index), 0
     known = None if attributes is None else attributes.at(scan.stamp_ns)
+    memory = memory or SensorMemory.of(steps.model)
     newborns: list[Newborn] = []
-    for own in steps.model.reports(scan):
-        report = own if passes is None else passes.with_earlier_sectors(own, scan.stamp_ns)
-        if sensors is not None:
-            report = sensors.with_look_prediction(report, scan.stamp_ns)
-        updated = update(rows, report, steps, dt, clutter, known, newborns, sensors)
+    for report in steps.model.reports(scan):
+        updated = update(rows, report, steps, dt, memory, known, newborns)
         rows, approximate = updated.rows, approximate + updated.approximate
         first = label
         for newborn in updated.newborns:
@@ -260,11 +173,6 @@ def update_scan(
                 known.initiate(label, born.report.detections)
             label += len(born)
             newborns.append(born)
-        if sensors is not None and updated.look is not None:
-            look = updated.look.with_born(np.arange(first, label))
-            sensors.learn_correlation(report, scan.stamp_ns, look)
-        if passes is not None and updated.detected is not None:
-            every = np.concatenate([updated.label, np.arange(first, label)])
-            detected = np.concatenate([updated.detected, np.ones(label - first)])
-            passes.learn(report, scan.stamp_ns, every, detected)
+        if updated.look is not None:
+            memory.learn_look(updated.report, updated.look.with_born(np.arange(first, label)))
     return UpdatedScan(rows, tuple(newborns), approximate)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, sum_by
 from ..association.claims import Claims
 from ..attributes.evidence import Evidence
 from ..attributes.reprojection import Paired
@@ -89,6 +89,12 @@ class Prior(Protocol[RowsT]):
         log_other : array of shape (1 + C, M)
             See `competing_sources.log_intensities`.
         """
+
+
+def existence_and_missed(prior: Prior[RowsT]) -> tuple[FloatArray, FloatArray]:
+    """Return the weight of each target, and that of its missed detection, (T,)."""
+    size = len(prior.label)
+    return sum_by(prior.target, prior.mass, size), sum_by(prior.target, prior.missed_mass, size)
 
 
 class UpdateSteps(Protocol[RowsT]):

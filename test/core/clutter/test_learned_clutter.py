@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runs import ENGINES, equal, restored_after, stored_and_read
+from runs import ENGINES, equal, learned, restored_after, stored_and_read
 from scenes import small
 from sweep import configuration
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.clutter.amplitude_law import CELLS, MEMORY, Learned
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
-from phd_jdtc_ros.core.window.clutter_snapshot import NAME
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.simulation.clutter.law import NOISE, UniformClutter
 from phd_jdtc_ros.simulation.scenario import paper_scenario
@@ -26,6 +25,7 @@ ANYWHERE = {
     "radar_2.clutter_rate": 3.0,
     "lag": 2,
 }
+NAME = "clutter"
 LEARNED = {"radar_1.clutter_amplitude": "learned", "radar_2.clutter_amplitude": "learned"}
 RADARS = small(ANYWHERE).model.radars
 LOUD = UniformClutter(10.0, 20.0)
@@ -67,7 +67,7 @@ def test_the_learned_law_is_that_of_the_clutter_and_not_of_the_targets(engine):
     tracker = engine_of(engine)
     for _, scan in scans(LOUD):
         tracker.step(scan)
-    for law in tracker.forward.clutter.laws.values():
+    for law in learned(tracker, "clutter_law").values():
         level = np.linspace(-20.0, 80.0, CELLS + 1)[:-1] + 0.25
         inside = (level > 10.0) & (level < 20.0)
         assert law.count[inside].sum() > 60.0
@@ -100,7 +100,7 @@ def test_a_run_that_is_reset_learns_again(engine):
     run = scans(LOUD, 6)
     first = [tracker.step(scan) for _, scan in run]
     tracker.flush()
-    assert tracker.forward.clutter.laws == {}
+    assert learned(tracker, "clutter_law") == {}
     for (_, scan), before in zip(run, first, strict=True):
         assert equal(tracker.step(scan).filtered[0], before.filtered[0])
 
@@ -110,8 +110,8 @@ def test_a_run_that_is_reset_learns_again(engine):
 def test_restored_engine_goes_on_with_what_it_has_learned_bit_by_bit(engine, stop):
     run = [scan for _, scan in scans(LOUD, 12)]
     first, second = restored_after(stop, lambda: engine_of(engine), run)
-    for name, law in first.forward.clutter.laws.items():
-        np.testing.assert_array_equal(second.forward.clutter.laws[name].count, law.count)
+    for name, law in learned(first, "clutter_law").items():
+        np.testing.assert_array_equal(learned(second, "clutter_law")[name].count, law.count)
 
 
 def stored(engine):
@@ -144,7 +144,7 @@ def put(array):
 
 
 FORGERIES = {
-    "another radar": (of_another_radar, "clutter of mast given, must be of a radar"),
+    "another radar": (of_another_radar, "clutter: mast given, must be a sensor"),
     "another part": (lambda held: held.arrays.update(other_part(held)), "count: missing"),
     "shape": (put(np.zeros(3)), r"shape \(3,\), expected"),
     "whole": (put(np.zeros(CELLS, dtype=np.int64)), "int64 given, expected floats"),
@@ -162,13 +162,13 @@ def test_clutter_of_another_radar_or_of_none_is_refused_with_the_reason(name):
     tracker = engine_of("gaussian")
     with pytest.raises(ValueError, match=reason):
         tracker.restore(held)
-    assert tracker.forward.clutter.laws == {}
+    assert learned(tracker, "clutter_law") == {}
 
 
-def test_a_law_that_is_no_longer_to_be_learned_is_refused():
+def test_a_law_that_is_no_longer_to_be_learned_is_dropped():
     tracker = engine_of("gaussian", **{"radar_1.clutter_amplitude": "rayleigh"})
-    with pytest.raises(ValueError, match="must be of a radar whose clutter_amplitude is learned"):
-        tracker.restore(stored("gaussian"))
+    tracker.restore(stored("gaussian"))
+    assert set(learned(tracker, "clutter_law")) == {"radar_2"}
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -177,12 +177,12 @@ def test_another_threshold_keeps_what_has_been_learned(engine):
     run = [scan for _, scan in scans(LOUD, 6)]
     for scan in run[:5]:
         tracker.step(scan)
-    before = {name: law.count.sum() for name, law in tracker.forward.clutter.laws.items()}
+    before = {name: law.count.sum() for name, law in learned(tracker, "clutter_law").items()}
     threshold = {"engine": engine, "radar_1.false_alarm_probability": 1e-4}
     other = small({**ANYWHERE, **LEARNED, **threshold})
     tracker.retune(other.model, tracker.rule)
     tracker.step(run[5])
-    law = tracker.forward.clutter.laws["radar_1"]
+    law = learned(tracker, "clutter_law")["radar_1"]
     assert law.threshold == other.model.radars[0].threshold
     assert law.count.sum() > before["radar_1"]
 
@@ -207,10 +207,10 @@ def test_the_sectors_of_a_turn_teach_the_radars_law_and_map(engine):
             coverage=Coverage(step % 16 * width - np.pi, width),
         )
         tracker.step(Scan((step + 1) * 250_000_000, (found,)))
-    law = tracker.forward.clutter.laws["radar"]
+    law = learned(tracker, "clutter_law")["radar"]
     assert isinstance(law, Learned)
     assert 90.0 < law.count.sum() <= 128.0
-    places = tracker.forward.clutter.maps["radar"]
+    places = learned(tracker, "clutter_map")["radar"]
     assert places.turns == pytest.approx(4.0, rel=0.03)
     assert 90.0 < places.count.sum() <= 128.0
 
@@ -220,4 +220,4 @@ def test_without_amplitudes_nothing_is_learned(engine):
     tracker = engine_of(engine, amplitude="none")
     for _, scan in scans(LOUD, 4):
         tracker.step(scan)
-    assert tracker.forward.clutter.laws == {}
+    assert learned(tracker, "clutter_law") == {}

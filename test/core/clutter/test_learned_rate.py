@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import runs
 from runs import ENGINES, restored_after, stored_and_read
 from scenes import small
 from sweep import configuration
@@ -12,7 +13,7 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.clutter.rate import MEMORY_TURNS, START_RATE, ClutterCount
-from phd_jdtc_ros.core.models.clutter_learning import ClutterMemory
+from phd_jdtc_ros.core.models.sensor_memory import SensorMemory
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 from phd_jdtc_ros.evaluation.metrics import ospa
@@ -37,7 +38,7 @@ def engine_of(engine, **given):
 
 
 def learned(tracker):
-    return {name: count.rate for name, count in tracker.forward.clutter.counts.items()}
+    return {name: count.rate for name, count in runs.learned(tracker, "clutter_count").items()}
 
 
 @pytest.mark.parametrize("amplitude", ["band", "none"])
@@ -115,16 +116,17 @@ def test_the_rate_of_a_radar_that_reports_sectors_is_that_of_a_turn(engine, clut
 def test_with_a_map_the_rate_is_that_of_what_comes_from_no_place_in_particular():
     """A quay of thirty reflectors, and six false detections somewhere else."""
     given = {"radar.clutter_rate": "auto", "radar.clutter_map": True, "engine": "gaussian"}
-    model, rng, memory = configuration(given).model, np.random.default_rng(6), ClutterMemory()
+    model, rng = configuration(given).model, np.random.default_rng(6)
+    memory = SensorMemory.of(model)
     std = [model.radars[0].range_std, model.radars[0].azimuth_std]
     quay = np.stack([np.linspace(2e4, 2.2e4, 30), np.linspace(0.5, 0.6, 30)], axis=1)
     for _ in range(150):
         answers = quay + rng.standard_normal(quay.shape) * std
         others = rng.uniform([1e3, -np.pi], [95e3, np.pi], (rng.poisson(6.0), 2))
         found = Detections(np.concatenate([answers, others]), None)
-        report = memory.with_learned_clutter(Report(model.radars[0], found))
-        memory.learn(report, np.zeros(len(found)), np.zeros(len(found)))
-    assert memory.counts["radar"].rate == pytest.approx(6.0, rel=0.25)
+        report = memory.prepare(Report(model.radars[0], found))
+        memory.learn_clutter(report, np.zeros(len(found)), np.zeros(len(found)))
+    assert memory.sensors["radar"].clutter_count.rate == pytest.approx(6.0, rel=0.25)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -149,7 +151,7 @@ FORGERIES = {
     "another radar": (
         "mast.count",
         1.0,
-        "clutter of mast given, must be of a radar of this tracker",
+        "clutter_rate: mast given, must be a sensor: ",
     ),
     "whole": ("radar_1.count", 3, "clutter_rate.radar_1.count: int64 given, expected floats"),
     "shape": ("radar_1.count", [3.0], "clutter_rate.radar_1.count: shape"),

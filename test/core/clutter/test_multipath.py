@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from runs import learned
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -166,6 +167,6 @@ def test_learned_rate_does_not_count_echoes():
         tracker = new_engine(resolve({**RADAR, "radar.clutter_rate": rate, "engine": "gaussian"}))
         for _, scan in run_of(60, one_target, echoes=4.0, wall_std=400.0):
             tracker.step(scan)
-        rates.append(tracker.forward.clutter.counts["radar"].rate)
+        rates.append(learned(tracker, "clutter_count")["radar"].rate)
     assert rates[0] > RATE + 1.0
     assert abs(rates[1] - RATE) < 1.0

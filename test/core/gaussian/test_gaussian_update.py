@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.models.clutter_learning import ClutterMemory
+from phd_jdtc_ros.core.models.sensor_memory import SensorMemory
 from phd_jdtc_ros.core.types import Coverage, Detections
 
 NOTHING = Detections(np.zeros((0, 2)), None)
@@ -186,21 +186,21 @@ def test_existence_is_kept_when_only_the_best_hypotheses_are():
     )
 
 
-class Notebook(ClutterMemory):
+class Notebook(SensorMemory):
     """Knows another rate of clutter, and notes what it is told."""
 
     def __init__(self, rate):
-        super().__init__()
+        super().__init__(("radar",))
         self.rate, self.told = rate, []
 
-    def with_learned_clutter(self, report):
+    def prepare(self, report):
         radar = replace(report.sensor, clutter_rate=self.rate, clutter_map_speed=20.0)
         return replace(report, sensor=radar)
 
-    def learns(self, report):
+    def learns_clutter(self, report):
         return report.sensor.clutter_rate == self.rate
 
-    def learn(self, report, claimed, stationary):
+    def learn_clutter(self, report, claimed, stationary):
         self.told.append((report.sensor.clutter_rate, report.detections, claimed, stationary))
 
 

@@ -16,7 +16,7 @@ from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
-from phd_jdtc_ros.core.models.clutter_learning import ClutterMemory
+from phd_jdtc_ros.core.models.sensor_memory import SensorMemory
 from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.core.window.update import update_scan
@@ -77,17 +77,17 @@ class Register:
         self.newborn.append((label, detections))
 
 
-class Clutter(ClutterMemory):
+class Clutter(SensorMemory):
     """Knows of a hundred times as much clutter."""
 
-    def with_learned_clutter(self, report):
+    def prepare(self, report):
         radar = report.sensor
         return replace(
             report,
             sensor=replace(radar, clutter_rate=100.0 * radar.clutter_rate),
         )
 
-    def learns(self, report):
+    def learns_clutter(self, report):
         return False
 
 
@@ -320,8 +320,8 @@ def test_scan_goes_by_what_is_known_of_replies_and_of_clutter():
     branched, _ = scan_update(config, mixture, 4, (seen,), attributes=known)
     np.testing.assert_array_equal(branched.mixture.mass, expected.mixture.mass)
 
-    clutter = Clutter()
-    branched, _ = scan_update(config, mixture, 4, (seen,), clutter=clutter)
+    memory = Clutter(("radar",))
+    branched, _ = scan_update(config, mixture, 4, (seen,), memory=memory)
     more = lone({**GIVEN, "radar.clutter_rate": 500.0})
     np.testing.assert_array_equal(
         branched.mixture.mass, updated(more, mixture, seen)[0].mixture.mass

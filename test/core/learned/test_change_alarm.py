@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.learned.detection_factor import (
     TrialSums,
 )
 from phd_jdtc_ros.core.learned.noise_factor import NoiseEvidence, NoiseFactor
-from phd_jdtc_ros.core.models.sensor_learning import SensorMemory
+from phd_jdtc_ros.core.models.sensor_memory import SensorMemory
 
 LEARNED = 0.8
 

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runs import ENGINES, restored_after
+from runs import ENGINES, learned, restored_after
 from scenes import small
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.models.clutter_learning import USUAL_TURNS, ClutterMemory
+from phd_jdtc_ros.core.models.learned_sensor import USUAL_TURNS
+from phd_jdtc_ros.core.models.sensor_memory import SensorMemory
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections
 from phd_jdtc_ros.core.types.detections import UNKNOWN_COVERAGE
@@ -26,7 +27,7 @@ def report_of(count, coverage=None):
 
 def after(*numbers):
     """Return the memory after reports of so many detections."""
-    memory = ClutterMemory()
+    memory = SensorMemory(("radar_1",))
     for number in numbers:
         memory.count(report_of(number))
     return memory
@@ -44,7 +45,7 @@ def test_detections_far_beyond_the_usual_number_are_clutter():
 
 @pytest.mark.parametrize("usual", [2.0, 40.0, 900.0])
 def test_usual_numbers_change_nothing(usual):
-    rng, memory = np.random.default_rng(3), ClutterMemory()
+    rng, memory = np.random.default_rng(3), SensorMemory(("radar_1",))
     for number in rng.poisson(usual, 500):
         assert clutter_rate(memory, number) == RADAR.clutter_rate
         memory.count(report_of(number))
@@ -62,7 +63,7 @@ def test_crowd_that_stays_becomes_usual():
 
 def test_sector_is_compared_with_its_part_of_a_turn():
     sector = Coverage(0.0, FULL_TURN / 16.0)
-    memory = ClutterMemory()
+    memory = SensorMemory(("radar_1",))
     for _ in range(16 * 20):
         memory.count(report_of(2, sector))
     assert clutter_rate(memory, 4, sector) == RADAR.clutter_rate
@@ -73,7 +74,7 @@ def test_sector_is_compared_with_its_part_of_a_turn():
 def test_sector_of_unknown_extent_is_neither_counted_nor_judged():
     memory = after(*[USUAL] * 20)
     memory.count(report_of(1000, UNKNOWN_COVERAGE))
-    assert memory.usual == after(*[USUAL] * 20).usual
+    assert memory.sensors == after(*[USUAL] * 20).sensors
     assert clutter_rate(memory, 1000, UNKNOWN_COVERAGE) == RADAR.clutter_rate
 
 
@@ -103,5 +104,5 @@ def test_targets_are_tracked_through_a_burst_without_false_ones(engine):
 def test_restored_engine_knows_what_is_usual(engine):
     run = [scan for _, scan in bursting(12, ())]
     first, second = restored_after(8, lambda: new_engine(small({"engine": engine})), run)
-    assert first.forward.clutter.usual == second.forward.clutter.usual
-    assert set(first.forward.clutter.usual) == {"radar_1", "radar_2"}
+    assert learned(first, "usual_count") == learned(second, "usual_count")
+    assert set(learned(first, "usual_count")) == {"radar_1", "radar_2"}

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lone import INTERVAL_S, MEAN, STD, UNREDUCED, lone, scan_at, started
-from runs import ENGINES, restored_after, step_and_reprocess, stepped
+from runs import ENGINES, learned, restored_after, step_and_reprocess, stepped
 from scenes import small
 
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -206,7 +206,7 @@ def test_particles_learn_as_gaussians_do():
     for engine in ENGINES:
         tracker = two_radars(engine, 0.5)
         stepped(tracker, found)
-        last[engine] = tracker.forward.sensors.chains["radar_1"]
+        last[engine] = learned(tracker, "chains")["radar_1"]
     sure = [np.sort(each.detected[each.detected > 0.9]) for each in last.values()]
     assert len(sure[0]) == len(sure[1]) > 0
 
@@ -222,4 +222,4 @@ def test_last_looks_at_ended_targets_do_not_pile_up():
     engine = two_radars("gaussian", "auto")
     stepped(engine, scans_of_two(7, 60))
     living = sum(len(rows.label) for rows in engine.forward.unswept)
-    assert max(len(chains) for chains in engine.forward.sensors.chains.values()) < 2 * living + 300
+    assert max(len(chains) for chains in learned(engine, "chains").values()) < 2 * living + 300

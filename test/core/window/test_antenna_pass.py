@@ -1,7 +1,5 @@
 """A turning antenna passes a target once, in whichever of two sectors its plot is measured."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from lone import lone, mixture_of
@@ -14,11 +12,12 @@ from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import GaussianSteps
+from phd_jdtc_ros.core.learned.detection_chains import Look
+from phd_jdtc_ros.core.models.sensor_memory import SensorMemory
 from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
 from phd_jdtc_ros.core.smc.update import ParticleSteps
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
-from phd_jdtc_ros.core.window.antenna_pass import AntennaPasses
 from phd_jdtc_ros.core.window.update import update_scan
 
 EXISTENCE, DETECTION_PROBABILITY, EDGE = 0.9, 0.9, 0.6
@@ -70,11 +69,11 @@ def existence_of(rows):
 def swept(engine, sectors, plots, between_s=0.25):
     """Return the existence probability after reports of sectors, one after the other."""
     steps, rows = prior(engine)
-    passes = AntennaPasses()
+    memory = SensorMemory((RADAR.name,))
     for index, (sector, found) in enumerate(zip(sectors, plots, strict=True)):
         report = Detections(np.reshape(found, (-1, 2)), None, coverage=sector)
         scan = Scan(10**12 + round(index * between_s * 1e9), (report,))
-        rows = update_scan(rows, scan, steps, 4.0, index, passes=passes).rows
+        rows = update_scan(rows, scan, steps, 4.0, index, memory).rows
     return existence_of(rows)
 
 
@@ -107,37 +106,42 @@ def test_miss_of_the_next_turn_counts_again(engine):
     assert found < once - 0.05
 
 
+def report_of(sector, stamp_ns):
+    return Report(RADAR, Detections(np.zeros((0, 2)), None, coverage=sector), stamp_ns)
+
+
+def learn(memory, report, label, detected):
+    """Learn with which probability a report has detected targets."""
+    one = np.ones(len(label))
+    look = Look(np.array(label), one, np.array(detected), 0.0 * one, one, one > 0.0)
+    memory.learn_look(report, look)
+
+
 def test_sector_that_does_not_adjoin_is_not_conditioned():
-    passes = AntennaPasses()
-    report = Report(RADAR, Detections(np.zeros((0, 2)), None, coverage=SECTORS[0]))
-    passes.learn(report, 10**12, np.array([3]), np.array([0.7]))
-    apart = replace(report.detections, coverage=Coverage(EDGE + 1.5, 0.4))
+    memory = SensorMemory((RADAR.name,))
+    report = report_of(SECTORS[0], 10**12)
+    learn(memory, report, [3], [0.7])
     later = 10**12 + 10**9
-    assert passes.with_earlier_sectors(replace(report, detections=apart), later).earlier is None
-    next_to = replace(report, detections=replace(apart, coverage=SECTORS[1]))
-    earlier = passes.with_earlier_sectors(next_to, later).earlier
+    assert memory.prepare(report_of(Coverage(EDGE + 1.5, 0.4), later)).earlier is None
+    earlier = memory.prepare(report_of(SECTORS[1], later)).earlier
     assert earlier.coverage.start == pytest.approx(SECTORS[0].start)
     assert earlier.coverage.width == SECTORS[0].width
     assert (earlier.label.tolist(), earlier.unseen.tolist()) == ([3], [pytest.approx(0.3)])
 
 
 def test_pass_remembers_half_a_turn():
-    passes = AntennaPasses()
+    memory = SensorMemory((RADAR.name,))
     for sector in range(20):
         coverage = Coverage(wrap_angle(np.array(0.4 * sector)).item(), 0.4)
-        report = Report(RADAR, Detections(np.zeros((0, 2)), None, coverage=coverage))
         stamp_ns = 10**12 + round(sector * 4e9 * 0.4 / FULL_TURN)
-        passes.learn(report, stamp_ns, np.array([sector]), np.array([1.0]))
-    (latest,) = passes.passes.values()
+        learn(memory, report_of(coverage, stamp_ns), [sector], [1.0])
+    latest = memory.sensors[RADAR.name].antenna_pass
     assert latest.width == pytest.approx(np.pi)
     assert latest.label.tolist() == list(range(12, 20))
 
 
 def test_halves_of_a_turn_are_not_conditioned():
-    passes = AntennaPasses()
-    halves = [Coverage(start, np.pi) for start in (-np.pi, 0.0)]
-    first, second = (
-        Report(RADAR, Detections(np.zeros((0, 2)), None, coverage=half)) for half in halves
-    )
-    passes.learn(first, 10**12, np.array([3]), np.array([0.7]))
-    assert passes.with_earlier_sectors(second, 10**12 + 10**9).earlier is None
+    memory = SensorMemory((RADAR.name,))
+    first, second = (Coverage(start, np.pi) for start in (-np.pi, 0.0))
+    learn(memory, report_of(first, 10**12), [3], [0.7])
+    assert memory.prepare(report_of(second, 10**12 + 10**9)).earlier is None

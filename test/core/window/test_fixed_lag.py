@@ -209,10 +209,10 @@ def test_clutter_raster_is_of_the_radars_that_learn_a_map():
     assert engine().clutter_raster() is None
     of = engine()
     of.retune(configuration({"radar.clutter_map": True}).model, of.rule)
-    (radar,), memory = of.forward.model.radars, of.forward.clutter
+    (radar,), memory = of.forward.model.radars, of.forward.sensors
     report = Detections(np.array([[20e3, 0.5]]), None)
     for _ in range(30):
-        memory.learn(memory.with_learned_clutter(Report(radar, report)), np.zeros(1), np.zeros(1))
+        memory.learn_clutter(memory.prepare(Report(radar, report)), np.zeros(1), np.zeros(1))
     drawn = of.clutter_raster()
     row, column = np.unravel_index(drawn.density.argmax(), drawn.density.shape)
     (place,) = radar.to_world(report.measurement)

@@ -10,7 +10,7 @@ from ...arrays import FloatArray, contiguous
 from ...compilation import Float1, Float2, Float3, Int1, compiled
 from ...learned.evidence import evidence_of
 from ...learned.noise_factor import NoiseEvidence
-from ...models.sensor_learning import KNOWN_EXISTENCE
+from ...models.sensor_memory import KNOWN_EXISTENCE
 from ..mixture import Mixture
 from .iterated_update import PairUpdate
 

@@ -8,18 +8,14 @@ sectors would be missed twice.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..sensors.report import EarlierSectors, Report
-from ..sensors.sensor import Sensor
-from ..snapshot import MAX_STAMP_NS, Snapshot, floats, from_snapshot, integers, to_snapshot
+from ..snapshot import MAX_STAMP_NS, floats, integers
 from ..types import FULL_TURN, Coverage
 
-NAME = "antenna_pass"
 # A pass covers the sectors within this share of a turn.
 SAME_PASS = 0.5
 WIDEST = SAME_PASS * FULL_TURN
@@ -70,9 +66,15 @@ class AntennaPass(NamedTuple):
         return AntennaPass(stamp_ns, math.remainder(start, FULL_TURN), width, *seen)
 
     def detecting(self, label: IntArray, detected: FloatArray) -> AntennaPass:
-        """Return the pass after detections of targets, (T,), given their probabilities."""
-        if not len(label):
+        """Return the pass after detections of targets.
+
+        Given are their ascending labels, and the probability that each was detected, given that it
+        exists, (T,).
+        """
+        some = np.flatnonzero(detected > LEAST_DETECTED)
+        if not len(some):
             return self
+        label, detected = label[some], detected[some]
         every = np.union1d(self.label, label)
         unseen, seen_ns = np.ones(len(every)), np.full(len(every), self.stamp_ns)
         before, now = np.searchsorted(every, self.label), np.searchsorted(every, label)
@@ -80,58 +82,3 @@ class AntennaPass(NamedTuple):
         unseen[now] *= 1.0 - detected
         seen_ns[now] = self.stamp_ns
         return self._replace(label=every, unseen=unseen, seen_ns=seen_ns)
-
-
-@dataclass
-class AntennaPasses:
-    """The latest sectors of each turning sensor."""
-
-    # By sensor, after its first sector.
-    passes: dict[str, AntennaPass] = field(default_factory=dict)
-
-    def with_earlier_sectors(self, report: Report, stamp_ns: int) -> Report:
-        """Return a report with the sectors before it in the same pass of the antenna."""
-        continued = self._continued(report, stamp_ns)
-        if continued is None:
-            return report
-        latest = self.passes[report.sensor.name]
-        before = Coverage(latest.start, latest.width)
-        return replace(report, earlier=EarlierSectors(before, continued.label, continued.unseen))
-
-    def _continued(self, report: Report, stamp_ns: int) -> AntennaPass | None:
-        """Return the pass that a report continues; None if it does not."""
-        sector, latest = report.detections.coverage, self.passes.get(report.sensor.name)
-        if sector is None or latest is None or sector.width > WIDEST:
-            return None
-        return latest.then(sector, stamp_ns, 1e9 * report.sensor.rotation_s)
-
-    def learn(self, report: Report, stamp_ns: int, label: IntArray, detected: FloatArray) -> None:
-        """Learn which targets a report has detected.
-
-        Parameters
-        ----------
-        label : int array of shape (T,)
-            Ascending.
-        detected : array of shape (T,)
-            Probability that each target was detected, given that it exists.
-        """
-        sector, sensor = report.detections.coverage, report.sensor
-        if sector is None or not sector.turns or not sensor.rotation_s or sector.width > WIDEST:
-            return
-        latest = self._continued(report, stamp_ns) or AntennaPass.of(sector, stamp_ns)
-        some = np.flatnonzero(detected > LEAST_DETECTED)
-        self.passes = {**self.passes, sensor.name: latest.detecting(label[some], detected[some])}
-
-    def to_snapshot(self, snapshot: Snapshot) -> None:
-        """Store the passes in a snapshot."""
-        for name, own in self.passes.items():
-            to_snapshot(own, snapshot, f"{NAME}.{name}")
-
-    @staticmethod
-    def from_snapshot(snapshot: Snapshot, sensors: tuple[Sensor, ...]) -> AntennaPasses:
-        """Return the stored passes of these sensors."""
-        stored = snapshot.names_below(NAME)
-        known = [sensor.name for sensor in sensors if sensor.name in stored]
-        return AntennaPasses(
-            {name: from_snapshot(AntennaPass, snapshot, f"{NAME}.{name}", {}) for name in known}
-        )

@@ -1,0 +1,192 @@
+"""What is learned about one sensor from scan to scan, and the sensor with these values.
+
+Clutter is learned from detections that no target claims. Births do not count as claims: while the
+learned clutter is wrong, each false detection of a new type resembles a newborn target, and would
+otherwise never be learned.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import FloatArray
+from ..clutter.amplitude_law import Learned
+from ..clutter.map import ClutterMap
+from ..clutter.rate import ClutterCount
+from ..learned.antenna_pass import WIDEST, AntennaPass
+from ..learned.change_alarm import ChangeAlarm
+from ..learned.correlation import Correlation
+from ..learned.detection_chains import DetectionChains, Look, LookPrediction
+from ..learned.detection_factor import DetectionFactor, TrialSums
+from ..learned.noise_factor import NoiseEvidence, NoiseFactor
+from ..sensors.report import EarlierSectors, Report
+from ..sensors.sensor import Sensor
+from ..types import Coverage
+
+# Turns after which the usual number of detections is known.
+USUAL_TURNS = 5.0
+# Number of standard deviations of a Poisson number by which a report may have more than usual.
+USUAL_SIGMA = 5.0
+
+
+@dataclass(frozen=True)
+class LearnedSensor:
+    """Learned values of a sensor; None before the first report from which each is learned."""
+
+    clutter_law: Learned | None = None  # Law of the amplitudes of false detections
+    clutter_map: ClutterMap | None = None
+    clutter_count: ClutterCount | None = None  # Rate of false detections
+    usual_count: ClutterCount | None = None  # Number of all detections in a turn
+    detection: DetectionFactor | None = None
+    noise: NoiseFactor | None = None
+    correlation: Correlation | None = None  # Correlation of detections from look to look
+    chains: DetectionChains | None = None  # Last look at each target; if misses are correlated
+    alarm: ChangeAlarm | None = None  # Evidence of changes
+    antenna_pass: AntennaPass | None = None  # Latest sectors of a turning antenna
+
+    def applied_to(self, sensor: Sensor) -> Sensor:
+        """Return the configured sensor with the learned values that it does not know."""
+        law = self.clutter_law if isinstance(sensor.clutter_amplitude, Learned) else None
+        if law is not None and law.threshold != sensor.threshold:
+            law = Learned(sensor.threshold, law.count)
+        places = None if sensor.clutter_map is None else self.clutter_map
+        count = sensor.clutter_count and (self.clutter_count or sensor.clutter_count)
+        if not (law is None and places is None and count is None):
+            sensor = sensor.with_clutter(law, places, count)
+        detection = sensor.detection_factor and self.detection
+        noise = sensor.noise_factor and self.noise
+        correlation = sensor.correlation and self.correlation
+        if detection is None and noise is None and correlation is None:
+            return sensor
+        return sensor.with_learned(detection, noise, correlation)
+
+    def earlier_sectors(self, report: Report) -> EarlierSectors | None:
+        """Return the sectors before a report in the same pass of the antenna; None without any."""
+        latest, continued = self.antenna_pass, self._continued(report)
+        if latest is None or continued is None:
+            return None
+        before = Coverage(latest.start, latest.width)
+        return EarlierSectors(before, continued.label, continued.unseen)
+
+    def _continued(self, report: Report) -> AntennaPass | None:
+        """Return the pass that a report continues; None if it does not."""
+        sector, latest = report.detections.coverage, self.antenna_pass
+        if sector is None or latest is None or sector.width > WIDEST:
+            return None
+        return latest.then(sector, report.stamp_ns, 1e9 * report.sensor.rotation_s)
+
+    def look_prediction(self, report: Report, correlation: Correlation) -> LookPrediction:
+        """Return what the sensor's last look at each target predicts for a report."""
+        chains = DetectionChains() if self.chains is None else self.chains
+        return chains.predict(report.stamp_ns, report.turn_ns, correlation.value)
+
+    def with_surplus(self, report: Report) -> Report:
+        """Return a report whose sensor has the clutter of a burst.
+
+        Detections far beyond the usual number are clutter that no configured or learned rate
+        expects: jamming, rain, a faulty plot extractor. Targets do not appear in such numbers
+        at once, except at the start, when nothing is usual yet.
+        """
+        usual, part = self.usual_count, report.part_of_turn
+        if usual is None or usual.turns < USUAL_TURNS or not part:
+            return report
+        size = len(report)
+        surplus = size - usual.rate * part - USUAL_SIGMA * math.sqrt(size)
+        if surplus <= 0.0:
+            return report
+        sensor, rate = report.sensor, report.sensor.clutter_rate + surplus / part
+        return replace(report, sensor=replace(sensor, clutter_rate=rate))
+
+    def after_count(self, report: Report) -> LearnedSensor:
+        """Return the values after a report, whose detections count towards the usual number."""
+        if not report.part_of_turn:
+            return self
+        usual = self.usual_count or ClutterCount()
+        return replace(self, usual_count=usual.after(len(report), report.part_of_turn))
+
+    def after_clutter(
+        self, report: Report, claimed: FloatArray, stationary: FloatArray
+    ) -> LearnedSensor:
+        """Return the values after the clutter of a report, whose sensor has the learned values.
+
+        Parameters
+        ----------
+        claimed : array of shape (M,)
+            Probability that a known target is the source of each detection.
+        stationary : array of shape (M,)
+            Share of that probability for targets slower than `clutter_map_speed`; one half if their
+            velocities are unknown, see `stationary`.
+        """
+        sensor, detections = report.sensor, report.detections
+        law, places, count = sensor.clutter_amplitude, sensor.clutter_map, sensor.clutter_count
+        learned, turns = self, report.part_of_turn
+        if isinstance(law, Learned) and detections.amplitude is not None:
+            law = law.after(detections.amplitude, 1.0 - claimed)
+            learned = replace(learned, clutter_law=law)
+        if turns and count is not None:
+            # Unclaimed detections that the clutter map does not explain.
+            uniform = np.exp(-sensor.log_clutter_factor(detections.measurement))
+            unclaimed = float(((1.0 - claimed) * uniform).sum())
+            learned = replace(learned, clutter_count=count.after(unclaimed, turns))
+        if turns and places is not None:
+            weight, seen = 1.0 - claimed * (1.0 - stationary), detections.measurement
+            places = places.after(seen, sensor.to_world(seen), weight, turns)
+            learned = replace(learned, clutter_map=places)
+        return learned
+
+    def after_trials(self, sums: TrialSums) -> LearnedSensor:
+        """Return the values after trials that count."""
+        if self.detection is None:
+            return self
+        alarm = (self.alarm or ChangeAlarm()).after_trials(self.detection, sums)
+        return replace(self, alarm=alarm, detection=self.detection.after(sums))
+
+    def after_noise(self, factor: NoiseFactor, evidence: NoiseEvidence) -> LearnedSensor:
+        """Return the values after the innovations of a report, given the factor used for it."""
+        alarm = (self.alarm or ChangeAlarm()).after_noise(factor, evidence)
+        return replace(self, alarm=alarm, noise=factor.after(evidence))
+
+    def after_any_look(self, look: Look) -> LearnedSensor:
+        """Return the values after any sensor's look, whose detections let pairs of looks count."""
+        if self.chains is None or self.correlation is None:
+            return self
+        chains, sums = self.chains.count_pairs(look)
+        correlation = self.correlation.after(sums) if sums[0] > 0.0 else self.correlation
+        return replace(self, chains=chains, correlation=correlation)
+
+    def after_look(self, report: Report, look: Look) -> LearnedSensor:
+        """Return the values after the sensor's own look; the report is as it was prepared."""
+        learned, sector, sensor = self, report.detections.coverage, report.sensor
+        if sector is not None and report.turn_ns and sector.width <= WIDEST:
+            latest = self._continued(report) or AntennaPass.of(sector, report.stamp_ns)
+            learned = replace(learned, antenna_pass=latest.detecting(look.label, look.detected))
+        prediction, correlation = report.look_prediction, sensor.correlation
+        if prediction is not None and correlation is not None:
+            chains = DetectionChains() if self.chains is None else self.chains
+            chains = chains.after(look, prediction, report.stamp_ns, report.turn_ns)
+            learned = replace(learned, chains=chains)
+            if correlation.learned and self.correlation is None:
+                learned = replace(learned, correlation=correlation)
+        return learned
+
+    def figures(self, sensor: Sensor) -> dict[str, float]:
+        """Return the learned values by name; see `SensorMemory.figures`."""
+        found: dict[str, float] = {}
+        if (detection := self.detection) is not None and detection.all_looks:
+            found["detection_probability"] = detection.configured * detection.mean
+            found["detection_probability_std"] = detection.configured * detection.std
+            found["detection_probability_set"] = detection.configured
+        if (noise := self.noise) is not None:
+            columns = sensor.components, noise.of_std, noise.error, noise.learned
+            for component, ratio, error, learned in zip(*columns, strict=True):
+                if learned:
+                    found[f"{component}_noise_ratio"] = float(ratio)
+                    found[f"{component}_noise_ratio_std"] = float(error)
+        own = self.correlation
+        if own is not None and own.learned and own.sums[0] > 0.0:
+            found["detection_correlation"] = own.value
+            found["detection_correlation_std"] = own.std
+        return found if self.alarm is None else found | self.alarm.figures(sensor.components)

@@ -1,0 +1,229 @@
+"""Learns each sensor's clutter, detection probability and noise while the tracker runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from operator import is_
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+from ..clutter.amplitude_law import Learned
+from ..clutter.map import ClutterMap
+from ..learned.detection_chains import Look
+from ..learned.detection_factor import CELLS
+from ..learned.noise_factor import NoiseEvidence
+from ..learned.open_trials import OpenTrials, ReportTrials
+from ..sensors.report import Report
+from ..sensors.sensor import Sensor
+from .learned_sensor import LearnedSensor
+from .tracker_model import TrackerModel
+
+# Existence probability from which the looks at a target are used for learning.
+KNOWN_EXISTENCE = 0.7
+# Targets with a smaller detection probability count as outside the coverage.
+LEAST_EXPECTED = 0.01
+# Number of open trials and chains below which those of targets that have ended are kept.
+FEW_ENTRIES = 256
+
+
+NOTHING_LEARNED = LearnedSensor()
+
+
+@dataclass
+class SensorMemory:
+    """The learned values of all sensors, which their reports use and update."""
+
+    names: tuple[str, ...]  # Names of all sensors, in the configured order
+    # Whether detections are associated with labelled targets; otherwise only clutter is learned.
+    labelled: bool = True
+    # By sensor, after its first report.
+    sensors: dict[str, LearnedSensor] = field(default_factory=dict)
+    trials: OpenTrials = field(default_factory=OpenTrials)  # Trials that do not count yet
+    # Number of open trials and chains when those of ended targets were last dropped.
+    settled: int = 0
+    # A configured sensor, its learned values, and the sensor with these, by name.
+    _cache: dict[str, tuple[Sensor, LearnedSensor, Sensor]] = field(
+        default_factory=dict, init=False, repr=False
+    )
+
+    @staticmethod
+    def of(model: TrackerModel, labelled: bool = True) -> SensorMemory:
+        """Return the memory of a model's sensors, of which nothing is learned yet."""
+        return SensorMemory(tuple(sensor.name for sensor in model.radars), labelled)
+
+    def _of(self, sensor: Sensor) -> LearnedSensor:
+        return self.sensors.get(sensor.name, NOTHING_LEARNED)
+
+    def _set(self, sensor: Sensor, learned: LearnedSensor) -> None:
+        # A copy, because saved states share the mapping.
+        self.sensors = {**self.sensors, sensor.name: learned}
+
+    def prepare(self, report: Report) -> Report:
+        """Return a report whose sensor has its learned values, with what earlier reports predict.
+
+        These are the earlier sectors of the same pass of an antenna, and the last look at each
+        target if misses are correlated.
+        """
+        own, sensor = self._of(report.sensor), self.learned(report.sensor)
+        if sensor is not report.sensor:
+            report = replace(report, sensor=sensor)
+        if not self.labelled:
+            return report
+        if (earlier := own.earlier_sectors(report)) is not None:
+            report = replace(report, earlier=earlier)
+        if (correlation := sensor.correlation) is not None:
+            report = replace(report, look_prediction=own.look_prediction(report, correlation))
+        return report
+
+    def learned(self, sensor: Sensor) -> Sensor:
+        """Return a configured sensor with its learned values."""
+        own, cached = self._of(sensor), self._cache.get(sensor.name)
+        # A scan begins with the values learned by the one before, whose sensor is used again.
+        if cached is not None and all(map(is_, cached, (sensor, own))):
+            return cached[-1]
+        learned = own.applied_to(sensor)
+        self._cache[sensor.name] = sensor, own, learned
+        return learned
+
+    def with_learned_sensors(self, model: TrackerModel) -> TrackerModel:
+        """Return a tracker's model whose sensors have their learned values."""
+        if not self.sensors:
+            return model
+        return replace(model, radars=tuple(map(self.learned, model.radars)))
+
+    @property
+    def clutter_maps(self) -> Mapping[str, ClutterMap]:
+        """The learned clutter map of each sensor that has one, by name."""
+        maps = {name: own.clutter_map for name, own in self.sensors.items()}
+        return {name: own for name, own in maps.items() if own is not None}
+
+    def figures(self, sensors: Sequence[Sensor]) -> dict[str, float]:
+        """Return the learned values of configured sensors, by dotted name.
+
+        For each sensor that learns: the mean detection probability of the targets, with its
+        standard deviation and the configured one, the ratios of the standard deviations of
+        measurements to the configured ones, and the correlation of detections from look to look.
+        For a sensor that has changed: 1 for fewer detections or a larger noise, and the middle of a
+        blind sector in degrees, counter-clockwise from its x axis.
+        """
+        return {
+            f"{sensor.name}.{name}": figure
+            for sensor in sensors
+            for name, figure in self._of(sensor).figures(sensor).items()
+        }
+
+    def with_surplus(self, report: Report) -> Report:
+        """Return a report with the clutter of a burst; see `LearnedSensor.with_surplus`."""
+        return self._of(report.sensor).with_surplus(report)
+
+    def count(self, report: Report) -> None:
+        """Count a report's detections towards the usual number."""
+        self._set(report.sensor, self._of(report.sensor).after_count(report))
+
+    def learns_clutter(self, report: Report) -> bool:
+        """Return whether the clutter can be learned from a report; it must be complete."""
+        sensor = report.sensor
+        learning = isinstance(sensor.clutter_amplitude, Learned) or sensor.clutter_map is not None
+        return report.complete and (learning or sensor.clutter_count is not None)
+
+    def learn_clutter(self, report: Report, claimed: FloatArray, stationary: FloatArray) -> None:
+        """Learn the clutter of a report; see `LearnedSensor.after_clutter`."""
+        own = self._of(report.sensor)
+        self._set(report.sensor, own.after_clutter(report, claimed, stationary))
+
+    def learns_detections(self, report: Report) -> bool:
+        """Return whether anything is learned from the detections and misses of a report."""
+        learns = report.sensor.detection_factor is not None or len(self.trials) > 0
+        return self.labelled and learns
+
+    def learn_detections(
+        self,
+        report: Report,
+        label: IntArray,
+        measured: FloatArray,
+        before: FloatArray,
+        probability: FloatArray,
+        detected: FloatArray,
+        after: FloatArray,
+    ) -> None:
+        """Learn from the detections and misses of T targets in one report.
+
+        The report is as `prepare` returns it.
+
+        Parameters
+        ----------
+        label : int array of shape (T,)
+            Ascending.
+        measured : array of shape (T, Z)
+            Expected measurement of each target.
+        before, after : arrays of shape (T,)
+            Probability that each target exists and is no clutter, before the report, and its
+            existence probability after it.
+        probability : array of shape (T,)
+            Detection probability of each target, if it exists.
+        detected : array of shape (T,)
+            Probability that each target exists and was detected.
+        """
+        sensor, factor = report.sensor, report.sensor.detection_factor
+        cell = np.zeros(len(label), dtype=np.int64)
+        expected = np.zeros(len(label))
+        if factor is not None:
+            self._set(sensor, replace(self._of(sensor), detection=factor))
+        if factor is not None and report.complete:
+            own = factor.cell(measured)
+            known = (before >= KNOWN_EXISTENCE) & (probability > LEAST_EXPECTED)
+            expected = np.where(known, probability / factor.by_cell[own], 0.0)
+            cell = own + self.names.index(sensor.name) * CELLS
+        share = np.minimum(detected / np.maximum(after, np.finfo(float).tiny), 1.0)
+        trials = ReportTrials(label, cell, expected, share, np.minimum(after, 1.0))
+        self.trials, sums = self.trials.after(trials, CELLS * len(self.names))
+        for index in np.flatnonzero(sums.trials.reshape(-1, CELLS).any(axis=1)).tolist():
+            name, first = self.names[index], index * CELLS
+            part = sums.part(slice(first, first + CELLS))
+            self.sensors = {**self.sensors, name: self.sensors[name].after_trials(part)}
+
+    def learn_noise(self, report: Report, evidence: NoiseEvidence) -> None:
+        """Learn from the innovations of one report; see `evidence.evidence_of`."""
+        factor = report.sensor.noise_factor
+        if self.labelled and factor is not None and report.complete:
+            own = self._of(report.sensor)
+            self._set(report.sensor, own.after_noise(factor, evidence))
+
+    def needs_look(self, report: Report) -> bool:
+        """Return whether `learn_look` learns anything from a report."""
+        if not self.labelled or report.detections.coverage is not None:
+            return self.labelled
+        learning = any(own.correlation is not None for own in self.sensors.values())
+        return learning or report.look_prediction is not None
+
+    def learn_look(self, report: Report, look: Look) -> None:
+        """Remember a sensor's look at targets, and learn how misses are correlated.
+
+        The report is as `prepare` returns it.
+        """
+        for name, other in self.sensors.items():
+            if other.correlation is not None:
+                self.sensors = {**self.sensors, name: other.after_any_look(look)}
+        self._set(report.sensor, self._of(report.sensor).after_look(report, look))
+
+    def forget_ended(self, labels: Iterable[IntArray]) -> None:
+        """Drop trials and chains of ended targets, when there are twice as many as before.
+
+        `labels` are those of the living targets, in parts.
+        """
+        if self._entries > 2 * self.settled + FEW_ENTRIES:
+            living = np.unique(np.concatenate(list(labels)))
+            self.trials = self.trials.of(living)
+            self.sensors = {
+                name: own if own.chains is None else replace(own, chains=own.chains.of(living))
+                for name, own in self.sensors.items()
+            }
+            self.settled = self._entries
+
+    @property
+    def _entries(self) -> int:
+        """Number of open trials and chains."""
+        chains = (own.chains for own in self.sensors.values())
+        return len(self.trials) + sum(len(own) for own in chains if own is not None)
