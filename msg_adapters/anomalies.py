@@ -105,9 +105,9 @@ def of_changes(radar: str, figures: Mapping[str, float]) -> str | None:
 def _beyond_a_turn(radar: RadarParameters, count: int) -> str:
     """Return the warning about azimuths beyond one turn in radians."""
     cause = (
-        f"the driver sends degrees, but {radar.message} is defined in radians"
-        if radar.message == "radar_scan"
-        else f"degrees, set {radar.name}.azimuth_unit to deg"
+        f"degrees, set {radar.name}.azimuth_unit to deg"
+        if radar.named_fields
+        else f"the driver sends degrees, but {radar.message} is defined in radians"
     )
     return f"{count} azimuths beyond 2 pi rad; probably {cause}"
 

@@ -170,7 +170,7 @@ def _engine(radar: RadarParameters, parts: Parts) -> Faults:
 def _fields(radar: RadarParameters, parts: Parts) -> Faults:
     """Yield a fault for each quantity of a cloud whose field another quantity has too."""
     taken: dict[str, str] = {}
-    for quantity in QUANTITIES if radar.message == "point_cloud" else ():
+    for quantity in QUANTITIES if radar.named_fields else ():
         key, field = f"{radar.name}.fields.{quantity}", getattr(radar.fields, quantity)
         if field and field in taken:
             yield f"{key}: {field!r} given, {taken[field]} has it too"

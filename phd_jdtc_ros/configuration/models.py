@@ -298,7 +298,7 @@ def watch_of(radar: RadarParameters, model: Sensor) -> ReportWatch:
     ground_known = (
         radar.fields.height
         or radar.fields.elevation
-        or radar.message != "point_cloud"
+        or not radar.named_fields
         or radar.assumed_height is not None
     )
     return ReportWatch(

@@ -265,9 +265,14 @@ class RadarParameters:
         return self.position[2] if self.site is None else self.site.geodetic[2] - self.datum
 
     @property
+    def named_fields(self) -> bool:
+        """Whether messages have fields and conventions by configuration, not by definition."""
+        return self.message == "point_cloud"
+
+    @property
     def sense(self) -> float:
         """Direction of the radar's azimuths: -1 clockwise, 1 counter-clockwise."""
-        return -1.0 if self.compass and self.message == "point_cloud" else 1.0
+        return -1.0 if self.compass and self.named_fields else 1.0
 
     @cached_property
     def bias(self) -> SensorBias:

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from msg_adapters import interfaces, names, radar_scan, recognised
+from msg_adapters import interfaces, names, recognised
 from msg_adapters.errors import RejectedMessageError
+from msg_adapters.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
@@ -21,6 +22,8 @@ from phd_jdtc_ros.report.load import Intact, input_types, posed_reports
 
 # Number of clouds by which fields are recognised.
 MOST_CLOUDS = 40
+# Messages whose definition fixes their fields, by type.
+_DEFINED = {own.type_name: name for name, own in READERS.items() if own.type_name != names.CLOUD}
 
 
 @dataclass(frozen=True)
@@ -80,8 +83,8 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
     found: dict[str, Any] = {"sensors": []}
     seen = []
     for topic, kind in sorted(bag.types.items()):
-        if kind == radar_scan.TYPE_NAME:
-            given: dict[str, Any] | None = {"message": "radar_scan", **_frame_of(bag, topic)}
+        if kind in _DEFINED:
+            given: dict[str, Any] | None = {"message": _DEFINED[kind], **_frame_of(bag, topic)}
         elif kind == names.CLOUD:
             clouds = _clouds(bag, topic)
             given = recognised.parameters(clouds)
