@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from msg_adapters import names, outputs, plots
@@ -220,11 +220,26 @@ def upgrade(page: str) -> str:
     """Return the upgrade page with its tables of renamed parameters rewritten."""
     head, _, rest = page.partition(_BEGIN)
     _, _, tail = rest.partition(_END)
-    tables = [
-        _section(title, "", ("before", "now"), [(f"`{old}`", new) for old, new in names.items()])
-        for title, names in _REPLACED
-    ]
+    tables = [_section(title, "", ("before", "now"), _joined(names)) for title, names in _REPLACED]
     return "\n".join([f"{head}{_BEGIN}", *(f"#{table}" for table in tables), f"{_END}{tail}"])
+
+
+# Replacements that differ in a value or a word only, and what they have in common.
+_CONSTANT = re.compile(r"it is a constant now, (.*)")
+_OUTPUT = re.compile(r"use outputs, a list with (\w+) in it")
+
+
+def _joined(names: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Return the rows of former names, one for all names with the same replacement."""
+    rows: dict[str, list[str]] = {}
+    for old, new in names.items():
+        name, now = f"`{old}`", new
+        if constant := _CONSTANT.fullmatch(new):
+            name, now = f"{name} ({constant[1]})", "it is a constant now"
+        elif output := _OUTPUT.fullmatch(new):
+            name, now = f"{name} (`{output[1]}`)", "use outputs, a list of such words"
+        rows.setdefault(now, []).append(name)
+    return [(", ".join(old), now) for now, old in rows.items()]
 
 
 _DEFAULTS = """\
